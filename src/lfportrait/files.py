@@ -1,0 +1,145 @@
+"""Reading and writing files so that a half-written one never appears under its final name."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageOps
+
+from .errors import UserError
+
+__all__ = ["atomic_path", "atomic_write", "read_image", "read_json", "write_image", "write_json"]
+
+
+@contextlib.contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a temporary path beside ``path`` that is renamed to it if the block succeeds.
+
+    The temporary name keeps the suffix, so that writers which look at it choose the right format.
+
+    Raises
+    ------
+    UserError
+        If the folder can't be made or written to (no permission, disk full).
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
+        os.close(handle)
+    except OSError as error:
+        raise UserError(
+            f"can't write {path}: {error.strerror}; choose another output with --out"
+        ) from error
+    temporary = Path(name)
+    try:
+        yield temporary
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise UserError(f"can't write {path}: {error.strerror or error}; free some space or choose "
+                        "another output with --out") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """Open ``path`` for binary writing; it appears only when the block has succeeded."""
+    with atomic_path(path) as temporary, open(temporary, "wb") as stream:
+        yield stream
+
+
+def write_json(path: str | os.PathLike[str], data: Any) -> None:
+    """Write ``data`` as indented JSON, NumPy scalars and arrays included."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value.tolist()
+        if isinstance(value, np.generic):
+            return value.item()
+        if isinstance(value, Path):
+            return str(value)
+        raise TypeError(f"{type(value).__name__} can't be written as JSON")
+
+    with atomic_write(path) as stream:
+        stream.write((json.dumps(data, indent=1, default=plain) + "\n").encode())
+
+
+def read_json(path: str | os.PathLike[str]) -> Any:
+    """Read a JSON file.
+
+    Raises
+    ------
+    UserError
+        If the file is missing or not JSON.
+    """
+    try:
+        return json.loads(Path(path).read_text())
+    except OSError as error:
+        raise UserError(f"can't read {path}: {error.strerror}") from error
+    except ValueError as error:
+        raise UserError(f"{path} is not valid JSON: {error}") from error
+
+
+def read_image(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
+    """Read a picture, turned upright by its EXIF orientation.
+
+    Returns
+    -------
+    image
+        uint8 [H, W, 3] (sRGB) or [H, W, 4] (straight alpha) where the file has an alpha channel.
+
+    Raises
+    ------
+    UserError
+        If the file is missing, not a picture or damaged.
+    """
+    try:
+        with Image.open(path) as picture:
+            picture.load()
+            upright = ImageOps.exif_transpose(picture)
+            has_alpha = "A" in upright.getbands() or "transparency" in upright.info
+            return np.asarray(upright.convert("RGBA" if has_alpha else "RGB"))
+    except FileNotFoundError as error:
+        raise UserError(f"no such file: {path}") from error
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise UserError(f"can't read the picture {path}: {error}") from error
+
+
+def write_image(path: str | os.PathLike[str], image: NDArray[Any], **options: Any) -> None:
+    """Write a picture whose format follows from the suffix.
+
+    Parameters
+    ----------
+    path
+        ``.png``, ``.jpg`` or any format Pillow writes.
+    image
+        uint8, or float in [0, 1] (rounded): [H, W], [H, W, 3] or [H, W, 4].
+    options
+        Passed on to Pillow's ``save`` (``compress_level``, ``quality``, ...).
+    """
+    array = np.asarray(image)
+    if array.dtype != np.uint8:
+        array = (np.clip(array, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    suffix = Path(path).suffix.lower()
+    formats = Image.registered_extensions()
+    if suffix not in formats:
+        raise UserError(f"can't write {path}: unknown picture format {suffix!r}; use .png or .jpg")
+    buffer = io.BytesIO()
+    if formats[suffix] == "PNG":
+        options.setdefault("compress_level", 4)
+    Image.fromarray(array).save(buffer, format=formats[suffix], **options)
+    with atomic_write(path) as stream:
+        stream.write(buffer.getbuffer())

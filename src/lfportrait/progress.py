@@ -1,0 +1,82 @@
+"""Progress of long work: one line on standard error that is redrawn in place."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TextIO
+
+__all__ = ["Progress"]
+
+
+class Progress:
+    """A progress line for one stage, silent where it is not wanted.
+
+    Parameters
+    ----------
+    title
+        What is being done, e.g. ``"reconstruct"``.
+    total
+        Number of steps; 0 if unknown.
+    enabled
+        False prints nothing at all. A terminal sees a line redrawn at most ten times a second, a
+        file sees a line every ten seconds.
+
+    Examples
+    --------
+    >>> with Progress("views", total=3, enabled=False) as progress:
+    ...     for _ in range(3):
+    ...         progress.step("a note")
+    """
+
+    def __init__(self, title: str, total: int = 0, enabled: bool = True,
+                 stream: TextIO | None = None) -> None:
+        self.title = title
+        self.total = total
+        self.done = 0
+        self.enabled = enabled
+        self._stream = stream if stream is not None else sys.stderr
+        self._tty = self._stream.isatty()
+        self._start = time.perf_counter()
+        self._last = -1e9 if self._tty else self._start
+        self._width = 0
+
+    def step(self, note: str = "", count: int = 1) -> None:
+        """Count ``count`` finished steps and show ``note`` behind the bar."""
+        self.update(self.done + count, note)
+
+    def update(self, done: int, note: str = "") -> None:
+        """Set the number of finished steps and show ``note`` behind the bar."""
+        self.done = done
+        now = time.perf_counter()
+        if self.enabled and now - self._last >= (0.1 if self._tty else 10.0):
+            self._last = now
+            self._write(note)
+
+    def _write(self, note: str, end: bool = False) -> None:
+        elapsed = time.perf_counter() - self._start
+        if self.total and not end:
+            share = min(1.0, self.done / self.total)
+            left = elapsed / share - elapsed if share > 0 else 0.0
+            text = f"{self.title}: {100 * share:3.0f} %  {elapsed:.0f} s, {left:.0f} s left  {note}"
+        else:
+            text = f"{self.title}: {elapsed:.1f} s  {note}"
+        text = text.rstrip()
+        if self._tty:
+            self._stream.write("\r" + text.ljust(self._width) + ("\n" if end else ""))
+            self._width = len(text)
+        else:
+            self._stream.write(text + "\n")
+        self._stream.flush()
+
+    def close(self, note: str = "") -> None:
+        """Write the last line: the time taken and ``note``."""
+        if self.enabled:
+            self._write(note, end=True)
+            self.enabled = False
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        self.close("" if kind is None else "stopped")
