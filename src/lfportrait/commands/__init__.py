@@ -1,0 +1,1 @@
+"""The commands' data classes; `lfportrait.cli` imports the one that is called."""

@@ -1,0 +1,41 @@
+"""Options that every command has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from ..progress import Progress
+
+__all__ = ["Common", "Device"]
+
+Device = Literal["auto", "cpu", "cuda"]
+
+
+@dataclass(kw_only=True)
+class Common:
+    """Options that every command has."""
+
+    device: Device = "auto"
+    """Where to compute: a GPU if there is one, or the given device."""
+    seed: int = 0
+    """Seed of all random choices; the same seed on the same machine gives the same files."""
+    quiet: bool = False
+    """Print no progress."""
+    json: Path | None = None
+    """Write the figures of the run (times, sizes, metrics) to this file."""
+
+    def progress(self, title: str, total: int = 0) -> Progress:
+        """A progress line, silent with ``--quiet``."""
+        return Progress(title, total, enabled=not self.quiet)
+
+    def run(self) -> dict[str, Any]:
+        """Do it.
+
+        Returns
+        -------
+        figures
+            What ``--json`` writes.
+        """
+        raise NotImplementedError

@@ -1,0 +1,118 @@
+"""Commands of the display: ``encode``, ``simulate``, ``display``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from ..errors import UserError
+from ..files import read_image, write_image
+from ..lightfield import Display, EncodeConfig
+from .common import Common
+
+__all__ = ["DisplayCommand", "Encode", "Simulate"]
+
+
+@dataclass
+class Encode(Common):
+    """Code a field's light field for a display, one ray per sub-pixel."""
+
+    field: tyro.conf.Positional[Path]
+    """Field file (.npz)."""
+    display: str = "generic-4k"
+    """Display preset (`lfportrait display list`) or a display or calibration file."""
+    out: Path = Path("lightfield.png")
+    """File for the coded picture; a name ending in .png keeps every sub-pixel."""
+    quilt: Path | None = None
+    """Also write a quilt; a name such as portrait_qs8x6a0.75.png tells columns, rows, aspect."""
+    config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = field(default_factory=EncodeConfig)
+    """Coding."""
+
+    def run(self) -> dict[str, Any]:
+        """Code and write."""
+        from ..field import VoxelField
+        from ..lightfield import ViewMask, encode_with_figures, quilt_of
+
+        if self.out.suffix.lower() in (".jpg", ".jpeg"):
+            raise UserError("a coded picture must keep every sub-pixel: write it as .png, not .jpg")
+        panel = Display.resolve(self.display)
+        voxels = VoxelField.load(self.field)
+        with self.progress("encode") as progress:
+            mask = ViewMask.build(panel)
+            progress.update(0, f"{panel.width} x {panel.height}, {panel.views} views")
+            image, figures = encode_with_figures(voxels, panel, self.config, mask=mask,
+                                                 device=self.device)
+        write_image(self.out, image, compress_level=1)
+        if self.quilt is not None:
+            picture, _ = quilt_of(voxels, panel, self.config, name=self.quilt.name)
+            write_image(self.quilt, picture)
+        return figures
+
+
+@dataclass
+class Simulate(Common):
+    """Show what an eye in front of the display sees of a coded picture."""
+
+    lightfield: tyro.conf.Positional[Path]
+    """Coded picture."""
+    display: str = "generic-4k"
+    """The display that it was coded for."""
+    eye: tuple[float, ...] = (0.0,)
+    """Eye position X [Y] in half panel heights, at the viewing distance; x to the right."""
+    crosstalk: float = 0.0
+    """Width (sigma, in views) of the lobe with which neighbouring views leak in; 0 = none."""
+    out: Path = Path("view.png")
+    """File for the picture."""
+
+    def run(self) -> dict[str, Any]:
+        """Simulate and write."""
+        from ..lightfield import simulate
+
+        if len(self.eye) not in (1, 2):
+            raise UserError("--eye takes X or X Y")
+        image = simulate(read_image(self.lightfield)[..., :3], Display.resolve(self.display),
+                         self.eye, crosstalk=self.crosstalk)
+        write_image(self.out, image)
+        return {}
+
+
+@dataclass
+class DisplayCommand(Common):
+    """List, show and import displays; draw test patterns coded for a panel."""
+
+    action: tyro.conf.Positional[Literal["list", "show", "pattern", "import"]]
+    """What to do."""
+    name: tyro.conf.Positional[str] = ""
+    """Display preset or file (show, pattern); calibration file (import)."""
+    kind: str = "views"
+    """Pattern: views, slant, fringe or depth."""
+    out: Path | None = None
+    """File for the pattern (.png) or the imported display (.toml)."""
+
+    def run(self) -> dict[str, Any]:
+        """Do what ``action`` says."""
+        if self.action == "list":
+            rows = [Display.preset(name).summary() for name in Display.names()]
+            print("\n".join(rows))
+            return {"displays": Display.names()}
+        if not self.name:
+            raise UserError(f"name the display: lfportrait display {self.action} NAME")
+        if self.action == "import":
+            panel = Display.load(Path(self.name))
+            target = self.out or Path(f"{panel.name}.toml")
+            panel.save(target)
+            print(f"{target}: {panel.summary()}")
+            return {"display": panel.name, "file": target}
+        panel = Display.resolve(self.name)
+        if self.action == "show":
+            print(panel.to_toml(), end="")
+            return {"display": panel.name}
+        from ..lightfield import pattern
+
+        if self.out is None:
+            raise UserError("say where to write the pattern with --out FILE.png")
+        write_image(self.out, pattern(panel, self.kind), compress_level=1)
+        return {"display": panel.name, "pattern": self.kind}
