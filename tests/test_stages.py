@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lfportrait.errors import UserError
-from lfportrait.files import atomic_path, atomic_write, read_image, write_image
+from lfportrait.files import atomic_path, atomic_write, read_image, write_exr, write_image
 from lfportrait.stages import StageFolder, fingerprint_files, key_of
 
 
@@ -120,3 +120,14 @@ def test_bad_pictures_are_told_in_one_line(tmp_path):
             read_image(tmp_path / name)
     with pytest.raises(UserError, match="unknown picture format"):
         write_image(tmp_path / "a.xyz", np.zeros((2, 2, 3)))
+
+
+def test_depth_is_written_as_openexr(tmp_path):
+    depth = np.random.default_rng(0).random((5, 7)).astype(np.float32)
+    depth[0, 0] = np.inf
+    write_exr(tmp_path / "d.exr", depth)
+    data = (tmp_path / "d.exr").read_bytes()
+    assert data[:4] == bytes([0x76, 0x2F, 0x31, 0x01])
+    # The last row of an uncompressed file is its last 4 W bytes, behind its number and its size.
+    assert np.array_equal(np.frombuffer(data[-28:], "<f4"), depth[-1])
+    assert np.array_equal(np.frombuffer(data[-36:-28], "<i4"), [4, 28])

@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import os
+import struct
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +18,9 @@ from PIL import Image, ImageOps
 
 from .errors import UserError
 
-__all__ = ["atomic_path", "atomic_write", "read_image", "read_json", "write_image", "write_json"]
+__all__ = [
+    "atomic_path", "atomic_write", "read_image", "read_json", "write_exr", "write_image", "write_json",
+]
 
 
 @contextlib.contextmanager
@@ -144,3 +147,40 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], **options: An
     Image.fromarray(array).save(buffer, format=formats[suffix], **options)
     with atomic_write(path) as stream:
         stream.write(buffer.getbuffer())
+
+
+def write_exr(path: str | os.PathLike[str], values: NDArray[np.floating[Any]]) -> None:
+    """Write one channel of 32-bit floats as an uncompressed OpenEXR file.
+
+    Parameters
+    ----------
+    path
+        File name, ending in ``.exr``.
+    values
+        [H, W], stored as channel ``Z`` (the name OpenEXR gives to depth); infinity is kept.
+    """
+    plane = np.ascontiguousarray(values, "<f4")
+    height, width = plane.shape
+
+    def attribute(name: str, kind: str, data: bytes) -> bytes:
+        return b"%s\0%s\0%s%s" % (name.encode(), kind.encode(), struct.pack("<i", len(data)), data)
+
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    channel = b"Z\0" + struct.pack("<iB3xii", 2, 0, 1, 1) + b"\0"
+    header = struct.pack("<ii", 20000630, 2) + b"".join([
+        attribute("channels", "chlist", channel),
+        attribute("compression", "compression", b"\0"),
+        attribute("dataWindow", "box2i", window),
+        attribute("displayWindow", "box2i", window),
+        attribute("lineOrder", "lineOrder", b"\0"),
+        attribute("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
+        attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0.0, 0.0)),
+        attribute("screenWindowWidth", "float", struct.pack("<f", 1.0))]) + b"\0"
+    line = 4 * width
+    first = len(header) + 8 * height
+    with atomic_write(path) as stream:
+        stream.write(header)
+        stream.write(struct.pack(f"<{height}Q", *(first + row * (line + 8)
+                                                  for row in range(height))))
+        for row in range(height):
+            stream.write(struct.pack("<ii", row, line) + plane[row].tobytes())

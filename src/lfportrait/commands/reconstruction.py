@@ -12,7 +12,7 @@ import tyro
 from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..field import ReconstructConfig, VoxelField
-from ..files import write_image
+from ..files import write_exr, write_image
 from .common import Common
 
 __all__ = ["Calibrate", "Reconstruct", "Render"]
@@ -121,7 +121,7 @@ class Render(Common):
                     write_image(self.out / f"{view:04d}.png", rendering.color)
                     if self.depth:
                         write_image(self.out / f"{view:04d}.alpha.png", rendering.alpha)
-                        self._write_depth(self.out / f"{view:04d}.depth.npy", rendering.depth)
+                        write_exr(self.out / f"{view:04d}.depth.exr", rendering.depth)
                 progress.step()
         if video:
             write_video(self.out, frames, self.fps)
@@ -129,10 +129,3 @@ class Render(Common):
         rays = int((views.width * views.height).sum())
         return {"seconds": {"render": seconds}, "views": len(views), "rays": rays,
                 "rays_per_second": rays / seconds}
-
-    @staticmethod
-    def _write_depth(path: Path, depth: np.ndarray) -> None:
-        from ..files import atomic_write
-
-        with atomic_write(path) as stream:
-            np.save(stream, depth.astype(np.float32), allow_pickle=False)
