@@ -19,7 +19,8 @@ from PIL import Image, ImageOps
 from .errors import UserError
 
 __all__ = [
-    "atomic_path", "atomic_write", "read_image", "read_json", "write_exr", "write_image", "write_json",
+    "atomic_path", "atomic_write", "read_image", "read_json", "write_exr", "write_image",
+    "write_json",
 ]
 
 
