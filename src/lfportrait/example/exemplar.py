@@ -1,0 +1,118 @@
+"""An exemplar: one painted portrait with its 68 landmarks and, where known, a mask of its head."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..files import read_image
+
+__all__ = ["Exemplar", "face_size"]
+
+
+def face_size(landmarks: NDArray[np.floating]) -> float:
+    """Size of a face in pixels: root mean square distance of its landmarks from their mean.
+
+    About 0.31 of the width of a frontal face between the ears.
+    """
+    points = np.asarray(landmarks, np.float64)
+    points = points[np.isfinite(points).all(axis=1)]
+    return float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))
+
+
+@dataclass
+class Exemplar:
+    """One painted portrait.
+
+    Attributes
+    ----------
+    image
+        uint8 [H, W, 3], sRGB.
+    landmarks
+        float64 [68, 2], iBUG order, pixels (x right, y down).
+    name
+        Short name, for titles and file names.
+    mask
+        float32 [H, W] in [0, 1]: the person (head, hair, neck and clothes) against the background,
+        or None; then the transfer segments the picture itself.
+    """
+
+    image: NDArray[np.uint8]
+    landmarks: NDArray[np.float64]
+    name: str = "exemplar"
+    mask: NDArray[np.float32] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        self.image = np.ascontiguousarray(self.image[..., :3], np.uint8)
+        self.landmarks = np.asarray(self.landmarks, np.float64)
+        if self.landmarks.shape != (68, 2):
+            raise ValueError(f"landmarks must be [68, 2], not {list(self.landmarks.shape)}")
+        if self.mask is not None and self.mask.shape != self.image.shape[:2]:
+            raise ValueError("the mask must have the size of the picture")
+
+    @property
+    def size(self) -> float:
+        """Size of the face in pixels, see `face_size`."""
+        return face_size(self.landmarks)
+
+    @staticmethod
+    def load(style: str | Path) -> Exemplar:
+        """Load an exemplar.
+
+        Parameters
+        ----------
+        style
+            A picture; its landmarks lie beside it in ``NAME.landmarks.txt`` (one "x y" a line,
+            68 lines) or are detected. A mask ``NAME.mask.png`` (white = person) is used if there.
+            Or the name of a built-in exemplar.
+
+        Raises
+        ------
+        UserError
+            If there is no such picture or style, or it has no landmarks and no face is found.
+        """
+        path = Path(style)
+        if not path.exists():
+            return _built_in(str(style))
+        picture = read_image(path)
+        image = np.ascontiguousarray(picture[..., :3])
+        landmarks = _landmarks_beside(path, image)
+        mask_path = path.with_suffix(".mask.png")
+        mask = None
+        if mask_path.exists():
+            mask = read_image(mask_path)[..., 0].astype(np.float32) / 255.0
+            if mask.shape != image.shape[:2]:
+                raise UserError(f"{mask_path} must have the size of {path}")
+        elif picture.shape[2] == 4:
+            mask = picture[..., 3].astype(np.float32) / 255.0
+        return Exemplar(image, landmarks, path.stem, mask)
+
+
+def _built_in(name: str) -> Exemplar:
+    """The built-in exemplar ``name``."""
+    # The demo stage makes exemplars, so it is imported when one is asked for, not before.
+    from ..demo import demo_exemplar, demo_styles
+
+    names = demo_styles()
+    if name in names:
+        exemplar: Exemplar = demo_exemplar(name)
+        return exemplar
+    raise UserError(f"no picture and no built-in style {name!r}; built-in are: {', '.join(names)}")
+
+
+def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Landmarks from the file beside the picture, else detected."""
+    from ..face import detect_landmarks, read_landmarks
+
+    beside = path.with_suffix(".landmarks.txt")
+    if beside.exists():
+        return np.asarray(read_landmarks(beside), np.float64)
+    found = detect_landmarks(image)
+    if found is None:
+        raise UserError(f"no face found in the style {path}; put its 68 landmarks into "
+                        f"{beside.name} beside it, one 'x y' a line")
+    return np.asarray(found, np.float64)

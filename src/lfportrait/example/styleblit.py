@@ -1,0 +1,164 @@
+"""StyleBlit (Sykora et al. 2019): copy chunks of the exemplar, coarse to fine, guided.
+
+The synthesis walks levels 6 to 1 (cells of 64 to 2 exemplar pixels). A pixel takes the shift of the
+nearest jittered seed if the guides agree well enough there, else it tries the next finer level, and
+at last its own look-up. Seeds live in the anchor plane: for a capture they stick to the surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.example_blit import (
+    blit,
+    elect,
+    look_up,
+    seed_points,
+    seed_regular,
+    seed_splat,
+    vote,
+)
+from .guides import Guides
+from .table import LookUpTable
+
+__all__ = ["BlitConfig", "Synthesis", "synthesise"]
+
+
+@dataclass(frozen=True)
+class BlitConfig:
+    """Chunks and voting."""
+
+    threshold: float = 50.0
+    """Largest guide error of a chunk, 0 to 200: 24 is smooth and steady, 50 keeps strokes, above
+    100 the exemplar's own face is copied."""
+    slack: float = 8.0
+    """A chunk is also kept if its error exceeds the pixel's own look-up by less than this."""
+    levels: int = 6
+    """Coarsest level, 1 to 8: its cells are 2^levels exemplar pixels wide."""
+    radius: int = 1
+    """Voting window: 0 none, 1 is 3 x 3, 2 is 5 x 5."""
+    voting: Literal["mean", "mode", "both"] = "both"
+    """mean of the colours that neighbours vote for, most frequent chunk, or the one after the
+    other."""
+
+
+@dataclass
+class Synthesis:
+    """What StyleBlit did.
+
+    Attributes
+    ----------
+    image
+        float32 [H, W, 3] in [0, 1]; 0 where the position guide is NaN.
+    shift
+        float32 [H, W, 2], exemplar place minus anchor of the chunk of each pixel.
+    level
+        uint8 [H, W], level of the accepted chunk; 0 = own look-up.
+    error
+        float32 [H, W], guide error of each pixel's own look-up.
+    """
+
+    image: NDArray[np.float32]
+    shift: NDArray[np.float32]
+    level: NDArray[np.uint8]
+    error: NDArray[np.float32]
+
+
+@dataclass
+class _Seeds:
+    """Seeds of all levels, one level after the other."""
+
+    points: NDArray[np.float32]
+    pixels: NDArray[np.int32]
+    starts: NDArray[np.int64]
+    firsts: NDArray[np.int64]
+    shapes: NDArray[np.int64]
+
+
+def _seeds(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None) -> _Seeds:
+    """Seeds for the anchor plane; ``scale`` is set where the anchor is that times the pixel."""
+    height, width = anchor.shape[:2]
+    if scale is not None:
+        low, high = np.zeros(2), np.array([width, height]) * scale
+    elif np.isfinite(anchor[..., 0]).any():
+        low = np.nanmin(anchor.reshape(-1, 2), axis=0)
+        high = np.nanmax(anchor.reshape(-1, 2), axis=0)
+    else:
+        low = high = np.zeros(2)
+    starts, firsts, shapes = (np.zeros(shape, np.int64)
+                              for shape in ((top + 1,), (top + 1, 2), (top + 1, 2)))
+    points, pixels, total = [], [], 0
+    for level in range(1, top + 1):
+        first = np.floor(low / 2 ** level).astype(np.int64)
+        last = np.floor(high / 2 ** level).astype(np.int64)
+        columns, rows = (int(n) for n in last - first + 1)
+        point = np.empty((rows, columns, 2), np.float32)
+        seed_points(seed, level, first[0], first[1], point)
+        pixel = np.full((rows, columns), -1, np.int32)
+        if scale is not None:
+            seed_regular(point, np.float32(scale), height, width, pixel)
+        else:
+            seed_splat(point, anchor, level, first[0], first[1],
+                       np.full((rows, columns), np.inf, np.float32), pixel)
+        starts[level], firsts[level], shapes[level] = total, first, (rows, columns)
+        total += rows * columns
+        points.append(point.reshape(-1, 2))
+        pixels.append(pixel.ravel())
+    return _Seeds(np.concatenate(points), np.concatenate(pixels), starts, firsts, shapes)
+
+
+def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float,
+               style_appearance: NDArray[np.float32], style_labels: NDArray[np.uint8],
+               table: LookUpTable, picture: NDArray[np.float32], config: BlitConfig, *,
+               seed: int = 0, scale: float | None = None) -> Synthesis:
+    """Synthesise a picture from an exemplar.
+
+    Parameters
+    ----------
+    guides
+        Of the target.
+    weights
+        float32 [H, W, 2], weight of a pixel of displacement and of an appearance of 1, per pixel.
+    label_weight
+        Error of a label that is wholly wrong.
+    style_appearance, style_labels
+        float32 [h, w] and uint8 [h, w, K] of the exemplar.
+    table
+        Of the exemplar.
+    picture
+        float32 [h, w, 3], the colours to copy, in [0, 1].
+    config
+        Chunks and voting.
+    seed
+        Of the jitter; the same seed gives the same bytes.
+    scale
+        Set where the anchor is ``scale`` times the pixel (a photo); None for free anchors.
+    """
+    height, width = guides.appearance.shape
+    exact = scale == 1.0
+    labels = np.ascontiguousarray(guides.labels.reshape(height * width, -1))
+    per_label = np.float32(label_weight / 255)
+    own_shift = np.empty((height, width, 2), np.float32)
+    error = np.empty((height, width), np.float32)
+    look_up(guides.position, guides.appearance, guides.anchor, weights, labels, per_label,
+            table.indices, table.cell, np.float32(table.low), np.float32(table.step),
+            style_appearance, style_labels, exact, own_shift, error)
+    seeds = _seeds(guides.anchor, config.levels, seed, scale)
+    shift = np.empty_like(own_shift)
+    level = np.empty((height, width), np.uint8)
+    blit(guides.position, guides.appearance, guides.anchor, weights, labels, per_label,
+         style_appearance, style_labels, own_shift, error, config.levels, seeds.points,
+         seeds.pixels, seeds.starts, seeds.firsts, seeds.shapes, np.float32(config.threshold),
+         np.float32(config.slack), shift, level)
+    if config.radius > 0 and config.voting in ("mode", "both"):
+        elected = np.empty_like(shift)
+        elect(shift, config.radius, elected)
+        shift = elected
+    image = np.empty((height, width, 3), np.float32)
+    radius = config.radius if config.voting in ("mean", "both") else 0
+    vote(picture, guides.anchor, shift, radius, exact, image)
+    return Synthesis(image, shift, level, error)

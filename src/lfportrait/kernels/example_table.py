@@ -1,0 +1,145 @@
+"""Hot loops of the exact look-up table (Eq. 6): a distance transform that carries the arg-min.
+
+A cell holds one 64-bit key: the cost in the upper bits, the flat index of the exemplar's pixel in
+the lower `INDEX_BITS`. The minimum of two keys is then the cheaper pixel and, at equal cost, the
+one that comes first in scan order: the tie rule needs no code of its own. Adding a cost to a key
+leaves the index alone, so the transform is separable exactly as plain distances are: a sweep along
+x, one along y, one along the appearance.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+__all__ = ["EMPTY", "INDEX_BITS", "extract_indices", "scatter_pixels", "sweep_linear",
+           "sweep_squared"]
+
+INDEX_BITS = 28
+EMPTY = np.int64(1) << 60
+_MASK = (np.int64(1) << INDEX_BITS) - 1
+
+
+@numba.njit(cache=True, parallel=True)
+def scatter_pixels(levels, cell, keys):
+    """Put every exemplar pixel into its cell of ``keys`` [A, Y, X]; the nearest to its middle stays.
+
+    ``levels`` int32 [H, W] is the quantised appearance. Within a cell the pixel nearest to the
+    cell's middle is kept (first in scan order among equals); its cost is 0.
+    """
+    height, width = levels.shape
+    for j in numba.prange(keys.shape[1]):
+        best = np.full((keys.shape[0], keys.shape[2]), 1 << 30, np.int32)
+        for y in range(j * cell, min((j + 1) * cell, height)):
+            for x in range(width):
+                i = x // cell
+                a = levels[y, x]
+                dx = 2 * x + 1 - (2 * i + 1) * cell
+                dy = 2 * y + 1 - (2 * j + 1) * cell
+                off = dx * dx + dy * dy
+                if off < best[a, i]:
+                    best[a, i] = off
+                    keys[a, j, i] = y * width + x
+
+
+@numba.njit(cache=True, parallel=True)
+def sweep_linear(keys, step_x, step_y, step_a):
+    """Weighted L1 distance transform of ``keys`` [A, Y, X] in place; steps are costs per cell."""
+    levels, rows, columns = keys.shape
+    move_x, move_y = np.int64(step_x) << INDEX_BITS, np.int64(step_y) << INDEX_BITS
+    move_a = np.int64(step_a) << INDEX_BITS
+    for a in numba.prange(levels):
+        for y in range(rows):
+            for x in range(1, columns):
+                keys[a, y, x] = min(keys[a, y, x], keys[a, y, x - 1] + move_x)
+            for x in range(columns - 2, -1, -1):
+                keys[a, y, x] = min(keys[a, y, x], keys[a, y, x + 1] + move_x)
+        for y in range(1, rows):
+            for x in range(columns):
+                keys[a, y, x] = min(keys[a, y, x], keys[a, y - 1, x] + move_y)
+        for y in range(rows - 2, -1, -1):
+            for x in range(columns):
+                keys[a, y, x] = min(keys[a, y, x], keys[a, y + 1, x] + move_y)
+    for y in numba.prange(rows):
+        for a in range(1, levels):
+            for x in range(columns):
+                keys[a, y, x] = min(keys[a, y, x], keys[a - 1, y, x] + move_a)
+        for a in range(levels - 2, -1, -1):
+            for x in range(columns):
+                keys[a, y, x] = min(keys[a, y, x], keys[a + 1, y, x] + move_a)
+
+
+@numba.njit(cache=True)
+def _envelope(line, weight, apex, start, out):
+    """Lower envelope of the parabolas (key cost + weight d^2) over a line (Felzenszwalb 2012)."""
+    count = line.shape[0]
+    top = -1
+    for q in range(count):
+        if line[q] >= EMPTY:
+            continue
+        height = float(line[q] >> INDEX_BITS) + float(weight) * q * q
+        crossing = -1e300
+        while top >= 0:
+            v = apex[top]
+            other = float(line[v] >> INDEX_BITS) + float(weight) * v * v
+            crossing = (height - other) / (2.0 * weight * (q - v))
+            if crossing > start[top]:
+                break
+            top -= 1
+        top += 1
+        apex[top] = q
+        start[top] = crossing if top > 0 else -1e300
+    if top < 0:
+        return
+    k = 0
+    for i in range(count):
+        while k < top and start[k + 1] < i:
+            k += 1
+        best = line[apex[k]] + (np.int64(weight * (i - apex[k]) ** 2) << INDEX_BITS)
+        if k < top:
+            # At a crossing both parabolas are equal and the smaller index wins.
+            best = min(best, line[apex[k + 1]]
+                       + (np.int64(weight * (i - apex[k + 1]) ** 2) << INDEX_BITS))
+        out[i] = best
+    for i in range(count):
+        line[i] = out[i]
+
+
+@numba.njit(cache=True, parallel=True)
+def sweep_squared(keys, weight_x, weight_y, weight_a):
+    """Weighted squared distance transform of ``keys`` [A, Y, X] in place; weights per cell^2."""
+    levels, rows, columns = keys.shape
+    longest = max(levels, max(rows, columns))
+    for a in numba.prange(levels):
+        apex = np.empty(longest, np.int64)
+        start = np.empty(longest, np.float64)
+        out = np.empty(longest, np.int64)
+        line = np.empty(rows, np.int64)
+        for y in range(rows):
+            _envelope(keys[a, y], weight_x, apex, start, out)
+        for x in range(columns):
+            for y in range(rows):
+                line[y] = keys[a, y, x]
+            _envelope(line, weight_y, apex, start, out)
+            for y in range(rows):
+                keys[a, y, x] = line[y]
+    for y in numba.prange(rows):
+        apex = np.empty(longest, np.int64)
+        start = np.empty(longest, np.float64)
+        out = np.empty(longest, np.int64)
+        line = np.empty(levels, np.int64)
+        for x in range(columns):
+            for a in range(levels):
+                line[a] = keys[a, y, x]
+            _envelope(line, weight_a, apex, start, out)
+            for a in range(levels):
+                keys[a, y, x] = line[a]
+
+
+@numba.njit(cache=True, parallel=True)
+def extract_indices(keys, indices):
+    """Pixel index of every cell: ``indices`` int32 [A, Y, X] from ``keys``."""
+    for a in numba.prange(keys.shape[0]):
+        for y in range(keys.shape[1]):
+            for x in range(keys.shape[2]):
+                indices[a, y, x] = np.int32(keys[a, y, x] & _MASK)
