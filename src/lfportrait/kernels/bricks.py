@@ -1,0 +1,160 @@
+"""The layout that rays are cast through: a coarse table of bricks over compact rows.
+
+The lattice is cut into bricks of 4x4x4 cells. An occupied brick owns copies of its 5x5x5 lattice
+points (one shared layer, so that every cell finds its eight corners in one brick, padded to 128):
+their densities as float16 and the numbers of their colour rows. A table with one entry per brick
+holds the brick's number, or, where the brick is empty, minus its Chebyshev distance in bricks to
+the nearest occupied one: a ray may leap over everything that is nearer.
+
+Colour rows are float16, 16 or 32 wide (3 channels x 1, 4 or 9 coefficients, zero-padded), so that
+a row is loaded as one or two vectors; the last row is zero and stands for empty lattice points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+from scipy import ndimage
+
+__all__ = ["BRICK", "SLOTS", "Bricks", "brick_table", "build_bricks", "row_width"]
+
+BRICK = 4
+"""Cells along a brick's edge."""
+SLOTS = 128
+"""Lattice points that a brick has room for: 5^3 rounded up."""
+
+
+def row_width(basis: int) -> int:
+    """Width of a colour row for ``basis`` coefficients a channel: 16 up to 4, 32 for 9."""
+    return 16 if 3 * basis <= 16 else 32
+
+
+@dataclass(frozen=True)
+class Bricks:
+    """A field laid out for casting.
+
+    Attributes
+    ----------
+    table
+        int32 [BZ, BY, BX], brick numbers or minus distances.
+    links
+        int32 [bricks * 128], colour row of each lattice point (N, the zero row, where empty).
+    density
+        uint16 [bricks * 128 + 2], float16 bit patterns.
+    rows
+        uint16 [(N + 1) * width + 32], float16 bit patterns.
+    width
+        Row width, 16 or 32.
+    basis
+        Coefficients a channel: 1, 4 or 9.
+    shape
+        Lattice points along z, y, x.
+    """
+
+    table: NDArray[np.int32]
+    links: NDArray[np.int32]
+    density: NDArray[np.uint16]
+    rows: NDArray[np.uint16]
+    width: int
+    basis: int
+    shape: tuple[int, int, int]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory taken, in bytes."""
+        return int(self.table.nbytes + self.links.nbytes + self.density.nbytes + self.rows.nbytes)
+
+
+@njit(cache=True, parallel=True)
+def _occupied(links, bricks):
+    depth, height, width = links.shape
+    for bz in prange(bricks.shape[0]):
+        for by in range(bricks.shape[1]):
+            for bx in range(bricks.shape[2]):
+                found = False
+                for z in range(4 * bz, min(4 * bz + 5, depth)):
+                    for y in range(4 * by, min(4 * by + 5, height)):
+                        for x in range(4 * bx, min(4 * bx + 5, width)):
+                            if links[z, y, x] >= 0:
+                                found = True
+                bricks[bz, by, bx] = found
+
+
+@njit(cache=True, parallel=True)
+def _fill_links(links, places, empty, out):
+    depth, height, width = links.shape
+    for brick in prange(len(places)):
+        bz, by, bx = places[brick]
+        for slot in range(128):
+            out[brick * 128 + slot] = empty
+        for z in range(5):
+            for y in range(5):
+                for x in range(5):
+                    gz, gy, gx = 4 * bz + z, 4 * by + y, 4 * bx + x
+                    if gz < depth and gy < height and gx < width and links[gz, gy, gx] >= 0:
+                        out[brick * 128 + z * 25 + y * 5 + x] = links[gz, gy, gx]
+
+
+def brick_table(links: NDArray[np.int32], rows: int,
+                ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Table and links of the bricks of a lattice.
+
+    Parameters
+    ----------
+    links
+        int32 [Z, Y, X], row of each lattice point or -1.
+    rows
+        Number of rows N; empty points link to row N.
+
+    Returns
+    -------
+    table
+        int32 [BZ, BY, BX].
+    brick_links
+        int32 [bricks * 128].
+    """
+    shape = tuple(max(1, -(-(n - 1) // BRICK)) for n in links.shape)
+    occupied = np.zeros(shape, np.bool_)
+    _occupied(links, occupied)
+    table = np.empty(shape, np.int32)
+    if occupied.any():
+        away = ndimage.distance_transform_cdt(~occupied, metric="chessboard")
+        table[:] = -np.maximum(away, 1)
+    else:
+        table[:] = -max(shape)
+    places = np.argwhere(occupied).astype(np.int64)
+    table[occupied] = np.arange(len(places), dtype=np.int32)
+    brick_links = np.full(max(1, len(places)) * SLOTS, rows, np.int32)
+    _fill_links(links, places, np.int32(rows), brick_links)
+    return table, brick_links
+
+
+def build_bricks(links: NDArray[np.int32], density: NDArray[np.float32],
+                 sh: NDArray[Any]) -> Bricks:
+    """Lay a field out for casting.
+
+    Parameters
+    ----------
+    links
+        int32 [Z, Y, X].
+    density
+        float32 [N], per world unit.
+    sh
+        float [N, 3, B], spherical-harmonic coefficients.
+    """
+    count, _, basis = sh.shape
+    width = row_width(basis)
+    table, brick_links = brick_table(links, count)
+    values = np.zeros(count + 1, np.float16)
+    values[:count] = np.clip(density, 0.0, 60000.0)
+    packed = np.zeros(len(brick_links) + 2, np.uint16)
+    packed[:-2] = values.view(np.uint16)[brick_links]
+    rows = np.zeros((count + 1) * width + 32, np.float16)
+    view = rows[:(count + 1) * width].reshape(count + 1, width)
+    view[:count, :3 * basis] = np.clip(sh.reshape(count, 3 * basis), -60000, 60000)
+    return Bricks(table, brick_links, packed, rows.view(np.uint16), width, basis,
+                  (links.shape[0], links.shape[1], links.shape[2]))
