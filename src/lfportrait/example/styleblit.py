@@ -37,6 +37,9 @@ class BlitConfig:
     100 the exemplar's own face is copied."""
     slack: float = 8.0
     """A chunk is also kept if its error exceeds the pixel's own look-up by less than this."""
+    gain: float = 12.0
+    """A look-up must improve on the guided place by this error to be used, 0 to 50: high values
+    keep noise of the photo from scattering pixels."""
     levels: int = 6
     """Coarsest level, 1 to 8: its cells are 2^levels exemplar pixels wide."""
     radius: int = 1
@@ -146,7 +149,7 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
     error = np.empty((height, width), np.float32)
     look_up(guides.position, guides.appearance, guides.anchor, weights, labels, per_label,
             table.indices, table.cell, np.float32(table.low), np.float32(table.step),
-            style_appearance, style_labels, exact, own_shift, error)
+            style_appearance, style_labels, np.float32(config.gain), exact, own_shift, error)
     seeds = _seeds(guides.anchor, config.levels, seed, scale)
     shift = np.empty_like(own_shift)
     level = np.empty((height, width), np.uint8)

@@ -94,11 +94,12 @@ def _error(gx, gy, a, ox, oy, place, look, weight_position, weight_appearance, w
 
 @numba.njit(cache=True, parallel=True)
 def look_up(position, appearance, anchor, weights, labels, weight_label, table, cell, low, step,
-            style_appearance, style_labels, snap, shift, error):
+            style_appearance, style_labels, gain, snap, shift, error):
     """Every pixel's own look-up: ``shift`` [H, W, 2] (exemplar minus anchor) and its ``error``.
 
     The table knows the place to a cell; the part of the guide inside the cell is added where that
-    does not raise the error, so that smooth guides give smooth shifts.
+    does not raise the error, so that smooth guides give smooth shifts. A look-up that improves on
+    the guided place itself by less than ``gain`` is not worth a jump.
     """
     height, width = appearance.shape
     levels, rows, columns = table.shape
@@ -127,6 +128,12 @@ def look_up(position, appearance, anchor, weights, labels, weight_label, table, 
                                style_labels)
                 if moved <= e:
                     e, fx, fy = moved, sx, sy
+            if 0 <= gx < style_width and 0 <= gy < style_height:
+                stay = _error(gx, gy, a, np.int64(gx), np.int64(gy), gx, gy, weights[y, x, 0],
+                              weights[y, x, 1], weight_label, style_appearance, labels, p,
+                              style_labels)
+                if stay < e + gain:
+                    e, fx, fy = stay, gx, gy
             dx, dy = fx - anchor[y, x, 0], fy - anchor[y, x, 1]
             if snap:
                 dx, dy = np.float32(np.rint(dx)), np.float32(np.rint(dy))
