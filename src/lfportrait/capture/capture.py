@@ -1,0 +1,196 @@
+"""A capture: pictures of a head, the cameras that took them, and what is known of the head."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..files import read_image, read_json, write_image, write_json
+from .camera import Camera
+
+__all__ = ["Capture"]
+
+_TO_NERF = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Capture:
+    """V pictures with their cameras, in the portrait frame.
+
+    Attributes
+    ----------
+    cameras
+        V undistorted pinholes; world = portrait frame (+y up, +z out of the face, origin in the
+        middle of the head, the head inside [-1, 1]^3).
+    images
+        V pictures, uint8 [H, W, 3], sRGB.
+    alphas
+        V mattes, uint8 [H, W] (255 = the person), or None where there are none.
+    names
+        V picture names.
+    held_out
+        bool [V]: True for test views, which are never trained on.
+    frame
+        float64 [4, 4], the similarity that took the source's world to the portrait frame.
+    landmarks
+        float64 [68, 3], facial landmarks in the world (iBUG order, NaN = unknown), or None.
+    figures
+        What calibration measured, for ``--json``.
+    """
+
+    cameras: Camera
+    images: list[NDArray[np.uint8]]
+    alphas: list[NDArray[np.uint8]] | None
+    names: list[str]
+    held_out: NDArray[np.bool_]
+    frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    landmarks: NDArray[np.float64] | None = None
+    figures: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        count = len(self.cameras)
+        if not (len(self.images) == len(self.names) == len(self.held_out) == count):
+            raise ValueError("cameras, images, names and held_out must have one entry a view")
+        for view, image in enumerate(self.images):
+            wanted = (int(self.cameras.height[view]), int(self.cameras.width[view]))
+            if image.shape[:2] != wanted:
+                raise ValueError(f"{self.names[view]} is {image.shape[:2]}, its camera {wanted}")
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    def training(self) -> NDArray[np.int64]:
+        """Indices of the views to train on."""
+        return np.flatnonzero(~self.held_out)
+
+    def testing(self) -> NDArray[np.int64]:
+        """Indices of the held-out views."""
+        return np.flatnonzero(self.held_out)
+
+    def image_float(self, view: int, background: float = 1.0) -> NDArray[np.float32]:
+        """One picture as float32 [H, W, 3] in [0, 1], composited on a grey ``background``."""
+        image = self.images[view].astype(np.float32) / 255.0
+        if self.alphas is None:
+            return image
+        alpha = self.alphas[view].astype(np.float32)[..., None] / 255.0
+        return image * alpha + background * (1.0 - alpha)
+
+    def reframed(self, similarity: NDArray[np.float64],
+                 landmarks: NDArray[np.float64] | None = None) -> Capture:
+        """The capture in another world frame.
+
+        Parameters
+        ----------
+        similarity
+            float64 [4, 4]: new world point = similarity applied to the old one.
+        landmarks
+            float64 [68, 3] in the *new* frame; by default the capture's own, transformed.
+        """
+        if landmarks is None and self.landmarks is not None:
+            landmarks = self.landmarks @ similarity[:3, :3].T + similarity[:3, 3]
+        return replace(self, cameras=self.cameras.transformed(similarity),
+                       frame=similarity @ self.frame, landmarks=landmarks)
+
+    def save(self, folder: str | Path) -> None:
+        """Write the capture as a folder: ``transforms.json`` (NeRF axes) and ``images/NAME.png``.
+
+        The folder appears under its name when it is complete; an older one is replaced.
+
+        Raises
+        ------
+        UserError
+            If the folder can't be written.
+        """
+        folder = Path(folder)
+        try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        except OSError as error:
+            raise UserError(f"can't write {folder}: {error.strerror}; choose another folder with "
+                            "--out") from error
+        try:
+            self._write(temporary)
+            temporary.chmod(0o755)
+            if folder.exists():
+                shutil.rmtree(folder)
+            temporary.rename(folder)
+        except OSError as error:
+            raise UserError(f"can't write {folder}: {error.strerror}; free some space or choose "
+                            "another folder with --out") from error
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+    def _write(self, folder: Path) -> None:
+        frames = []
+        for view, image in enumerate(self.images):
+            name = f"images/{Path(self.names[view]).stem}.png"
+            picture = image if self.alphas is None else np.dstack([image, self.alphas[view]])
+            write_image(folder / name, picture, compress_level=1)
+            camera = self.cameras[view]
+            frames.append({
+                "file_path": name, "w": int(camera.width[0]), "h": int(camera.height[0]),
+                "fl_x": camera.focal[0, 0], "fl_y": camera.focal[0, 1],
+                "cx": camera.center[0, 0], "cy": camera.center[0, 1],
+                "transform_matrix": (camera.pose[0] @ _TO_NERF).tolist(),
+                "held_out": bool(self.held_out[view])})
+        write_json(folder / "transforms.json", {
+            "generator": "lfportrait", "frames": frames, "portrait_frame": self.frame,
+            "landmarks": None if self.landmarks is None else
+            [[None if np.isnan(v) else v for v in point] for point in self.landmarks.tolist()],
+            "figures": self.figures})
+
+    @staticmethod
+    def load(path: str | Path, holdout: int = 8) -> Capture:
+        """Read a calibrated capture.
+
+        Parameters
+        ----------
+        path
+            A folder that lfportrait wrote; a NeRF-Blender, instant-ngp or nerfstudio folder or its
+            ``transforms*.json``; a COLMAP model; an LLFF folder; an NSVF folder.
+        holdout
+            Every ``holdout``-th picture becomes a test view where the data set does not say which
+            are; 0 holds out none.
+
+        Raises
+        ------
+        UserError
+            If there is no such capture or it is damaged.
+        """
+        from .formats import load_capture
+
+        return load_capture(Path(path), holdout)
+
+    @staticmethod
+    def _read_own(folder: Path) -> Capture:
+        """Read a folder that `save` wrote."""
+        data = read_json(folder / "transforms.json")
+        try:
+            frames = data["frames"]
+            pictures = [read_image(folder / frame["file_path"]) for frame in frames]
+            cameras = Camera(
+                np.array([frame["transform_matrix"] for frame in frames]) @ _TO_NERF,
+                np.array([[frame["fl_x"], frame["fl_y"]] for frame in frames]),
+                np.array([[frame["cx"], frame["cy"]] for frame in frames]),
+                np.array([frame["w"] for frame in frames]),
+                np.array([frame["h"] for frame in frames]))
+            landmarks = data["landmarks"]
+            return Capture(
+                cameras, [np.ascontiguousarray(picture[..., :3]) for picture in pictures],
+                [np.ascontiguousarray(picture[..., 3]) for picture in pictures]
+                if pictures[0].shape[2] == 4 else None,
+                [Path(frame["file_path"]).name for frame in frames],
+                np.array([frame["held_out"] for frame in frames], bool),
+                np.array(data["portrait_frame"]),
+                None if landmarks is None else np.array(
+                    [[np.nan if v is None else v for v in point] for point in landmarks]),
+                data.get("figures", {}))
+        except (KeyError, IndexError, TypeError, ValueError) as error:
+            raise UserError(f"{folder / 'transforms.json'} is damaged: {error!r}") from error

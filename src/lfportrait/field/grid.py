@@ -1,0 +1,240 @@
+"""The sparse voxel radiance field: what it holds and how it is rendered.
+
+Density and spherical-harmonic colour live on the points of a lattice, of which only those near the
+surface are kept; between them both are interpolated trilinearly (Plenoxels, Fridovich-Keil and Yu
+et al. 2022). A ray's colour is Eq. 1 of Shen et al. 2023.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Camera
+from ..kernels.bricks import Bricks, build_bricks
+from ..kernels.march import lattice_of_world
+from ..kernels.render import render_kernel
+from ..kernels.weights import CAPACITY, pixel_weights
+
+__all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row"]
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """One rendered view.
+
+    Attributes
+    ----------
+    color
+        float32 [H, W, 3], sRGB in [0, 1] (a bright highlight may exceed 1), on the background.
+    alpha
+        float32 [H, W], opacity in [0, 1].
+    depth
+        float32 [H, W], distance along the optical axis in world units of the surface where the
+        transmittance passes 0.5; infinite where the ray meets none.
+    """
+
+    color: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    depth: NDArray[np.float32]
+
+    def points(self, cameras: Camera, view: int) -> NDArray[np.float64]:
+        """World point of the surface under each pixel, float64 [H, W, 3], NaN where there is none."""
+        height, width = self.depth.shape
+        origins, directions = cameras.rays(view)
+        forward = cameras.pose[view, :3, 2]
+        along = self.depth.reshape(-1, 1) / (directions @ forward)[:, None]
+        points = origins + np.where(np.isfinite(along), along, np.nan) * directions
+        return points.reshape(height, width, 3)
+
+
+@dataclass(frozen=True)
+class SampleWeights:
+    """A view as a sparse matrix: pixel = sum over lattice rows of weight * color.
+
+    Attributes
+    ----------
+    indptr, rows, weights
+        CSR: int64 [P + 1], int32 [K], float32 [K], for P = H W pixels in scan order. The weights of
+        a pixel add up to its opacity.
+    alpha
+        float32 [P].
+    """
+
+    indptr: NDArray[np.int64]
+    rows: NDArray[np.int32]
+    weights: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+
+
+def camera_row(cameras: Camera, view: int) -> NDArray[np.float64]:
+    """One camera as the kernels take it: float64 [16], pose row by row, focal, principal point."""
+    return np.concatenate([cameras.pose[view, :3].ravel(), cameras.focal[view],
+                           cameras.center[view]])
+
+
+@dataclass
+class VoxelField:
+    """A sparse voxel radiance field in the portrait frame.
+
+    Attributes
+    ----------
+    links
+        int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
+    density
+        float32 [N], opacity per world unit, >= 0.
+    sh
+        float32 [N, 3, B], spherical-harmonic coefficients of red, green, blue (B = 1, 4 or 9, in
+        svox2's order); colour = max(0, coefficients . basis + 0.5).
+    center, radius
+        float64 [3] (x, y, z): the cube; lattice point i lies at
+        center + radius (2 (i + 0.5) / resolution - 1).
+    frame
+        float64 [4, 4], similarity from the source's frame to the portrait frame.
+    """
+
+    links: NDArray[np.int32]
+    density: NDArray[np.float32]
+    sh: NDArray[np.float32]
+    center: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    radius: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
+    frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    _bricks: Bricks | None = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        count = len(self.density)
+        if self.links.ndim != 3 or self.sh.shape[:2] != (count, 3) or (
+                self.sh.shape[2] not in (1, 4, 9)):
+            raise ValueError(f"a field needs links [Z, Y, X], density [N] and sh [N, 3, 1|4|9], "
+                             f"not {self.links.shape}, {self.density.shape}, {self.sh.shape}")
+
+    @property
+    def basis(self) -> int:
+        """Spherical-harmonic coefficients a channel: 1, 4 or 9."""
+        return int(self.sh.shape[2])
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """float64 [2, 3]: the lowest and the highest corner of the cube in the world."""
+        return np.stack([self.center - self.radius, self.center + self.radius])
+
+    @property
+    def bricks(self) -> Bricks:
+        """The layout for casting, built on first use."""
+        if self._bricks is None:
+            self._bricks = build_bricks(self.links, self.density, self.sh)
+        return self._bricks
+
+    @property
+    def lattice(self) -> NDArray[np.float64]:
+        """float64 [9]: lattice points along x, y, z; scale and offset of lattice coordinates."""
+        scale, offset = lattice_of_world(self.center, self.radius, self.bricks.shape)
+        return np.concatenate([np.array(self.links.shape[::-1], np.float64), scale, offset])
+
+    def lattice_points(self) -> NDArray[np.float64]:
+        """World positions of the rows, float64 [N, 3]."""
+        z, y, x = np.nonzero(self.links >= 0)
+        size = np.array(self.links.shape[::-1], np.float64)
+        points = np.empty((len(self.density), 3))
+        points[self.links[z, y, x]] = (
+            self.center + self.radius * (2.0 * (np.stack([x, y, z], 1) + 0.5) / size - 1.0))
+        return points
+
+    def with_sh(self, sh: NDArray[np.floating[Any]]) -> VoxelField:
+        """The same densities with other coefficients [N, 3, B]."""
+        return VoxelField(self.links, self.density, np.ascontiguousarray(sh, np.float32),
+                          self.center, self.radius, self.frame)
+
+    def render(self, cameras: Camera, view: int = 0, *, background: float | Any = 1.0,
+               step: float = 0.5, threshold: float = 1e-2, stop: float = 1e-3,
+               device: str = "auto") -> Rendering:
+        """Render one view.
+
+        Parameters
+        ----------
+        cameras, view
+            Batch of cameras and which of them.
+        background
+            Grey level or RGB behind the field.
+        step
+            Distance between samples in voxels.
+        threshold
+            Densities up to this are skipped.
+        stop
+            A ray ends when its transmittance falls below this.
+        device
+            ``"auto"`` and ``"cpu"``: the CPU renders.
+        """
+        width, height = int(cameras.width[view]), int(cameras.height[view])
+        color = np.empty(3 * width * height, np.float32)
+        alpha = np.empty(width * height, np.float32)
+        depth = np.empty(width * height, np.float32)
+        bricks = self.bricks
+        render_kernel(bricks.width)(
+            bricks.table, bricks.links, bricks.density, bricks.rows, self.lattice, bricks.basis,
+            camera_row(cameras, view), (width, height), step, threshold, stop, color, alpha, depth)
+        image = color.reshape(height, width, 3)
+        opacity = alpha.reshape(height, width)
+        image += (1.0 - opacity[..., None]) * np.asarray(background, np.float32)
+        return Rendering(image, opacity, depth.reshape(height, width))
+
+    def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,
+                       step: float = 0.5) -> SampleWeights:
+        """The view as a sparse linear map of the lattice rows' colours.
+
+        Parameters
+        ----------
+        cameras, view
+            Batch of cameras and which of them.
+        scale
+            Size of the picture relative to the camera's.
+        step
+            Distance between samples in voxels.
+
+        Returns
+        -------
+        weights
+            Weights below 1e-3 are dropped and the rest of the pixel scaled to its opacity.
+        """
+        cameras = cameras[view] if scale == 1.0 else cameras[view].scaled(scale)
+        alpha = self.render(cameras, 0, step=step).alpha.ravel()
+        wanted = np.flatnonzero(alpha > 4e-3).astype(np.int64)
+        rows = np.empty((len(wanted), CAPACITY), np.int32)
+        weights = np.empty((len(wanted), CAPACITY), np.float32)
+        counts = np.zeros(len(wanted), np.int64)
+        bricks = self.bricks
+        pixel_weights(bricks.table, bricks.links,
+                      np.append(self.density, np.float32(0.0)), self.lattice,
+                      camera_row(cameras, 0), (int(cameras.width[0]), int(cameras.height[0])),
+                      wanted, step, 1e-3, rows, weights, counts)
+        kept = np.arange(CAPACITY)[None] < counts[:, None]
+        lengths = np.zeros(len(alpha), np.int64)
+        lengths[wanted] = counts
+        indptr = np.concatenate([[0], np.cumsum(lengths)])
+        values = weights[kept]
+        opacity = np.zeros(len(alpha), np.float32)
+        sums = np.add.reduceat(values, indptr[wanted[counts > 0]]) if len(values) else values
+        opacity[wanted[counts > 0]] = sums
+        return SampleWeights(indptr, rows[kept], values, opacity)
+
+    def save(self, path: Any) -> None:
+        """Write the field as an ``.npz`` that svox2 reads, too (`lfportrait.field.storage`)."""
+        from .storage import save_field
+
+        save_field(self, path)
+
+    @staticmethod
+    def load(path: Any) -> VoxelField:
+        """Read a field that lfportrait or svox2 wrote.
+
+        Raises
+        ------
+        UserError
+            If the file is missing, damaged or not a field.
+        """
+        from .storage import load_field
+
+        return load_field(path)

@@ -1,0 +1,481 @@
+"""Signed distance of a modelled human head: the shape of the embedded capture and exemplars.
+
+The head is a smooth union of ellipsoids and capsules (skull, face, jaw, cheekbones, nose, neck),
+refined by smooth bumps of compact support in the frontal projection (sockets, folds, lips) and by
+carving (mouth line, nostrils, the slit between the lids). Hair is a layer over the skull whose
+thickness grows behind the hairline, with relief along strands that run from the face to a whorl or
+a knot. Four surfaces are kept apart, so that each can have its own material: skin, hair, cloth and
+eyeballs. Distances are approximate (a lower bound up to a factor of about 0.7 near folds), exact in
+sign. The world is the portrait frame: +y up, +z out of the face; one unit is about 17 cm.
+
+The parameters are one `HeadModel` (a named tuple, which Numba compiles as a record).
+"""
+
+from __future__ import annotations
+
+from math import atan2, sqrt
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+__all__ = ["HeadModel", "bump", "fractal", "hair_coordinates", "lid_lines", "mouth_lines", "noise",
+           "scene", "surfaces"]
+
+Colour = tuple[float, float, float]
+
+
+class HeadModel(NamedTuple):
+    """A person. Lengths are factors on an average adult's, or world units where they say so."""
+
+    skull_width: float = 1.0
+    face_width: float = 1.0
+    jaw_width: float = 1.0
+    chin_drop: float = 0.0
+    """How much lower than average the chin is, world units."""
+    chin_width: float = 1.0
+    chin_forward: float = 0.0
+    cheekbone: float = 1.0
+    cheek_hollow: float = 0.0
+    nose_width: float = 1.0
+    nose_length: float = 0.0
+    """How much lower than average the nose ends, world units."""
+    nose_out: float = 0.0
+    """How much further than average the tip stands out, world units."""
+    nose_hump: float = 0.0
+    eye_open: float = 1.0
+    eye_tilt: float = 0.010
+    """How much higher the outer corner is than the inner one, world units."""
+    eye_space: float = 0.0
+    """How much further than average each eye is from the middle, world units."""
+    brow_height: float = 0.0
+    brow_arch: float = 1.0
+    brow_width: float = 1.0
+    brow_ridge: float = 1.0
+    lip_upper: float = 1.0
+    lip_lower: float = 1.0
+    mouth_width: float = 1.0
+    smile: float = 0.0
+    """How much higher the corners of the mouth are, world units."""
+    ear_size: float = 1.0
+    neck_width: float = 1.0
+    folds: float = 0.0
+    """Depth of the folds that come with age: nose to mouth, under the eyes, forehead."""
+    hairline: float = 0.0
+    """How much higher than average the hair begins, world units."""
+    hair_top: float = 0.06
+    """Thickness of the hair on top, world units."""
+    hair_side: float = 0.04
+    hair_quiff: float = 0.0
+    """Extra thickness above the forehead, world units."""
+    hair_knot: float = 0.0
+    """Radius of a knot at the pole of the strands, world units; 0 = none."""
+    hair_pole_y: float = 0.62
+    """Height of the pole to which the strands run."""
+    hair_pole_z: float = -0.42
+    hair_twist: float = 0.0
+    """Radians by which a strand turns about the pole on its way."""
+    hair_relief: float = 1.0
+    beard: float = 0.0
+    """Cover of the beard's shadow in [0, 1]."""
+    collar: float = 0.0
+    """0 = round neckline, 1 = shirt collar."""
+    freckles: float = 0.0
+    skin: Colour = (0.80, 0.57, 0.45)
+    """Linear albedo of the skin, RGB in [0, 1]; so for the other colours."""
+    blush: Colour = (0.78, 0.36, 0.29)
+    lips: Colour = (0.60, 0.22, 0.20)
+    iris: Colour = (0.13, 0.22, 0.16)
+    brow: Colour = (0.075, 0.040, 0.025)
+    hair: Colour = (0.12, 0.045, 0.02)
+    hair_light: Colour = (0.36, 0.15, 0.06)
+    cloth: Colour = (0.02, 0.13, 0.17)
+    seed: int = 7
+
+
+@numba.njit(cache=True)
+def bump(x, y, cx, cy, rx, ry):
+    """Smooth bump of height 1 at (cx, cy), zero outside the ellipse of radii (rx, ry)."""
+    u, v = (x - cx) / rx, (y - cy) / ry
+    s = 1.0 - u * u - v * v
+    return s * s if s > 0.0 else 0.0
+
+
+@numba.njit(cache=True)
+def _smooth(low, high, value):
+    """Hermite step from 0 at ``low`` to 1 at ``high``."""
+    t = min(max((value - low) / (high - low), 0.0), 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+@numba.njit(cache=True)
+def _union(a, b, k):
+    """Smooth minimum (quadratic) with blending width ``k``."""
+    h = max(k - abs(a - b), 0.0)
+    return min(a, b) - h * h / (4.0 * k)
+
+
+@numba.njit(cache=True)
+def _carve(a, b, k):
+    """``a`` without ``b``, with an edge rounded over ``k``."""
+    return -_union(-a, b, k)
+
+
+@numba.njit(cache=True)
+def _ellipsoid(x, y, z, rx, ry, rz):
+    """Approximate distance to an ellipsoid at the origin."""
+    u, v, w = x / rx, y / ry, z / rz
+    outer = sqrt(u * u + v * v + w * w)
+    u, v, w = u / rx, v / ry, w / rz
+    inner = sqrt(u * u + v * v + w * w)
+    return outer * (outer - 1.0) / inner if inner > 1e-6 else -min(rx, ry, rz)
+
+
+@numba.njit(cache=True)
+def _capsule(x, y, z, ax, ay, az, bx, by, bz, ra, rb):
+    """Distance to a capsule from a to b whose radius goes linearly from ``ra`` to ``rb``."""
+    px, py, pz = x - ax, y - ay, z - az
+    dx, dy, dz = bx - ax, by - ay, bz - az
+    t = (px * dx + py * dy + pz * dz) / (dx * dx + dy * dy + dz * dz)
+    t = min(max(t, 0.0), 1.0)
+    px, py, pz = px - t * dx, py - t * dy, pz - t * dz
+    return sqrt(px * px + py * py + pz * pz) - (ra + t * (rb - ra))
+
+
+@numba.njit(cache=True)
+def _hash(i, j, k):
+    """Uniform number in [0, 1) from three integers (wrapping 32-bit mixing)."""
+    h = (np.uint32(i) * np.uint32(0x8DA6B343)) ^ (np.uint32(j) * np.uint32(0xD8163841)) ^ (
+        np.uint32(k) * np.uint32(0xCB1AB31F))
+    h = np.uint32(h ^ (h >> np.uint32(15))) * np.uint32(0x2C1B3C6D)
+    h = np.uint32(h ^ (h >> np.uint32(12))) * np.uint32(0x297A2D39)
+    h = np.uint32(h ^ (h >> np.uint32(15)))
+    return np.float64(h) / 4294967296.0
+
+
+@numba.njit(cache=True)
+def noise(x, y, z):
+    """Value noise in [-1, 1], smooth, one cell per unit."""
+    fx, fy, fz = np.floor(x), np.floor(y), np.floor(z)
+    i, j, k = int(fx), int(fy), int(fz)
+    u, v, w = x - fx, y - fy, z - fz
+    u, v, w = u * u * (3.0 - 2.0 * u), v * v * (3.0 - 2.0 * v), w * w * (3.0 - 2.0 * w)
+    a = _hash(i, j, k) * (1.0 - u) + _hash(i + 1, j, k) * u
+    b = _hash(i, j + 1, k) * (1.0 - u) + _hash(i + 1, j + 1, k) * u
+    c = _hash(i, j, k + 1) * (1.0 - u) + _hash(i + 1, j, k + 1) * u
+    d = _hash(i, j + 1, k + 1) * (1.0 - u) + _hash(i + 1, j + 1, k + 1) * u
+    return 2.0 * ((a * (1.0 - v) + b * v) * (1.0 - w) + (c * (1.0 - v) + d * v) * w) - 1.0
+
+
+@numba.njit(cache=True)
+def fractal(x, y, z):
+    """Three octaves of `noise`, about [-1, 1]."""
+    return 0.57 * noise(x, y, z) + 0.29 * noise(2.1 * x + 5.2, 2.1 * y + 1.3, 2.1 * z + 8.1) + (
+        0.14 * noise(4.3 * x + 1.7, 4.3 * y + 9.2, 4.3 * z + 2.8))
+
+
+@numba.njit(cache=True)
+def lid_lines(m, ax):
+    """Height of the margins of the upper and lower lid at distance ``ax`` from the middle.
+
+    Returns upper, lower and the place across the eye (-1 inner corner, 1 outer corner).
+    """
+    t = (ax - 0.184 - m.eye_space) / 0.0885
+    s = max(1.0 - t * t, 0.0)
+    level = 0.5 * (t + 1.0) * m.eye_tilt - 0.004
+    upper = level + m.eye_open * 0.0335 * s ** 0.80 * (1.0 - 0.13 * t)
+    lower = level - 0.0275 * s ** 0.95 * (1.0 + 0.20 * t)
+    return upper, lower, t
+
+
+@numba.njit(cache=True)
+def mouth_lines(m, ax):
+    """Heights of the lips at distance ``ax`` from the middle: upper border, gap, lower border.
+
+    The fourth value is the place across the mouth, 0 in the middle, 1 at the corner.
+    """
+    t = ax / (0.148 * m.mouth_width)
+    s = max(1.0 - t * t, 0.0)
+    base = -0.400 - 0.45 * m.chin_drop
+    gap = base + m.smile * t * t + 0.006 * (1.0 - t) * t * t - 0.006 * bump(t, 0.0, 0.0, 0.0, 0.5,
+                                                                             1.0)
+    bow = 0.30 * bump(t, 0.0, 0.22, 0.0, 0.34, 1.0) - 0.16 * bump(t, 0.0, 0.0, 0.0, 0.20, 1.0)
+    upper = gap + m.lip_upper * 0.042 * (s ** 0.9 * (0.86 - 0.16 * t) + bow)
+    lower = gap - m.lip_lower * 0.056 * s ** 0.62 * (1.0 - 0.16 * t)
+    return upper, gap, lower, t
+
+
+@numba.njit(cache=True)
+def _bone(m, x, ax, y, z):
+    """Skull and cheeks without features: what hair grows on."""
+    d = _ellipsoid(x, y - 0.175, z + 0.045, 0.415 * m.skull_width, 0.485, 0.545)
+    return _union(d, _ellipsoid(x, y + 0.135, z - 0.125, 0.338 * m.face_width, 0.44, 0.375), 0.16)
+
+
+@numba.njit(cache=True)
+def _nose(m, ax, y, z, d):
+    """Blend the nose into the face distance ``d``; carve the nostrils."""
+    low, out, wide = -m.nose_length, m.nose_out, m.nose_width
+    bridge = _capsule(ax, y, z, 0.0, 0.075, 0.468, 0.0, -0.185 + low, 0.610 + out, 0.043 * wide,
+                      0.042 * wide)
+    hump = 0.018 * m.nose_hump * bump(ax, y, 0.0, -0.03, 0.08, 0.10)
+    d = _union(d, bridge - hump, 0.075)
+    d = _union(d, _ellipsoid(ax, y + 0.207 - low, z - 0.621 - out, 0.054 * wide, 0.046, 0.056),
+               0.045)
+    wing = _ellipsoid(ax - 0.070 * wide, y + 0.222 - low, z - 0.560 - 0.4 * out, 0.036 * wide,
+                      0.038, 0.056)
+    d = _union(d, wing, 0.032)
+    d = _union(d, _capsule(ax, y, z, 0.0, -0.240 + low, 0.612 + out, 0.0, -0.262 + low, 0.540,
+                           0.022, 0.022), 0.030)
+    # The hole is a slanted ellipsoid that points up and inwards.
+    hx, hy, hz = ax - 0.040 * wide, y + 0.262 - low, z - 0.588 - 0.7 * out
+    hole = _ellipsoid(hx + 0.35 * hz, hy, hz - 0.25 * hx, 0.0185 * wide, 0.026, 0.034)
+    return _carve(d, hole, 0.014)
+
+
+@numba.njit(cache=True)
+def _lips(m, ax, y, z, d):
+    """Shape of the lips, the groove above them and the hollow below them."""
+    upper, gap, lower, t = mouth_lines(m, ax)
+    middle = 0.5 * (gap + upper)
+    if t < 1.25:
+        fade = _smooth(1.02, 0.55, t)
+        top = upper - gap + 1e-3
+        u = (y - middle) / (0.5 * top + 0.004)
+        full = 0.020 * m.lip_upper ** 0.5 * fade
+        if abs(u) < 1.0:
+            d -= full * (1.0 - u * u) * (1.0 - 0.25 * u)
+        v = (y - 0.5 * (gap + lower)) / (0.5 * (gap - lower) + 0.006)
+        if abs(v) < 1.0:
+            d -= 0.027 * m.lip_lower ** 0.5 * fade * (1.0 - v * v) * (1.0 + 0.15 * v)
+        groove = (y - gap) / 0.012
+        d += 0.017 * _smooth(1.12, 0.80, t) / (1.0 + groove * groove * groove * groove)
+    corner = 0.148 * m.mouth_width
+    d += 0.014 * bump(ax, y, corner + 0.012, gap, 0.042, 0.040)
+    d -= 0.010 * bump(ax, y, corner + 0.055, gap - 0.005, 0.060, 0.075)
+    d += 0.013 * bump(ax, y, 0.0, upper + 0.035, 0.026, 0.060)
+    d -= 0.006 * bump(ax, y, 0.032, upper + 0.035, 0.030, 0.065)
+    return d + 0.026 * bump(ax, y, 0.0, lower - 0.028, 0.150, 0.050)
+
+
+@numba.njit(cache=True)
+def _eyes(m, ax, y, z, d):
+    """Sockets, lids with their fold, and the slit through which the eyeball is seen."""
+    cx = 0.184 + m.eye_space
+    d += 0.034 * bump(ax, y, cx - 0.055, 0.000, 0.125, 0.115)
+    d += 0.016 * bump(ax, y, cx + 0.03, 0.030, 0.17, 0.075)
+    ex, ez = ax - cx, z - 0.385
+    radius = sqrt(ex * ex + y * y + ez * ez)
+    if ez < -0.02 or radius > 0.28:
+        return d
+    upper, lower, t = lid_lines(m, ax)
+    d = _union(d, radius - 0.1055, 0.034)
+    # The fold follows the upper lid; skin hangs over it a little on the outside.
+    fold = upper + 0.0215 + 0.004 * t
+    span = _smooth(1.25, 0.75, abs(t))
+    f = (y - fold) / 0.0085
+    d += 0.0085 * span / (1.0 + f * f * f * f)
+    d -= 0.006 * span * bump(y, 0.0, fold + 0.022, 0.0, 0.022, 1.0)
+    b = (y - lower + 0.034 + 0.010 * t) / 0.014
+    d += (0.0035 + 0.004 * m.folds) * _smooth(1.2, 0.5, abs(t)) / (1.0 + b * b * b * b)
+    d -= 0.0030 * span * bump(y, 0.0, upper + 0.004, 0.0, 0.007, 1.0)
+    d -= 0.0028 * span * bump(y, 0.0, lower - 0.005, 0.0, 0.008, 1.0)
+    slit = max(y - upper, lower - y)
+    return _carve(d, max(slit, radius - 0.20), 0.006)
+
+
+@numba.njit(cache=True)
+def _ear(m, ax, y, z):
+    """Ear: a tilted leaf with a rolled rim, an inner ridge, a hollow and a lobe."""
+    # Local frame: u to the back of the head, v up, w out of the ear's face.
+    px, py, pz = ax - 0.408 * m.skull_width, y + 0.085, z + 0.035
+    py, pz = 0.978 * py + 0.208 * pz, -0.208 * py + 0.978 * pz
+    u = -0.88 * pz + 0.475 * px
+    w = 0.88 * px + 0.475 * pz
+    u, v, w = u / m.ear_size - 0.055, py / m.ear_size, w / m.ear_size - 0.022
+    narrow = 0.098 + 0.030 * min(max(v / 0.18, -1.0), 1.0)
+    r = sqrt((u / narrow) ** 2 + (v / 0.185) ** 2)
+    leaf = (r - 1.0) * 0.105
+    cup = w - 0.10 * (u / 0.1) ** 2 * 0.25
+    plate = _union(max(leaf, abs(cup) - 0.012), 10.0, 0.01)
+    rim_out = leaf + 0.016
+    rim = sqrt(rim_out * rim_out + (cup - 0.010) ** 2) - 0.0165 * (1.0 - 0.25 * _smooth(
+        -0.02, -0.15, v))
+    d = _union(plate, rim, 0.014)
+    lobe = _ellipsoid(u + 0.022, v + 0.168, w - 0.002, 0.046, 0.046, 0.022)
+    d = _union(d, lobe, 0.030)
+    ridge_r = (sqrt((u / (0.60 * narrow)) ** 2 + ((v - 0.01) / 0.115) ** 2) - 1.0) * 0.06
+    ridge = sqrt(ridge_r * ridge_r + (cup - 0.006) ** 2) - 0.0125
+    if u > -0.02:
+        d = _union(d, ridge, 0.016)
+    d = _carve(d, _ellipsoid(u + 0.022, v + 0.020, w - 0.018, 0.040, 0.066, 0.036), 0.016)
+    d = _union(d, _ellipsoid(u + 0.073, v + 0.030, w - 0.004, 0.020, 0.032, 0.022), 0.018)
+    return d * m.ear_size
+
+
+@numba.njit(cache=True)
+def _torso(m, x, ax, y, z):
+    """Neck, its muscles, collar bones and shoulders, cut like a bust."""
+    d = _capsule(x, y, z, 0.0, -0.30, -0.130, 0.0, -1.10, -0.190, 0.262 * m.neck_width,
+                 0.292 * m.neck_width)
+    cord = _capsule(ax, y, z, 0.295 * m.neck_width, -0.34, -0.120, 0.055, -0.985, 0.080, 0.050,
+                    0.042)
+    d = _union(d, cord, 0.075)
+    d = _union(d, _ellipsoid(x, y + 0.640, z - 0.085, 0.045, 0.075, 0.050), 0.080)
+    slope = _capsule(ax, y, z, 0.10, -0.60, -0.290, 0.78, -1.06, -0.215, 0.150, 0.165)
+    d = _union(d, slope, 0.17)
+    chest = _ellipsoid(x, y + 1.26, z + 0.125, 0.95, 0.40, 0.330)
+    return _union(d, chest, 0.12)
+
+
+@numba.njit(cache=True)
+def _face(m, x, ax, y, z, bone):
+    """Everything of the face but ears and neck."""
+    drop, wide = m.chin_drop, m.face_width
+    d = bone
+    jaw = _capsule(ax, y, z, 0.262 * m.jaw_width, -0.345 - 0.5 * drop, 0.005, 0.072 * m.chin_width,
+                   -0.555 - drop, 0.405 + m.chin_forward, 0.072, 0.066)
+    d = _union(d, jaw, 0.16)
+    chin = _ellipsoid(ax, y + 0.560 + drop, z - 0.432 - m.chin_forward, 0.098 * m.chin_width,
+                      0.086, 0.098)
+    d = _union(d, chin, 0.090)
+    cheek = _capsule(ax, y, z, 0.200 * wide, -0.135, 0.405, 0.362 * wide, -0.060, 0.120,
+                     0.050 * m.cheekbone, 0.036 * m.cheekbone)
+    d = _union(d, cheek, 0.150)
+    d = _union(d, _ellipsoid(ax, y + 0.385 + 0.4 * drop, z - 0.395, 0.165, 0.165, 0.148), 0.110)
+    if z < -0.05:
+        return d
+    brow = _capsule(ax, y, z, 0.040, 0.088, 0.470, 0.250, 0.100, 0.385, 0.040, 0.038)
+    d = _union(d, brow - 0.012 * (m.brow_ridge - 1.0), 0.080)
+    d = _eyes(m, ax, y, z, d)
+    d = _nose(m, ax, y, z, d)
+    d = _lips(m, ax, y, z, d)
+    d += m.cheek_hollow * 0.030 * bump(ax, y, 0.285, -0.290, 0.130, 0.190)
+    d -= 0.012 * bump(ax, y, 0.180, -0.200, 0.130, 0.120)
+    if m.folds > 0.0:
+        line = 0.088 + 0.33 * max(-0.205 - y, 0.0)
+        f = (ax - line) / 0.016
+        d += 0.010 * m.folds * bump(y, 0.0, -0.290, 0.0, 0.115, 1.0) / (1.0 + f * f * f * f)
+        wave = y - 0.02 * noise(6.0 * ax, 3.0, 1.0)
+        row = (wave - 0.20) / 0.055
+        near = row - np.rint(row)
+        if 0.15 < wave < 0.36:
+            d += 0.0035 * m.folds * _smooth(0.28, 0.10, ax) / (1.0 + 60.0 * near * near)
+        d += 0.006 * m.folds * bump(ax, y, 0.024, 0.105, 0.012, 0.045)
+    return d
+
+
+@numba.njit(cache=True)
+def hair_coordinates(m, x, y, z):
+    """Strand angle about the pole (radians) and angle from the pole (0..pi)."""
+    py, pz = y - 0.10, z + 0.02
+    ay, az = m.hair_pole_y - 0.10, m.hair_pole_z + 0.02
+    scale = 1.0 / sqrt(ay * ay + az * az)
+    ay, az = ay * scale, az * scale
+    along = py * ay + pz * az
+    across = py * az - pz * ay
+    side = sqrt(x * x + across * across) + 1e-9
+    theta = atan2(side, along)
+    return atan2(x, -across) + m.hair_twist * theta, theta
+
+
+@numba.njit(cache=True)
+def _hair_cover(m, ax, y, z, phi):
+    """Positive where hair grows: distance behind the hairline, roughly, world units."""
+    front = 0.62 * (y - 0.415 - m.hairline) - 0.80 * (z - 0.455) - 0.55 * max(0.20 - ax, 0.0) ** 2
+    temple = 0.62 * (y - 0.03) - 0.80 * (z - 0.145)
+    front = _union(front, temple, -0.0 + 0.10) if y > 0.25 else _union(front, temple, 0.10)
+    ear = sqrt(((z + 0.075) / 0.120) ** 2 + ((y + 0.105) / 0.205) ** 2) - 1.0
+    ear = max(ear * 0.13, 0.10 * (z - 0.02))
+    nape = 0.9 * (y + 0.43) - 0.25 * (z + 0.35)
+    bottom = y + 0.14 if z > -0.06 else nape
+    return min(min(front, ear), bottom) + 0.012 * noise(16.0 * phi, 3.0 * y, 0.0)
+
+
+@numba.njit(cache=True)
+def _hair(m, x, ax, y, z, bone):
+    """Hair over the skull, with relief along the strands; and the knot."""
+    knot = 10.0
+    if m.hair_knot > 0.0:
+        kx, ky, kz = x, y - m.hair_pole_y, z - m.hair_pole_z
+        r = sqrt(kx * kx + ky * ky + kz * kz)
+        knot = r - m.hair_knot
+        if abs(knot) < 0.06:
+            turn = atan2(kx, ky * 0.6 + kz * -0.8) * 1.0
+            swirl = turn * 1.2 + 9.0 * (ky * 0.8 + kz * 0.6) / m.hair_knot
+            knot += 0.014 * noise(swirl * 1.1, 1.5 * turn, 4.0) + 0.006 * noise(
+                swirl * 5.0, 2.0 * turn, 9.0)
+    if bone > 0.30 or bone < -0.12:
+        return min(max(bone - 0.16, 0.05) if bone > 0.0 else 0.05, knot)
+    phi, theta = hair_coordinates(m, x, y, z)
+    cover = _hair_cover(m, ax, y, z, phi)
+    high = _smooth(-0.05, 0.45, y)
+    thick = m.hair_side + (m.hair_top - m.hair_side) * high
+    thick += m.hair_quiff * bump(x, z, 0.03, 0.30, 0.42, 0.34) * high
+    grown = min(max(cover / 0.11, -1.0), 1.0)
+    rise = sqrt(grown) if grown > 0.0 else grown
+    d = bone - thick * rise - 0.004
+    if d < 0.07:
+        relief = 0.50 * noise(phi * 9.0, theta * 1.3, 2.0) + 0.32 * noise(
+            phi * 23.0, theta * 2.0, 5.0) + 0.18 * noise(phi * 61.0, theta * 3.0, 7.0)
+        d -= 0.020 * m.hair_relief * relief * _smooth(0.0, 0.5, theta) * (0.25 + 0.75 * max(
+            grown, 0.0))
+    return _union(d, knot, 0.05)
+
+
+@numba.njit(cache=True)
+def _cloth(m, x, ax, y, z, torso):
+    """A shirt over the shoulders with a rolled neckline, or a collar."""
+    edge = y + 0.845 + 0.30 * max(z + 0.10, -0.22) + 0.05 * m.collar
+    d = max(torso - 0.022, edge)
+    roll = sqrt((torso - 0.018) ** 2 + edge * edge) - 0.020
+    d = _union(d, roll, 0.020)
+    if m.collar > 0.0:
+        stand = y + 0.775 + 0.36 * max(z + 0.05, -0.30) + 0.75 * max(0.085 - ax, 0.0)
+        leaf = max(max(abs(torso - 0.040) - 0.014, stand), -(stand + 0.15 + 0.10 * _smooth(
+            -0.1, 0.2, z)))
+        d = _union(d, leaf, 0.012)
+    wave = 0.010 * noise(5.0 * x, 3.0 * y, 4.0 * z)
+    return d + wave
+
+
+@numba.njit(cache=True)
+def surfaces(m, x, y, z):
+    """Signed distances to skin, hair, cloth and eyeballs at a world point.
+
+    Parameters
+    ----------
+    m
+        The `HeadModel`.
+    x, y, z
+        World coordinates.
+
+    Returns
+    -------
+    skin, hair, cloth, eye
+        World units, negative inside.
+    """
+    ax = sqrt(x * x + 1e-6)
+    bone = _bone(m, x, ax, y, z)
+    skin = _face(m, x, ax, y, z, bone)
+    if ax > 0.25 and y < 0.3:
+        skin = _union(skin, _ear(m, ax, y, z), 0.030)
+    hair = _hair(m, x, ax, y, z, bone)
+    cloth = 10.0
+    if y < -0.25:
+        torso = _torso(m, x, ax, y, z)
+        cut = y + 0.985
+        cut = -cut
+        skin = max(_union(skin, torso, 0.055), cut)
+        cloth = max(max(_cloth(m, x, ax, y, z, torso), cut), sqrt(x * x + 0.3 * z * z) - 0.93)
+        skin = max(skin, sqrt(x * x + 0.3 * z * z) - 0.925)
+    ex, ez = ax - 0.184 - m.eye_space, z - 0.385
+    eye = sqrt(ex * ex + y * y + ez * ez) - 0.0955
+    return skin, hair, cloth, eye
+
+
+@numba.njit(cache=True)
+def scene(m, x, y, z):
+    """Signed distance to the nearest of all surfaces."""
+    skin, hair, cloth, eye = surfaces(m, x, y, z)
+    return min(min(skin, hair), min(cloth, eye))

@@ -1,0 +1,143 @@
+"""The command line: exit codes, one clear line for each mistake, nothing half-written."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfportrait.cli import COMMANDS, main
+from lfportrait.files import write_image
+
+
+def run(*words: str) -> int:
+    return main([str(word) for word in words])
+
+
+def left_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.rglob("*") if path.is_file())
+
+
+def one_line(capsys: pytest.CaptureFixture[str]) -> str:
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("lfportrait:")]
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+def test_usage_names_every_command(capsys):
+    assert run() == 0
+    text = capsys.readouterr().out
+    assert all(f"  {name}" in text for name in COMMANDS)
+
+
+def test_every_command_explains_its_options(capsys):
+    for name in COMMANDS:
+        with pytest.raises(SystemExit) as stop:
+            run(name, "--help")
+        assert stop.value.code == 0
+        assert "--json" in capsys.readouterr().out
+
+
+def test_unknown_command(capsys):
+    assert run("stylise") == 2
+    assert "there is no command 'stylise'" in one_line(capsys)
+
+
+def test_unknown_option_is_the_users_mistake():
+    with pytest.raises(SystemExit) as stop:
+        run("encode", "field.npz", "--diplay", "generic-4k")
+    assert stop.value.code == 2
+
+
+@pytest.fixture
+def style(tmp_path: Path) -> Path:
+    """An exemplar with landmarks, good enough to pass the look at the inputs."""
+    path = tmp_path / "style.png"
+    assert run("styles", "--out", path, "--quiet") == 0
+    return path
+
+
+def test_missing_folder(tmp_path, style, capsys):
+    out = tmp_path / "out"
+    assert run("make", tmp_path / "nowhere", "--style", style, "--out", out) == 2
+    assert "nowhere" in one_line(capsys)
+    assert not out.exists()
+
+
+def test_empty_folder(tmp_path, style, capsys):
+    (tmp_path / "photos").mkdir()
+    assert run("make", tmp_path / "photos", "--style", style, "--out", tmp_path / "out",
+               "--quiet") == 2
+    assert "photos" in one_line(capsys)
+    assert not left_in(tmp_path / "out")
+
+
+def test_two_photos(tmp_path, style, capsys):
+    noise = np.random.default_rng(0).integers(0, 256, (2, 60, 80, 3), dtype=np.uint8)
+    for number, image in enumerate(noise):
+        write_image(tmp_path / "photos" / f"{number}.jpg", image)
+    assert run("make", tmp_path / "photos", "--style", style, "--out", tmp_path / "out",
+               "--quiet") == 2
+    assert "2" in one_line(capsys)
+    assert not left_in(tmp_path / "out")
+
+
+def test_photos_that_do_not_overlap(tmp_path, style, capsys):
+    generator = np.random.default_rng(0)
+    for number in range(4):
+        write_image(tmp_path / "photos" / f"{number}.png",
+                    generator.integers(0, 256, (120, 160, 3), dtype=np.uint8))
+    assert run("make", tmp_path / "photos", "--style", style, "--out", tmp_path / "out",
+               "--quiet") == 2
+    assert "overlap" in one_line(capsys)
+    assert not left_in(tmp_path / "out")
+
+
+def test_style_without_landmarks_or_face(tmp_path, capsys):
+    write_image(tmp_path / "flat.png", np.full((64, 48, 3), 0.5))
+    (tmp_path / "photos").mkdir()
+    assert run("make", tmp_path / "photos", "--style", tmp_path / "flat.png",
+               "--out", tmp_path / "out") == 2
+    assert "flat.png" in one_line(capsys)
+    assert not (tmp_path / "out").exists()
+
+
+def test_unknown_style_and_display(tmp_path, style, capsys):
+    (tmp_path / "photos").mkdir()
+    assert run("make", tmp_path / "photos", "--style", "nosuchstyle", "--out",
+               tmp_path / "out") == 2
+    assert "nosuchstyle" in one_line(capsys)
+    assert run("make", tmp_path / "photos", "--style", style, "--display", "holodeck", "--out",
+               tmp_path / "out") == 2
+    assert "holodeck" in one_line(capsys)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 torn", b"\x93NUMPY"])
+def test_a_file_that_is_no_field(tmp_path, capsys, content):
+    (tmp_path / "field.npz").write_bytes(content)
+    assert run("encode", tmp_path / "field.npz", "--out", tmp_path / "out.png", "--quiet") == 2
+    assert "field.npz" in one_line(capsys)
+    assert not (tmp_path / "out.png").exists()
+
+
+def test_an_output_that_cannot_be_written(tmp_path, style, capsys):
+    (tmp_path / "file").write_text("in the way")
+    assert run("make", tmp_path, "--style", style, "--out", tmp_path / "file" / "out") == 2
+    assert "can't write" in one_line(capsys)
+
+
+def test_json_holds_what_every_run_has(tmp_path):
+    assert run("display", "list", "--json", tmp_path / "run.json") == 0
+    figures = json.loads((tmp_path / "run.json").read_text())
+    assert {"seconds", "peak_memory_bytes", "device", "version"} <= set(figures)
+    assert figures["seconds"]["wall"] >= 0
+
+
+def test_the_installed_program_runs():
+    result = subprocess.run([sys.executable, "-m", "lfportrait", "--version"],
+                            capture_output=True, text=True, check=False)
+    assert result.returncode == 0
+    assert result.stdout.strip()
