@@ -2,12 +2,15 @@
 
 from .exemplar import Exemplar, face_size
 from .guides import Guides, appearance_guide, position_guide
-from .table import LookUpTable, TableConfig, build_table
+from .regions import LABELS, Regions, find_regions
 from .styleblit import BlitConfig, Synthesis, synthesise
+from .surface import SurfaceGuide, surface_position_guide
+from .table import LookUpTable, TableConfig, build_table
 from .transfer import Transfer, TransferConfig, TransferResult, transfer
 
 __all__ = [
-    "BlitConfig", "Exemplar", "Guides", "LookUpTable", "Synthesis", "TableConfig", "Transfer",
-    "TransferConfig", "TransferResult", "appearance_guide", "build_table", "face_size",
-    "position_guide", "synthesise", "transfer",
+    "LABELS", "BlitConfig", "Exemplar", "Guides", "LookUpTable", "Regions", "SurfaceGuide",
+    "Synthesis", "TableConfig", "Transfer", "TransferConfig", "TransferResult", "appearance_guide",
+    "build_table", "face_size", "find_regions", "position_guide", "surface_position_guide",
+    "synthesise", "transfer",
 ]

@@ -15,8 +15,11 @@ from numpy.typing import NDArray
 
 from ..kernels.example_guides import blur_rows, mls_points, resample_grid
 
-__all__ = ["Guides", "appearance_guide", "fold_inside", "gaussian_blur", "grey", "match_histogram",
-           "mls_similarity", "position_guide"]
+__all__ = [
+    "Guides", "anchor_scale", "appearance_guide", "fold_inside", "gaussian_blur", "grey",
+    "match_histogram", "mls_similarity", "pixel_centres", "position_guide", "relative_stretch",
+    "sample_labels",
+]
 
 Float32 = NDArray[np.float32]
 
@@ -187,3 +190,49 @@ def match_histogram(values: Float32, reference: NDArray[np.float32], inside: NDA
     low = np.minimum(index.astype(np.int32), bins - 1)
     table = mapping.astype(np.float32)
     return table[low] + (index - low) * (table[low + 1] - table[low])
+
+
+def pixel_centres(shape: tuple[int, ...]) -> Float32:
+    """Continuous coordinates (x, y) of the pixel centres of a picture (H, W, ...), [H, W, 2]."""
+    x, y = np.meshgrid(np.arange(shape[1], dtype=np.float32) + np.float32(0.5),
+                       np.arange(shape[0], dtype=np.float32) + np.float32(0.5))
+    return np.stack([x, y], axis=-1)
+
+
+def sample_labels(labels: NDArray[np.uint8], position: Float32) -> NDArray[np.uint8]:
+    """Labels [h, w, K] of the exemplar at the positions [H, W, 2]; 0 where those are NaN."""
+    known = np.isfinite(position[..., 0])
+    safe = np.where(known[..., None], position, 0)
+    x = np.clip(safe[..., 0].astype(np.int64), 0, labels.shape[1] - 1)
+    y = np.clip(safe[..., 1].astype(np.int64), 0, labels.shape[0] - 1)
+    return np.ascontiguousarray(np.where(known[..., None], labels[y, x], 0), np.uint8)
+
+
+def _steps(field: Float32) -> tuple[Float32, Float32]:
+    """Length of the change of ``field`` [H, W, 2] to the next pixel along x and along y, [H, W]."""
+    along_x, along_y = (np.full(field.shape[:2], np.nan, np.float32) for _ in range(2))
+    along_x[:, :-1] = np.hypot(*np.moveaxis(field[:, 1:] - field[:, :-1], -1, 0))
+    along_y[:-1] = np.hypot(*np.moveaxis(field[1:] - field[:-1], -1, 0))
+    return along_x, along_y
+
+
+def anchor_scale(anchor: Float32) -> float:
+    """Exemplar pixels per target pixel of an anchor plane: median of its smaller steps."""
+    along_x, along_y = _steps(anchor)
+    smaller = np.fmin(along_x, along_y)
+    smaller = smaller[np.isfinite(smaller)]
+    return float(np.median(smaller)) if smaller.size else 1.0
+
+
+def relative_stretch(position: Float32, anchor: Float32, least: float = 0.1) -> Float32:
+    """How much slower the position changes than the anchor, float32 [H, W] in [least, 1].
+
+    Where many surface points share a place in the exemplar (the back of a head), the position can't
+    ask for more than that: its weight falls in proportion.
+    """
+    ratio = np.ones(position.shape[:2], np.float32)
+    for moved, steady in zip(_steps(position), _steps(anchor)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = moved / steady
+        ratio = np.fmin(ratio, np.where(np.isfinite(share), share, np.float32(1)))
+    return gaussian_blur(np.clip(ratio, np.float32(least), np.float32(1)), 2.0)

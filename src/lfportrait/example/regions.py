@@ -104,27 +104,51 @@ class Regions:
     def __post_init__(self) -> None:
         self.frame = FaceFrame.of(self.landmarks)
 
-    def outline(self) -> Float64:
-        """Where the rays `RAYS` leave the person, [R, 2] pixels; NaN where they leave the picture."""
-        return self._rays(self.person, last=True)
+    def outline(self, rays: Float64 = RAYS) -> Float64:
+        """Where ``rays`` leave the person, [R, 2] pixels; NaN where they leave the picture."""
+        return self._rays(self.person, rays, last=True)
 
-    def hairline(self) -> Float64:
-        """Where the rays `RAYS` enter the hair, [R, 2] pixels; NaN where there is none."""
+    def lowest(self) -> float:
+        """Depth of the picture's lower border below the brows, at least 1.02 (1 is the chin)."""
+        frame = self.frame
+        return max(1.02, float((self.person.shape[0] - 3 - frame.origin[1]) / frame.height))
+
+    def edges(self, depth: float) -> tuple[Float64, Float64]:
+        """Left and right edge of neck or body, [2] pixels each, ``depth`` below the brows.
+
+        Where the person's mask shows none they are two thirds as far apart as the ears.
+        """
+        frame = self.frame
+        across = np.linspace(-2.0, 2.0, 321)
+        points = frame.point(across, np.full(across.size, depth))
+        line = map_coordinates(self.person, [points[:, 1] - 0.5, points[:, 0] - 0.5], order=1,
+                               mode="constant", cval=0.0) > 0.5
+        half = 0.33 * frame.width / frame.height
+        distances = []
+        for side in (-1, 1):
+            outside = np.flatnonzero(~line & (across * side > 0))
+            nearest = float(np.min(np.abs(across[outside])))
+            distances.append(side * (nearest if nearest > 0.4 * half else half))
+        ends = frame.point(np.array(distances), np.array([depth, depth]))
+        return ends[0], ends[1]
+
+    def hairline(self, rays: Float64 = RAYS) -> Float64:
+        """Where ``rays`` enter the hair, [R, 2] pixels; NaN where there is none."""
         if self.hair is None:
-            return np.full((len(RAYS), 2), np.nan)
-        return self._rays(np.asarray(1 - self.hair, np.float32), last=False)
+            return np.full((len(rays), 2), np.nan)
+        return self._rays(np.asarray(1 - self.hair, np.float32), rays, last=False)
 
-    def _rays(self, mask: Float32, last: bool) -> Float64:
+    def _rays(self, mask: Float32, rays: Float64, last: bool) -> Float64:
         """First (or last) place on each ray where ``mask`` falls below one half."""
         frame = self.frame
         radius = np.linspace(0.15, 2.2, 165)
-        right = np.sin(RAYS)[:, None] * radius
-        down = -np.cos(RAYS)[:, None] * radius
+        right = np.sin(rays)[:, None] * radius
+        down = -np.cos(rays)[:, None] * radius
         points = frame.point(right, down)
         height, width = mask.shape
         values = map_coordinates(mask, [points[..., 1] - 0.5, points[..., 0] - 0.5], order=1,
                                  mode="constant", cval=-1.0)
-        out = np.full((len(RAYS), 2), np.nan)
+        out = np.full((len(rays), 2), np.nan)
         for n, line in enumerate(values):
             seen = line >= 0
             end = len(line) if seen.all() else int(np.argmin(seen))

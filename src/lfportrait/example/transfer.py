@@ -16,9 +16,13 @@ from .guides import (
     Guides,
     appearance_guide,
     fold_inside,
+    anchor_scale,
     gaussian_blur,
     match_histogram,
+    pixel_centres,
     position_guide,
+    relative_stretch,
+    sample_labels,
 )
 from .regions import Regions, find_regions, match_regions
 from .styleblit import BlitConfig, Synthesis, synthesise
@@ -149,17 +153,33 @@ class Transfer:
         config = self.config
         landmarks = np.asarray(landmarks, np.float64)
         photo = np.asarray(image[..., :3])
-        regions = find_regions(photo, landmarks, mask)
-        scale = self._scale(landmarks)
-        guides, regular = self._guides(photo, landmarks, regions, scale, position, seeds_anchor)
-        weights = self._weights(regions)
+        if position is None:
+            regions = find_regions(photo, landmarks, mask)
+            position, labels = self._flat_guide(photo, landmarks, regions), regions.labels()
+            person = regions.person
+        else:
+            # The place in the exemplar says what a surface point is, alike in every view.
+            labels = sample_labels(self.labels, position)
+            person = np.isfinite(position[..., 0]).astype(np.float32)
+            if mask is not None:
+                person = person * mask
+        scale = self._scale(landmarks) if seeds_anchor is None else anchor_scale(seeds_anchor)
+        regular = seeds_anchor is None
+        if seeds_anchor is None:
+            seeds_anchor = np.float32(scale) * pixel_centres(photo.shape)
+        appearance = self._appearance(photo, landmarks, scale, person, position)
+        guides = Guides(np.ascontiguousarray(position, np.float32), appearance, labels,
+                        np.ascontiguousarray(seeds_anchor, np.float32))
+        weights = self._weights(person)
+        if not regular:
+            weights[..., 0] *= relative_stretch(guides.position, guides.anchor)
         guides_seconds = time.perf_counter() - start
         start = time.perf_counter()
         synthesis = synthesise(
             guides, weights, config.label_weight, self.appearance, self.labels, self.table,
             self._colours(scale), config.blit, seed=config.seed,
             scale=scale if regular else None)
-        cover = self._cover(photo, landmarks, regions, guides)
+        cover = self._cover(photo, landmarks, person, guides)
         base = photo.astype(np.float32) / np.float32(255) if photo.dtype == np.uint8 else photo
         result = base + (synthesis.image - base) * cover[..., None]
         seconds = {"table_seconds": self.table_seconds, "guides_seconds": guides_seconds,
@@ -184,39 +204,32 @@ class Transfer:
                  for c in range(3)], axis=-1)
         return self._filtered[key]
 
-    def _guides(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64], regions: Regions,
-                scale: float, position: Float32 | None,
-                anchor: Float32 | None) -> tuple[Guides, bool]:
-        """All guides, and whether the anchor is the regular pixel grid."""
-        config = self.config
-        height, width = photo.shape[:2]
-        if position is None:
-            sources, targets, weights = match_regions(
-                landmarks, regions, self.exemplar.landmarks, self.regions, config.contours)
-            position = position_guide(photo.shape, sources, targets, weights=weights,
-                                      grid=config.grid)
-            position = fold_inside(position, self.exemplar.image.shape, self.regions.box())
-        regular = anchor is None
-        if anchor is None:
-            x, y = np.meshgrid(np.arange(width, dtype=np.float32) + 0.5,
-                               np.arange(height, dtype=np.float32) + 0.5)
-            anchor = np.stack([x, y], axis=-1) * np.float32(scale)
-        appearance = appearance_guide(photo, config.blur * face_size(landmarks))
-        appearance = match_histogram(appearance, self.appearance[self.regions.person > 0.5],
-                                     (regions.person > 0.5) & np.isfinite(position[..., 0]))
-        return Guides(np.ascontiguousarray(position, np.float32), appearance, regions.labels(),
-                      np.ascontiguousarray(anchor, np.float32)), regular
+    def _flat_guide(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
+                    regions: Regions) -> Float32:
+        """Position guide of a photo from its landmarks and contours."""
+        sources, targets, weights = match_regions(
+            landmarks, regions, self.exemplar.landmarks, self.regions, self.config.contours)
+        position = position_guide(photo.shape, sources, targets, weights=weights,
+                                  grid=self.config.grid)
+        return fold_inside(position, self.exemplar.image.shape, self.regions.box())
 
-    def _weights(self, regions: Regions) -> Float32:
+    def _appearance(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
+                    scale: float, person: Float32, position: Float32) -> Float32:
+        """Appearance guide of the target, matched to the exemplar's inside the person."""
+        sigma = self.config.blur * self.exemplar.size / scale
+        appearance = appearance_guide(photo, max(sigma, 0.7))
+        return match_histogram(appearance, self.appearance[self.regions.person > 0.5],
+                               (person > 0.5) & np.isfinite(position[..., 0]))
+
+    def _weights(self, person: Float32) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
         config = self.config
-        person = regions.person
         place = config.background_position + (1 - config.background_position) * person
         look = config.background_appearance + (1 - config.background_appearance) * person
         return np.stack([place * np.float32(config.table.position_weight / self.unit),
                          look * np.float32(config.table.appearance_weight * 255)], axis=-1)
 
-    def _cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64], regions: Regions,
+    def _cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64], person: Float32,
                guides: Guides) -> Float32:
         """Weight of the synthesis against the photo."""
         config = self.config
@@ -228,7 +241,7 @@ class Transfer:
             mask = face_mask(picture, landmarks)
             cover = gaussian_blur(np.asarray(mask, np.float32), 0.06 * face_size(landmarks))
         elif config.region == "head":
-            cover = regions.person
+            cover = person
         else:
             cover = np.ones(photo.shape[:2], np.float32)
         cover = cover * np.float32(config.strength)
