@@ -48,7 +48,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
     minimum, maximum, exp, gather = LANES.minimum, LANES.maximum, LANES.exp, LANES.gather
     bits, lowest, lane_of, load, store = (LANES.bits, LANES.lowest, LANES.lane, LANES.load,
                                           LANES.store)
-    total, ints = LANES.total, LANES.ints
+    total, iota = LANES.total, LANES.iota
     two = width == 32
     one, zero = np.float32(1.0), np.float32(0.0)
 
@@ -100,7 +100,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
                 store(grad_rows, place, load(grad_rows, place) + weights[corner] * rest)
 
     @njit(cache=True)
-    def setup_ray(camera, lattice, count, x, y, step, i, ray, basis, scratch, fill):
+    def setup_ray(camera, lattice, count, x, y, step, i, ray, basis, scratch):
         cx = (x + 0.5 - camera[14]) / camera[12]
         cy = (y + 0.5 - camera[15]) / camera[13]
         scale = 1.0 / np.sqrt(cx * cx + cy * cy + 1.0)
@@ -177,7 +177,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
                         record_value[count, 5], record_value[count, 6] = cr, cg
                         record_value[count, 7], record_value[count, 8] = cb, lane_of(sigma, lane)
                         count += 1
-                        here = LANES_iota() == np.int32(lane)
+                        here = iota() == np.int32(lane)
                         r, g = where(here, max(cr, zero), r), where(here, max(cg, zero), g)
                         b = where(here, max(cb, zero), b)
                     red, green, blue = red + weight * r, green + weight * g, blue + weight * b
@@ -201,8 +201,6 @@ def train_kernel(width: int) -> Callable[..., Any]:
         store(out, 32, blue)
         store(out, 48, through)
         return count
-
-    LANES_iota = LANES.iota
 
     @njit(cache=True, parallel=True)
     def train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, tiles,
@@ -233,8 +231,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
                 for i in range(16):
                     x = min(tiles[tile, 2] + (i & 3), wide - 1)
                     y = min(tiles[tile, 1] + (i >> 2), high - 1)
-                    setup_ray(cameras[view], lattice, count, x, y, step, i, ray, basis, scratch,
-                              fill_basis)
+                    setup_ray(cameras[view], lattice, count, x, y, step, i, ray, basis, scratch)
                 found = forward(table, links, density, rows, nx, ny, nz, flat, step, threshold,
                                 stop, basis, record_place, record_value, out)
                 if only_weights:
