@@ -141,7 +141,7 @@ def grey(image: NDArray[np.generic]) -> Float32:
     """Luma (Rec. 601) in [0, 1] of a picture, uint8 or float in [0, 1], [H, W, 3]."""
     scale = 1 / 255 if image.dtype == np.uint8 else 1.0
     weights = np.array([0.299, 0.587, 0.114], np.float32) * np.float32(scale)
-    return np.asarray(image[..., :3] @ weights, np.float32)
+    return np.asarray(np.asarray(image[..., :3], np.float32) @ weights, np.float32)
 
 
 def gaussian_blur(image: Float32, sigma: float) -> Float32:

@@ -17,7 +17,7 @@ from PIL import Image, ImageDraw
 from scipy.ndimage import map_coordinates
 
 from .guides import gaussian_blur, mls_similarity
-from .segment import overlap, resize, separate
+from .segment import overlap, separate
 
 __all__ = ["LABELS", "FaceFrame", "Regions", "find_regions", "match_regions"]
 
@@ -145,7 +145,6 @@ class Regions:
         right = np.sin(rays)[:, None] * radius
         down = -np.cos(rays)[:, None] * radius
         points = frame.point(right, down)
-        height, width = mask.shape
         values = map_coordinates(mask, [points[..., 1] - 0.5, points[..., 0] - 0.5], order=1,
                                  mode="constant", cval=-1.0)
         out = np.full((len(rays), 2), np.nan)
@@ -195,7 +194,6 @@ class Regions:
             planes.append(soft * rest)
             rest = rest * (1 - soft)
         hair = self.hair if self.hair is not None else np.zeros(shape, np.float32)
-        _, down = frame.local(shape)
         body = gaussian_blur(_below_jaw(shape, points, frame), 1.5 * blur)
         skin = self.person * (1 - hair)
         planes += [skin * (1 - body) * rest, self.person * hair * rest, skin * body * rest,
@@ -263,9 +261,9 @@ def _networks(image: NDArray[np.uint8]) -> tuple[Float32 | None, Float32 | None]
     try:
         from .. import face, models
 
-        if models.available("selfie_segmentation"):
+        if models.available("person-segmentation"):
             person = np.asarray(face.person_matte(image), np.float32)
-        if models.available("hair_segmentation"):
+        if models.available("hair-segmentation"):
             hair = np.asarray(face.hair_mask(image), np.float32)
     except (ImportError, AttributeError):
         return person, hair
@@ -287,30 +285,30 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
     networks
         Use the segmentation networks where their weights are at hand and the result is plausible.
     """
-    landmarks = np.asarray(landmarks, np.float64)
-    frame = FaceFrame.of(landmarks)
+    points = np.asarray(landmarks, np.float64)
+    frame = FaceFrame.of(points)
     colours = np.asarray(image[..., :3], np.float32) / np.float32(
         255 if image.dtype == np.uint8 else 1)
     person_net = hair_net = None
     if networks:
         picture = np.asarray(colours * 255 + 0.5, np.uint8)
         person_net, hair_net = _networks(picture)
-    prior = _person_prior(frame, colours.shape, landmarks)
+    prior = _person_prior(frame, colours.shape, points)
     if mask is not None:
         person = np.asarray(mask, np.float32)
     elif person_net is not None and _plausible(person_net, prior):
         person = person_net
     else:
         person = separate(colours, prior)
-    hair_guess = _hair_prior(frame, person, landmarks)
+    hair_guess = _hair_prior(frame, person, points)
     if hair_net is not None and _plausible_hair(hair_net, person, frame):
-        return Regions(landmarks, person, np.asarray(np.minimum(hair_net, person), np.float32))
+        return Regions(points, person, np.asarray(np.minimum(hair_net, person), np.float32))
     hair = separate(colours, hair_guess, smoothness=4.0, blur=1.2)
     crown = np.asarray(hair * person, np.float32)
     skin = np.asarray((prior >= 1.0) & (hair < 0.5), np.float32)
     if crown.sum() < 0.05 * frame.height ** 2 or overlap(colours, crown, skin) > 0.85:
-        return Regions(landmarks, person, None)
-    return Regions(landmarks, person, crown)
+        return Regions(points, person, None)
+    return Regions(points, person, crown)
 
 
 def _plausible(person: Float32, prior: Float32) -> bool:
@@ -362,7 +360,7 @@ def _foot(landmarks: Float64, regions: Regions, style_landmarks: Float64,
     border. Where the exemplar shows enough there are none.
     """
     height, width = regions.person.shape
-    style_height, style_width = style_regions.person.shape
+    style_height = style_regions.person.shape[0]
     foot = np.array([[0.0, height], [width / 2, height], [float(width), height]])
     style_foot = mls_similarity(foot, landmarks[:27], style_landmarks[:27])
     beyond = style_foot[:, 1] > style_height - 1

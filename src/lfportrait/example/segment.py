@@ -33,7 +33,8 @@ def guided_filter(guide: Float32, values: Float32, radius: int, epsilon: float) 
         return np.asarray(uniform_filter(plane, 2 * radius + 1, mode="nearest"), np.float32)
 
     centre, average = mean(guide), mean(values)
-    slope = (mean(guide * values) - centre * average) / (mean(guide * guide) - centre ** 2 + epsilon)
+    variance = mean(guide * guide) - centre ** 2
+    slope = (mean(guide * values) - centre * average) / (variance + epsilon)
     offset = average - slope * centre
     return np.asarray(np.clip(mean(slope) * guide + mean(offset), 0, 1), np.float32)
 

@@ -99,7 +99,7 @@ class SurfaceGuide:
         self.nearest = self._nearest_person()
 
     def unwrap(self, points: NDArray[np.floating], squeezed: bool = False) -> Float64:
-        """Unwrapped coordinates [..., 2] of points [..., 3]: x to the right, y down, world units."""
+        """Unwrapped coordinates [..., 2] of points [..., 3]: x right, y down, world units."""
         angle, side, y = self._angles(points)
         if squeezed:
             angle = squeeze(angle)
@@ -149,11 +149,14 @@ class SurfaceGuide:
         # The back of the head lies in the middle of the hair: chunks copied there stay inside it.
         side_ring = 0.4 * middle + 0.6 * 0.95
         back_ring = side_ring + 0.03
+        rings = ((middle, np.arcsin(middle)), (side_ring, np.pi / 2), (back_ring, np.pi))
         sources, targets = [], []
-        for share, angle in ((middle, np.arcsin(middle)), (side_ring, np.pi / 2), (back_ring, np.pi)):
+        for share, angle in rings:
             reach = self.radius * np.broadcast_to(squeeze(np.asarray(angle)), rays.shape)
             sources.append(reach[:, None] * away)
             targets.append(frame.origin + np.broadcast_to(share, rays.shape)[:, None] * outline)
+        # Beside the brows the landmarks know better than the ball does.
+        targets[0][np.abs(rays) > np.radians(50)] = np.nan
         style = self.exemplar.landmarks
         last = self.radius * float(squeeze(np.array(np.pi)))
         # Behind the jaw the exemplar has nothing: hold on to the jaw's own strip.

@@ -12,6 +12,7 @@ weighted L1 form; for the squared form any pixel of least cost, always the same 
 from __future__ import annotations
 
 import hashlib
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -72,7 +73,8 @@ class LookUpTable:
     step: float
 
 
-def quantise(appearance: NDArray[np.float32], levels: int) -> tuple[NDArray[np.int32], float, float]:
+def quantise(appearance: NDArray[np.float32],
+             levels: int) -> tuple[NDArray[np.int32], float, float]:
     """Levels of an appearance guide: (int32 [H, W], value of level 0, distance of levels)."""
     reach = float(max(np.abs(appearance).max(), 1e-3))
     step = 2 * reach / (levels - 1)
@@ -81,7 +83,10 @@ def quantise(appearance: NDArray[np.float32], levels: int) -> tuple[NDArray[np.i
 
 
 def integer_costs(config: TableConfig, unit: float, step: float) -> tuple[int, int]:
-    """Cost of one cell along x or y, and of one appearance level, in 1 / FIXED."""
+    """Cost of one cell along x or y, and of one appearance level, in 1 / FIXED; at least 1.
+
+    So where the appearance has no weight it still decides among equals.
+    """
     grey_levels = 255.0 * step
     if config.form == "squared":
         position = config.position_weight * (config.cell / unit) ** 2
@@ -89,7 +94,7 @@ def integer_costs(config: TableConfig, unit: float, step: float) -> tuple[int, i
     else:
         position = config.position_weight * config.cell / unit
         appearance = config.appearance_weight * grey_levels
-    return max(1, round(FIXED * position)), max(0, round(FIXED * appearance))
+    return max(1, round(FIXED * position)), max(1, round(FIXED * appearance))
 
 
 def build_table(appearance: NDArray[np.float32], config: TableConfig, unit: float) -> LookUpTable:
@@ -132,7 +137,7 @@ def cached_table(appearance: NDArray[np.float32], config: TableConfig, unit: flo
             with np.load(path, allow_pickle=False) as stored:
                 return LookUpTable(stored["indices"], int(stored["cell"]), float(stored["low"]),
                                    float(stored["step"]))
-        except (OSError, ValueError, KeyError):
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile):
             path.unlink(missing_ok=True)
     table = build_table(appearance, config, unit)
     with atomic_write(path) as stream:

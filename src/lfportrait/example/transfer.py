@@ -14,9 +14,9 @@ from ..errors import UserError
 from .exemplar import Exemplar, face_size
 from .guides import (
     Guides,
+    anchor_scale,
     appearance_guide,
     fold_inside,
-    anchor_scale,
     gaussian_blur,
     match_histogram,
     pixel_centres,
@@ -151,11 +151,11 @@ class Transfer:
         """
         start = time.perf_counter()
         config = self.config
-        landmarks = np.asarray(landmarks, np.float64)
+        points = np.asarray(landmarks, np.float64)
         photo = np.asarray(image[..., :3])
         if position is None:
-            regions = find_regions(photo, landmarks, mask)
-            position, labels = self._flat_guide(photo, landmarks, regions), regions.labels()
+            regions = find_regions(photo, points, mask)
+            position, labels = self._flat_guide(photo, points, regions), regions.labels()
             person = regions.person
         else:
             # The place in the exemplar says what a surface point is, alike in every view.
@@ -163,11 +163,11 @@ class Transfer:
             person = np.isfinite(position[..., 0]).astype(np.float32)
             if mask is not None:
                 person = person * mask
-        scale = self._scale(landmarks) if seeds_anchor is None else anchor_scale(seeds_anchor)
+        scale = self._scale(points) if seeds_anchor is None else anchor_scale(seeds_anchor)
         regular = seeds_anchor is None
         if seeds_anchor is None:
             seeds_anchor = np.float32(scale) * pixel_centres(photo.shape)
-        appearance = self._appearance(photo, landmarks, scale, person, position)
+        appearance = self._appearance(photo, scale, person, position)
         guides = Guides(np.ascontiguousarray(position, np.float32), appearance, labels,
                         np.ascontiguousarray(seeds_anchor, np.float32))
         weights = self._weights(person)
@@ -179,7 +179,7 @@ class Transfer:
             guides, weights, config.label_weight, self.appearance, self.labels, self.table,
             self._colours(scale), config.blit, seed=config.seed,
             scale=scale if regular else None)
-        cover = self._cover(photo, landmarks, person, guides)
+        cover = self._cover(photo, points, person, guides)
         base = photo.astype(np.float32) / np.float32(255) if photo.dtype == np.uint8 else photo
         result = base + (synthesis.image - base) * cover[..., None]
         seconds = {"table_seconds": self.table_seconds, "guides_seconds": guides_seconds,
@@ -213,8 +213,8 @@ class Transfer:
                                   grid=self.config.grid)
         return fold_inside(position, self.exemplar.image.shape, self.regions.box())
 
-    def _appearance(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
-                    scale: float, person: Float32, position: Float32) -> Float32:
+    def _appearance(self, photo: NDArray[np.generic], scale: float, person: Float32,
+                    position: Float32) -> Float32:
         """Appearance guide of the target, matched to the exemplar's inside the person."""
         sigma = self.config.blur * self.exemplar.size / scale
         appearance = appearance_guide(photo, max(sigma, 0.7))
