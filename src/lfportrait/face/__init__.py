@@ -1,0 +1,32 @@
+"""Landmarks (2D, triangulated to 3D) and masks of face, hair and person (Shen et al. 2023, Fig. 3).
+
+Detectors and segmentation run pretrained networks of the registry; they are imported when called.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .detect import detect_landmarks, face_yaw
+from .mask import face_mask
+from .points import read_landmarks, write_landmarks
+from .triangulate import frontal_order, landmarks_of_capture, triangulate
+
+__all__ = ["detect_landmarks", "face_mask", "face_yaw", "frontal_order", "hair_mask",
+           "landmarks_of_capture", "person_matte", "read_landmarks", "triangulate",
+           "write_landmarks"]
+
+
+def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:
+    """How much of each pixel is the person (`lfportrait.face.segmentation.person_matte`)."""
+    from .segmentation import person_matte as run
+
+    return run(image, up)
+
+
+def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:
+    """How much of each pixel is hair (`lfportrait.face.segmentation.hair_mask`)."""
+    from .segmentation import hair_mask as run
+
+    return run(image, up)

@@ -1,0 +1,59 @@
+"""The 68 facial landmarks (iBUG order): files, and MediaPipe's 478 points mapped to them.
+
+0-16 the jaw from the ear on the picture's left to the other, 17-21 and 22-26 the brows, 27-30 the
+bridge of the nose, 31-35 its base, 36-41 and 42-47 the eyes, 48-59 the lips outside, 60-67 inside.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..files import atomic_write
+
+__all__ = ["FROM_MEDIAPIPE", "read_landmarks", "write_landmarks"]
+
+FROM_MEDIAPIPE = np.array([
+    127, 234, 93, 132, 58, 136, 150, 176, 152, 400, 379, 365, 288, 361, 323, 454, 356,  # jaw
+    70, 63, 105, 66, 107, 336, 296, 334, 293, 300,  # brows
+    168, 197, 5, 4, 98, 97, 2, 326, 327,  # nose
+    33, 160, 158, 133, 153, 144, 362, 385, 387, 263, 373, 380,  # eyes
+    61, 40, 37, 0, 267, 270, 291, 321, 314, 17, 84, 91,  # lips, outside
+    78, 82, 13, 312, 308, 317, 14, 87,  # lips, inside
+])
+"""For each of the 68 points, the number of the MediaPipe face-mesh vertex that stands for it."""
+
+
+def read_landmarks(path: str | Path) -> NDArray[np.float64]:
+    """Read 68 landmarks, ``x y`` a line, in pixels.
+
+    Returns
+    -------
+    points
+        float64 [68, 2] (x right, y down).
+
+    Raises
+    ------
+    UserError
+        If the file is missing or does not hold 68 pairs of numbers.
+    """
+    try:
+        lines = [line.replace(",", " ").split() for line in Path(path).read_text().splitlines()]
+        points = np.array([[float(value) for value in line] for line in lines if line])
+    except OSError as error:
+        raise UserError(f"can't read {path}: {error.strerror}") from error
+    except ValueError as error:
+        raise UserError(f"{path} does not hold landmarks: write 68 lines of `x y`") from error
+    if points.shape != (68, 2) or not np.isfinite(points).all():
+        raise UserError(f"{path} does not hold 68 landmarks: write 68 lines of `x y` in iBUG order")
+    return points
+
+
+def write_landmarks(path: str | Path, points: NDArray[Any]) -> None:
+    """Write landmarks [68, 2], ``x y`` a line, in pixels."""
+    with atomic_write(path) as stream:
+        stream.write("".join(f"{x:.2f} {y:.2f}\n" for x, y in points).encode())

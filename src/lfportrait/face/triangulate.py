@@ -1,0 +1,215 @@
+"""Landmarks in 3D: found in a few photos, triangulated once, valid in every view of the arc.
+
+Detectors fail towards the profile; a point triangulated from the frontal views can be projected
+into any. Each point is found by robust least squares: a linear solution, then Gauss-Newton on the
+pixel errors with Cauchy weights, so that single wrong detections lose their say.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Camera, Capture
+from ..progress import Progress
+from .detect import detect_landmarks, face_yaw
+
+__all__ = ["frontal_order", "landmarks_of_capture", "triangulate"]
+
+Float = NDArray[np.float64]
+
+
+def _linear(cameras: Camera, points: Float, weights: Float) -> Float:
+    """Point nearest to the viewing rays of one landmark, [3]."""
+    local = np.column_stack([(points - cameras.center) / cameras.focal, np.ones(len(points))])
+    directions = np.einsum("vij,vj->vi", cameras.pose[:, :3, :3], local)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    across = weights[:, None, None] * (np.eye(3) - directions[:, :, None] * directions[:, None])
+    return np.linalg.solve(across.sum(0) + 1e-12 * np.eye(3),
+                           np.einsum("vij,vj->i", across, cameras.position))
+
+
+def _refine(cameras: Camera, points: Float, start: Float, scale: float) -> tuple[Float, Float]:
+    """Gauss-Newton on pixel errors with Cauchy weights; returns the point and its errors [V]."""
+    guess = start
+    rotation = cameras.pose[:, :3, :3]
+    for _ in range(15):
+        local = np.einsum("vji,vj->vi", rotation, guess - cameras.position)
+        depth = np.maximum(local[:, 2:3], 1e-6)
+        error = local[:, :2] / depth * cameras.focal + cameras.center - points
+        length = np.linalg.norm(error, axis=1)
+        weight = 1.0 / (1.0 + (length / scale) ** 2)
+        jacobian = np.zeros((len(points), 2, 3))
+        jacobian[:, 0, 0], jacobian[:, 1, 1] = 1.0, 1.0
+        jacobian[:, :, 2] = -local[:, :2] / depth
+        jacobian *= (cameras.focal / depth)[:, :, None]
+        jacobian = np.einsum("vij,vkj->vik", jacobian, rotation)
+        normal = np.einsum("v,vij,vik->jk", weight, jacobian, jacobian)
+        change = np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(3),
+                                 -np.einsum("v,vij,vi->j", weight, jacobian, error))
+        guess = guess + change
+        if np.linalg.norm(change) < 1e-9:
+            break
+    pixels, depth = cameras.project(guess[None])
+    errors = np.linalg.norm(pixels[:, 0] - points, axis=1)
+    errors[depth[:, 0] <= 0] = np.inf
+    return guess, errors
+
+
+def triangulate(cameras: Camera, points: Float, *, tolerance: float | None = None,
+                ) -> tuple[Float, Float, NDArray[np.bool_]]:
+    """Triangulate landmarks from several views, robustly.
+
+    Parameters
+    ----------
+    cameras
+        V views.
+    points
+        float64 [V, N, 2], pixels (x, y); NaN where a landmark was not seen.
+    tolerance
+        Error in pixels beyond which an observation is an outlier; by default 1 % of the picture's
+        larger side, at least 2.
+
+    Returns
+    -------
+    points3d
+        float64 [N, 3] in the world; NaN where fewer than two views agree.
+    errors
+        float64 [N], root mean squared error of the inliers in pixels; NaN likewise.
+    inliers
+        bool [V, N].
+    """
+    if points.ndim != 3 or points.shape[0] != len(cameras) or points.shape[2] != 2:
+        raise ValueError(f"points must be [{len(cameras)}, N, 2], not {list(points.shape)}")
+    if tolerance is None:
+        tolerance = max(2.0, 0.01 * float(max(cameras.width.max(), cameras.height.max())))
+    count = points.shape[1]
+    found = np.full((count, 3), np.nan)
+    errors = np.full(count, np.nan)
+    inliers = np.zeros(points.shape[:2], bool)
+    for index in range(count):
+        views = np.flatnonzero(np.isfinite(points[:, index]).all(axis=1))
+        if len(views) < 2:
+            continue
+        best = _best_start(cameras, points[:, index], views, tolerance)
+        point, error = _refine(cameras[views], points[views, index], best, tolerance / 2)
+        good = error < tolerance
+        if good.sum() < 2:
+            continue
+        point, error = _refine(cameras[views[good]], points[views[good], index], point,
+                               tolerance / 2)
+        found[index] = point
+        errors[index] = float(np.sqrt(np.mean(error ** 2)))
+        inliers[views[good], index] = True
+    return found, errors, inliers
+
+
+def _best_start(cameras: Camera, points: Float, views: NDArray[np.int64], tolerance: float) -> Float:
+    """The linear solution, from all views or from the pair that most others agree with."""
+    everyone = np.ones(len(views))
+    candidates = [_linear(cameras[views], points[views], everyone)]
+    if len(views) > 2:
+        for a in range(min(len(views), 12)):
+            for b in range(a + 1, min(len(views), 12)):
+                pair = views[[a, b]]
+                candidates.append(_linear(cameras[pair], points[pair], np.ones(2)))
+    pixels, depth = cameras[views].project(np.array(candidates))
+    error = np.linalg.norm(pixels - points[views][:, None], axis=-1)
+    error[depth <= 0] = np.inf
+    cost = np.minimum(error, 3 * tolerance).sum(axis=0)
+    return candidates[int(cost.argmin())]
+
+
+def frontal_order(cameras: Camera) -> NDArray[np.int64]:
+    """Views sorted by how far they are turned from the portrait frame's front (+z)."""
+    away = cameras.position
+    yaw = np.abs(np.arctan2(away[:, 0], away[:, 2]))
+    pitch = np.abs(np.arctan2(away[:, 1], np.hypot(away[:, 0], away[:, 2])))
+    return np.argsort(yaw + 0.5 * pitch, kind="stable")
+
+
+def _upright_turn(cameras: Camera, view: int) -> int:
+    """Quarter turns (counter-clockwise) that bring the world's +y to the top of a picture."""
+    up = cameras.pose[view, :3, :3].T @ np.array([0.0, 1.0, 0.0])
+    if abs(up[0]) > abs(up[1]):
+        return 1 if up[0] > 0 else 3
+    return 0 if up[1] <= 0 else 2
+
+
+def _detect(capture: Capture, view: int) -> Float | None:
+    """Landmarks of one view; the picture is turned upright, a matted one put on grey."""
+    image = np.uint8(np.round(255 * capture.image_float(view, background=0.6)))
+    return detect_landmarks(image, turns=(_upright_turn(capture.cameras, view),), thorough=False)
+
+
+def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
+                         wanted: int = 14) -> tuple[Float | None, dict[str, Any]]:
+    """Find the face in a capture: landmarks detected in frontal views and triangulated.
+
+    Views are tried from the front outwards until ``wanted`` of them show a face. Points of the jaw
+    (0-16), which detectors let slide along the outline of a turned face, are taken from views that
+    show the face nearly frontally.
+
+    Parameters
+    ----------
+    capture
+        The views.
+    progress
+        Progress line.
+    wanted
+        Number of views with a face after which no more are tried.
+
+    Returns
+    -------
+    points
+        float64 [68, 3] in the world, or None if fewer than three views show a face.
+    figures
+        ``views`` (with a face), ``error_px`` (median), ``outliers`` (share).
+    """
+    order = frontal_order(capture.cameras)
+    # Every second view first: neighbours tell little more than one of them.
+    order = np.concatenate([order[::2], order[1::2]])
+    detected: dict[int, Float] = {}
+    for tried, view in enumerate(order):
+        if progress is not None:
+            progress.update(progress.done, f"looking for the face: {len(detected)} views found")
+        points = _detect(capture, int(view))
+        if points is not None:
+            detected[int(view)] = points
+        if len(detected) >= wanted or (tried >= 40 and not detected):
+            break
+    if len(detected) < 3:
+        return None, {"views": len(detected)}
+    views = np.array(sorted(detected))
+    observed = np.stack([detected[view] for view in views])
+    yaws = np.array([abs(face_yaw(points)) for points in observed])
+    turned = yaws > max(0.3, float(np.sort(yaws)[min(3, len(yaws) - 1)]))
+    jaw = observed[:, :17].copy()
+    jaw[turned] = np.nan
+    usable = np.concatenate([jaw, observed[:, 17:]], axis=1)
+    cameras = capture.cameras[views]
+    eye = float(np.median(np.linalg.norm(observed[:, 36] - observed[:, 45], axis=1)))
+    found, errors, inliers = triangulate(cameras, usable, tolerance=max(2.0, 0.12 * eye))
+    if np.isnan(found[17:]).any():
+        return None, {"views": len(views), "error_px": float(np.nanmedian(errors))}
+    missing = np.isnan(found[:17]).any(axis=1)
+    if missing.any():
+        found = _fill_jaw(found, missing)
+    seen = np.isfinite(usable).all(-1)
+    return found, {"views": len(views), "error_px": float(np.nanmedian(errors)),
+                   "outliers": float(1.0 - inliers[seen].mean())}
+
+
+def _fill_jaw(points: Float, missing: NDArray[np.bool_]) -> Float:
+    """Missing jaw points from their mirror images in the face's plane of symmetry."""
+    left, right = points[[36, 39]].mean(0), points[[42, 45]].mean(0)
+    normal = (right - left) / np.linalg.norm(right - left)
+    middle = points[[27, 28, 29, 30, 33, 51, 57]].mean(0)
+    filled = points.copy()
+    for index in np.flatnonzero(missing):
+        mirror = points[16 - index]
+        if np.isfinite(mirror).all():
+            filled[index] = mirror - 2 * ((mirror - middle) @ normal) * normal
+    return filled
