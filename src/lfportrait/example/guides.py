@@ -157,10 +157,21 @@ def gaussian_blur(image: Float32, sigma: float) -> Float32:
     return np.ascontiguousarray(columns.T)
 
 
-def appearance_guide(image: NDArray[np.generic], sigma: float) -> Float32:
-    """Grey minus its Gaussian blur (Fig. 4), float32 [H, W] in [-1, 1]; ``sigma`` in pixels."""
+def appearance_guide(image: NDArray[np.generic], sigma: float, grain: float = 0.0) -> Float32:
+    """Grey minus its Gaussian blur (Fig. 4), float32 [H, W] in [-1, 1].
+
+    Parameters
+    ----------
+    image
+        uint8 or float in [0, 1], [H, W, 3].
+    sigma
+        Of the blur, in pixels: slower changes of light are taken out.
+    grain
+        Sigma in pixels of a blur of the guide itself; 0 keeps the finest detail.
+    """
     luma = grey(image)
-    return luma - gaussian_blur(luma, sigma)
+    guide = luma - gaussian_blur(luma, sigma)
+    return gaussian_blur(guide, grain) if grain > 0.3 else guide
 
 
 def match_histogram(values: Float32, reference: NDArray[np.float32], inside: NDArray[np.bool_],

@@ -19,7 +19,8 @@ from scipy.ndimage import map_coordinates
 from .guides import gaussian_blur, mls_similarity
 from .segment import overlap, separate
 
-__all__ = ["LABELS", "FaceFrame", "Regions", "find_regions", "match_regions"]
+__all__ = ["LABELS", "FaceFrame", "Regions", "find_regions", "match_regions",
+           "substitute"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -309,6 +310,22 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
     if crown.sum() < 0.05 * frame.height ** 2 or overlap(colours, crown, skin) > 0.85:
         return Regions(points, person, None)
     return Regions(points, person, crown)
+
+
+def substitute(labels: NDArray[np.uint8], style: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Give regions that the exemplar has not to those that stand in for them.
+
+    Hair of an exemplar whose hair can't be told from its skin (a statue) is skin, a body that it
+    does not show is background. Both arguments are uint8 [..., len(LABELS)].
+    """
+    out = labels.copy()
+    for name, stand_in in (("hair", "skin"), ("body", "background")):
+        missing, other = LABELS.index(name), LABELS.index(stand_in)
+        if style[..., missing].mean() < 0.5:
+            total = out[..., other].astype(np.int32) + out[..., missing]
+            out[..., other] = np.minimum(total, 255).astype(np.uint8)
+            out[..., missing] = 0
+    return out
 
 
 def _plausible(person: Float32, prior: Float32) -> bool:

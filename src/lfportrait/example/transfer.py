@@ -24,7 +24,7 @@ from .guides import (
     relative_stretch,
     sample_labels,
 )
-from .regions import Regions, find_regions, match_regions
+from .regions import LABELS, Regions, find_regions, match_regions, substitute
 from .styleblit import BlitConfig, Synthesis, synthesise
 from .table import TableConfig, cached_table
 
@@ -49,6 +49,10 @@ class TransferConfig:
     """Exemplar pixels per target pixel; 0 = from the sizes of the faces, 1 if nearly alike."""
     background_appearance: float = 0.15
     """Weight of the appearance guide outside the person, against 1 on the face."""
+    hair_appearance: float = 0.6
+    """Weight of the appearance guide in the hair."""
+    body_appearance: float = 0.3
+    """Weight of the appearance guide on neck and clothes."""
     background_position: float = 0.4
     """Weight of the position guide outside the person, against 1 on the face."""
     label_weight: float = 60.0
@@ -155,7 +159,8 @@ class Transfer:
         photo = np.asarray(image[..., :3])
         if position is None:
             regions = find_regions(photo, points, mask)
-            position, labels = self._flat_guide(photo, points, regions), regions.labels()
+            position = self._flat_guide(photo, points, regions)
+            labels = substitute(regions.labels(), self.labels)
             person = regions.person
         else:
             # The place in the exemplar says what a surface point is, alike in every view.
@@ -170,7 +175,7 @@ class Transfer:
         appearance = self._appearance(photo, scale, person, position)
         guides = Guides(np.ascontiguousarray(position, np.float32), appearance, labels,
                         np.ascontiguousarray(seeds_anchor, np.float32))
-        weights = self._weights(person)
+        weights = self._weights(person, labels)
         if not regular:
             weights[..., 0] *= relative_stretch(guides.position, guides.anchor)
         guides_seconds = time.perf_counter() - start
@@ -217,15 +222,20 @@ class Transfer:
                     position: Float32) -> Float32:
         """Appearance guide of the target, matched to the exemplar's inside the person."""
         sigma = self.config.blur * self.exemplar.size / scale
-        appearance = appearance_guide(photo, max(sigma, 0.7))
+        # Grain of the photo has no counterpart in paint: smooth what is finer than a stroke.
+        appearance = appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
         return match_histogram(appearance, self.appearance[self.regions.person > 0.5],
                                (person > 0.5) & np.isfinite(position[..., 0]))
 
-    def _weights(self, person: Float32) -> Float32:
+    def _weights(self, person: Float32, labels: NDArray[np.uint8]) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
         config = self.config
         place = config.background_position + (1 - config.background_position) * person
+        hair, body = (labels[..., LABELS.index(name)].astype(np.float32) / 255
+                      for name in ("hair", "body"))
         look = config.background_appearance + (1 - config.background_appearance) * person
+        look = look * (1 - np.float32(1 - config.hair_appearance) * hair
+                       - np.float32(1 - config.body_appearance) * body)
         return np.stack([place * np.float32(config.table.position_weight / self.unit),
                          look * np.float32(config.table.appearance_weight * 255)], axis=-1)
 
