@@ -55,6 +55,8 @@ class TransferConfig:
     """Weight of the appearance guide on neck and clothes."""
     background_position: float = 0.4
     """Weight of the position guide outside the person, against 1 on the face."""
+    outline: float = 3.0
+    """Added weight of the position guide along the outline of the person, 0 to 10."""
     label_weight: float = 60.0
     """Error of copying from a wrong region (hair for skin, lips for skin, ...), 0 to 200."""
     contours: bool = True
@@ -175,7 +177,7 @@ class Transfer:
         appearance = self._appearance(photo, scale, person, position)
         guides = Guides(np.ascontiguousarray(position, np.float32), appearance, labels,
                         np.ascontiguousarray(seeds_anchor, np.float32))
-        weights = self._weights(person, labels)
+        weights = self._weights(person, labels, scale)
         if not regular:
             weights[..., 0] *= relative_stretch(guides.position, guides.anchor)
         guides_seconds = time.perf_counter() - start
@@ -227,10 +229,13 @@ class Transfer:
         return match_histogram(appearance, self.appearance[self.regions.person > 0.5],
                                (person > 0.5) & np.isfinite(position[..., 0]))
 
-    def _weights(self, person: Float32, labels: NDArray[np.uint8]) -> Float32:
+    def _weights(self, person: Float32, labels: NDArray[np.uint8], scale: float) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
         config = self.config
         place = config.background_position + (1 - config.background_position) * person
+        # Along the outline a chunk that is off shows as a step.
+        soft = gaussian_blur(person, 2.5 * self.unit / scale)
+        place = place + np.float32(4 * config.outline) * soft * (1 - soft)
         hair, body = (labels[..., LABELS.index(name)].astype(np.float32) / 255
                       for name in ("hair", "body"))
         look = config.background_appearance + (1 - config.background_appearance) * person
