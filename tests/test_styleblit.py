@@ -252,3 +252,21 @@ def test_real_exemplar_on_the_reference_photo(shared_data, name):
     mean = style.image.reshape(-1, 3).mean(axis=0) / 255
     assert np.abs(result.image.reshape(-1, 3).mean(axis=0) - mean).max() < 0.12
     assert result.seconds["table_seconds"] < 3.0
+
+
+def test_load_finds_landmarks_and_masks_beside(tmp_path):
+    face = drawn_face(128, 96)
+    np.savetxt(tmp_path / "face.landmarks.txt", face.landmarks)
+    opaque = np.dstack([face.image, np.full((128, 96), 255, np.uint8)])
+    Image.fromarray(opaque).save(tmp_path / "face.png")
+    loaded = Exemplar.load(tmp_path / "face.png")
+    assert loaded.name == "face" and loaded.mask is None
+    assert np.array_equal(loaded.image, face.image)
+    assert np.allclose(loaded.landmarks, face.landmarks, atol=1e-3)
+    opaque[..., 3] = face.mask * 255
+    Image.fromarray(opaque).save(tmp_path / "face.png")
+    cut_out = Exemplar.load(tmp_path / "face.png").mask
+    assert cut_out is not None and np.array_equal(cut_out, face.mask)
+    Image.fromarray(np.zeros((128, 96), np.uint8)).save(tmp_path / "face.mask.png")
+    named = Exemplar.load(tmp_path / "face.png").mask
+    assert named is not None and named.max() == 0

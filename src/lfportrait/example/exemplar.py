@@ -87,7 +87,7 @@ class Exemplar:
             mask = read_image(mask_path)[..., 0].astype(np.float32) / 255.0
             if mask.shape != image.shape[:2]:
                 raise UserError(f"{mask_path} must have the size of {path}")
-        elif picture.shape[2] == 4:
+        elif picture.shape[2] == 4 and (picture[..., 3] < 255).any():
             mask = picture[..., 3].astype(np.float32) / 255.0
         return Exemplar(image, landmarks, path.stem, mask)
 

@@ -297,13 +297,17 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
     prior = _person_prior(frame, colours.shape, points)
     if mask is not None:
         person = np.asarray(mask, np.float32)
-    elif person_net is not None and _plausible(person_net, prior):
+    elif person_net is not None and _plausible(person_net, prior, frame):
         person = person_net
     else:
         person = separate(colours, prior)
     hair_guess = _hair_prior(frame, person, points)
     if hair_net is not None and _plausible_hair(hair_net, person, frame):
-        return Regions(points, person, np.asarray(np.minimum(hair_net, person), np.float32))
+        hair = np.minimum(hair_net, person)
+        if hair_net[prior >= 1.0].mean() > 0.1:
+            # In drawings the network takes hatching on the face for hair.
+            hair = hair * np.clip(hair_guess * 10, 0, 1)
+        return Regions(points, person, np.asarray(hair, np.float32))
     hair = separate(colours, hair_guess, smoothness=4.0, blur=1.2)
     crown = np.asarray(hair * person, np.float32)
     skin = np.asarray((prior >= 1.0) & (hair < 0.5), np.float32)
@@ -328,19 +332,20 @@ def substitute(labels: NDArray[np.uint8], style: NDArray[np.uint8]) -> NDArray[n
     return out
 
 
-def _plausible(person: Float32, prior: Float32) -> bool:
-    """Whether a network's person covers the face and leaves the far background."""
-    inside, outside = person[prior >= 1.0], person[prior <= 0.0]
+def _plausible(person: Float32, prior: Float32, frame: FaceFrame) -> bool:
+    """Whether a network's person covers the face and leaves the background beside the head."""
+    _, down = frame.local(person.shape)
+    inside, outside = person[prior >= 1.0], person[(prior <= 0.0) & (down < 0.6)]
     return bool(inside.size == 0 or inside.mean() > 0.9) and bool(
         outside.size == 0 or outside.mean() < 0.4)
 
 
 def _plausible_hair(hair: Float32, person: Float32, frame: FaceFrame) -> bool:
-    """Whether a network's hair covers a good part of the head above the brows."""
+    """Whether a network's hair covers a good part of the head above the brows, and not the face."""
     right, down = frame.local(hair.shape)
     crown = (np.abs(right) < 0.5) & (down < -0.55) & (person > 0.5)
     face = (np.abs(right) < 0.3) & (down > 0.1) & (down < 0.8)
-    return bool(crown.any() and hair[crown].mean() > 0.35 and hair[face].mean() < 0.1)
+    return bool(crown.any() and hair[crown].mean() > 0.35 and hair[face].mean() < 0.4)
 
 
 def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64,
