@@ -60,7 +60,7 @@ def drawn_face(height, width, seed=0, skin=(225, 180, 150), hair=(60, 40, 30),
 
 def _on_ball(points, radius=0.6):
     """Landmarks of the square lifted onto a ball: frontal projection keeps them in place."""
-    x, y = 1.35 * radius * points[:, 0], -0.7 * radius * (points[:, 1] + 0.3)
+    x, y = 1.58 * radius * points[:, 0], -0.7 * radius * (points[:, 1] + 0.3)
     z = np.sqrt(np.maximum(radius ** 2 - x ** 2 - y ** 2, 0))
     return np.stack([x, y, z], axis=1)
 

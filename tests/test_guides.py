@@ -158,7 +158,7 @@ def test_surface_guide_does_not_depend_on_the_view():
 def test_surface_guide_does_not_fold_on_the_face():
     """From cheek to cheek the exemplar's coordinate grows; no dent is as deep as a pixel."""
     guide = SurfaceGuide(HEAD_LANDMARKS, drawn_face(320, 240))
-    points = ball_head(np.radians(np.linspace(-50, 50, 101)), np.linspace(-0.25, 0.3, 31))
+    points = ball_head(np.radians(np.linspace(-60, 60, 121)), np.linspace(-0.3, 0.3, 31))
     position, anchor = guide(points)
     assert np.diff(position[..., 0], axis=1).min() > -1
     assert np.diff(position[:, 5::5, 0], axis=1)[:, 1:-1].min() > 0

@@ -251,8 +251,8 @@ class Transfer:
         if config.region == "face":
             from ..face import face_mask
 
-            picture = photo if photo.dtype == np.uint8 else (
-                np.clip(photo, 0, 1) * 255 + 0.5).astype(np.uint8)
+            colours = np.asarray(photo, np.float32) * (1 if photo.dtype == np.uint8 else 255)
+            picture = (np.clip(colours, 0, 255) + 0.5).astype(np.uint8)
             mask = face_mask(picture, landmarks)
             cover = gaussian_blur(np.asarray(mask, np.float32), 0.06 * face_size(landmarks))
         elif config.region == "head":
