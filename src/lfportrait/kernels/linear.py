@@ -1,0 +1,59 @@
+"""Colours seen and colours taught: products with a view's sparse weights, and Adam's step."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+__all__ = ["adam_step", "gather_colors", "scatter_colors"]
+
+
+@njit(cache=True, parallel=True)
+def gather_colors(indptr, rows, weights, colors, out):
+    """out [P, 3] = weights times colors [N, 3] (CSR)."""
+    chunk = 512
+    for part in prange((len(out) + chunk - 1) // chunk):
+        for pixel in range(part * chunk, min(len(out), (part + 1) * chunk)):
+            red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+            for entry in range(indptr[pixel], indptr[pixel + 1]):
+                weight, row = weights[entry], rows[entry]
+                red += weight * colors[row, 0]
+                green += weight * colors[row, 1]
+                blue += weight * colors[row, 2]
+            out[pixel, 0], out[pixel, 1], out[pixel, 2] = red, green, blue
+
+
+@njit(cache=True, parallel=True)
+def scatter_colors(indptr, rows, weights, image, out):
+    """out [C, N] += transposed weights times image [C, P].
+
+    One channel a thread, each in scan order: the sums do not depend on the threads.
+    """
+    for channel in prange(image.shape[0]):
+        for pixel in range(len(indptr) - 1):
+            value = image[channel, pixel]
+            if value != 0:
+                for entry in range(indptr[pixel], indptr[pixel + 1]):
+                    out[channel, rows[entry]] += weights[entry] * value
+
+
+@njit(cache=True, parallel=True)
+def adam_step(colors, gradient, mean, square, rate, step):
+    """Adam on colors [N, 3] with gradient [3, N], for rows whose gradient is not zero.
+
+    Colours stay in [0, 1]; the gradient is set to zero.
+    """
+    first, second = np.float32(0.9), np.float32(0.99)
+    unbias = np.float32(1.0 - 0.9 ** step)
+    unbias_square = np.float32(1.0 - 0.99 ** step)
+    for row in prange(len(colors)):
+        for channel in range(3):
+            slope = gradient[channel, row]
+            if slope != 0:
+                mean[row, channel] = first * mean[row, channel] + (1 - first) * slope
+                square[row, channel] = second * square[row, channel] + (1 - second) * slope * slope
+                change = (mean[row, channel] / unbias) / (
+                    np.sqrt(square[row, channel] / unbias_square) + np.float32(1e-12))
+                value = colors[row, channel] - rate * change
+                colors[row, channel] = min(max(value, np.float32(0)), np.float32(1))
+                gradient[channel, row] = np.float32(0)

@@ -1,0 +1,139 @@
+"""Colours fitted to pictures: with the density frozen, a view is linear in the lattice's colours.
+
+The weighted least-squares problem over all views, sum over pixels of w (A x + (1 - alpha) b - I)^2,
+is solved by simultaneous iterations (SIRT, Gilbert 1972): each adds the back-projected residual,
+normalised by the rows' and the columns' sums, which needs no step size and spreads nothing into
+places that no view sees.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..field import VoxelField
+from ..kernels.linear import gather_colors, scatter_colors
+from ..progress import Progress
+from .views import StyleView
+
+__all__ = ["ColorModel", "affine_color_map"]
+
+Float32 = NDArray[np.float32]
+_C0 = 0.28209479177387814
+
+
+class ColorModel:
+    """One colour, the same in all directions, for every lattice row.
+
+    Parameters
+    ----------
+    field
+        Its densities; its mean colour is where the fit starts.
+    background
+        Grey level behind the field.
+    """
+
+    def __init__(self, field: VoxelField, background: float) -> None:
+        self.background = background
+        self.original = np.clip(_C0 * field.sh[:, :, 0] + 0.5, 0.0, 1.0).astype(np.float32)
+        self.colors = self.original.copy()
+        self.seen = np.zeros(len(self.colors), np.float32)
+
+    def picture(self, view: StyleView, colors: Float32 | None = None) -> Float32:
+        """A view of the colours, float32 [h, w, 3]."""
+        out = np.empty((view.alpha.size, 3), np.float32)
+        weights = view.weights
+        gather_colors(weights.indptr, weights.rows, weights.weights,
+                      self.colors if colors is None else colors, out)
+        out += (1.0 - view.alpha.reshape(-1, 1)) * np.float32(self.background)
+        return out.reshape(*view.shape, 3)
+
+    def pulled_back(self, view: StyleView, image: Float32, out: Float32) -> None:
+        """Add the transpose of a view's map, applied to a picture [h, w, 3], to out [3, N]."""
+        planes = np.ascontiguousarray(image.reshape(-1, 3).T, np.float32)
+        weights = view.weights
+        scatter_colors(weights.indptr, weights.rows, weights.weights, planes, out)
+
+    def fit(self, views: list[StyleView], iterations: int, progress: Progress | None = None,
+            ) -> list[float]:
+        """Fit the colours to the views' example pictures; returns the error of each iteration."""
+        columns = np.zeros((1, len(self.colors)), np.float32)
+        trust = [_trust(view) for view in views]
+        for view, weight in zip(views, trust):
+            scatter_colors(view.weights.indptr, view.weights.rows, view.weights.weights,
+                           weight.reshape(1, -1), columns)
+        self.seen = columns[0]
+        errors = []
+        for iteration in range(iterations):
+            update = np.zeros((3, len(self.colors)), np.float32)
+            total, mass = 0.0, 0.0
+            for view, weight in zip(views, trust):
+                # A pixel's weights add up to its opacity: that is the row sum to divide by.
+                residual = view.example - self.picture(view)
+                total += float((residual ** 2 * weight[..., None]).sum())
+                mass += 3.0 * float(weight.sum())
+                scaled = weight[..., None] * residual / np.maximum(view.alpha, 0.05)[..., None]
+                self.pulled_back(view, scaled, update)
+            known = self.seen > 1e-4
+            self.colors[known] += (update[:, known] / self.seen[known]).T
+            np.clip(self.colors, 0.0, 1.0, out=self.colors)
+            errors.append(total / max(mass, 1e-9))
+            if progress is not None:
+                progress.update(progress.done, f"fit {iteration + 1} of {iterations}: "
+                                               f"error {np.sqrt(errors[-1]):.4f}")
+        return errors
+
+    def fill_unseen(self) -> float:
+        """Colour rows that no view sees by the affine map that the seen ones underwent.
+
+        Returns
+        -------
+        share
+            Share of the rows that no view sees.
+        """
+        seen = self.seen > 1e-2
+        if seen.sum() > 100:
+            matrix, offset = affine_color_map(self.original[seen], self.colors[seen],
+                                              self.seen[seen])
+            guess = np.clip(self.original @ matrix.T + offset, 0.0, 1.0).astype(np.float32)
+            # Between the two the trust grows with what the views see of a row.
+            part = np.clip(self.seen / 0.05, 0.0, 1.0)[:, None]
+            self.colors = part * self.colors + (1.0 - part) * guess
+        return float(1.0 - seen.mean())
+
+    def coefficients(self, field: VoxelField, strength: float = 1.0) -> Float32:
+        """Spherical-harmonic coefficients; ``strength`` blends from the real field's, 0, to 1."""
+        styled = ((self.colors - 0.5) / _C0)[:, :, None]
+        if strength >= 1.0:
+            return styled
+        mixed = (1.0 - strength) * field.sh
+        mixed[:, :, :1] += strength * styled
+        return mixed
+
+
+def _trust(view: StyleView) -> Float32:
+    """Weight of each pixel in the fit: opaque, and seen frontally rather than grazing.
+
+    Strokes stay sharp if the view that sees a place best has most of the say.
+    """
+    weight = view.alpha * (0.02 + view.confidence ** 3)
+    return np.ascontiguousarray(np.where(view.alpha > 0.05, weight, 0.0), np.float32)
+
+
+def affine_color_map(source: Float32, target: Float32, weight: Float32,
+                     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The affine map of colours, target ~ matrix source + offset, by weighted least squares.
+
+    Parameters
+    ----------
+    source, target
+        float32 [N, 3].
+    weight
+        float32 [N].
+    """
+    known = np.column_stack([source, np.ones(len(source))]).astype(np.float64)
+    weighted = known * weight[:, None]
+    normal = weighted.T @ known + 1e-3 * weight.sum() * np.diag([1.0, 1.0, 1.0, 0.0])
+    wanted = weighted.T @ target + 1e-3 * weight.sum() * np.eye(4, 3) * target.mean()
+    solution = np.linalg.solve(normal, wanted)
+    return solution[:3].T, solution[3]

@@ -1,0 +1,179 @@
+"""Feature networks in plain torch, their architectures written out, state-dict names kept.
+
+=============  ============================================  ======================  =============
+name           network                                       maps                    strides
+=============  ============================================  ======================  =============
+``vgg16``      VGG-16, ReLU outputs of the third block       conv3_1, 3_2, 3_3       4, 4, 4
+``resnet50``   ResNet-50, outputs of the first two stages    layer1, layer2          4, 8
+``vgg19-se``   16x smaller distilled VGG-19, third block     conv3_1 ... conv3_4     4, 4, 4, 4
+``embedded``   our own small network, trained to reproduce   conv3_1, conv3_4        4, 4
+               ``vgg19-se`` (scripts/train_embedded_features.py); ships with the package
+=============  ============================================  ======================  =============
+
+Every network takes RGB in [0, 1], [1, 3, H, W], and does its own normalisation. Features are scaled
+to a mean square of about 1, so that a loss weight means the same with any of them.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+
+import torch
+from safetensors.torch import load
+from torch.nn import functional
+
+from .. import models
+from ..errors import UserError
+
+__all__ = ["FeatureNetwork", "embedded_features", "load_network"]
+
+FeatureNetwork = Callable[[torch.Tensor], list[torch.Tensor]]
+"""RGB in [0, 1], [1, 3, H, W] -> feature maps [1, C, h, w]."""
+
+Weights = dict[str, torch.Tensor]
+
+_MEAN = torch.tensor([0.485, 0.456, 0.406])[None, :, None, None]
+_STD = torch.tensor([0.229, 0.224, 0.225])[None, :, None, None]
+
+
+def _read(path: Path) -> Weights:
+    if path.suffix == ".safetensors":
+        return {name: value.float() for name, value in load(path.read_bytes()).items()}
+    return torch.load(path, map_location="cpu", weights_only=True)
+
+
+def _vgg16(weights: Weights) -> FeatureNetwork:
+    """VGG-16 to conv3_3 (torchvision's ``features.N``)."""
+    def run(image: torch.Tensor) -> list[torch.Tensor]:
+        x = (image - _MEAN) / _STD
+        maps = []
+        for number in (0, 2, 5, 7, 10, 12, 14):
+            if number in (5, 10):
+                x = functional.max_pool2d(x, 2)
+            x = torch.relu(functional.conv2d(x, weights[f"features.{number}.weight"],
+                                             weights[f"features.{number}.bias"], padding=1))
+            if number >= 10:
+                maps.append(x)
+        return maps
+    return run
+
+
+def _bottleneck(x: torch.Tensor, weights: Weights, name: str, stride: int, folded: bool,
+                ) -> torch.Tensor:
+    """One residual unit; v1 strides in its first convolution, v1.5 (torchvision) in its second."""
+    def convolve(value: torch.Tensor, part: str, norm: str, step: int, padding: int,
+                 ) -> torch.Tensor:
+        bias = weights.get(f"{name}.{part}.bias")
+        value = functional.conv2d(value, weights[f"{name}.{part}.weight"], bias, step, padding)
+        if folded:
+            return value
+        keys = (f"{name}.{norm}.{k}" for k in ("running_mean", "running_var", "weight", "bias"))
+        return functional.batch_norm(value, *(weights[key] for key in keys))
+
+    first, second = (stride, 1) if folded else (1, stride)
+    y = torch.relu(convolve(x, "conv1", "bn1", first, 0))
+    y = torch.relu(convolve(y, "conv2", "bn2", second, 1))
+    y = convolve(y, "conv3", "bn3", 1, 0)
+    if f"{name}.downsample.0.weight" in weights:
+        x = convolve(x, "downsample.0", "downsample.1", stride, 0)
+    return torch.relu(x + y)
+
+
+def _resnet50(weights: Weights) -> FeatureNetwork:
+    """ResNet-50 to layer2: folded v1 weights, or torchvision's v1.5 with batch norm."""
+    folded = "bn1.weight" not in weights
+
+    def run(image: torch.Tensor) -> list[torch.Tensor]:
+        x = functional.conv2d((image - _MEAN) / _STD, weights["conv1.weight"],
+                              weights.get("conv1.bias"), 2, 3)
+        if not folded:
+            x = functional.batch_norm(x, weights["bn1.running_mean"], weights["bn1.running_var"],
+                                      weights["bn1.weight"], weights["bn1.bias"])
+        x = functional.max_pool2d(torch.relu(x), 3, 2, 1)
+        maps = []
+        for stage, units in ((1, 3), (2, 4)):
+            for unit in range(units):
+                x = _bottleneck(x, weights, f"layer{stage}.{unit}",
+                                2 if stage > 1 and unit == 0 else 1, folded)
+            maps.append(x)
+        return maps
+    return run
+
+
+def _vgg19_se(weights: Weights) -> FeatureNetwork:
+    """The distilled VGG-19 to conv3_4; reflection padding, its colour transform is conv0."""
+    def run(image: torch.Tensor) -> list[torch.Tensor]:
+        x = functional.conv2d(image, weights["conv0.weight"], weights["conv0.bias"])
+        maps = []
+        for name in ("1_1", "1_2", "2_1", "2_2", "3_1", "3_2", "3_3", "3_4"):
+            if name in ("2_1", "3_1"):
+                x = functional.max_pool2d(x, 2)
+            x = functional.pad(x, (1, 1, 1, 1), mode="reflect")
+            x = torch.relu(functional.conv2d(x, weights[f"conv{name}.weight"],
+                                             weights[f"conv{name}.bias"]))
+            if name.startswith("3"):
+                maps.append(x)
+        return maps
+    return run
+
+
+def embedded_features(weights: Weights) -> FeatureNetwork:
+    """Our own network: seven convolutions, strides 1, 2, 1, 2, 1, 1, 1, and a linear read-out.
+
+    It reproduces conv3_1 and conv3_4 of ``vgg19-se`` (64 channels each).
+    """
+    def run(image: torch.Tensor) -> list[torch.Tensor]:
+        x = 2.0 * image - 1.0
+        for layer, stride in enumerate((1, 2, 1, 2, 1, 1, 1)):
+            x = functional.pad(x, (1, 1, 1, 1), mode="reflect")
+            x = torch.relu(functional.conv2d(x, weights[f"conv{layer}.weight"],
+                                             weights[f"conv{layer}.bias"], stride))
+        x = torch.relu(functional.conv2d(x, weights["read.weight"], weights["read.bias"]))
+        return [x[:, :64], x[:, 64:]]
+    return run
+
+
+_BUILDERS: dict[str, Callable[[Weights], FeatureNetwork]] = {
+    "vgg16": _vgg16, "resnet50": _resnet50, "vgg19-se": _vgg19_se}
+
+
+def _normalised(network: FeatureNetwork) -> FeatureNetwork:
+    """The network with each map scaled to a mean square of 1 on a fixed smooth noise picture.
+
+    The same architecture comes with weights of very different scale (Caffe's, torchvision's);
+    after this a loss does not depend on which file was found.
+    """
+    generator = torch.Generator().manual_seed(0)
+    noise = torch.rand(1, 3, 24, 24, generator=generator)
+    picture = functional.interpolate(noise, size=(192, 192), mode="bicubic").clamp(0, 1)
+    with torch.no_grad():
+        scales = [1.0 / float(values.square().mean().sqrt().clamp_min(1e-8))
+                  for values in network(picture)]
+    return lambda image: [scale * values for scale, values in zip(scales, network(image))]
+
+
+@functools.lru_cache(maxsize=8)
+def load_network(name: str) -> FeatureNetwork:
+    """A feature network by its name, weights through the registry.
+
+    Parameters
+    ----------
+    name
+        ``"vgg16"``, ``"resnet50"``, ``"vgg19-se"`` or ``"embedded"``.
+
+    Raises
+    ------
+    UserError
+        If the name is unknown or the weights are missing.
+    """
+    if name == "embedded":
+        file = resources.files("lfportrait.stylize") / "embedded.safetensors"
+        weights = {key: value.float() for key, value in load(file.read_bytes()).items()}
+        return _normalised(embedded_features(weights))
+    if name not in _BUILDERS:
+        raise UserError(f"there is no feature network {name!r}; choose vgg16, resnet50, vgg19-se "
+                        "or embedded")
+    return _normalised(_BUILDERS[name](_read(models.fetch(name))))
