@@ -53,6 +53,13 @@ class Lens:
         """Whether any coefficient differs from zero; a fisheye always bends."""
         return self.model == "fisheye" or any(self.k) or any(self.p)
 
+    def resized(self, width: int, height: int) -> Lens:
+        """The lens of the same picture at another size, in pixels."""
+        ratio = width / self.width, height / self.height
+        return Lens(width, height, (self.focal[0] * ratio[0], self.focal[1] * ratio[1]),
+                    (self.center[0] * ratio[0], self.center[1] * ratio[1]), self.model, self.k,
+                    self.p)
+
     def distort(self, points: Float) -> Float:
         """Normalised pinhole coordinates [..., 2] -> normalised coordinates on the sensor."""
         x, y = points[..., 0], points[..., 1]
