@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-__all__ = ["HeadModel", "bump", "fractal", "hair_coordinates", "lid_lines", "mouth_lines", "noise",
-           "scene", "surfaces"]
+__all__ = ["HeadModel", "bump", "drop", "fractal", "hair_coordinates", "lid_lines", "mouth_lines",
+           "noise", "scene", "silhouette", "surfaces"]
 
 Colour = tuple[float, float, float]
 
@@ -43,6 +43,7 @@ class HeadModel(NamedTuple):
     nose_out: float = 0.0
     """How much further than average the tip stands out, world units."""
     nose_hump: float = 0.0
+    eye_size: float = 1.0
     eye_open: float = 1.0
     eye_tilt: float = 0.010
     """How much higher the outer corner is than the inner one, world units."""
@@ -180,11 +181,12 @@ def lid_lines(m, ax):
 
     Returns upper, lower and the place across the eye (-1 inner corner, 1 outer corner).
     """
-    t = (ax - 0.184 - m.eye_space) / 0.0885
+    t = (ax - 0.184 - m.eye_space) / (0.086 * m.eye_size)
     s = max(1.0 - t * t, 0.0)
-    level = 0.5 * (t + 1.0) * m.eye_tilt - 0.004
-    upper = level + m.eye_open * 0.0335 * s ** 0.80 * (1.0 - 0.13 * t)
-    lower = level - 0.0275 * s ** 0.95 * (1.0 + 0.20 * t)
+    beyond = 0.06 * max(abs(t) - 1.0, 0.0)
+    level = 0.5 * (t + 1.0) * m.eye_tilt - 0.005
+    upper = level + m.eye_size * m.eye_open * 0.0325 * s ** 0.75 * (1.0 - 0.15 * t) - beyond
+    lower = level - m.eye_size * 0.0265 * s ** 0.95 * (1.0 + 0.22 * t) + beyond
     return upper, lower, t
 
 
@@ -194,14 +196,14 @@ def mouth_lines(m, ax):
 
     The fourth value is the place across the mouth, 0 in the middle, 1 at the corner.
     """
-    t = ax / (0.148 * m.mouth_width)
+    t = ax / (0.140 * m.mouth_width)
     s = max(1.0 - t * t, 0.0)
     base = -0.400 - 0.45 * m.chin_drop
     gap = base + m.smile * t * t + 0.006 * (1.0 - t) * t * t - 0.006 * bump(t, 0.0, 0.0, 0.0, 0.5,
                                                                              1.0)
-    bow = 0.30 * bump(t, 0.0, 0.22, 0.0, 0.34, 1.0) - 0.16 * bump(t, 0.0, 0.0, 0.0, 0.20, 1.0)
-    upper = gap + m.lip_upper * 0.042 * (s ** 0.9 * (0.86 - 0.16 * t) + bow)
-    lower = gap - m.lip_lower * 0.056 * s ** 0.62 * (1.0 - 0.16 * t)
+    bow = 0.17 * bump(t, 0.0, 0.24, 0.0, 0.42, 1.0) - 0.14 * bump(t, 0.0, 0.0, 0.0, 0.26, 1.0)
+    upper = gap + m.lip_upper * 0.044 * (s ** 1.05 * (0.90 - 0.10 * t) + bow)
+    lower = gap - m.lip_lower * 0.056 * s ** 0.72 * (1.0 - 0.12 * t)
     return upper, gap, lower, t
 
 
@@ -216,20 +218,23 @@ def _bone(m, x, ax, y, z):
 def _nose(m, ax, y, z, d):
     """Blend the nose into the face distance ``d``; carve the nostrils."""
     low, out, wide = -m.nose_length, m.nose_out, m.nose_width
-    bridge = _capsule(ax, y, z, 0.0, 0.075, 0.468, 0.0, -0.185 + low, 0.610 + out, 0.043 * wide,
-                      0.042 * wide)
+    bridge = _capsule(ax, y, z, 0.0, 0.085, 0.478, 0.0, -0.180 + low, 0.612 + out, 0.031 * wide,
+                      0.036 * wide)
+    body = _capsule(ax, y, z, 0.0, 0.040, 0.430, 0.0, -0.175 + low, 0.520 + 0.5 * out, 0.040 * wide,
+                    0.056 * wide)
+    d = _union(d, body, 0.080)
     hump = 0.018 * m.nose_hump * bump(ax, y, 0.0, -0.03, 0.08, 0.10)
-    d = _union(d, bridge - hump, 0.075)
-    d = _union(d, _ellipsoid(ax, y + 0.207 - low, z - 0.621 - out, 0.054 * wide, 0.046, 0.056),
-               0.045)
-    wing = _ellipsoid(ax - 0.070 * wide, y + 0.222 - low, z - 0.560 - 0.4 * out, 0.036 * wide,
-                      0.038, 0.056)
-    d = _union(d, wing, 0.032)
-    d = _union(d, _capsule(ax, y, z, 0.0, -0.240 + low, 0.612 + out, 0.0, -0.262 + low, 0.540,
-                           0.022, 0.022), 0.030)
+    d = _union(d, bridge - hump, 0.100)
+    d = _union(d, _ellipsoid(ax, y + 0.200 - low, z - 0.622 - out, 0.047 * wide, 0.042, 0.052),
+               0.060)
+    wing = _ellipsoid(ax - 0.060 * wide, y + 0.218 - low, z - 0.560 - 0.4 * out, 0.029 * wide,
+                      0.034, 0.054)
+    d = _union(d, wing, 0.034)
+    d = _union(d, _capsule(ax, y, z, 0.0, -0.236 + low, 0.618 + out, 0.0, -0.258 + low, 0.540,
+                           0.019, 0.022), 0.030)
     # The hole is a slanted ellipsoid that points up and inwards.
-    hx, hy, hz = ax - 0.040 * wide, y + 0.262 - low, z - 0.588 - 0.7 * out
-    hole = _ellipsoid(hx + 0.35 * hz, hy, hz - 0.25 * hx, 0.0185 * wide, 0.026, 0.034)
+    hx, hy, hz = ax - 0.035 * wide, y + 0.250 - low, z - 0.586 - 0.7 * out
+    hole = _ellipsoid(hx - 0.30 * hz, hy, hz, 0.0185 * wide, 0.026, 0.036)
     return _carve(d, hole, 0.014)
 
 
@@ -242,34 +247,36 @@ def _lips(m, ax, y, z, d):
         fade = _smooth(1.02, 0.55, t)
         top = upper - gap + 1e-3
         u = (y - middle) / (0.5 * top + 0.004)
-        full = 0.020 * m.lip_upper ** 0.5 * fade
+        full = 0.016 * m.lip_upper ** 0.5 * fade
         if abs(u) < 1.0:
             d -= full * (1.0 - u * u) * (1.0 - 0.25 * u)
         v = (y - 0.5 * (gap + lower)) / (0.5 * (gap - lower) + 0.006)
         if abs(v) < 1.0:
-            d -= 0.027 * m.lip_lower ** 0.5 * fade * (1.0 - v * v) * (1.0 + 0.15 * v)
+            d -= 0.022 * m.lip_lower ** 0.5 * fade * (1.0 - v * v) * (1.0 + 0.15 * v)
         groove = (y - gap) / 0.012
         d += 0.017 * _smooth(1.12, 0.80, t) / (1.0 + groove * groove * groove * groove)
-    corner = 0.148 * m.mouth_width
-    d += 0.014 * bump(ax, y, corner + 0.012, gap, 0.042, 0.040)
-    d -= 0.010 * bump(ax, y, corner + 0.055, gap - 0.005, 0.060, 0.075)
-    d += 0.013 * bump(ax, y, 0.0, upper + 0.035, 0.026, 0.060)
-    d -= 0.006 * bump(ax, y, 0.032, upper + 0.035, 0.030, 0.065)
-    return d + 0.026 * bump(ax, y, 0.0, lower - 0.028, 0.150, 0.050)
+    corner = 0.140 * m.mouth_width
+    d += 0.007 * bump(ax, y, corner + 0.010, gap, 0.050, 0.045)
+    d -= 0.006 * bump(ax, y, corner + 0.065, gap - 0.005, 0.080, 0.100)
+    d += 0.008 * bump(ax, y, 0.0, upper + 0.030, 0.030, 0.065)
+    d -= 0.003 * bump(ax, y, 0.034, upper + 0.030, 0.034, 0.065)
+    return d + 0.020 * bump(ax, y, 0.0, lower - 0.030, 0.160, 0.065)
 
 
 @numba.njit(cache=True)
 def _eyes(m, ax, y, z, d):
     """Sockets, lids with their fold, and the slit through which the eyeball is seen."""
     cx = 0.184 + m.eye_space
-    d += 0.034 * bump(ax, y, cx - 0.055, 0.000, 0.125, 0.115)
-    d += 0.016 * bump(ax, y, cx + 0.03, 0.030, 0.17, 0.075)
+    d += 0.038 * bump(ax, y, cx - 0.060, 0.004, 0.125, 0.110)
+    d += 0.020 * bump(ax, y, cx + 0.02, 0.040, 0.17, 0.075)
     ex, ez = ax - cx, z - 0.385
     radius = sqrt(ex * ex + y * y + ez * ez)
-    if ez < -0.02 or radius > 0.28:
+    rim = _capsule(ax, y, z, cx + 0.100, 0.080, 0.350, cx + 0.095, -0.060, 0.345, 0.032, 0.034)
+    d = _union(d, rim, 0.090)
+    if ez < -0.11 or radius > 0.28:
         return d
     upper, lower, t = lid_lines(m, ax)
-    d = _union(d, radius - 0.1055, 0.034)
+    d = _union(d, radius - 0.0100 - 0.0955 * m.eye_size, 0.034)
     # The fold follows the upper lid; skin hangs over it a little on the outside.
     fold = upper + 0.0215 + 0.004 * t
     span = _smooth(1.25, 0.75, abs(t))
@@ -281,36 +288,36 @@ def _eyes(m, ax, y, z, d):
     d -= 0.0030 * span * bump(y, 0.0, upper + 0.004, 0.0, 0.007, 1.0)
     d -= 0.0028 * span * bump(y, 0.0, lower - 0.005, 0.0, 0.008, 1.0)
     slit = max(y - upper, lower - y)
-    return _carve(d, max(slit, radius - 0.20), 0.006)
+    return _carve(d, max(max(slit, radius - 0.20), -ez), 0.006)
 
 
 @numba.njit(cache=True)
 def _ear(m, ax, y, z):
     """Ear: a tilted leaf with a rolled rim, an inner ridge, a hollow and a lobe."""
     # Local frame: u to the back of the head, v up, w out of the ear's face.
-    px, py, pz = ax - 0.408 * m.skull_width, y + 0.085, z + 0.035
+    size = 0.90 * m.ear_size
+    px, py, pz = ax - 0.392 * m.skull_width, y + 0.085, z + 0.035
     py, pz = 0.978 * py + 0.208 * pz, -0.208 * py + 0.978 * pz
-    u = -0.88 * pz + 0.475 * px
-    w = 0.88 * px + 0.475 * pz
-    u, v, w = u / m.ear_size - 0.055, py / m.ear_size, w / m.ear_size - 0.022
-    narrow = 0.098 + 0.030 * min(max(v / 0.18, -1.0), 1.0)
-    r = sqrt((u / narrow) ** 2 + (v / 0.185) ** 2)
-    leaf = (r - 1.0) * 0.105
-    cup = w - 0.10 * (u / 0.1) ** 2 * 0.25
-    plate = _union(max(leaf, abs(cup) - 0.012), 10.0, 0.01)
+    u = -0.927 * pz + 0.375 * px
+    w = 0.927 * px + 0.375 * pz
+    u, v, w = u / size - 0.050, py / size, w / size - 0.012
+    narrow = 0.094 + 0.028 * min(max(v / 0.18, -1.0), 1.0)
+    r = sqrt((u / narrow) ** 2 + (v / 0.180) ** 2)
+    leaf = (r - 1.0) * 0.100
+    cup = w - 2.2 * u * u
+    d = max(leaf, abs(cup) - 0.013)
+    d = _union(d, _ellipsoid(u + 0.030, v + 0.020, w + 0.030, 0.055, 0.075, 0.040), 0.03)
     rim_out = leaf + 0.016
-    rim = sqrt(rim_out * rim_out + (cup - 0.010) ** 2) - 0.0165 * (1.0 - 0.25 * _smooth(
+    rim = sqrt(rim_out * rim_out + (cup - 0.020) ** 2) - 0.0175 * (1.0 - 0.3 * _smooth(
         -0.02, -0.15, v))
-    d = _union(plate, rim, 0.014)
-    lobe = _ellipsoid(u + 0.022, v + 0.168, w - 0.002, 0.046, 0.046, 0.022)
-    d = _union(d, lobe, 0.030)
-    ridge_r = (sqrt((u / (0.60 * narrow)) ** 2 + ((v - 0.01) / 0.115) ** 2) - 1.0) * 0.06
-    ridge = sqrt(ridge_r * ridge_r + (cup - 0.006) ** 2) - 0.0125
-    if u > -0.02:
-        d = _union(d, ridge, 0.016)
-    d = _carve(d, _ellipsoid(u + 0.022, v + 0.020, w - 0.018, 0.040, 0.066, 0.036), 0.016)
-    d = _union(d, _ellipsoid(u + 0.073, v + 0.030, w - 0.004, 0.020, 0.032, 0.022), 0.018)
-    return d * m.ear_size
+    d = _union(d, rim, 0.010)
+    d = _union(d, _ellipsoid(u + 0.026, v + 0.160, w, 0.044, 0.044, 0.020), 0.030)
+    ridge_r = (sqrt((u / (0.58 * narrow)) ** 2 + ((v - 0.012) / 0.108) ** 2) - 1.0) * 0.058
+    ridge = sqrt(ridge_r * ridge_r + (cup - 0.012) ** 2) - 0.0150
+    d = _union(d, ridge + 0.02 * _smooth(0.0, -0.03, u), 0.014)
+    d = _carve(d, _ellipsoid(u + 0.020, v + 0.022, w - 0.030, 0.038, 0.062, 0.036), 0.016)
+    d = _union(d, _ellipsoid(u + 0.070, v + 0.030, w - 0.004, 0.018, 0.032, 0.022), 0.018)
+    return d * size
 
 
 @numba.njit(cache=True)
@@ -333,24 +340,26 @@ def _face(m, x, ax, y, z, bone):
     """Everything of the face but ears and neck."""
     drop, wide = m.chin_drop, m.face_width
     d = bone
-    jaw = _capsule(ax, y, z, 0.262 * m.jaw_width, -0.345 - 0.5 * drop, 0.005, 0.072 * m.chin_width,
-                   -0.555 - drop, 0.405 + m.chin_forward, 0.072, 0.066)
-    d = _union(d, jaw, 0.16)
-    chin = _ellipsoid(ax, y + 0.560 + drop, z - 0.432 - m.chin_forward, 0.098 * m.chin_width,
-                      0.086, 0.098)
-    d = _union(d, chin, 0.090)
-    cheek = _capsule(ax, y, z, 0.200 * wide, -0.135, 0.405, 0.362 * wide, -0.060, 0.120,
-                     0.050 * m.cheekbone, 0.036 * m.cheekbone)
+    jaw = _capsule(ax, y, z, 0.248 * m.jaw_width, -0.345 - 0.5 * drop, 0.005, 0.052 * m.chin_width,
+                   -0.560 - drop, 0.415 + m.chin_forward, 0.072, 0.064)
+    d = _union(d, jaw, 0.17)
+    chin = _ellipsoid(ax, y + 0.562 + drop, z - 0.458 - m.chin_forward, 0.080 * m.chin_width,
+                      0.084, 0.095)
+    d = _union(d, chin, 0.110)
+    cheek = _capsule(ax, y, z, 0.195 * wide, -0.130, 0.395, 0.335 * wide, -0.050, 0.150,
+                     0.046 * m.cheekbone, 0.034 * m.cheekbone)
     d = _union(d, cheek, 0.150)
-    d = _union(d, _ellipsoid(ax, y + 0.385 + 0.4 * drop, z - 0.395, 0.165, 0.165, 0.148), 0.110)
-    if z < -0.05:
+    side = _ellipsoid(ax - 0.185 * wide, y + 0.285, z - 0.185, 0.125, 0.17, 0.19)
+    d = _union(d, side, 0.14)
+    d = _union(d, _ellipsoid(ax, y + 0.385 + 0.4 * drop, z - 0.390, 0.165, 0.165, 0.135), 0.120)
+    if z < 0.04:
         return d
     brow = _capsule(ax, y, z, 0.040, 0.088, 0.470, 0.250, 0.100, 0.385, 0.040, 0.038)
     d = _union(d, brow - 0.012 * (m.brow_ridge - 1.0), 0.080)
     d = _eyes(m, ax, y, z, d)
     d = _nose(m, ax, y, z, d)
     d = _lips(m, ax, y, z, d)
-    d += m.cheek_hollow * 0.030 * bump(ax, y, 0.285, -0.290, 0.130, 0.190)
+    d += m.cheek_hollow * 0.030 * _smooth(0.04, 0.16, z) * bump(ax, y, 0.285, -0.290, 0.130, 0.190)
     d -= 0.012 * bump(ax, y, 0.180, -0.200, 0.130, 0.120)
     if m.folds > 0.0:
         line = 0.088 + 0.33 * max(-0.205 - y, 0.0)
@@ -376,7 +385,8 @@ def hair_coordinates(m, x, y, z):
     across = py * az - pz * ay
     side = sqrt(x * x + across * across) + 1e-9
     theta = atan2(side, along)
-    return atan2(x, -across) + m.hair_twist * theta, theta
+    wave = 0.020 * noise(7.0 * x, 7.0 * y, 7.0 * z)
+    return atan2(x, -across) + m.hair_twist * theta + wave, theta
 
 
 @numba.njit(cache=True)
@@ -387,9 +397,9 @@ def _hair_cover(m, ax, y, z, phi):
     front = _union(front, temple, -0.0 + 0.10) if y > 0.25 else _union(front, temple, 0.10)
     ear = sqrt(((z + 0.075) / 0.120) ** 2 + ((y + 0.105) / 0.205) ** 2) - 1.0
     ear = max(ear * 0.13, 0.10 * (z - 0.02))
-    nape = 0.9 * (y + 0.43) - 0.25 * (z + 0.35)
+    nape = 0.9 * (y + 0.25) - 0.25 * (z + 0.35)
     bottom = y + 0.14 if z > -0.06 else nape
-    return min(min(front, ear), bottom) + 0.012 * noise(16.0 * phi, 3.0 * y, 0.0)
+    return min(min(front, ear), bottom) + 0.010 * noise(12.0 * phi, 3.0 * y, 0.0)
 
 
 @numba.njit(cache=True)
@@ -412,12 +422,12 @@ def _hair(m, x, ax, y, z, bone):
     high = _smooth(-0.05, 0.45, y)
     thick = m.hair_side + (m.hair_top - m.hair_side) * high
     thick += m.hair_quiff * bump(x, z, 0.03, 0.30, 0.42, 0.34) * high
-    grown = min(max(cover / 0.11, -1.0), 1.0)
-    rise = sqrt(grown) if grown > 0.0 else grown
-    d = bone - thick * rise - 0.004
+    grown = min(max(cover / 0.20, -0.5), 1.0)
+    rise = grown * (2.0 - grown) if grown > 0.0 else 2.0 * grown
+    d = bone - thick * rise - 0.002
     if d < 0.07:
-        relief = 0.50 * noise(phi * 9.0, theta * 1.3, 2.0) + 0.32 * noise(
-            phi * 23.0, theta * 2.0, 5.0) + 0.18 * noise(phi * 61.0, theta * 3.0, 7.0)
+        relief = 0.42 * noise(phi * 9.0, theta * 1.3, 2.0) + 0.36 * noise(
+            phi * 23.0, theta * 2.0, 5.0) + 0.22 * noise(phi * 61.0, theta * 3.0, 7.0)
         d -= 0.020 * m.hair_relief * relief * _smooth(0.0, 0.5, theta) * (0.25 + 0.75 * max(
             grown, 0.0))
     return _union(d, knot, 0.05)
@@ -435,8 +445,7 @@ def _cloth(m, x, ax, y, z, torso):
         leaf = max(max(abs(torso - 0.040) - 0.014, stand), -(stand + 0.15 + 0.10 * _smooth(
             -0.1, 0.2, z)))
         d = _union(d, leaf, 0.012)
-    wave = 0.010 * noise(5.0 * x, 3.0 * y, 4.0 * z)
-    return d + wave
+    return d + (0.010 * noise(5.0 * x, 3.0 * y, 4.0 * z) if abs(d) < 0.1 else 0.0)
 
 
 @numba.njit(cache=True)
@@ -458,19 +467,25 @@ def surfaces(m, x, y, z):
     ax = sqrt(x * x + 1e-6)
     bone = _bone(m, x, ax, y, z)
     skin = _face(m, x, ax, y, z, bone)
-    if ax > 0.25 and y < 0.3:
+    away = sqrt((ax - 0.44) ** 2 + (y + 0.09) ** 2 + (z + 0.07) ** 2)
+    if away < 0.31:
         skin = _union(skin, _ear(m, ax, y, z), 0.030)
+    else:
+        skin = min(skin, _ellipsoid(ax - 0.44, y + 0.09, z + 0.07, 0.13, 0.24, 0.18))
     hair = _hair(m, x, ax, y, z, bone)
     cloth = 10.0
     if y < -0.25:
         torso = _torso(m, x, ax, y, z)
-        cut = y + 0.985
-        cut = -cut
-        skin = max(_union(skin, torso, 0.055), cut)
-        cloth = max(max(_cloth(m, x, ax, y, z, torso), cut), sqrt(x * x + 0.3 * z * z) - 0.93)
-        skin = max(skin, sqrt(x * x + 0.3 * z * z) - 0.925)
+        skin = _union(skin, torso, 0.055)
+        side = sqrt(x * x + 0.3 * z * z) - 0.92
+        cut = max(-0.985 - y, side)
+        skin = max(skin, cut + 0.05)
+        cloth = _carve(_cloth(m, x, ax, y, z, torso), -_carve(-0.985 - y, -side, 0.10), 0.03)
     ex, ez = ax - 0.184 - m.eye_space, z - 0.385
-    eye = sqrt(ex * ex + y * y + ez * ez) - 0.0955
+    eye = sqrt(ex * ex + y * y + ez * ez) - 0.0955 * m.eye_size
+    # The pink corner beside the nose fills the gap that the ball leaves.
+    corner = _ellipsoid(ex + 0.074 * m.eye_size, y + 0.006, ez - 0.052, 0.022, 0.016, 0.022)
+    eye = _union(eye, corner, 0.010)
     return skin, hair, cloth, eye
 
 
@@ -479,3 +494,52 @@ def scene(m, x, y, z):
     """Signed distance to the nearest of all surfaces."""
     skin, hair, cloth, eye = surfaces(m, x, y, z)
     return min(min(skin, hair), min(cloth, eye))
+
+
+@numba.njit(cache=True)
+def drop(m, x, y):
+    """Height z of the foremost skin or eyeball at (x, y), for arrays [N]; NaN where none is."""
+    out = np.full(x.shape[0], np.nan)
+    for i in range(x.shape[0]):
+        z = 0.95
+        for _ in range(400):
+            skin, _, _, eye = surfaces(m, x[i], y[i], z)
+            d = min(skin, eye)
+            out[i] = z
+            if abs(d) < 1e-6:
+                break
+            # Short steps: the distance overestimates near folds.
+            z -= 0.4 * d
+            if z < -1.0:
+                out[i] = np.nan
+                break
+    return out
+
+
+@numba.njit(cache=True)
+def silhouette(m, angles, cx, cy):
+    """Outline of the face without ears, hair and neck, seen from the front.
+
+    For each direction ``angles`` [N] (radians from +x towards +y) about (cx, cy): the point [N, 3]
+    of the face furthest from the middle, among those in front of the ears.
+    """
+    out = np.zeros((angles.shape[0], 3))
+    for i in range(angles.shape[0]):
+        c, s = np.cos(angles[i]), np.sin(angles[i])
+        low, high, depth = 0.05, 0.9, 0.0
+        for _ in range(24):
+            r = 0.5 * (low + high)
+            x, y = cx + r * c, cy + r * s
+            ax = sqrt(x * x + 1e-6)
+            best, where = 1e9, 0.0
+            for k in range(60):
+                z = 0.12 + 0.008 * k
+                d = _face(m, x, ax, y, z, _bone(m, x, ax, y, z))
+                if d < best:
+                    best, where = d, z
+            if best < 0.0:
+                low, depth = r, where
+            else:
+                high = r
+        out[i, 0], out[i, 1], out[i, 2] = cx + low * c, cy + low * s, depth
+    return out
