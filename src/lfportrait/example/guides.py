@@ -48,7 +48,8 @@ class Guides:
 
 def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
                    targets: NDArray[np.floating],
-                   weights: NDArray[np.floating] | None = None) -> NDArray[np.float64]:
+                   weights: NDArray[np.floating] | None = None,
+                   softness: NDArray[np.floating] | None = None) -> NDArray[np.float64]:
     """Moving least squares with similarities (Schaefer et al. 2006, alpha = 1).
 
     Parameters
@@ -56,9 +57,12 @@ def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
     points
         [N, 2] points to map.
     sources, targets
-        [M, 2] control points and their images; ``f(sources[i]) = targets[i]`` exactly.
+        [M, 2] control points and their images.
     weights
         [M] importance of each control point away from it, default 1.
+    softness
+        [M] distance within which a control point attracts instead of pinning, default 0: then
+        ``f(sources[i]) = targets[i]`` exactly. Isolated points would pull out spikes.
 
     Returns
     -------
@@ -68,13 +72,15 @@ def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
     points = np.ascontiguousarray(points, np.float64)
     importance = np.ones(len(sources)) if weights is None else np.asarray(weights, np.float64)
     out = np.empty_like(points)
-    mls_points(points, sources, targets, importance, out)
+    soft = np.zeros(len(sources)) if softness is None else np.asarray(softness, np.float64) ** 2
+    mls_points(points, sources, targets, importance, soft, out)
     return out
 
 
 def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating],
                    exemplar_landmarks: NDArray[np.floating], *,
-                   weights: NDArray[np.floating] | None = None, grid: int = 4) -> Float32:
+                   weights: NDArray[np.floating] | None = None,
+                   softness: NDArray[np.floating] | None = None, grid: int = 4) -> Float32:
     """The exemplar's coordinate of every pixel of a target picture.
 
     Parameters
@@ -85,6 +91,8 @@ def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating
         [M, 2] matching control points in pixels; rows with NaN on either side are left out.
     weights
         [M] importance of the control points.
+    softness
+        [M] in pixels, see `mls_similarity`.
     grid
         The map is evaluated every ``grid`` pixels and bilinear between; 1 evaluates every pixel.
 
@@ -94,12 +102,13 @@ def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating
     """
     known = np.isfinite(target_landmarks).all(axis=1) & np.isfinite(exemplar_landmarks).all(axis=1)
     importance = np.ones(len(known)) if weights is None else np.asarray(weights)
+    soft = np.zeros(len(known)) if softness is None else np.asarray(softness)
     height, width = shape[:2]
     columns, rows = -(-(width - 1) // grid) + 1, -(-(height - 1) // grid) + 1
     x, y = np.meshgrid(np.arange(max(columns, 2)) * grid + 0.5,
                        np.arange(max(rows, 2)) * grid + 0.5)
     nodes = mls_similarity(np.stack([x.ravel(), y.ravel()], axis=1), target_landmarks[known],
-                           exemplar_landmarks[known], importance[known])
+                           exemplar_landmarks[known], importance[known], soft[known])
     out = np.empty((height, width, 2), np.float32)
     resample_grid(nodes.reshape(*x.shape, 2).astype(np.float32), grid, out)
     return out

@@ -350,15 +350,15 @@ def _plausible_hair(hair: Float32, person: Float32, frame: FaceFrame) -> bool:
 
 def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64,
                   style_regions: Regions,
-                  contours: bool = True) -> tuple[Float64, Float64, Float64]:
+                  contours: bool = True) -> tuple[Float64, Float64, Float64, Float64]:
     """Control points of the position guide: landmarks, hairline and outline.
 
     Returns
     -------
     sources, targets
         [M, 2] in the target and in the exemplar; only points known on both sides count.
-    weights
-        [M].
+    weights, softness
+        [M], see `guides.mls_similarity`.
     """
     sources, targets = [landmarks], [style_landmarks]
     weights = [np.ones(68)]
@@ -371,7 +371,10 @@ def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64
         sources.append(foot)
         targets.append(style_foot)
         weights.append(np.full(len(foot), 2.0))
-    return np.concatenate(sources), np.concatenate(targets), np.concatenate(weights)
+    source = np.concatenate(sources)
+    softness = np.full(len(source), 0.05 * regions.frame.height)
+    softness[:68] = 0.0
+    return source, np.concatenate(targets), np.concatenate(weights), softness
 
 
 def _foot(landmarks: Float64, regions: Regions, style_landmarks: Float64,

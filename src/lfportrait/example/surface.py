@@ -96,6 +96,8 @@ class SurfaceGuide:
         extra, style_extra = self._border_points(squeezed)
         self.sources = np.concatenate([squeezed[known], extra])
         self.targets = np.concatenate([style, style_extra])
+        self.softness = np.full(len(self.sources), 0.12 * self.radius)
+        self.softness[:len(style)] = 0.0
         self.nearest = self._nearest_person()
 
     def unwrap(self, points: NDArray[np.floating], squeezed: bool = False) -> Float64:
@@ -229,7 +231,8 @@ class SurfaceGuide:
         position = np.full((*inside.shape, 2), np.nan, np.float32)
         anchor = np.full((*inside.shape, 2), np.nan, np.float32)
         plane = self.scale * self.unwrap(seen) + self.shift
-        mapped = mls_similarity(self._wander(seen, plane), self.sources, self.targets)
+        mapped = mls_similarity(self._wander(seen, plane), self.sources, self.targets,
+                                softness=self.softness)
         folded = fold_inside(mapped.astype(np.float32), self.exemplar.image.shape,
                              self.regions.box())
         position[inside] = self._onto_person(folded)

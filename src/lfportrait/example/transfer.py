@@ -214,10 +214,10 @@ class Transfer:
     def _flat_guide(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
                     regions: Regions) -> Float32:
         """Position guide of a photo from its landmarks and contours."""
-        sources, targets, weights = match_regions(
+        sources, targets, weights, softness = match_regions(
             landmarks, regions, self.exemplar.landmarks, self.regions, self.config.contours)
         position = position_guide(photo.shape, sources, targets, weights=weights,
-                                  grid=self.config.grid)
+                                  softness=softness, grid=self.config.grid)
         return fold_inside(position, self.exemplar.image.shape, self.regions.box())
 
     def _appearance(self, photo: NDArray[np.generic], scale: float, person: Float32,

@@ -15,10 +15,11 @@ __all__ = ["blur_rows", "mls_points", "resample_grid"]
 
 
 @numba.njit(cache=True, parallel=True)
-def mls_points(points, sources, targets, weights, out):
+def mls_points(points, sources, targets, weights, softness, out):
     """Map ``points`` [N, 2] by moving least squares (similarity) into ``out`` [N, 2], float64.
 
-    ``sources`` and ``targets`` [M, 2] are the control points, ``weights`` [M] their importance.
+    ``sources`` and ``targets`` [M, 2] are the control points, ``weights`` [M] their importance;
+    ``softness`` [M] is added to their squared distance: above 0 they attract but do not pin.
     """
     for n in numba.prange(points.shape[0]):
         vx, vy = points[n, 0], points[n, 1]
@@ -29,10 +30,11 @@ def mls_points(points, sources, targets, weights, out):
             ax, ay = sources[m, 0] - vx, sources[m, 1] - vy
             bx, by = targets[m, 0] - vx, targets[m, 1] - vy
             distance = ax * ax + ay * ay
-            if distance < 1e-12:
+            near = distance + softness[m]
+            if near < 1e-12:
                 hit = m
                 break
-            w = weights[m] / distance
+            w = weights[m] / near
             total += w
             px += w * ax
             py += w * ay
