@@ -1,0 +1,19 @@
+"""Displays, the mask guide, coding, quilts, simulation and patterns (Shen et al. 2023, 2.3, Eq. 8)."""
+
+from .display import Display
+from .encode import (
+    EncodeConfig,
+    Placement,
+    depth_budget,
+    encode,
+    encode_with_figures,
+    render_view,
+    view_camera,
+)
+from .mask import ViewMask
+from .quilt import QuiltLayout, interlace, quilt_of, quilt_tiles
+from .simulate import deinterlace, pattern, simulate
+
+__all__ = ["Display", "EncodeConfig", "Placement", "QuiltLayout", "ViewMask", "deinterlace",
+           "depth_budget", "encode", "encode_with_figures", "interlace", "pattern", "quilt_of",
+           "quilt_tiles", "render_view", "simulate", "view_camera"]

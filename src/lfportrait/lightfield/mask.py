@@ -1,0 +1,103 @@
+"""The mask guide (Shen et al. 2023, 2.3): the view of every sub-pixel, computed once per display.
+
+The views depend on the panel alone, so they are computed once, kept on disk under the display's
+hash and mapped into memory when they are needed again.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from ..files import atomic_write
+from .display import Display
+
+__all__ = ["ViewMask"]
+
+
+@njit(cache=True, parallel=True)
+def _fill(mask, pitch, shift, offset, views, inverted):  # type: ignore[no-untyped-def]
+    height, width, _ = mask.shape
+    ratio = views / pitch
+    for y in prange(height):
+        for x in range(width):
+            for k in range(3):
+                raw = 3.0 * x + k + y * shift + offset
+                phase = raw - pitch * np.floor(raw / pitch)
+                if phase >= pitch:
+                    phase = 0.0
+                if inverted and phase > 0:
+                    phase = pitch - phase
+                mask[y, x, k] = min(int(phase * ratio), views - 1)
+
+
+def _cache_folder() -> Path:
+    import pooch
+
+    return Path(pooch.os_cache("lfportrait")) / "masks"
+
+
+@dataclass(frozen=True)
+class ViewMask:
+    """The nearest view of every sub-pixel of a panel.
+
+    Attributes
+    ----------
+    views
+        uint8 (uint16 above 256 views) [H, W, 3], sub-pixels from the left to the right.
+    display
+        Hash of the display that it was computed for.
+    seconds
+        Time that building or loading it took.
+    loaded
+        Whether it came from the cache.
+    """
+
+    views: NDArray[np.unsignedinteger]
+    display: str
+    seconds: float
+    loaded: bool
+
+    @staticmethod
+    def build(display: Display, cache: bool | Path = True) -> ViewMask:
+        """The mask of a display, from the cache if it is there.
+
+        Parameters
+        ----------
+        display
+            The panel.
+        cache
+            True keeps masks in the user's cache folder, a path in that folder, False nowhere.
+        """
+        start = time.perf_counter()
+        kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
+        shape = (display.height, display.width, 3)
+        file = None
+        if cache is not False:
+            folder = _cache_folder() if cache is True else Path(cache)
+            file = folder / f"{display.hash()}.npy"
+            try:
+                stored = np.load(file, mmap_mode="r", allow_pickle=False)
+                if stored.shape == shape and stored.dtype == kind:
+                    return ViewMask(stored, display.hash(), time.perf_counter() - start, True)
+            except (OSError, ValueError, EOFError):
+                pass
+        views = np.empty(shape, kind)
+        _fill(views, display.pitch, display.shift, display.offset, display.views, display.inverted)
+        if file is not None:
+            try:
+                with atomic_write(file) as stream:
+                    np.save(stream, views, allow_pickle=False)
+            except Exception:  # a cache that can't be written is no reason to stop
+                pass
+        return ViewMask(views, display.hash(), time.perf_counter() - start, False)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory taken, in bytes."""
+        return int(self.views.nbytes)
