@@ -22,7 +22,7 @@ _MASK = (np.int64(1) << INDEX_BITS) - 1
 
 @numba.njit(cache=True, parallel=True)
 def scatter_pixels(levels, cell, keys):
-    """Put every exemplar pixel into its cell of ``keys`` [A, Y, X]; the nearest to its middle stays.
+    """Put every exemplar pixel into its cell of ``keys`` [A, Y, X].
 
     ``levels`` int32 [H, W] is the quantised appearance. Within a cell the pixel nearest to the
     cell's middle is kept (first in scan order among equals); its cost is 0.
