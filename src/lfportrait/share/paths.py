@@ -1,0 +1,133 @@
+"""Camera paths about a head: the sweep over a display's cone, the orbit, and their frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Camera
+from ..errors import UserError
+
+if TYPE_CHECKING:
+    from ..field import VoxelField
+
+__all__ = ["orbit_cameras", "path_cameras", "sweep_cameras", "sweep_degrees", "sweep_frames"]
+
+_DISTANCE = 4.0
+_MARGIN = 1.04
+
+
+def _extent(field: VoxelField | None) -> tuple[float, float, float]:
+    """What a picture must show: half width, lowest and highest point, about the vertical axis.
+
+    The head lies in [-1, 1]^3; of the shoulders, only what is as wide and as low as that is shown.
+    """
+    if field is None:
+        return 1.0, -1.0, 1.0
+    # Thin fog does not count: only what stops light within about a twentieth of the head.
+    solid = field.density > 10.0
+    points = field.lattice_points()[solid] if solid.any() else field.bounds
+    reach = float(np.quantile(np.hypot(points[:, 0], points[:, 2]), 0.999))
+    low, high = (float(v) for v in np.quantile(points[:, 1], [0.001, 0.999]))
+    # The lattice points' own reach: interpolation fades to nothing one voxel further out.
+    voxel = float((2.0 * field.radius / field.links.shape[::-1]).max())
+    reach, low, high = reach + voxel, low - voxel, high + voxel
+    return min(max(reach, 0.5), 0.9), max(low, -1.0), min(high, 1.2)
+
+
+def _arc(degrees: NDArray[np.float64], size: int, field: VoxelField | None,
+         pitch: float) -> Camera:
+    """Cameras on an arc that see the whole head, framed the same in all of them."""
+    reach, low, high = _extent(field)
+    half = _MARGIN * max(reach, (high - low) / 2)
+    # The nearest point of the head's cylinder is the one that must fit.
+    focal = 0.5 * size * np.sqrt(_DISTANCE ** 2 - reach ** 2) / half
+    target = (0.0, (low + high) / 2, 0.0)
+    return Camera.arc(degrees, distance=_DISTANCE, width=size, height=size, focal=focal,
+                      target=target, pitch=pitch)
+
+
+def sweep_degrees(frames: int, cone: float) -> NDArray[np.float64]:
+    """Yaw of each frame of a sweep there and back: slow at the ends, without a seam in a loop.
+
+    Parameters
+    ----------
+    frames
+        Number of frames of one loop.
+    cone
+        Full width in degrees: the yaw runs 0, +cone/2, 0, -cone/2, 0.
+    """
+    return 0.5 * cone * np.sin(2.0 * np.pi * np.arange(frames) / frames)
+
+
+def sweep_cameras(cone: float = 40.0, frames: int = 60, size: int = 512,
+                  field: VoxelField | None = None, pitch: float = 0.0) -> Camera:
+    """Cameras of a horizontal sweep there and back over a view cone.
+
+    Parameters
+    ----------
+    cone
+        Full width in degrees.
+    frames
+        Number of frames of one loop.
+    size
+        Width and height of the pictures in pixels.
+    field
+        Whose extent to frame; by default the cube [-1, 1]^3 that holds a head.
+    pitch
+        Degrees above the horizon.
+    """
+    return _arc(sweep_degrees(frames, cone), size, field, pitch)
+
+
+def orbit_cameras(frames: int = 90, size: int = 512, field: VoxelField | None = None,
+                  pitch: float = 0.0) -> Camera:
+    """Cameras once around the head, from the front to its left side and on; see `sweep_cameras`."""
+    return _arc(360.0 * np.arange(frames) / frames, size, field, pitch)
+
+
+def path_cameras(path: Literal["sweep", "orbit"], *, frames: int = 60, cone: float = 40.0,
+                 size: int = 512, field: VoxelField | None = None) -> Camera:
+    """Cameras of a path by its name (`sweep_cameras`, `orbit_cameras`)."""
+    if frames < 1 or size < 2:
+        raise UserError("a path needs at least one frame of at least 2 pixels")
+    if path == "sweep":
+        return sweep_cameras(cone, frames, size, field)
+    if path == "orbit":
+        return orbit_cameras(frames, size, field)
+    raise UserError(f"there is no path {path!r}; choose sweep or orbit")
+
+
+def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: int = 512, *,
+                 background: float | NDArray[Any] = 1.0, device: str = "auto",
+                 ) -> Iterator[NDArray[np.uint8]]:
+    """Frames of a sweep, rendered one at a time.
+
+    Parameters
+    ----------
+    field
+        What to show, head centred and framed.
+    cone, frames, size
+        See `sweep_cameras`.
+    background
+        Grey level or RGB behind the head, in [0, 1].
+    device
+        Where to render.
+
+    Yields
+    ------
+    frame
+        uint8 [size, size, 3].
+    """
+    cameras = sweep_cameras(cone, frames, size, field)
+    # There and back pass the same places: each is rendered once.
+    rendered: dict[float, NDArray[np.uint8]] = {}
+    for view, yaw in enumerate(np.round(sweep_degrees(frames, cone), 9)):
+        key = float(yaw)
+        if key not in rendered:
+            color = field.render(cameras, view, background=background, device=device).color
+            rendered[key] = (np.clip(color, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        yield rendered[key]

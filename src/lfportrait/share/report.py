@@ -1,0 +1,245 @@
+"""The report: one HTML file with pictures, figures and times that opens offline, anywhere.
+
+A `Report` is a hero picture and a list of sections; a section has a text, pictures and tables, any
+of which may be missing. `write_report` puts all of it, pictures and video included, into one file:
+no script, no font and no picture is loaded from elsewhere. It follows the reader's light or dark
+setting.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from string import Template
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ..files import atomic_write, read_image
+
+__all__ = ["Picture", "Report", "Section", "Table", "write_report"]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture with its caption.
+
+    Attributes
+    ----------
+    image
+        A file, or [H, W] or [H, W, 3 or 4], uint8 or float in [0, 1].
+    caption
+        Text below it.
+    exact
+        Every pixel matters (coded pictures, masks): embedded without loss and shown with hard
+        pixels at its own size.
+    width
+        Larger pictures are embedded scaled down to this width in pixels; 0 = as they are.
+    """
+
+    image: str | Path | NDArray[Any]
+    caption: str = ""
+    exact: bool = False
+    width: int = 640
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; numbers are set right and rounded for reading.
+
+    Attributes
+    ----------
+    rows
+        Cells of each row: text, numbers, None (empty).
+    header
+        Names of the columns; none by default.
+    bars
+        Index of a column of numbers that is drawn as bars, too (times of stages); -1 = none.
+    caption
+        Text above it.
+    """
+
+    rows: Sequence[Sequence[Any]]
+    header: Sequence[str] = ()
+    bars: int = -1
+    caption: str = ""
+
+
+@dataclass
+class Section:
+    """A part of the report: a title, a text, pictures and tables; empty ones are left out.
+
+    Attributes
+    ----------
+    layout
+        ``strip``: pictures of one height in a row that scrolls; ``grid``: columns; ``wide``: one
+        below the other in full width.
+    """
+
+    title: str
+    text: str = ""
+    pictures: list[Picture] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    layout: Literal["strip", "grid", "wide"] = "grid"
+    video: str | Path | None = None
+    """A video file, embedded; left out if it does not exist."""
+
+    def empty(self) -> bool:
+        """Whether there is nothing to show."""
+        return not (self.text or self.pictures or self.tables or self.video)
+
+
+@dataclass
+class Report:
+    """A report: title, hero picture, key figures, sections.
+
+    Attributes
+    ----------
+    key_figures
+        Up to about six (label, value) pairs shown large below the title.
+    """
+
+    title: str
+    subtitle: str = ""
+    hero: Picture | None = None
+    key_figures: list[tuple[str, str]] = field(default_factory=list)
+    sections: list[Section] = field(default_factory=list)
+
+
+def _pixels(picture: Picture) -> Image.Image:
+    """The picture, scaled down to its width."""
+    array = (read_image(picture.image) if isinstance(picture.image, (str, Path))
+             else np.asarray(picture.image))
+    if array.dtype == bool:
+        array = array.astype(np.uint8) * 255
+    elif array.dtype != np.uint8:
+        array = (np.clip(np.nan_to_num(array), 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    image = Image.fromarray(array)
+    if picture.width and image.width > picture.width and not picture.exact:
+        height = max(1, round(image.height * picture.width / image.width))
+        image = image.resize((picture.width, height), Image.Resampling.LANCZOS)
+    return image
+
+
+def _data_address(picture: Picture) -> tuple[str, int, int]:
+    """The picture as a ``data:`` address, and its width and height."""
+    image = _pixels(picture)
+    buffer = io.BytesIO()
+    if picture.exact or image.mode in ("RGBA", "LA"):
+        image.save(buffer, "PNG", optimize=True)
+        kind = "png"
+    else:
+        image.convert("RGB").save(buffer, "JPEG", quality=88, subsampling=0, optimize=True)
+        kind = "jpeg"
+    text = base64.b64encode(buffer.getvalue()).decode()
+    return f"data:image/{kind};base64,{text}", image.width, image.height
+
+
+def _figure(picture: Picture) -> str:
+    address, width, height = _data_address(picture)
+    caption = html.escape(picture.caption)
+    kind = ' class="exact"' if picture.exact else ""
+    below = f"<figcaption>{caption}</figcaption>" if caption else ""
+    return (f'<figure><img{kind} src="{address}" width="{width}" height="{height}" '
+            f'alt="{caption}">{below}</figure>')
+
+
+def _cell(value: Any) -> tuple[str, bool]:
+    """A cell's text, and whether it is a number."""
+    if value is None:
+        return "", False
+    if isinstance(value, (bool, np.bool_)):
+        return ("yes" if value else "no"), False
+    if isinstance(value, (int, np.integer)):
+        return f"{int(value):,}".replace(",", "\u202f"), True
+    if isinstance(value, (float, np.floating)):
+        number = float(value)
+        if not np.isfinite(number):
+            return ("\u221e" if number > 0 else "-\u221e") if not np.isnan(number) else "", True
+        if abs(number) >= 1000:
+            return f"{number:,.0f}".replace(",", "\u202f"), True
+        text = f"{number:.3g}" if abs(number) < 100 else f"{number:.1f}"
+        return (text if "e" not in text else f"{number:.2e}"), True
+    return html.escape(str(value)), False
+
+
+def _table(table: Table) -> str:
+    largest = 0.0
+    if table.bars >= 0:
+        largest = max((float(row[table.bars]) for row in table.rows
+                       if row[table.bars] is not None), default=0.0)
+    lines = []
+    if table.caption:
+        lines.append(f"<caption>{html.escape(table.caption)}</caption>")
+    if table.header:
+        cells = "".join(f"<th>{html.escape(name)}</th>" for name in table.header)
+        lines.append(f"<tr>{cells}{'<th></th>' if table.bars >= 0 else ''}</tr>")
+    for row in table.rows:
+        cells = "".join(f'<td class="number">{text}</td>' if number else f"<td>{text}</td>"
+                        for text, number in map(_cell, row))
+        if table.bars >= 0:
+            share = 100 * float(row[table.bars] or 0) / largest if largest > 0 else 0.0
+            cells += f'<td class="bar"><span style="width:{share:.1f}%"></span></td>'
+        lines.append(f"<tr>{cells}</tr>")
+    return f'<div class="table"><table>{"".join(lines)}</table></div>'
+
+
+def _video(path: str | Path | None) -> str:
+    if path is None or not Path(path).is_file():
+        return ""
+    text = base64.b64encode(Path(path).read_bytes()).decode()
+    return ('<figure class="film"><video controls loop muted autoplay playsinline '
+            f'src="data:video/mp4;base64,{text}"></video></figure>')
+
+
+def _anchor(title: str) -> str:
+    return "".join(letter if letter.isalnum() else "-" for letter in title.lower()).strip("-")
+
+
+def _section(section: Section) -> str:
+    parts = [f'<section id="{_anchor(section.title)}"><h2>{html.escape(section.title)}</h2>']
+    if section.text:
+        parts.extend(f"<p>{html.escape(paragraph)}</p>" for paragraph in section.text.split("\n\n"))
+    parts.append(_video(section.video))
+    if section.pictures:
+        figures = "".join(map(_figure, section.pictures))
+        parts.append(f'<div class="{section.layout}">{figures}</div>')
+    parts.extend(map(_table, section.tables))
+    return "".join(parts) + "</section>"
+
+
+def write_report(path: str | Path, report: Report) -> None:
+    """Write a report as one self-contained HTML file.
+
+    Parameters
+    ----------
+    path
+        ``report.html``; it appears when it is complete.
+    report
+        What to show. Texts are escaped; sections without content are left out.
+
+    Raises
+    ------
+    UserError
+        If a picture can't be read or the file can't be written.
+    """
+    sections = [section for section in report.sections if not section.empty()]
+    links = "".join(f'<a href="#{_anchor(section.title)}">{html.escape(section.title)}</a>'
+                    for section in sections)
+    figures = "".join(f"<div><b>{html.escape(value)}</b><span>{html.escape(label)}</span></div>"
+                      for label, value in report.key_figures)
+    template = Template(resources.files(__package__).joinpath("report.html").read_text("utf-8"))
+    page = template.substitute(
+        title=html.escape(report.title), subtitle=html.escape(report.subtitle),
+        hero=_figure(report.hero) if report.hero is not None else "", links=links,
+        figures=f'<div class="figures">{figures}</div>' if figures else "",
+        sections="\n".join(map(_section, sections)))
+    with atomic_write(path) as stream:
+        stream.write(page.encode())
