@@ -1,12 +1,16 @@
 """Photos, video or a calibrated data set -> `Capture`: pictures, cameras, mattes, landmarks."""
 
+from .calibrate import CalibrateConfig, calibrate
 from .camera import Camera
 from .capture import Capture
 from .distortion import Lens, undistort
 from .formats import is_calibrated
 from .frame import looks_normalised, portrait_frame_from_cameras, portrait_frame_from_landmarks
+from .mattes import consistent_mattes, refine_matte
+from .photos import load_photos
 
 __all__ = [
-    "Camera", "Capture", "Lens", "is_calibrated", "looks_normalised",
-    "portrait_frame_from_cameras", "portrait_frame_from_landmarks", "undistort",
+    "CalibrateConfig", "Camera", "Capture", "Lens", "calibrate", "consistent_mattes",
+    "is_calibrated", "load_photos", "looks_normalised", "portrait_frame_from_cameras",
+    "portrait_frame_from_landmarks", "refine_matte", "undistort",
 ]

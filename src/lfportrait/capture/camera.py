@@ -94,7 +94,8 @@ class Camera:
             float64 [N, 3] each, in the world; directions have unit length.
         """
         if pixels is None:
-            x, y = np.meshgrid(np.arange(self.width[view]) + 0.5, np.arange(self.height[view]) + 0.5)
+            x, y = np.meshgrid(np.arange(self.width[view]) + 0.5,
+                               np.arange(self.height[view]) + 0.5)
             pixels = np.stack([x.ravel(), y.ravel()], axis=1)
         local = np.ones((len(pixels), 3))
         local[:, :2] = (pixels - self.center[view]) / self.focal[view]
@@ -156,8 +157,10 @@ class Camera:
     @staticmethod
     def arc(degrees: Float, *, distance: float, width: int, height: int, focal: float,
             target: Sequence[float] = (0.0, 0.0, 0.0), pitch: float = 0.0) -> Camera:
-        """Cameras on a horizontal arc about ``target``: 0 degrees is frontal (on +z), positive
-        towards +x; ``pitch`` in degrees raises them."""
+        """Cameras on a horizontal arc about ``target``.
+
+        0 degrees is frontal (on +z), positive towards +x; ``pitch`` in degrees raises them.
+        """
         yaw = np.radians(np.atleast_1d(np.asarray(degrees, np.float64)))
         tilt = np.radians(pitch)
         away = np.stack([np.sin(yaw) * np.cos(tilt), np.full_like(yaw, np.sin(tilt)),

@@ -38,8 +38,10 @@ _IMAGE_FOLDERS = ("images", "input", "rgb", "images_2", "images_4", "images_8")
 
 @dataclass(frozen=True)
 class ColmapImage:
-    """One registered photo: its name, its camera's id and its pose (float64 [4, 4], camera-to-world,
-    OpenCV axes)."""
+    """One registered photo: its name, its camera's id and its pose.
+
+    The pose is camera-to-world, float64 [4, 4], with OpenCV axes.
+    """
 
     name: str
     camera: int

@@ -111,4 +111,4 @@ def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], NDArray[np
     planes = [ndimage.map_coordinates(image[..., channel].astype(np.float32), [rows, columns],
                                       order=1, mode="nearest")
               for channel in range(image.shape[2])]
-    return np.uint8(np.clip(np.stack(planes, -1) + 0.5, 0, 255)), inside
+    return np.clip(np.stack(planes, -1) + 0.5, 0, 255).astype(np.uint8), inside

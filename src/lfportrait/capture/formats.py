@@ -1,4 +1,4 @@
-"""Reading calibrated data sets: which format a folder is in, and NeRF-style ``transforms*.json``."""
+"""Reading calibrated data sets: which format one is in, and NeRF-style ``transforms*.json``."""
 
 from __future__ import annotations
 
