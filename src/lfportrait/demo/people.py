@@ -11,11 +11,12 @@ from ..kernels.head_skin import brow_line
 __all__ = ["PAINTED", "SITTER", "landmarks"]
 
 SITTER = HeadModel(
-    jaw_width=0.88, chin_width=0.82, face_width=0.97, cheekbone=1.1, nose_width=0.88,
-    eye_size=1.08, eye_tilt=0.014, eye_space=-0.004, brow_ridge=0.6, brow_height=0.004,
-    lip_upper=1.05, mouth_width=0.96, smile=0.008, ear_size=0.95, neck_width=0.90, hairline=-0.03,
+    jaw_width=0.86, chin_width=0.84, chin_drop=-0.022, face_width=0.96, cheekbone=1.1,
+    nose_width=0.85, nose_length=-0.010, eye_size=1.08, eye_tilt=0.014, eye_space=-0.004,
+    brow_ridge=0.6, brow_height=0.004, brow_arch=1.3,
+    lip_upper=1.05, mouth_width=0.96, smile=0.011, ear_size=0.95, neck_width=0.87, hairline=-0.03,
     hair_top=0.085, hair_side=0.05, hair_knot=0.17, hair_pole_y=0.74, hair_pole_z=-0.34,
-    hair_relief=0.8, freckles=0.55, skin=(0.74, 0.47, 0.35), blush=(0.72, 0.28, 0.21),
+    hair_relief=0.8, freckles=0.8, skin=(0.74, 0.47, 0.35), blush=(0.72, 0.28, 0.21),
     lips=(0.55, 0.16, 0.15), hair=(0.075, 0.022, 0.010), hair_light=(0.30, 0.105, 0.040),
     brow=(0.050, 0.022, 0.012))
 """A young woman with auburn hair in a knot, green eyes and freckles."""
@@ -30,7 +31,7 @@ PAINTED = HeadModel(
     hair_twist=0.55, hair_relief=1.6, beard=0.40, skin=(0.66, 0.40, 0.28),
     blush=(0.62, 0.24, 0.17), lips=(0.46, 0.17, 0.14), iris=(0.10, 0.16, 0.24),
     brow=(0.030, 0.022, 0.018), hair=(0.030, 0.024, 0.022), hair_light=(0.22, 0.19, 0.17),
-    cloth=(0.30, 0.05, 0.05), seed=11)
+    cloth=(0.30, 0.05, 0.05))
 """A man of about fifty with swept-back hair, a strong nose and a shadow of a beard."""
 
 
@@ -75,7 +76,7 @@ _MIRROR = {**{22 + i: 21 - i for i in range(5)},
 def _left_side(model: HeadModel) -> list[tuple[int, float, float]]:
     """(index, x, y) of the landmarks on the sitter's left."""
     found: list[tuple[int, float, float]] = []
-    for i, t in enumerate((0.02, 0.26, 0.52, 0.78, 1.06)):
+    for i, t in enumerate((0.05, 0.30, 0.57, 0.84, 1.10)):
         ax = 0.066 + 0.5 * model.eye_space + 0.238 * t
         found.append((22 + i, ax, brow_line(model, ax)[0] + 0.012 * model.brow_width * (1.0 - t)))
     for index, t, upper in ((42, -0.97, True), (43, -0.36, True), (44, 0.36, True),

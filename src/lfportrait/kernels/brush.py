@@ -14,7 +14,7 @@ from math import exp, sqrt
 import numba
 import numpy as np
 
-from .head import noise
+from .implicit import noise
 
 __all__ = ["lay", "plan", "trace"]
 

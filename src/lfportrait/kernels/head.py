@@ -13,14 +13,16 @@ The parameters are one `HeadModel` (a named tuple, which Numba compiles as a rec
 
 from __future__ import annotations
 
-from math import atan2, sqrt
+from math import atan2, cos, sqrt
 from typing import NamedTuple
 
 import numba
 import numpy as np
 
-__all__ = ["HeadModel", "bump", "drop", "fractal", "hair_coordinates", "lid_lines", "mouth_lines",
-           "noise", "scene", "silhouette", "surfaces"]
+from .implicit import bump, capsule, carve, ellipsoid, inner, noise, smooth_step, union
+
+__all__ = ["HeadModel", "drop", "ear_distance", "hair_coordinates", "hair_cover", "lid_lines",
+           "mouth_lines", "scene", "silhouette", "surfaces"]
 
 Colour = tuple[float, float, float]
 
@@ -79,8 +81,6 @@ class HeadModel(NamedTuple):
     hair_relief: float = 1.0
     beard: float = 0.0
     """Cover of the beard's shadow in [0, 1]."""
-    collar: float = 0.0
-    """0 = round neckline, 1 = shirt collar."""
     freckles: float = 0.0
     skin: Colour = (0.80, 0.57, 0.45)
     """Linear albedo of the skin, RGB in [0, 1]; so for the other colours."""
@@ -91,88 +91,6 @@ class HeadModel(NamedTuple):
     hair: Colour = (0.12, 0.045, 0.02)
     hair_light: Colour = (0.36, 0.15, 0.06)
     cloth: Colour = (0.02, 0.13, 0.17)
-    seed: int = 7
-
-
-@numba.njit(cache=True)
-def bump(x, y, cx, cy, rx, ry):
-    """Smooth bump of height 1 at (cx, cy), zero outside the ellipse of radii (rx, ry)."""
-    u, v = (x - cx) / rx, (y - cy) / ry
-    s = 1.0 - u * u - v * v
-    return s * s if s > 0.0 else 0.0
-
-
-@numba.njit(cache=True)
-def _smooth(low, high, value):
-    """Hermite step from 0 at ``low`` to 1 at ``high``."""
-    t = min(max((value - low) / (high - low), 0.0), 1.0)
-    return t * t * (3.0 - 2.0 * t)
-
-
-@numba.njit(cache=True)
-def _union(a, b, k):
-    """Smooth minimum (quadratic) with blending width ``k``."""
-    h = max(k - abs(a - b), 0.0)
-    return min(a, b) - h * h / (4.0 * k)
-
-
-@numba.njit(cache=True)
-def _carve(a, b, k):
-    """``a`` without ``b``, with an edge rounded over ``k``."""
-    return -_union(-a, b, k)
-
-
-@numba.njit(cache=True)
-def _ellipsoid(x, y, z, rx, ry, rz):
-    """Approximate distance to an ellipsoid at the origin."""
-    u, v, w = x / rx, y / ry, z / rz
-    outer = sqrt(u * u + v * v + w * w)
-    u, v, w = u / rx, v / ry, w / rz
-    inner = sqrt(u * u + v * v + w * w)
-    return outer * (outer - 1.0) / inner if inner > 1e-6 else -min(rx, ry, rz)
-
-
-@numba.njit(cache=True)
-def _capsule(x, y, z, ax, ay, az, bx, by, bz, ra, rb):
-    """Distance to a capsule from a to b whose radius goes linearly from ``ra`` to ``rb``."""
-    px, py, pz = x - ax, y - ay, z - az
-    dx, dy, dz = bx - ax, by - ay, bz - az
-    t = (px * dx + py * dy + pz * dz) / (dx * dx + dy * dy + dz * dz)
-    t = min(max(t, 0.0), 1.0)
-    px, py, pz = px - t * dx, py - t * dy, pz - t * dz
-    return sqrt(px * px + py * py + pz * pz) - (ra + t * (rb - ra))
-
-
-@numba.njit(cache=True)
-def _hash(i, j, k):
-    """Uniform number in [0, 1) from three integers (wrapping 32-bit mixing)."""
-    h = (np.uint32(i) * np.uint32(0x8DA6B343)) ^ (np.uint32(j) * np.uint32(0xD8163841)) ^ (
-        np.uint32(k) * np.uint32(0xCB1AB31F))
-    h = np.uint32(h ^ (h >> np.uint32(15))) * np.uint32(0x2C1B3C6D)
-    h = np.uint32(h ^ (h >> np.uint32(12))) * np.uint32(0x297A2D39)
-    h = np.uint32(h ^ (h >> np.uint32(15)))
-    return np.float64(h) / 4294967296.0
-
-
-@numba.njit(cache=True)
-def noise(x, y, z):
-    """Value noise in [-1, 1], smooth, one cell per unit."""
-    fx, fy, fz = np.floor(x), np.floor(y), np.floor(z)
-    i, j, k = int(fx), int(fy), int(fz)
-    u, v, w = x - fx, y - fy, z - fz
-    u, v, w = u * u * (3.0 - 2.0 * u), v * v * (3.0 - 2.0 * v), w * w * (3.0 - 2.0 * w)
-    a = _hash(i, j, k) * (1.0 - u) + _hash(i + 1, j, k) * u
-    b = _hash(i, j + 1, k) * (1.0 - u) + _hash(i + 1, j + 1, k) * u
-    c = _hash(i, j, k + 1) * (1.0 - u) + _hash(i + 1, j, k + 1) * u
-    d = _hash(i, j + 1, k + 1) * (1.0 - u) + _hash(i + 1, j + 1, k + 1) * u
-    return 2.0 * ((a * (1.0 - v) + b * v) * (1.0 - w) + (c * (1.0 - v) + d * v) * w) - 1.0
-
-
-@numba.njit(cache=True)
-def fractal(x, y, z):
-    """Three octaves of `noise`, about [-1, 1]."""
-    return 0.57 * noise(x, y, z) + 0.29 * noise(2.1 * x + 5.2, 2.1 * y + 1.3, 2.1 * z + 8.1) + (
-        0.14 * noise(4.3 * x + 1.7, 4.3 * y + 9.2, 4.3 * z + 2.8))
 
 
 @numba.njit(cache=True)
@@ -207,44 +125,44 @@ def mouth_lines(m, ax):
     return upper, gap, lower, t
 
 
-@numba.njit(cache=True)
+@inner
 def _bone(m, x, ax, y, z):
     """Skull and cheeks without features: what hair grows on."""
-    d = _ellipsoid(x, y - 0.175, z + 0.045, 0.415 * m.skull_width, 0.485, 0.545)
-    return _union(d, _ellipsoid(x, y + 0.135, z - 0.125, 0.338 * m.face_width, 0.44, 0.375), 0.16)
+    d = ellipsoid(x, y - 0.175, z + 0.045, 0.415 * m.skull_width, 0.485, 0.545)
+    return union(d, ellipsoid(x, y + 0.135, z - 0.125, 0.338 * m.face_width, 0.44, 0.375), 0.16)
 
 
-@numba.njit(cache=True)
+@inner
 def _nose(m, ax, y, z, d):
     """Blend the nose into the face distance ``d``; carve the nostrils."""
     low, out, wide = -m.nose_length, m.nose_out, m.nose_width
-    bridge = _capsule(ax, y, z, 0.0, 0.085, 0.478, 0.0, -0.180 + low, 0.612 + out, 0.031 * wide,
+    bridge = capsule(ax, y, z, 0.0, 0.085, 0.478, 0.0, -0.180 + low, 0.612 + out, 0.031 * wide,
                       0.036 * wide)
-    body = _capsule(ax, y, z, 0.0, 0.040, 0.430, 0.0, -0.175 + low, 0.520 + 0.5 * out, 0.040 * wide,
+    body = capsule(ax, y, z, 0.0, 0.040, 0.430, 0.0, -0.175 + low, 0.520 + 0.5 * out, 0.040 * wide,
                     0.056 * wide)
-    d = _union(d, body, 0.080)
+    d = union(d, body, 0.080)
     hump = 0.018 * m.nose_hump * bump(ax, y, 0.0, -0.03, 0.08, 0.10)
-    d = _union(d, bridge - hump, 0.100)
-    d = _union(d, _ellipsoid(ax, y + 0.200 - low, z - 0.622 - out, 0.047 * wide, 0.042, 0.052),
+    d = union(d, bridge - hump, 0.100)
+    d = union(d, ellipsoid(ax, y + 0.200 - low, z - 0.622 - out, 0.047 * wide, 0.042, 0.052),
                0.060)
-    wing = _ellipsoid(ax - 0.060 * wide, y + 0.218 - low, z - 0.560 - 0.4 * out, 0.029 * wide,
+    wing = ellipsoid(ax - 0.060 * wide, y + 0.218 - low, z - 0.560 - 0.4 * out, 0.029 * wide,
                       0.034, 0.054)
-    d = _union(d, wing, 0.034)
-    d = _union(d, _capsule(ax, y, z, 0.0, -0.236 + low, 0.618 + out, 0.0, -0.258 + low, 0.540,
+    d = union(d, wing, 0.034)
+    d = union(d, capsule(ax, y, z, 0.0, -0.236 + low, 0.618 + out, 0.0, -0.258 + low, 0.540,
                            0.019, 0.022), 0.030)
     # The hole is a slanted ellipsoid that points up and inwards.
     hx, hy, hz = ax - 0.035 * wide, y + 0.250 - low, z - 0.586 - 0.7 * out
-    hole = _ellipsoid(hx - 0.30 * hz, hy, hz, 0.0185 * wide, 0.026, 0.036)
-    return _carve(d, hole, 0.014)
+    hole = ellipsoid(hx - 0.30 * hz, hy, hz, 0.0185 * wide, 0.026, 0.036)
+    return carve(d, hole, 0.014)
 
 
-@numba.njit(cache=True)
+@inner
 def _lips(m, ax, y, z, d):
     """Shape of the lips, the groove above them and the hollow below them."""
     upper, gap, lower, t = mouth_lines(m, ax)
     middle = 0.5 * (gap + upper)
     if t < 1.25:
-        fade = _smooth(1.02, 0.55, t)
+        fade = smooth_step(1.02, 0.55, t)
         top = upper - gap + 1e-3
         u = (y - middle) / (0.5 * top + 0.004)
         full = 0.016 * m.lip_upper ** 0.5 * fade
@@ -254,7 +172,7 @@ def _lips(m, ax, y, z, d):
         if abs(v) < 1.0:
             d -= 0.022 * m.lip_lower ** 0.5 * fade * (1.0 - v * v) * (1.0 + 0.15 * v)
         groove = (y - gap) / 0.012
-        d += 0.017 * _smooth(1.12, 0.80, t) / (1.0 + groove * groove * groove * groove)
+        d += 0.017 * smooth_step(1.12, 0.80, t) / (1.0 + groove * groove * groove * groove)
     corner = 0.140 * m.mouth_width
     d += 0.007 * bump(ax, y, corner + 0.010, gap, 0.050, 0.045)
     d -= 0.006 * bump(ax, y, corner + 0.065, gap - 0.005, 0.080, 0.100)
@@ -263,7 +181,7 @@ def _lips(m, ax, y, z, d):
     return d + 0.020 * bump(ax, y, 0.0, lower - 0.030, 0.160, 0.065)
 
 
-@numba.njit(cache=True)
+@inner
 def _eyes(m, ax, y, z, d):
     """Sockets, lids with their fold, and the slit through which the eyeball is seen."""
     cx = 0.184 + m.eye_space
@@ -271,28 +189,28 @@ def _eyes(m, ax, y, z, d):
     d += 0.020 * bump(ax, y, cx + 0.02, 0.040, 0.17, 0.075)
     ex, ez = ax - cx, z - 0.385
     radius = sqrt(ex * ex + y * y + ez * ez)
-    rim = _capsule(ax, y, z, cx + 0.100, 0.080, 0.350, cx + 0.095, -0.060, 0.345, 0.032, 0.034)
-    d = _union(d, rim, 0.090)
+    rim = capsule(ax, y, z, cx + 0.100, 0.080, 0.350, cx + 0.095, -0.060, 0.345, 0.032, 0.034)
+    d = union(d, rim, 0.090)
     if ez < -0.11 or radius > 0.28:
         return d
     upper, lower, t = lid_lines(m, ax)
-    d = _union(d, radius - 0.0100 - 0.0955 * m.eye_size, 0.034)
+    d = union(d, radius - 0.0100 - 0.0955 * m.eye_size, 0.034)
     # The fold follows the upper lid; skin hangs over it a little on the outside.
     fold = upper + 0.0215 + 0.004 * t
-    span = _smooth(1.25, 0.75, abs(t))
+    span = smooth_step(1.25, 0.75, abs(t))
     f = (y - fold) / 0.0085
     d += 0.0085 * span / (1.0 + f * f * f * f)
     d -= 0.006 * span * bump(y, 0.0, fold + 0.022, 0.0, 0.022, 1.0)
     b = (y - lower + 0.034 + 0.010 * t) / 0.014
-    d += (0.0035 + 0.004 * m.folds) * _smooth(1.2, 0.5, abs(t)) / (1.0 + b * b * b * b)
+    d += (0.0035 + 0.004 * m.folds) * smooth_step(1.2, 0.5, abs(t)) / (1.0 + b * b * b * b)
     d -= 0.0030 * span * bump(y, 0.0, upper + 0.004, 0.0, 0.007, 1.0)
     d -= 0.0028 * span * bump(y, 0.0, lower - 0.005, 0.0, 0.008, 1.0)
     slit = max(y - upper, lower - y)
-    return _carve(d, max(max(slit, radius - 0.20), -ez), 0.006)
+    return carve(d, max(max(slit, radius - 0.20), -ez), 0.006)
 
 
-@numba.njit(cache=True)
-def _ear(m, ax, y, z):
+@inner
+def ear_distance(m, ax, y, z):
     """Ear: a tilted leaf with a rolled rim, an inner ridge, a hollow and a lobe."""
     # Local frame: u to the back of the head, v up, w out of the ear's face.
     size = 0.90 * m.ear_size
@@ -306,60 +224,61 @@ def _ear(m, ax, y, z):
     leaf = (r - 1.0) * 0.100
     cup = w - 2.2 * u * u
     d = max(leaf, abs(cup) - 0.013)
-    d = _union(d, _ellipsoid(u + 0.030, v + 0.020, w + 0.030, 0.055, 0.075, 0.040), 0.03)
+    d = union(d, ellipsoid(u + 0.030, v + 0.020, w + 0.030, 0.055, 0.075, 0.040), 0.03)
     rim_out = leaf + 0.016
-    rim = sqrt(rim_out * rim_out + (cup - 0.020) ** 2) - 0.0175 * (1.0 - 0.3 * _smooth(
+    rim = sqrt(rim_out * rim_out + (cup - 0.020) ** 2) - 0.0175 * (1.0 - 0.3 * smooth_step(
         -0.02, -0.15, v))
-    d = _union(d, rim, 0.010)
-    d = _union(d, _ellipsoid(u + 0.026, v + 0.160, w, 0.044, 0.044, 0.020), 0.030)
+    d = union(d, rim, 0.010)
+    d = union(d, ellipsoid(u + 0.026, v + 0.160, w, 0.044, 0.044, 0.020), 0.030)
     ridge_r = (sqrt((u / (0.58 * narrow)) ** 2 + ((v - 0.012) / 0.108) ** 2) - 1.0) * 0.058
     ridge = sqrt(ridge_r * ridge_r + (cup - 0.012) ** 2) - 0.0150
-    d = _union(d, ridge + 0.02 * _smooth(0.0, -0.03, u), 0.014)
-    d = _carve(d, _ellipsoid(u + 0.020, v + 0.022, w - 0.030, 0.038, 0.062, 0.036), 0.016)
-    d = _union(d, _ellipsoid(u + 0.070, v + 0.030, w - 0.004, 0.018, 0.032, 0.022), 0.018)
+    d = union(d, ridge + 0.02 * smooth_step(0.0, -0.03, u), 0.014)
+    d = carve(d, ellipsoid(u + 0.020, v + 0.022, w - 0.030, 0.038, 0.062, 0.036), 0.016)
+    d = union(d, ellipsoid(u + 0.070, v + 0.030, w - 0.004, 0.018, 0.032, 0.022), 0.018)
     return d * size
 
 
-@numba.njit(cache=True)
+@inner
 def _torso(m, x, ax, y, z):
     """Neck, its muscles, collar bones and shoulders, cut like a bust."""
-    d = _capsule(x, y, z, 0.0, -0.30, -0.130, 0.0, -1.10, -0.190, 0.262 * m.neck_width,
+    d = capsule(x, y, z, 0.0, -0.30, -0.130, 0.0, -1.10, -0.190, 0.262 * m.neck_width,
                  0.292 * m.neck_width)
-    cord = _capsule(ax, y, z, 0.295 * m.neck_width, -0.34, -0.120, 0.055, -0.985, 0.080, 0.050,
+    cord = capsule(ax, y, z, 0.295 * m.neck_width, -0.34, -0.120, 0.055, -0.985, 0.080, 0.050,
                     0.042)
-    d = _union(d, cord, 0.075)
-    d = _union(d, _ellipsoid(x, y + 0.640, z - 0.085, 0.045, 0.075, 0.050), 0.080)
-    slope = _capsule(ax, y, z, 0.10, -0.60, -0.290, 0.78, -1.06, -0.215, 0.150, 0.165)
-    d = _union(d, slope, 0.17)
-    chest = _ellipsoid(x, y + 1.26, z + 0.125, 0.95, 0.40, 0.330)
-    return _union(d, chest, 0.12)
+    d = union(d, cord, 0.110)
+    d = union(d, ellipsoid(x, y + 0.640, z - 0.075, 0.045, 0.085, 0.050), 0.110)
+    slope = capsule(ax, y, z, 0.10, -0.60, -0.290, 0.78, -1.06, -0.215, 0.150, 0.165)
+    d = union(d, slope, 0.17)
+    chest = ellipsoid(x, y + 1.26, z + 0.125, 0.95, 0.40, 0.330)
+    return union(d, chest, 0.12)
 
 
-@numba.njit(cache=True)
+@inner
 def _face(m, x, ax, y, z, bone):
     """Everything of the face but ears and neck."""
     drop, wide = m.chin_drop, m.face_width
     d = bone
-    jaw = _capsule(ax, y, z, 0.248 * m.jaw_width, -0.345 - 0.5 * drop, 0.005, 0.052 * m.chin_width,
+    jaw = capsule(ax, y, z, 0.248 * m.jaw_width, -0.345 - 0.5 * drop, 0.005, 0.052 * m.chin_width,
                    -0.560 - drop, 0.415 + m.chin_forward, 0.072, 0.064)
-    d = _union(d, jaw, 0.17)
-    chin = _ellipsoid(ax, y + 0.562 + drop, z - 0.458 - m.chin_forward, 0.080 * m.chin_width,
+    d = union(d, jaw, 0.17)
+    chin = ellipsoid(ax, y + 0.562 + drop, z - 0.458 - m.chin_forward, 0.080 * m.chin_width,
                       0.084, 0.095)
-    d = _union(d, chin, 0.110)
-    cheek = _capsule(ax, y, z, 0.195 * wide, -0.130, 0.395, 0.335 * wide, -0.050, 0.150,
+    d = union(d, chin, 0.110)
+    cheek = capsule(ax, y, z, 0.195 * wide, -0.130, 0.395, 0.335 * wide, -0.050, 0.150,
                      0.046 * m.cheekbone, 0.034 * m.cheekbone)
-    d = _union(d, cheek, 0.150)
-    side = _ellipsoid(ax - 0.185 * wide, y + 0.285, z - 0.185, 0.125, 0.17, 0.19)
-    d = _union(d, side, 0.14)
-    d = _union(d, _ellipsoid(ax, y + 0.385 + 0.4 * drop, z - 0.390, 0.165, 0.165, 0.135), 0.120)
+    d = union(d, cheek, 0.150)
+    side = ellipsoid(ax - 0.185 * wide * m.jaw_width, y + 0.285, z - 0.185, 0.125, 0.17, 0.19)
+    d = union(d, side, 0.14)
+    d = union(d, ellipsoid(ax, y + 0.385 + 0.4 * drop, z - 0.390, 0.165, 0.165, 0.135), 0.120)
     if z < 0.04:
         return d
-    brow = _capsule(ax, y, z, 0.040, 0.088, 0.470, 0.250, 0.100, 0.385, 0.040, 0.038)
-    d = _union(d, brow - 0.012 * (m.brow_ridge - 1.0), 0.080)
+    brow = capsule(ax, y, z, 0.040, 0.088, 0.470, 0.250, 0.100, 0.385, 0.040, 0.038)
+    d = union(d, brow - 0.012 * (m.brow_ridge - 1.0), 0.080)
     d = _eyes(m, ax, y, z, d)
     d = _nose(m, ax, y, z, d)
     d = _lips(m, ax, y, z, d)
-    d += m.cheek_hollow * 0.030 * _smooth(0.04, 0.16, z) * bump(ax, y, 0.285, -0.290, 0.130, 0.190)
+    hollow = m.cheek_hollow * bump(ax, y, 0.285, -0.290, 0.130, 0.190)
+    d += 0.030 * hollow * smooth_step(0.04, 0.16, z)
     d -= 0.012 * bump(ax, y, 0.180, -0.200, 0.130, 0.120)
     if m.folds > 0.0:
         line = 0.088 + 0.33 * max(-0.205 - y, 0.0)
@@ -369,14 +288,23 @@ def _face(m, x, ax, y, z, bone):
         row = (wave - 0.20) / 0.055
         near = row - np.rint(row)
         if 0.15 < wave < 0.36:
-            d += 0.0035 * m.folds * _smooth(0.28, 0.10, ax) / (1.0 + 60.0 * near * near)
+            d += 0.0035 * m.folds * smooth_step(0.28, 0.10, ax) / (1.0 + 60.0 * near * near)
         d += 0.006 * m.folds * bump(ax, y, 0.024, 0.105, 0.012, 0.045)
     return d
 
 
-@numba.njit(cache=True)
+@inner
 def hair_coordinates(m, x, y, z):
-    """Strand angle about the pole (radians) and angle from the pole (0..pi)."""
+    """Strand angle about the pole (radians) and angle from the pole (0..pi).
+
+    On the knot the strands wind about an axis of their own.
+    """
+    kx, ky, kz = x, y - m.hair_pole_y, z - m.hair_pole_z
+    if kx * kx + ky * ky + kz * kz < (1.18 * m.hair_knot) ** 2:
+        turn = atan2(kx, 0.6 * ky - 0.8 * kz)
+        height = (0.8 * ky + 0.6 * kz) / m.hair_knot
+        return 0.5 * turn + 1.9 * height + 0.05 * noise(3.0 * turn, 4.0 * height, 1.0), 0.6 + (
+            0.25 * cos(turn))
     py, pz = y - 0.10, z + 0.02
     ay, az = m.hair_pole_y - 0.10, m.hair_pole_z + 0.02
     scale = 1.0 / sqrt(ay * ay + az * az)
@@ -389,12 +317,12 @@ def hair_coordinates(m, x, y, z):
     return atan2(x, -across) + m.hair_twist * theta + wave, theta
 
 
-@numba.njit(cache=True)
-def _hair_cover(m, ax, y, z, phi):
+@inner
+def hair_cover(m, ax, y, z, phi):
     """Positive where hair grows: distance behind the hairline, roughly, world units."""
     front = 0.62 * (y - 0.415 - m.hairline) - 0.80 * (z - 0.455) - 0.55 * max(0.20 - ax, 0.0) ** 2
     temple = 0.62 * (y - 0.03) - 0.80 * (z - 0.145)
-    front = _union(front, temple, -0.0 + 0.10) if y > 0.25 else _union(front, temple, 0.10)
+    front = union(front, temple, 0.10)
     ear = sqrt(((z + 0.075) / 0.120) ** 2 + ((y + 0.105) / 0.205) ** 2) - 1.0
     ear = max(ear * 0.13, 0.10 * (z - 0.02))
     nape = 0.9 * (y + 0.25) - 0.25 * (z + 0.35)
@@ -402,7 +330,7 @@ def _hair_cover(m, ax, y, z, phi):
     return min(min(front, ear), bottom) + 0.010 * noise(12.0 * phi, 3.0 * y, 0.0)
 
 
-@numba.njit(cache=True)
+@inner
 def _hair(m, x, ax, y, z, bone):
     """Hair over the skull, with relief along the strands; and the knot."""
     knot = 10.0
@@ -411,40 +339,33 @@ def _hair(m, x, ax, y, z, bone):
         r = sqrt(kx * kx + ky * ky + kz * kz)
         knot = r - m.hair_knot
         if abs(knot) < 0.06:
-            turn = atan2(kx, ky * 0.6 + kz * -0.8) * 1.0
-            swirl = turn * 1.2 + 9.0 * (ky * 0.8 + kz * 0.6) / m.hair_knot
-            knot += 0.014 * noise(swirl * 1.1, 1.5 * turn, 4.0) + 0.006 * noise(
-                swirl * 5.0, 2.0 * turn, 9.0)
+            phi, theta = hair_coordinates(m, x, y, z)
+            knot += 0.016 * noise(phi * 5.0, theta, 4.0) + 0.006 * noise(phi * 14.0, theta, 9.0)
     if bone > 0.30 or bone < -0.12:
         return min(max(bone - 0.16, 0.05) if bone > 0.0 else 0.05, knot)
     phi, theta = hair_coordinates(m, x, y, z)
-    cover = _hair_cover(m, ax, y, z, phi)
-    high = _smooth(-0.05, 0.45, y)
+    cover = hair_cover(m, ax, y, z, phi)
+    high = smooth_step(-0.05, 0.45, y)
     thick = m.hair_side + (m.hair_top - m.hair_side) * high
     thick += m.hair_quiff * bump(x, z, 0.03, 0.30, 0.42, 0.34) * high
-    grown = min(max(cover / 0.20, -0.5), 1.0)
+    grown = min(max(cover / 0.25, -0.5), 1.0)
     rise = grown * (2.0 - grown) if grown > 0.0 else 2.0 * grown
     d = bone - thick * rise - 0.002
     if d < 0.07:
         relief = 0.42 * noise(phi * 9.0, theta * 1.3, 2.0) + 0.36 * noise(
             phi * 23.0, theta * 2.0, 5.0) + 0.22 * noise(phi * 61.0, theta * 3.0, 7.0)
-        d -= 0.020 * m.hair_relief * relief * _smooth(0.0, 0.5, theta) * (0.25 + 0.75 * max(
+        d -= 0.020 * m.hair_relief * relief * smooth_step(0.0, 0.5, theta) * (0.25 + 0.75 * max(
             grown, 0.0))
-    return _union(d, knot, 0.05)
+    return union(d, knot, 0.05)
 
 
-@numba.njit(cache=True)
+@inner
 def _cloth(m, x, ax, y, z, torso):
-    """A shirt over the shoulders with a rolled neckline, or a collar."""
-    edge = y + 0.845 + 0.30 * max(z + 0.10, -0.22) + 0.05 * m.collar
+    """A shirt over the shoulders with a rolled neckline."""
+    edge = y + 0.845 + 0.30 * max(z + 0.10, -0.22)
     d = max(torso - 0.022, edge)
     roll = sqrt((torso - 0.018) ** 2 + edge * edge) - 0.020
-    d = _union(d, roll, 0.020)
-    if m.collar > 0.0:
-        stand = y + 0.775 + 0.36 * max(z + 0.05, -0.30) + 0.75 * max(0.085 - ax, 0.0)
-        leaf = max(max(abs(torso - 0.040) - 0.014, stand), -(stand + 0.15 + 0.10 * _smooth(
-            -0.1, 0.2, z)))
-        d = _union(d, leaf, 0.012)
+    d = union(d, roll, 0.020)
     return d + (0.010 * noise(5.0 * x, 3.0 * y, 4.0 * z) if abs(d) < 0.1 else 0.0)
 
 
@@ -468,28 +389,28 @@ def surfaces(m, x, y, z):
     bone = _bone(m, x, ax, y, z)
     skin = _face(m, x, ax, y, z, bone)
     away = sqrt((ax - 0.44) ** 2 + (y + 0.09) ** 2 + (z + 0.07) ** 2)
-    if away < 0.31:
-        skin = _union(skin, _ear(m, ax, y, z), 0.030)
+    if away < 0.46:
+        skin = union(skin, ear_distance(m, ax, y, z), 0.030)
     else:
-        skin = min(skin, _ellipsoid(ax - 0.44, y + 0.09, z + 0.07, 0.13, 0.24, 0.18))
+        skin = min(skin, ellipsoid(ax - 0.44, y + 0.09, z + 0.07, 0.13, 0.24, 0.18))
     hair = _hair(m, x, ax, y, z, bone)
     cloth = 10.0
     if y < -0.25:
         torso = _torso(m, x, ax, y, z)
-        skin = _union(skin, torso, 0.055)
+        skin = union(skin, torso, 0.075)
         side = sqrt(x * x + 0.3 * z * z) - 0.92
         cut = max(-0.985 - y, side)
         skin = max(skin, cut + 0.05)
-        cloth = _carve(_cloth(m, x, ax, y, z, torso), -_carve(-0.985 - y, -side, 0.10), 0.03)
+        cloth = carve(_cloth(m, x, ax, y, z, torso), -carve(-0.985 - y, -side, 0.10), 0.03)
     ex, ez = ax - 0.184 - m.eye_space, z - 0.385
     eye = sqrt(ex * ex + y * y + ez * ez) - 0.0955 * m.eye_size
     # The pink corner beside the nose fills the gap that the ball leaves.
-    corner = _ellipsoid(ex + 0.074 * m.eye_size, y + 0.006, ez - 0.052, 0.022, 0.016, 0.022)
-    eye = _union(eye, corner, 0.010)
+    corner = ellipsoid(ex + 0.074 * m.eye_size, y + 0.006, ez - 0.052, 0.022, 0.016, 0.022)
+    eye = union(eye, corner, 0.010)
     return skin, hair, cloth, eye
 
 
-@numba.njit(cache=True)
+@inner
 def scene(m, x, y, z):
     """Signed distance to the nearest of all surfaces."""
     skin, hair, cloth, eye = surfaces(m, x, y, z)

@@ -17,6 +17,7 @@ import numpy as np
 
 from .head import scene, surfaces
 from .head_skin import cloth_albedo, eye_albedo, hair_albedo, hair_tangent, skin_albedo
+from .implicit import inner
 
 __all__ = ["bake", "render"]
 
@@ -57,7 +58,7 @@ def bake(m, grid, first, last):
                         grid[np.uintp(z0 + k), np.uintp(y0 + j), np.uintp(x0 + i)] = value
 
 
-@numba.njit(cache=True)
+@inner
 def _lookup(grid, x, y, z):
     """Trilinear distance in the grid; far outside, the distance to its cube."""
     count = grid.shape[0]
@@ -75,7 +76,7 @@ def _lookup(grid, x, y, z):
     return (a * (1.0 - v) + b * v) * (1.0 - w) + (c * (1.0 - v) + d * v) * w
 
 
-@numba.njit(cache=True)
+@inner
 def _enter(o, d):
     """Interval of a ray inside the cube [-1, 1]^3: entry (at least 0) and exit."""
     near, far = 0.0, 1e9
@@ -88,7 +89,7 @@ def _enter(o, d):
     return near, far
 
 
-@numba.njit(cache=True)
+@inner
 def _march(grid, o, d, near, far, width):
     """First hit of a ray through the grid, or -1. ``width`` = size of a pixel at distance 1."""
     t = near
@@ -102,7 +103,7 @@ def _march(grid, o, d, near, far, width):
     return -1.0
 
 
-@numba.njit(cache=True)
+@inner
 def _refine(m, o, d, t):
     """Move a hit of the grid onto the exact surface."""
     for _ in range(3):
@@ -113,13 +114,13 @@ def _refine(m, o, d, t):
     return t
 
 
-@numba.njit(cache=True)
+@inner
 def _unit(x, y, z):
     s = 1.0 / sqrt(x * x + y * y + z * z + 1e-20)
     return x * s, y * s, z * s
 
 
-@numba.njit(cache=True)
+@inner
 def _normal(m, x, y, z, e):
     """Unit normal from four samples of the exact field at the corners of a tetrahedron."""
     a, b = scene(m, x + e, y - e, z - e), scene(m, x - e, y - e, z + e)
@@ -127,7 +128,7 @@ def _normal(m, x, y, z, e):
     return _unit(a - b - c + d, -a - b + c + d, -a + b - c + d)
 
 
-@numba.njit(cache=True)
+@inner
 def _soft_normal(grid, x, y, z, e):
     """Unit normal of the surface smoothed over ``e``."""
     return _unit(_lookup(grid, x + e, y, z) - _lookup(grid, x - e, y, z),
@@ -135,7 +136,7 @@ def _soft_normal(grid, x, y, z, e):
                  _lookup(grid, x, y, z + e) - _lookup(grid, x, y, z - e))
 
 
-@numba.njit(cache=True)
+@inner
 def _shadow(grid, x, y, z, lx, ly, lz, softness):
     """Share of a broad light that reaches a point, from the narrowest gap along the ray."""
     light, t = 1.0, 0.03
@@ -151,7 +152,7 @@ def _shadow(grid, x, y, z, lx, ly, lz, softness):
     return light * light * (3.0 - 2.0 * light)
 
 
-@numba.njit(cache=True)
+@inner
 def _occlusion(grid, x, y, z, nx, ny, nz):
     """Openness of a point towards its surroundings, in [0, 1], fine and coarse scale."""
     closed, weight, t = 0.0, 0.85, 0.014
@@ -165,12 +166,12 @@ def _occlusion(grid, x, y, z, nx, ny, nz):
 
 # Directions towards the lights (unit length) and their colours, linear RGB.
 _KEY, _KEY_RGB = (-0.470, 0.490, 0.734), (2.35, 2.16, 1.93)
-_FILL, _FILL_RGB = (0.862, 0.100, 0.497), (0.60, 0.57, 0.55)
+_FILL, _FILL_RGB = (0.862, 0.100, 0.497), (0.46, 0.44, 0.43)
 _RIM, _RIM_RGB = (0.560, 0.420, -0.714), (0.75, 0.78, 0.85)
 _SKY, _GROUND = (0.46, 0.45, 0.46), (0.34, 0.27, 0.23)
 
 
-@numba.njit(cache=True)
+@inner
 def _gloss(nx, ny, nz, vx, vy, vz, light, sharp):
     """Blinn-Phong highlight of one light, energy normalised, with Schlick's Fresnel term."""
     hx, hy, hz = _unit(light[0] + vx, light[1] + vy, light[2] + vz)
@@ -180,7 +181,7 @@ def _gloss(nx, ny, nz, vx, vy, vz, light, sharp):
     return nh ** sharp * (sharp + 8.0) / 25.0 * nl * (1.0 + 25.0 * (1.0 - vh) ** 5)
 
 
-@numba.njit(cache=True)
+@inner
 def _strand_gloss(tangent, vx, vy, vz, light, shift, n, sharp):
     """Kajiya-Kay highlight of a strand whose tangent is tilted by ``shift`` towards normal n."""
     tx, ty, tz = _unit(tangent[0] + shift * n[0], tangent[1] + shift * n[1],
@@ -191,7 +192,7 @@ def _strand_gloss(tangent, vx, vy, vz, light, shift, n, sharp):
     return max(1.0 - th * th, 0.0) ** (0.5 * sharp) * min(max(1.6 * facing + 0.3, 0.0), 1.0)
 
 
-@numba.njit(cache=True)
+@inner
 def _shade(m, grid, x, y, z, vx, vy, vz, pixel):
     """Linear colour, surface number (0 skin, 1 hair, 2 cloth, 3 eye) and normal of a point.
 
@@ -273,7 +274,7 @@ def _shade(m, grid, x, y, z, vx, vy, vz, pixel):
     return out[0], out[1], out[2], kind, nx, ny, nz
 
 
-@numba.njit(cache=True)
+@inner
 def _encode(value):
     """Gentle filmic shoulder, then the sRGB curve."""
     value *= 0.62
@@ -282,7 +283,7 @@ def _encode(value):
     return 12.92 * value if value <= 0.0031308 else 1.055 * value ** (1.0 / 2.4) - 0.055
 
 
-@numba.njit(cache=True)
+@inner
 def _direction(pose, focal, center, px, py):
     """Unit direction, in the world, of the ray through image point (px, py)."""
     cx, cy = (px - center[0]) / focal[0], (py - center[1]) / focal[1]

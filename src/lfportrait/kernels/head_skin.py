@@ -9,18 +9,10 @@ from __future__ import annotations
 from math import atan2, cos, sin, sqrt
 
 import numba
+import numpy as np
 
-from .head import (
-    _ear,
-    _hair_cover,
-    _smooth,
-    bump,
-    fractal,
-    hair_coordinates,
-    lid_lines,
-    mouth_lines,
-    noise,
-)
+from .head import ear_distance, hair_coordinates, hair_cover, lid_lines, mouth_lines
+from .implicit import bump, fractal, inner, noise, smooth_step, uniform
 
 __all__ = ["brow_cover", "brow_line", "cloth_albedo", "eye_albedo", "hair_albedo", "hair_tangent",
            "skin_albedo"]
@@ -34,7 +26,7 @@ def brow_line(m, ax):
     return 0.108 + m.brow_height + 0.026 * m.brow_arch * bend, t
 
 
-@numba.njit(cache=True)
+@inner
 def brow_cover(m, x, y, z):
     """Cover of the skin by the brow's hairs, in [0, 1]."""
     ax = abs(x)
@@ -47,21 +39,37 @@ def brow_cover(m, x, y, z):
     lean = 0.9 + 1.3 * t
     across = (ax - 0.0) * 150.0 - v * half * 150.0 * lean
     hairs = 0.85 + 0.40 * noise(across, 5.0 + 1.3 * v, 20.0 if x > 0.0 else 40.0)
-    body = _smooth(1.15, 0.35, abs(v + 0.20 * noise(60.0 * ax, 2.0, 1.0 if x > 0.0 else 5.0)))
-    return min(body * hairs * _smooth(-0.12, 0.16, t) * _smooth(1.10, 0.90, t), 1.0)
+    body = smooth_step(1.15, 0.35, abs(v + 0.20 * noise(60.0 * ax, 2.0, 1.0 if x > 0.0 else 5.0)))
+    return min(body * hairs * smooth_step(-0.12, 0.16, t) * smooth_step(1.10, 0.90, t), 1.0)
 
 
-@numba.njit(cache=True)
+@inner
 def _mix(a, b, w):
     return a[0] + (b[0] - a[0]) * w, a[1] + (b[1] - a[1]) * w, a[2] + (b[2] - a[2]) * w
 
 
-@numba.njit(cache=True)
+@inner
 def _scaled(a, r, g, b):
     return a[0] * r, a[1] * g, a[2] * b
 
 
-@numba.njit(cache=True)
+@inner
+def _freckle(x, y):
+    """Cover of round spots of random place and size, at most one in a cell."""
+    u, v = 52.0 * x, 52.0 * y
+    i, j = int(np.floor(u)), int(np.floor(v))
+    cover = 0.0
+    for b in range(-1, 2):
+        for a in range(-1, 2):
+            dx = u - (i + a + uniform(i + a, j + b, 1))
+            dy = v - (j + b + uniform(i + a, j + b, 2))
+            size = 0.10 + 0.30 * uniform(i + a, j + b, 3) ** 2
+            if uniform(i + a, j + b, 4) < 0.55:
+                cover = max(cover, smooth_step(1.25, 0.5, sqrt(dx * dx + dy * dy) / size))
+    return cover
+
+
+@inner
 def skin_albedo(m, x, y, z):
     """Albedo of the skin (lips, brows and lash line included) and its oiliness in [0, 1]."""
     ax = abs(x)
@@ -83,58 +91,58 @@ def skin_albedo(m, x, y, z):
         oil += 0.55 * bump(ax, y, 0.0, -0.17 - m.nose_length, 0.09, 0.16)
         oil += 0.30 * bump(ax, y, 0.0, 0.28, 0.26, 0.16) + 0.25 * bump(ax, y, 0.25, -0.10, 0.1, 0.1)
         if m.freckles > 0.0:
-            spots = noise(78.0 * x, 78.0 * y, 7.0) + 0.5 * mottle
-            where = bump(ax, y, 0.14, -0.13, 0.25, 0.16)
-            spot = m.freckles * where * _smooth(0.50, 0.85, spots)
+            where = bump(ax, y, 0.13, -0.125, 0.24, 0.15) * (0.75 + 0.5 * mottle)
+            spot = m.freckles * where * _freckle(x, y)
             colour = _scaled(colour, 1.0 - 0.28 * spot, 1.0 - 0.45 * spot, 1.0 - 0.52 * spot)
     else:
-        ear = _smooth(0.40, 0.46, ax) * _smooth(-0.35, -0.25, y)
+        ear = smooth_step(0.40, 0.46, ax) * smooth_step(-0.35, -0.25, y)
         colour = _mix(colour, m.blush, 0.45 * ear)
     if m.beard > 0.0:
         line = -0.185 - 1.25 * max(0.26 - ax, 0.0)
-        zone = _smooth(0.05, -0.06, y - max(line, -0.30)) * _smooth(-0.90, -0.62, y)
-        zone *= _smooth(-0.06, 0.06, z) * (1.0 - bump(ax, y, 0.0, -0.41, 0.17, 0.075))
+        zone = smooth_step(0.05, -0.06, y - max(line, -0.30)) * smooth_step(-0.90, -0.62, y)
+        zone *= smooth_step(-0.06, 0.06, z) * (1.0 - bump(ax, y, 0.0, -0.41, 0.17, 0.075))
         grain = 0.75 + 0.5 * noise(120.0 * x, 90.0 * y, 120.0 * z)
         colour = _mix(colour, m.brow, min(m.beard * zone * grain, 0.92))
         oil *= 1.0 - 0.6 * m.beard * zone
     if z > 0.15:
         colour, oil = _features(m, x, ax, y, z, colour, oil, mottle)
     phi, _ = hair_coordinates(m, x, y, z)
-    cover = _hair_cover(m, ax, y, z, phi)
-    root = _smooth(-0.045, 0.012, cover + 0.022 * noise(55.0 * phi, 2.0, 1.0))
+    cover = hair_cover(m, ax, y, z, phi)
+    root = smooth_step(-0.045, 0.012, cover + 0.022 * noise(55.0 * phi, 2.0, 1.0))
     if ax > 0.3 and root > 0.0:
-        root *= _smooth(0.004, 0.030, _ear(m, ax, y, z))
+        root *= smooth_step(0.004, 0.030, ear_distance(m, ax, y, z))
     return (*_mix(colour, m.hair, 0.9 * root), oil * (1.0 - root))
 
 
-@numba.njit(cache=True)
+@inner
 def _features(m, x, ax, y, z, colour, oil, mottle):
     """Paint lips, lash line, lids and brows over the colour of the skin."""
     upper, gap, lower, t = mouth_lines(m, ax)
     if t < 1.06:
-        inside = _smooth(-0.0055, 0.0055, upper - y) * _smooth(-0.0075, 0.0055, y - lower)
-        inside *= _smooth(1.05, 0.93, t)
+        inside = smooth_step(-0.0055, 0.0055, upper - y) * smooth_step(-0.0075, 0.0055, y - lower)
+        inside *= smooth_step(1.05, 0.93, t)
         wrinkle = noise(95.0 * x, 6.0 * y, 3.0)
         tone = 1.0 + 0.09 * wrinkle + 0.05 * mottle - (0.16 if y > gap else 0.0)
         colour = _mix(colour, _scaled(m.lips, tone, tone, tone), 0.88 * inside)
         line = (y - gap) / 0.0075
-        dark = _smooth(1.08, 0.92, t) / (1.0 + line * line * line * line)
+        dark = smooth_step(1.08, 0.92, t) / (1.0 + line * line * line * line)
         colour = _scaled(colour, 1.0 - 0.62 * dark, 1.0 - 0.76 * dark, 1.0 - 0.76 * dark)
         oil += 0.8 * inside * (1.0 if y < gap else 0.35) * (0.8 + 0.3 * wrinkle)
     top, bottom, e = lid_lines(m, ax)
     if abs(e) < 1.22:
-        span = _smooth(1.20, 0.96, abs(e))
-        lash = _smooth(0.0150 + 0.005 * e, 0.004, y - top) * _smooth(-0.03, -0.012, y - bottom)
-        spike = 0.90 + 0.3 * noise(190.0 * ax + 60.0 * (y - top), 1.0, 2.0)
+        span = smooth_step(1.20, 0.96, abs(e))
+        lash = smooth_step(0.0150 + 0.005 * e, 0.004, y - top)
+        lash *= smooth_step(-0.03, -0.012, y - bottom)
+        spike = 0.95 + 0.2 * noise(190.0 * ax + 60.0 * (y - top), 1.0, 2.0)
         if y < 0.5 * (top + bottom):
-            lash = 0.42 * _smooth(0.008, 0.001, bottom - y) * (0.35 + 0.4 * (e + 1.0))
+            lash = 0.42 * smooth_step(0.008, 0.001, bottom - y) * (0.35 + 0.4 * (e + 1.0))
         colour = _mix(colour, m.brow, min(0.93 * span * lash * spike, 0.95))
     cover = brow_cover(m, x, y, z)
     colour = _mix(colour, m.brow, 0.96 * cover)
     return colour, oil * (1.0 - 0.8 * cover)
 
 
-@numba.njit(cache=True)
+@inner
 def eye_albedo(m, x, y, z):
     """Albedo of the eyeball and how much light the lids leave it."""
     ax = abs(x)
@@ -146,28 +154,28 @@ def eye_albedo(m, x, y, z):
     turn = atan2(ey, ex)
     upper, lower, t = lid_lines(m, ax)
     white = (0.74, 0.695, 0.66)
-    corner = _smooth(0.55, 1.0, abs(t))
+    corner = smooth_step(0.55, 1.0, abs(t))
     veins = 0.5 + 0.5 * noise(40.0 * ex, 160.0 * ey + 3.0 * noise(30.0 * ex, 9.0, 1.0), 3.0)
     colour = _mix(white, (0.70, 0.42, 0.36), 0.45 * corner * (0.6 + 0.4 * veins))
-    colour = _mix(colour, (0.62, 0.27, 0.23), _smooth(-0.80, -0.93, t))
+    colour = _mix(colour, (0.62, 0.27, 0.23), smooth_step(-0.80, -0.93, t))
     size, pupil = 0.0405 * m.eye_size, 0.0150
     fibre = noise(turn * 9.0, r * 60.0, 1.0) * 0.5 + noise(turn * 24.0, r * 30.0, 2.0) * 0.5
-    ring = _smooth(pupil, 0.72 * size, r)
+    ring = smooth_step(pupil, 0.72 * size, r)
     tone = 1.0 + 0.55 * fibre
     iris = _scaled(m.iris, tone, tone, tone)
     # Amber near the pupil; below it the light that the cornea gathers.
     iris = _mix((1.3 * iris[0] + 0.07, 0.9 * iris[1] + 0.03, 0.5 * iris[2]), iris, ring)
-    glow = 1.0 + 1.1 * _smooth(0.010, -0.026, ey) * _smooth(size, 0.5 * size, r)
+    glow = 1.0 + 1.1 * smooth_step(0.010, -0.026, ey) * smooth_step(size, 0.5 * size, r)
     iris = _scaled(iris, glow, glow, glow)
-    iris = _mix(iris, (0.012, 0.012, 0.014), 0.80 * _smooth(0.80 * size, 1.0 * size, r))
-    iris = _mix(iris, (0.004, 0.004, 0.005), _smooth(pupil + 0.0025, pupil - 0.0015, r))
-    colour = _mix(colour, iris, _smooth(size + 0.0025, size - 0.0025, r))
-    shade = 0.40 + 0.60 * _smooth(-0.002, 0.024, upper - y)
-    shade *= 0.80 + 0.20 * _smooth(0.0, 0.010, y - lower)
+    iris = _mix(iris, (0.012, 0.012, 0.014), 0.80 * smooth_step(0.80 * size, 1.0 * size, r))
+    iris = _mix(iris, (0.004, 0.004, 0.005), smooth_step(pupil + 0.0025, pupil - 0.0015, r))
+    colour = _mix(colour, iris, smooth_step(size + 0.0025, size - 0.0025, r))
+    shade = 0.40 + 0.60 * smooth_step(-0.002, 0.024, upper - y)
+    shade *= 0.80 + 0.20 * smooth_step(0.0, 0.010, y - lower)
     return colour[0], colour[1], colour[2], shade
 
 
-@numba.njit(cache=True)
+@inner
 def hair_albedo(m, x, y, z):
     """Albedo of the hair: locks and strands between the model's two colours, dark at the roots."""
     phi, theta = hair_coordinates(m, x, y, z)
@@ -175,13 +183,13 @@ def hair_albedo(m, x, y, z):
     strand = 0.5 + 0.5 * noise(phi * 45.0, theta * 2.5, 11.0)
     thin = 0.5 + 0.5 * noise(phi * 130.0, theta * 4.0, 13.0)
     w = 0.26 * lock + 0.42 * strand + 0.32 * thin
-    w = _smooth(0.25, 0.95, w)
-    dark = 0.68 + 0.32 * _smooth(0.15, 0.6, 0.5 * lock + 0.5 * strand)
+    w = smooth_step(0.25, 0.95, w)
+    dark = 0.68 + 0.32 * smooth_step(0.15, 0.6, 0.5 * lock + 0.5 * strand)
     colour = _mix(m.hair, m.hair_light, w)
     return _scaled(colour, dark, dark, dark)
 
 
-@numba.njit(cache=True)
+@inner
 def hair_tangent(m, x, y, z, nx, ny, nz):
     """Unit direction of the strand at a point with normal (nx, ny, nz)."""
     ay, az = m.hair_pole_y - 0.10, m.hair_pole_z + 0.02
@@ -197,7 +205,7 @@ def hair_tangent(m, x, y, z, nx, ny, nz):
     return tx * s, ty * s, tz * s
 
 
-@numba.njit(cache=True)
+@inner
 def cloth_albedo(m, x, y, z):
     """Albedo of the cloth: a knit with a slight heather."""
     turn = atan2(x, z)
