@@ -168,12 +168,12 @@ def lay(canvas, relief, tooth, paths, counts, colours, radius, opacity, dry, rou
             low_y, high_y = min(low_y, paths[s, k, 1]), max(high_y, paths[s, k, 1])
         x0, x1 = max(int(low_x - radius) - 1, 0), min(int(high_x + radius) + 2, width)
         y0, y1 = max(int(low_y - radius) - 1, 0), min(int(high_y + radius) + 2, height)
-        near = np.full((y1 - y0, x1 - x0), np.float32(1e9))
-        along = np.zeros((y1 - y0, x1 - x0), np.float32)
-        across = np.zeros((y1 - y0, x1 - x0), np.float32)
+        near = np.full((y1 - y0, x1 - x0), 1e9)
+        along = np.zeros((y1 - y0, x1 - x0))
+        across = np.zeros((y1 - y0, x1 - x0))
         gone = 0.0
         for k in range(count - 1):
-            ax, ay = paths[s, k, 0], paths[s, k, 1]
+            ax, ay = np.float64(paths[s, k, 0]), np.float64(paths[s, k, 1])
             ex, ey = paths[s, k + 1, 0] - ax, paths[s, k + 1, 1] - ay
             size = sqrt(ex * ex + ey * ey) + 1e-9
             ex, ey = ex / size, ey / size
@@ -188,7 +188,8 @@ def lay(canvas, relief, tooth, paths, counts, colours, radius, opacity, dry, rou
                     v = px * ey - py * ex
                     held = min(max(u, 0.0), size)
                     d = sqrt((u - held) ** 2 + v * v)
-                    if d < near[y - y0, x - x0]:
+                    # Beside a bend two segments are equally near: the first keeps the pixel.
+                    if d < near[y - y0, x - x0] - 1e-6:
                         near[y - y0, x - x0] = d
                         along[y - y0, x - x0] = gone + u
                         across[y - y0, x - x0] = v

@@ -70,10 +70,11 @@ def capsule(x, y, z, ax, ay, az, bx, by, bz, ra, rb):
 @inner
 def uniform(i, j, k):
     """Uniform number in [0, 1) from three integers (wrapping 32-bit mixing)."""
-    h = (np.uint32(i) * np.uint32(0x8DA6B343)) ^ (np.uint32(j) * np.uint32(0xD8163841)) ^ (
-        np.uint32(k) * np.uint32(0xCB1AB31F))
-    h = np.uint32(h ^ (h >> np.uint32(15))) * np.uint32(0x2C1B3C6D)
-    h = np.uint32(h ^ (h >> np.uint32(12))) * np.uint32(0x297A2D39)
+    # Numba widens products of 32-bit integers, so each is cut back to 32 bits.
+    h = np.uint32(np.uint32(i) * np.uint32(0x8DA6B343)) ^ np.uint32(
+        np.uint32(j) * np.uint32(0xD8163841)) ^ np.uint32(np.uint32(k) * np.uint32(0xCB1AB31F))
+    h = np.uint32(np.uint32(h ^ (h >> np.uint32(15))) * np.uint32(0x2C1B3C6D))
+    h = np.uint32(np.uint32(h ^ (h >> np.uint32(12))) * np.uint32(0x297A2D39))
     h = np.uint32(h ^ (h >> np.uint32(15)))
     return np.float64(h) / 4294967296.0
 
