@@ -25,20 +25,56 @@ def _project(camera, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, parallel=True)
-def vote_lattice(camera, matte, first, spacing, votes, seen):  # type: ignore[no-untyped-def]
-    """Add one view's matte (float32 [H, W]) to ``votes`` and 1 to ``seen``, float32 [Z, Y, X].
+def vote_lattice(  # type: ignore[no-untyped-def]
+        cameras, mattes, shapes, first, spacing, size, tolerance):
+    """The share of the person in the votes on each lattice point ``first + spacing (x, y, z)``.
 
-    Both at each lattice point ``first + spacing * (x, y, z)`` that the view's picture shows.
+    Parameters
+    ----------
+    cameras
+        float64 [V, 16], a row a view (see above).
+    mattes
+        float32, the V mattes in [0, 1] one after the other, each in scan order.
+    shapes
+        int64 [V, 2], height and width of each matte.
+    first, spacing, size
+        The lattice: float64 [3], a step, and points along an edge.
+    tolerance
+        A point is given up once the background has more than this share of all V votes.
+
+    Returns
+    -------
+    share
+        float32 [size, size, size] (z, y, x), the mean matte over the views that have the point in
+        the picture; 0 where it was given up, 1 where no picture shows it.
     """
-    height, width = matte.shape
-    for k in prange(votes.shape[0]):
-        for j in range(votes.shape[1]):
-            for i in range(votes.shape[2]):
-                column, row, depth = _project(camera, first[0] + spacing * i,
-                                              first[1] + spacing * j, first[2] + spacing * k)
-                if depth > 1e-9 and 0.0 <= column < width and 0.0 <= row < height:
-                    votes[k, j, i] += matte[int(row), int(column)]
-                    seen[k, j, i] += np.float32(1.0)
+    count = len(cameras)
+    starts = np.zeros(count + 1, np.int64)
+    for view in range(count):
+        starts[view + 1] = starts[view] + shapes[view, 0] * shapes[view, 1]
+    share = np.ones((size, size, size), np.float32)
+    limit = tolerance * count
+    for k in prange(size):
+        for j in range(size):
+            for i in range(size):
+                seen = 0
+                against = np.float32(0.0)
+                for view in range(count):
+                    height, width = shapes[view, 0], shapes[view, 1]
+                    column, row, depth = _project(
+                        cameras[view], first[0] + spacing * i, first[1] + spacing * j,
+                        first[2] + spacing * k)
+                    if depth > 1e-9 and 0.0 <= column < width and 0.0 <= row < height:
+                        seen += 1
+                        against += np.float32(1.0) - mattes[
+                            starts[view] + int(row) * width + int(column)]
+                        if against > limit:
+                            break
+                if against > limit:
+                    share[k, j, i] = 0.0
+                elif seen > 0:
+                    share[k, j, i] = np.float32(1.0) - against / np.float32(seen)
+    return share
 
 
 @njit(cache=True)
