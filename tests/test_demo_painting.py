@@ -100,7 +100,7 @@ def test_exemplar_is_painted(exemplar):
     calm = inside & (texture(photo) < np.percentile(texture(photo)[inside], 20))
     assert np.median(texture(exemplar.image)[calm]) > 2.0 * np.median(texture(photo)[calm])
     apart = np.abs(exemplar.image.astype(float) - photo[..., :3]).mean(axis=-1)
-    assert apart[inside].mean() > 25.0
+    assert apart[inside].mean() > 20.0
 
 
 def test_fauve_palette_is_strong():
@@ -117,5 +117,5 @@ def test_fauve_palette_is_strong():
 
 
 def test_unknown_style_is_told_plainly():
-    with pytest.raises(UserError, match="fauve, charcoal"):
+    with pytest.raises(UserError, match="fauve, charcoal, impression"):
         demo_exemplar("cubist")

@@ -19,7 +19,7 @@ from ..capture import Camera
 from ..errors import UserError
 from ..example import Exemplar
 from ..kernels.brush import lay, plan, trace
-from .palette import charcoal_tone, fauve_colours
+from .palette import charcoal_tone, fauve_colours, impression_colours
 from .people import PAINTED, landmarks
 from .studio import Picture, photograph
 
@@ -176,14 +176,34 @@ def _rake(canvas: Image, relief: Image, strength: float) -> Image:
 def _paint_fauve(sitting: _Sitting, rng: np.random.Generator) -> Image:
     """Thick oil in complementary colours: orange light, teal and violet shade."""
     wanted = fauve_colours(sitting.picture, sitting.coverage, sitting.light, rng)
-    shape = sitting.light.shape
-    tooth = _grain(shape, rng, sitting.scale)
-    canvas = np.broadcast_to(np.array([0.36, 0.13, 0.16], np.float32), (*shape, 3)).copy()
-    relief = np.zeros(shape, np.float32)
-    # Radius, threshold, steps (shortest, longest), jitter of value and of hue, where.
     layers = ((30.0, 0.00, 3, 9, 0.070, 0.060, 0.0), (14.0, 0.075, 3, 9, 0.055, 0.050, 0.0),
               (7.0, 0.085, 3, 9, 0.045, 0.040, 0.0), (3.8, 0.085, 3, 9, 0.035, 0.025, 0.06),
               (2.1, 0.060, 2, 8, 0.020, 0.010, 0.32))
+    return _oil(sitting, wanted, (0.36, 0.13, 0.16), layers, 0.50, rng)
+
+
+def _paint_impression(sitting: _Sitting, rng: np.random.Generator) -> Image:
+    """Short broken strokes of pure colour: pink and gold light, violet and green shade."""
+    wanted = impression_colours(sitting.picture, sitting.coverage, sitting.light, rng)
+    layers = ((17.0, 0.00, 2, 4, 0.050, 0.060, 0.0), (8.0, 0.050, 2, 3, 0.050, 0.070, 0.0),
+              (4.6, 0.075, 2, 3, 0.045, 0.060, 0.0), (2.8, 0.075, 2, 4, 0.030, 0.030, 0.08),
+              (1.8, 0.055, 2, 5, 0.015, 0.012, 0.30))
+    return _oil(sitting, wanted, (0.80, 0.70, 0.56), layers, 0.42, rng)
+
+
+def _oil(sitting: _Sitting, wanted: Image, ground: tuple[float, float, float],
+         layers: tuple[tuple[float, float, int, int, float, float, float], ...], impasto: float,
+         rng: np.random.Generator) -> Image:
+    """Paint the wanted colours in layers from broad to fine brushes.
+
+    Each layer: radius (pixels of a picture 768 wide), colour distance that calls for a stroke,
+    steps of a stroke (shortest, longest), jitter of its value and of its hue, and the detail below
+    which the brush is not used.
+    """
+    shape = sitting.light.shape
+    tooth = _grain(shape, rng, sitting.scale)
+    canvas = np.broadcast_to(np.array(ground, np.float32), (*shape, 3)).copy()
+    relief = np.zeros(shape, np.float32)
     for radius, threshold, shortest, longest, value, hue, least in layers:
         radius = max(radius * sitting.scale, 1.2)
         reference = np.stack([ndimage.gaussian_filter(wanted[..., c], 0.45 * radius)
@@ -203,7 +223,7 @@ def _paint_fauve(sitting: _Sitting, rng: np.random.Generator) -> Image:
             hue * rng.standard_normal((len(paths), 3)))
         lay(canvas, relief, tooth, paths, counts, np.clip(colours, 0.0, 1.0).astype(np.float32),
             radius, 0.96, 0.35, 1.0)
-    return _rake(canvas, relief, 0.50)
+    return _rake(canvas, relief, impasto)
 
 
 def _paint_charcoal(sitting: _Sitting, rng: np.random.Generator) -> Image:
@@ -252,4 +272,4 @@ def _scatter(density: Image, pitch: float, rng: np.random.Generator) -> Image:
 
 
 _STYLES: dict[str, Callable[[_Sitting, np.random.Generator], Image]] = {
-    "fauve": _paint_fauve, "charcoal": _paint_charcoal}
+    "fauve": _paint_fauve, "charcoal": _paint_charcoal, "impression": _paint_impression}

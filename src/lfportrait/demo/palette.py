@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from .studio import Picture
 
-__all__ = ["charcoal_tone", "fauve_colours"]
+__all__ = ["charcoal_tone", "fauve_colours", "impression_colours"]
 
 Image = NDArray[np.float32]
 
@@ -85,6 +85,45 @@ def _background(shape: tuple[int, ...], rng: np.random.Generator) -> Image:
     right = _ramp(((0.80, 0.24, 0.10), (0.96, 0.58, 0.14), (0.99, 0.84, 0.36)), value)
     weight = (side * side * (3.0 - 2.0 * side))[..., None]
     return np.asarray(left * (1.0 - weight) + right * weight, np.float32)
+
+
+def impression_colours(picture: Picture, coverage: Image, light: Image,
+                       rng: np.random.Generator) -> Image:
+    """Wanted colours of the impressionist painting, float32 [H, W, 3].
+
+    The photograph, livelier: light goes to rose and gold, shade to violet, its edge to green; the
+    background is a garden out of focus.
+    """
+    photo = picture.image[..., :3].astype(np.float32) / 255.0
+    surface = picture.surface
+    grey = light[..., None]
+    lively = grey + 1.35 * (photo - grey)
+    tone = _stretched(light, surface == 0, 1.0, 99.0)[..., None]
+    lively = lively * (0.80 + 0.50 * tone) + (0.035, 0.03, 0.05)
+    shade = np.clip(1.0 - 1.7 * tone, 0.0, 1.0)
+    edge = np.clip(1.0 - np.abs(tone - 0.52) / 0.18, 0.0, 1.0)
+    glow = np.clip((tone - 0.70) / 0.30, 0.0, 1.0)
+    skin = (surface == 0)[..., None]
+    lively = np.where(skin, lively + shade * np.array([0.02, -0.01, 0.20])
+                      + edge * np.array([-0.05, 0.05, 0.01]) + glow * np.array([0.10, 0.05, -0.02]),
+                      lively)
+    hair = _ramp(((0.10, 0.05, 0.16), (0.30, 0.14, 0.20), (0.52, 0.30, 0.20), (0.78, 0.58, 0.34),
+                  (0.96, 0.88, 0.66)), 0.85 * _stretched(light, surface == 1, 2.0, 99.0))
+    lively = np.where((surface == 1)[..., None], hair, lively)
+    shirt = _ramp(((0.12, 0.14, 0.36), (0.24, 0.32, 0.62), (0.50, 0.62, 0.84), (0.86, 0.90, 0.95)),
+                  _stretched(light, surface == 2, 2.0, 99.5))
+    lively = np.where((surface == 2)[..., None], shirt, lively)
+    height, width = light.shape
+    clouds = [ndimage.gaussian_filter(rng.standard_normal(light.shape), reach * width, mode="wrap")
+              for reach in (0.09, 0.035, 0.02)]
+    a, b, c = (cloud / cloud.std() for cloud in clouds)
+    rise = np.linspace(0.16, -0.16, height)[:, None]
+    garden = _ramp(((0.16, 0.28, 0.30), (0.28, 0.46, 0.34), (0.52, 0.66, 0.42), (0.80, 0.82, 0.58),
+                    (0.93, 0.90, 0.78)), np.clip(0.50 + rise + 0.15 * a + 0.08 * b, 0.0, 1.0))
+    bloom = np.clip((c - 1.25) / 0.5, 0.0, 1.0)[..., None]
+    garden = garden * (1.0 - bloom) + bloom * np.array([0.93, 0.62, 0.66])
+    cover = coverage[..., None]
+    return np.asarray(np.clip(lively, 0.0, 1.0) * cover + garden * (1.0 - cover), np.float32)
 
 
 def charcoal_tone(picture: Picture, coverage: Image, light: Image, detail: Image,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.head import HeadModel, drop, lid_lines, mouth_lines, silhouette, surfaces
+from ..kernels.head import HeadModel, lid_lines, mouth_lines
+from ..kernels.head_points import drop, silhouette
 from ..kernels.head_skin import brow_line
 
 __all__ = ["PAINTED", "SITTER", "landmarks"]
@@ -116,8 +117,3 @@ def _chin_line(model: HeadModel) -> NDArray[np.float64]:
     half[0, 0] = 0.0
     mirrored = half[:0:-1] * (-1.0, 1.0, 1.0)
     return np.concatenate([mirrored, half])
-
-
-def distance(model: HeadModel, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distances [N, 4] of points [N, 3] to skin, hair, cloth and eyeballs."""
-    return np.array([surfaces(model, *point) for point in np.asarray(points, np.float64)])

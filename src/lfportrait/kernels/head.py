@@ -21,8 +21,8 @@ import numpy as np
 
 from .implicit import bump, capsule, carve, ellipsoid, inner, noise, smooth_step, union
 
-__all__ = ["HeadModel", "drop", "ear_distance", "hair_coordinates", "hair_cover", "lid_lines",
-           "mouth_lines", "scene", "silhouette", "surfaces"]
+__all__ = ["HeadModel", "bone_distance", "ear_distance", "face_distance", "hair_coordinates",
+           "hair_cover", "lid_lines", "mouth_lines", "scene", "surfaces"]
 
 Colour = tuple[float, float, float]
 
@@ -126,7 +126,7 @@ def mouth_lines(m, ax):
 
 
 @inner
-def _bone(m, x, ax, y, z):
+def bone_distance(m, x, ax, y, z):
     """Skull and cheeks without features: what hair grows on."""
     d = ellipsoid(x, y - 0.175, z + 0.045, 0.415 * m.skull_width, 0.485, 0.545)
     return union(d, ellipsoid(x, y + 0.135, z - 0.125, 0.338 * m.face_width, 0.44, 0.375), 0.16)
@@ -254,7 +254,7 @@ def _torso(m, x, ax, y, z):
 
 
 @inner
-def _face(m, x, ax, y, z, bone):
+def face_distance(m, x, ax, y, z, bone):
     """Everything of the face but ears and neck."""
     drop, wide = m.chin_drop, m.face_width
     d = bone
@@ -386,8 +386,8 @@ def surfaces(m, x, y, z):
         World units, negative inside.
     """
     ax = sqrt(x * x + 1e-6)
-    bone = _bone(m, x, ax, y, z)
-    skin = _face(m, x, ax, y, z, bone)
+    bone = bone_distance(m, x, ax, y, z)
+    skin = face_distance(m, x, ax, y, z, bone)
     away = sqrt((ax - 0.44) ** 2 + (y + 0.09) ** 2 + (z + 0.07) ** 2)
     if away < 0.46:
         skin = union(skin, ear_distance(m, ax, y, z), 0.030)
@@ -415,52 +415,3 @@ def scene(m, x, y, z):
     """Signed distance to the nearest of all surfaces."""
     skin, hair, cloth, eye = surfaces(m, x, y, z)
     return min(min(skin, hair), min(cloth, eye))
-
-
-@numba.njit(cache=True)
-def drop(m, x, y):
-    """Height z of the foremost skin or eyeball at (x, y), for arrays [N]; NaN where none is."""
-    out = np.full(x.shape[0], np.nan)
-    for i in range(x.shape[0]):
-        z = 0.95
-        for _ in range(400):
-            skin, _, _, eye = surfaces(m, x[i], y[i], z)
-            d = min(skin, eye)
-            out[i] = z
-            if abs(d) < 1e-6:
-                break
-            # Short steps: the distance overestimates near folds.
-            z -= 0.4 * d
-            if z < -1.0:
-                out[i] = np.nan
-                break
-    return out
-
-
-@numba.njit(cache=True)
-def silhouette(m, angles, cx, cy):
-    """Outline of the face without ears, hair and neck, seen from the front.
-
-    For each direction ``angles`` [N] (radians from +x towards +y) about (cx, cy): the point [N, 3]
-    of the face furthest from the middle, among those in front of the ears.
-    """
-    out = np.zeros((angles.shape[0], 3))
-    for i in range(angles.shape[0]):
-        c, s = np.cos(angles[i]), np.sin(angles[i])
-        low, high, depth = 0.05, 0.9, 0.0
-        for _ in range(24):
-            r = 0.5 * (low + high)
-            x, y = cx + r * c, cy + r * s
-            ax = sqrt(x * x + 1e-6)
-            best, where = 1e9, 0.0
-            for k in range(60):
-                z = 0.12 + 0.008 * k
-                d = _face(m, x, ax, y, z, _bone(m, x, ax, y, z))
-                if d < best:
-                    best, where = d, z
-            if best < 0.0:
-                low, depth = r, where
-            else:
-                high = r
-        out[i, 0], out[i, 1], out[i, 2] = cx + low * c, cy + low * s, depth
-    return out

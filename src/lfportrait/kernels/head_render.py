@@ -166,9 +166,9 @@ def _occlusion(grid, x, y, z, nx, ny, nz):
 
 # Directions towards the lights (unit length) and their colours, linear RGB.
 _KEY, _KEY_RGB = (-0.470, 0.490, 0.734), (2.35, 2.16, 1.93)
-_FILL, _FILL_RGB = (0.862, 0.100, 0.497), (0.46, 0.44, 0.43)
+_FILL, _FILL_RGB = (0.862, 0.100, 0.497), (0.48, 0.44, 0.42)
 _RIM, _RIM_RGB = (0.560, 0.420, -0.714), (0.75, 0.78, 0.85)
-_SKY, _GROUND = (0.46, 0.45, 0.46), (0.34, 0.27, 0.23)
+_SKY, _GROUND = (0.47, 0.44, 0.43), (0.36, 0.27, 0.22)
 
 
 @inner
