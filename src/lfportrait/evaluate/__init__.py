@@ -1,0 +1,19 @@
+"""Metrics of a finished job, consistency between views, and speed side by side."""
+
+from .bench import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize, bench_transfer
+from .consistency import consistency, pair_error, view_pairs, warp
+from .features import (
+    feature_distance,
+    frechet_distance,
+    inception_features,
+    kernel_distance,
+    style_distance,
+)
+from .job import evaluate_field, evaluate_job
+from .likeness import contour_correlation, identity, landmark_error, patch_fidelity
+
+__all__ = ["BENCHES", "bench", "bench_encode", "bench_reconstruct", "bench_stylize",
+           "bench_transfer", "consistency", "contour_correlation", "evaluate_field",
+           "evaluate_job", "feature_distance", "frechet_distance", "identity",
+           "inception_features", "kernel_distance", "landmark_error", "pair_error",
+           "patch_fidelity", "style_distance", "view_pairs", "warp"]

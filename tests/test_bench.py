@@ -1,0 +1,70 @@
+"""The measurements run on tiny data and report what DESIGN fixes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera, Capture
+from lfportrait.evaluate import bench, bench_encode, bench_reconstruct
+from lfportrait.field import ReconstructConfig
+from lfportrait.lightfield import Display
+from tests.test_share_video import ball
+
+
+@pytest.fixture
+def small_panels(monkeypatch):
+    """Presets of the same names, a sixteenth of the size."""
+    preset = Display.preset
+
+    def small(name: str) -> Display:
+        from dataclasses import replace
+
+        panel = preset(name)
+        return replace(panel, width=panel.width // 16, height=panel.height // 16, views=8)
+
+    monkeypatch.setattr(Display, "preset", staticmethod(small))
+
+
+def test_encode_reports_every_size_and_the_rivals(small_panels):
+    figures = bench_encode(ball(), repeats=1)
+    for size in ("1080p", "4k", "8k", "direct", "view_by_view"):
+        row = figures[size]
+        assert row["seconds"] > 0 and row["views"] == 8 and row["method"]
+    assert figures["8k"]["subpixels"] == 3 * 480 * 270
+    for size in ("1080p", "4k", "8k"):
+        # A solid ball in half-voxel steps is near the one in quarter steps, and not equal to it.
+        assert 30 < figures[size]["psnr"] < 99
+    rows = figures["mask"]
+    assert [row["resolution"] for row in rows] == ["1k", "2k", "4k", "8k"]
+    for row in rows:
+        assert min(row[name] for name in ("build_seconds", "load_seconds", "with_seconds",
+                                          "without_seconds")) > 0
+    assert rows[3]["bytes"] == 3 * 480 * 270
+
+
+def ball_capture(size=40, views=12) -> Capture:
+    cameras = Camera.arc(np.linspace(-150, 150, views), distance=4.0, width=size, height=size,
+                         focal=1.7 * size)
+    field = ball()
+    shots = [field.render(cameras, view, background=0.0) for view in range(views)]
+    alphas = [np.uint8(255 * shot.alpha + 0.5) for shot in shots]
+    images = [np.uint8(255 * np.clip(shot.color / np.maximum(shot.alpha, 1e-3)[..., None], 0, 1))
+              for shot in shots]
+    return Capture(cameras, images, alphas, [f"{view}.png" for view in range(views)],
+                   np.arange(views) % 6 == 3)
+
+
+def test_reconstruct_reports_speed_and_quality():
+    figures = bench_reconstruct(
+        ball_capture(), ReconstructConfig(resolutions=(24,), rays=(0.4,), batch=4096),
+        render_size=48, repeats=1)
+    assert figures["train_rays"] > 350000 and figures["train_rays_per_second"] > 0
+    assert figures["render_rays_per_second"] > 0 and figures["seconds"] > 0
+    assert math.isfinite(figures["test"]["psnr"]) and figures["test"]["psnr"] > 15
+    assert figures["peak_memory_bytes"] > 0
+
+
+def test_unknown_measurements_are_refused():
+    with pytest.raises(ValueError, match="no measurement"):
+        bench("everything")
