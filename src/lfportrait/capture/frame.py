@@ -16,12 +16,22 @@ __all__ = ["looks_normalised", "portrait_frame_from_cameras", "portrait_frame_fr
 
 Float = NDArray[np.float64]
 
-# Ratios of an adult head (Farkas 1994, NASA-STD-3000), in units of the face height from the middle
-# of the eyes to the chin (menton): head height chin to crown 2.0, head depth 1.75, so that the
-# head's middle lies level with the eyes and 0.72 behind the surface between them. The cube's half
-# edge leaves room for hair and for the neck below the chin.
+# Where points of an adult face lie from the middle between the eyes (x to the picture's right, y
+# up, z out of the face), in units of the height from there to the chin's lower end, about 115 mm:
+# means of head scans, in keeping with the tables of Farkas (1994). Eyes lie deep, lips and chin
+# stand forward, so that "down" in a face is not the line from the eyes to the mouth.
+_ANCHORS: tuple[tuple[range, tuple[float, float, float]], ...] = (
+    (range(36, 42), (-0.285, 0.0, 0.0)), (range(42, 48), (0.285, 0.0, 0.0)),  # eyes
+    (range(17, 22), (-0.34, 0.20, 0.02)), (range(22, 27), (0.34, 0.20, 0.02)),  # brows
+    (range(27, 28), (0.0, 0.04, 0.135)), (range(30, 31), (0.0, -0.265, 0.345)),  # nose: root, tip
+    (range(33, 34), (0.0, -0.38, 0.25)),  # under the nose
+    (range(48, 60), (0.0, -0.595, 0.18)), (range(8, 9), (0.0, -1.0, 0.14)),  # mouth, chin
+)
+# Head height (chin to crown) is 2.0 and depth 1.75 of that unit, so the head's middle lies level
+# with the eyes and this far behind them.
 _MIDDLE_BEHIND_EYES = 0.72
-_HALF_EDGE = 1.75
+# Half edge of the cube: the crown is 1.0 above the eyes; hair takes up to half as much again.
+_HALF_EDGE = 1.8
 
 
 def focus_point(cameras: Camera) -> Float:
@@ -32,48 +42,81 @@ def focus_point(cameras: Camera) -> Float:
     return np.linalg.solve(matrix, np.einsum("vij,vj->i", across, cameras.position))
 
 
-def looks_normalised(cameras: Camera) -> bool:
-    """Whether a data set's own frame is a portrait frame already.
+def mean_up(cameras: Camera) -> Float:
+    """The cameras' common up direction, [3], not of unit length.
 
-    It is if the cameras, about 1.5 to 8 units away, look at a point within 0.35 of the origin, are
-    upright with +y on average, and stand in front (+z) on average.
+    A photo may be turned by quarters: where the pictures' own "up" cancel out, each camera counts
+    with that one of its four sides that agrees best with the others.
+    """
+    sides = np.stack([-cameras.pose[:, :3, 1], cameras.pose[:, :3, 1],
+                      cameras.pose[:, :3, 0], -cameras.pose[:, :3, 0]], axis=1)
+    up: Float = sides[:, 0].mean(0)
+    if np.linalg.norm(up) < 0.6:
+        for _ in range(10):
+            best = np.argmax(sides @ up, axis=1)
+            up = sides[np.arange(len(sides)), best].mean(0)
+    return up
+
+
+def looks_normalised(cameras: Camera) -> bool:
+    """Whether a data set's own frame is a portrait frame already, and is kept.
+
+    It is if the cameras, 1.2 to 8 units away, look at a point within 0.35 of the origin, are
+    upright with +y on average, and stand in front (+z) on average or all around.
     """
     distance = np.linalg.norm(cameras.position, axis=1)
-    up = -cameras.pose[:, :3, 1]
-    away = cameras.position / np.maximum(distance, 1e-9)[:, None]
-    # Photos may be rolled by 90 degrees; then the mean of "up" is short but must not point down.
-    return bool(np.linalg.norm(focus_point(cameras)) < 0.35 and distance.min() > 1.5
-                and distance.max() < 8.0 and up.mean(0)[1] > -0.2
-                and abs(up.mean(0)[0]) < 0.8 and away.mean(0)[2] > 0.2)
+    if not (np.linalg.norm(focus_point(cameras)) < 0.35 and distance.min() > 1.2
+            and distance.max() < 8.0):
+        return False
+    up = -cameras.pose[:, :3, 1].mean(0)
+    length = float(np.linalg.norm(up))
+    # Where photos are rolled the mean of "up" is short and says little; it must not point down.
+    upright = up[1] > 0.8 * length if length > 0.5 else up[1] > -0.2
+    away = (cameras.position / distance[:, None]).mean(0)
+    return bool(upright and (away[2] > 0.2 or np.hypot(away[0], away[2]) < 0.25))
 
 
 def portrait_frame_from_cameras(cameras: Camera) -> Float:
     """Similarity [4, 4] from the cameras' world to a portrait frame guessed from the cameras.
 
-    The origin is the point that the cameras look at; +y is their mean up; +z is the direction to
-    their mean position, made perpendicular to +y. The scale puts what the nearest quarter of the
-    cameras see at that point to about the cube's size: their half field of view there (the smaller
-    side) becomes 1.
+    The origin is the point that the cameras look at (nearest to all optical axes); +y is their mean
+    up; +z is the direction to their mean position, made perpendicular to +y. The scale puts what
+    the nearest quarter of the cameras see at that point to about the cube's size: their half field
+    of view there (the smaller side) becomes 1.
     """
     middle = focus_point(cameras)
-    up = -cameras.pose[:, :3, 1].mean(0)
+    up = mean_up(cameras)
     front = cameras.position.mean(0) - middle
     if np.linalg.norm(front) < 1e-9:
         front = -cameras.pose[:, :3, 2].mean(0)
     y = up / max(float(np.linalg.norm(up)), 1e-9)
     z = front - y * (front @ y)
-    if np.linalg.norm(z) < 1e-6:
+    if np.linalg.norm(z) < 1e-6 * np.linalg.norm(front):
         z = np.cross(cameras.pose[0, :3, 0], y)
     z /= np.linalg.norm(z)
     rotation = np.stack([np.cross(y, z), y, z])
     distance = np.linalg.norm(cameras.position - middle, axis=1)
     half = 0.5 * np.minimum(cameras.width / cameras.focal[:, 0],
                             cameras.height / cameras.focal[:, 1])
-    scale = 1.0 / float(np.quantile(distance * half, 0.25))
+    return _similarity(1.0 / float(np.quantile(distance * half, 0.25)), rotation, middle)
+
+
+def _similarity(scale: float, rotation: Float, middle: Float) -> Float:
+    """The map x -> scale rotation (x - middle) as [4, 4]."""
     similarity = np.eye(4)
     similarity[:3, :3] = scale * rotation
     similarity[:3, 3] = -scale * rotation @ middle
     return similarity
+
+
+def _fit(source: Float, target: Float) -> tuple[float, Float, Float]:
+    """Scale, rotation and source mean of the least-squares similarity (Umeyama 1991)."""
+    mean = source.mean(0)
+    spread, wanted = source - mean, target - target.mean(0)
+    u, values, vt = np.linalg.svd(wanted.T @ spread)
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    scale = float((values * signs).sum() / (spread**2).sum())
+    return scale, (u * signs) @ vt, mean
 
 
 def portrait_frame_from_landmarks(landmarks: Float, cameras: Camera) -> Float:
@@ -84,37 +127,26 @@ def portrait_frame_from_landmarks(landmarks: Float, cameras: Camera) -> Float:
     landmarks
         float64 [68, 3], triangulated points in iBUG order; NaN rows are unknown.
     cameras
-        Used for the sign of +z, which points towards them, and where points are missing.
+        Decide instead (`portrait_frame_from_cameras`) where too little of the face is known.
 
     Notes
     -----
-    +x runs from the eyes on the picture's left (36-41) to those on its right (42-47), +y from the
-    mouth and chin to the eyes. The middle of the head lies behind the eyes by 0.72 of the distance
-    from the eyes' level to the chin, and the cube's half edge is 1.75 of it (anthropometry).
+    A mean adult face (eyes, brows, nose, mouth, chin) is laid over the landmarks by the
+    least-squares similarity. Its unit is the height h from the eyes to the chin; the origin lies
+    0.72 h behind the eyes, and the cube's half edge is 1.8 h, so that chin (1.0 h down), crown
+    (1.0 h up), back of the head and hair lie inside.
     """
-    def mean(first: int, last: int) -> Float:
-        return np.nanmean(landmarks[first:last], axis=0)
-
-    left, right = mean(36, 42), mean(42, 48)
-    eyes = 0.5 * (left + right)
-    mouth = mean(48, 60)
-    x = right - left
-    down = mouth - eyes
-    x /= np.linalg.norm(x)
-    y = -(down - x * (down @ x))
-    y /= np.linalg.norm(y)
-    z = np.cross(x, y)
-    if z @ (cameras.position.mean(0) - eyes) < 0:
-        z, x = -z, -x
-    rotation = np.stack([x, y, z])
-    # The mouth hangs nearer to the viewer than the eyes on most faces, which tips y; the chin and
-    # the brows do not matter then. Face height from eyes and mouth: the mouth lies 0.62 down.
-    height = -(down @ y) / 0.62
-    if np.isfinite(landmarks[8]).all():
-        height = 0.5 * height + 0.5 * float((eyes - landmarks[8]) @ y)
-    middle = eyes - _MIDDLE_BEHIND_EYES * height * z
-    scale = 1.0 / (_HALF_EDGE * height)
-    similarity = np.eye(4)
-    similarity[:3, :3] = scale * rotation
-    similarity[:3, 3] = -scale * rotation @ middle
-    return similarity
+    known, wanted = [], []
+    for indices, place in _ANCHORS:
+        points = landmarks[list(indices)]
+        points = points[np.isfinite(points).all(axis=1)]
+        if len(points):
+            known.append(points.mean(0))
+            wanted.append(place)
+    source, target = np.array(known).reshape(-1, 3), np.array(wanted).reshape(-1, 3)
+    if len(source) < 4:
+        return portrait_frame_from_cameras(cameras)
+    scale, rotation, mean = _fit(source, target)
+    # Where the portrait frame's origin, behind the eyes of the mean face, lies in the source.
+    origin = np.array([0.0, 0.0, -_MIDDLE_BEHIND_EYES]) - target.mean(0)
+    return _similarity(scale / _HALF_EDGE, rotation, mean + rotation.T @ origin / scale)
