@@ -147,7 +147,7 @@ def _figure(picture: Picture) -> str:
     caption = html.escape(picture.caption)
     kind = ' class="exact"' if picture.exact else ""
     below = f"<figcaption>{caption}</figcaption>" if caption else ""
-    return (f'<figure><img{kind} src="{address}" width="{width}" height="{height}" '
+    return (f'<figure{kind}><img src="{address}" width="{width}" height="{height}" '
             f'alt="{caption}">{below}</figure>')
 
 
@@ -210,7 +210,9 @@ def _section(section: Section) -> str:
     parts.append(_video(section.video))
     if section.pictures:
         figures = "".join(map(_figure, section.pictures))
-        parts.append(f'<div class="{section.layout}">{figures}</div>')
+        # As many columns as leave the fewest empty places in the last row.
+        columns = min((4, 3), key=lambda number: -len(section.pictures) % number)
+        parts.append(f'<div class="{section.layout}" style="--columns:{columns}">{figures}</div>')
     parts.extend(map(_table, section.tables))
     return "".join(parts) + "</section>"
 
