@@ -115,17 +115,20 @@ class Capture:
         except OSError as error:
             raise UserError(f"can't write {folder}: {error.strerror}; choose another folder with "
                             "--out") from error
+        old = temporary.with_name(temporary.name + ".old")
         try:
             self._write(temporary)
             temporary.chmod(0o755)
             if folder.exists():
-                shutil.rmtree(folder)
+                # Moved away in one step: at no time is there a folder with half of its pictures.
+                folder.rename(old)
             temporary.rename(folder)
         except OSError as error:
             raise UserError(f"can't write {folder}: {error.strerror}; free some space or choose "
                             "another folder with --out") from error
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
+            shutil.rmtree(old, ignore_errors=True)
 
     def _write(self, folder: Path) -> None:
         frames = []

@@ -117,6 +117,29 @@ def _picture_path(folder: Path, name: str) -> Path | None:
     return None
 
 
+def _with_mask(path: Path, frame: dict[str, Any], picture: NDArray[np.uint8],
+               ) -> NDArray[np.uint8]:
+    """The picture with its mask file as alpha.
+
+    A mask is named by ``mask_path`` (nerfstudio; white is kept) or lies in ``masks`` beside the
+    picture's folder, under the picture's name.
+    """
+    if picture.shape[2] == 4:
+        return picture
+    places = [folder / "masks" / f"{path.stem}.png" for folder in (path.parent.parent, path.parent)]
+    if frame.get("mask_path"):
+        depth = len(Path(str(frame["file_path"])).parts)
+        root = path.parents[min(depth, len(path.parents)) - 1]
+        places.insert(0, root / str(frame["mask_path"]))
+    for place in places:
+        if place.is_file():
+            mask = read_image(place)[..., :3].max(axis=2)
+            if mask.shape != picture.shape[:2]:
+                raise UserError(f"the mask {place} is not of its picture's size")
+            return np.dstack([picture, mask])
+    return picture
+
+
 def _load_transforms(files: list[Path], holdout: int) -> Capture:
     """Read one or several ``transforms*.json`` (NeRF-Blender, instant-ngp, nerfstudio)."""
     entries: list[tuple[Path, NDArray[np.float64], dict[str, Any], dict[str, Any], bool]] = []
@@ -153,12 +176,15 @@ def _load_transforms(files: list[Path], holdout: int) -> Capture:
         except UserError as error:
             warnings.warn(f"{error}; left out", stacklevel=2)
             continue
+        picture = _with_mask(path, frame, picture)
         lenses.append(_lens(frame, data, picture.shape[1], picture.shape[0]))
         pictures.append(picture)
         poses.append(pose @ _TO_OPENCV)
         names.append(path.name)
         held.append(test)
-    if len({*names}) < len(names):
+    if not poses:
+        raise UserError(f"none of the pictures named in {files[0]} can be read")
+    if len({Path(name).stem for name in names}) < len(names):
         names = [f"{index:04d}_{name}" for index, name in enumerate(names)]
     return assemble(np.array(poses), lenses, pictures, names,
                     np.array(held) if split else None, holdout)
