@@ -307,4 +307,5 @@ class _Job:
 
         with self._progress("share") as progress:
             return share_job(self.out, self.exemplar, self.display, self.config.encode,
-                             self.stages.figures, size=self.config.sweep_size, progress=progress)
+                             self.config.stylize.transfer, self.stages.figures,
+                             size=self.config.sweep_size, progress=progress)

@@ -8,10 +8,19 @@ from typing import Annotated, Any
 
 import tyro
 
+from ..field import ReconstructConfig
 from ..pipeline import MakeConfig, make
+from ..stylize import StylizeConfig
 from .common import Common
 
 __all__ = ["Demo", "Make"]
+
+
+DEMO = MakeConfig(
+    reconstruct=ReconstructConfig(resolutions=(80, 160, 224), rays=(1.5, 3.0, 4.5)),
+    stylize=StylizeConfig(size=448, views=9, pitches=(-8.0, 16.0), fit_iterations=10, steps=36,
+                          content_network="embedded", style_network="embedded"))
+"""The demo's parameters: a smaller field and fewer views, and the network that ships with us."""
 
 
 def _told(run: dict[str, Any], out: Path, quiet: bool) -> dict[str, Any]:
@@ -64,10 +73,10 @@ class Demo(Common):
 
     def run(self) -> dict[str, Any]:
         """Photograph the modelled head and run the main job on the pictures."""
-        from ..demo import demo_capture, demo_exemplar, demo_make_config
+        from ..demo import demo_capture, demo_exemplar
 
         with self.progress("photograph the modelled head", self.views) as progress:
             capture = demo_capture(size=self.size, views=self.views, progress=progress)
         run = make(capture, self.style or demo_exemplar(), self.out, self.display,
-                   demo_make_config(), device=self.device, seed=self.seed, quiet=self.quiet)
+                   DEMO, device=self.device, seed=self.seed, quiet=self.quiet)
         return _told(run, self.out, self.quiet)

@@ -35,7 +35,11 @@ def _landmarker(path: str) -> Any:
         options = vision.FaceLandmarkerOptions(
             base_options=BaseOptions(model_asset_path=path), num_faces=1,
             min_face_detection_confidence=0.4)
-        detector = vision.FaceLandmarker.create_from_options(options)
+        class Landmarker(vision.FaceLandmarker):
+            def __del__(self) -> None:
+                """Leave it to the end of the process: closing fails once that has begun."""
+
+        detector = Landmarker.create_from_options(options)
         detector.detect(_mediapipe_image(np.zeros((64, 64, 3), np.uint8)))
         return detector
     finally:

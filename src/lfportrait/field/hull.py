@@ -72,7 +72,7 @@ def hull_box(cameras: Camera, alphas: list[NDArray[np.uint8]], reach: float = 1.
              ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Center and radius [3] of a box about what the mattes show, within ``reach`` of the origin.
 
-    A head lies inside [-1, 1]^3, its shoulders need not. Points count that at least a fifth of the
+    A head lies inside [-1, 1]^3, its shoulders need not. Points count that at least two fifths of the
     views have in the picture, so that the box does not follow the hull's tail away from the
     cameras.
     """
@@ -87,7 +87,7 @@ def hull_box(cameras: Camera, alphas: list[NDArray[np.uint8]], reach: float = 1.
     pixels, depth = cameras.project(points)
     inside = ((depth > 0) & (pixels >= 0).all(-1) & (pixels[..., 0] < cameras.width[:, None])
               & (pixels[..., 1] < cameras.height[:, None]))
-    points = points[inside.mean(0) >= 0.2]
+    points = points[inside.mean(0) >= 0.4]
     if not len(points):
         return center, np.ones(3)
     margin = 2.5 * reach / size

@@ -38,9 +38,9 @@ __all__ = ["ReconstructConfig", "reconstruct"]
 class ReconstructConfig:
     """Parameters of the reconstruction (svox2's names where it has them)."""
 
-    resolutions: tuple[int, ...] = (96, 192, 320)
+    resolutions: tuple[int, ...] = (96, 192, 256)
     """Lattice points along the cube's edge, coarse to fine."""
-    rays: tuple[float, ...] = (3.0, 6.0, 14.0)
+    rays: tuple[float, ...] = (2.0, 5.0, 8.0)
     """Training rays of each level in millions."""
     batch: int = 24576
     """Rays per step."""
@@ -388,6 +388,9 @@ class _Trainer:
                             config.lambda_alpha if data.has_alpha else 0.0,
                             config.lambda_sparsity, 0.0])
         finest = self.level == len(config.resolutions) - 1
+        # Without mattes the first, wrong, gradients would clear space for good: until the last
+        # level a trace of density stays, which can grow again.
+        lowest = np.float32(0.0 if data.has_alpha or finest else 2e-4 / delta)
         tv = config.lambda_tv * 0.5 ** self.level
         tv_sh = config.lambda_tv_sh * (0.1 if finest else 1.0)
         tiles_per_step = max(1, config.batch // 16)
@@ -424,8 +427,10 @@ class _Trainer:
             rate = np.float32(config.lr_sigma * (config.lr_sigma_final / config.lr_sigma) ** at)
             rate_sh = np.float32(config.lr_sh * (config.lr_sh_final / config.lr_sh) ** at)
             beta, floor = np.float32(config.rms_beta), np.float32(1e-8)
+            if not data.has_alpha and self.level == 0:
+                rate *= np.float32(min(1.0, 0.01 + step / 100.0))
             rmsprop(self.density, 1, 1, grad_density, touched, square_density, rate, beta, floor,
-                    np.float32(0.0), False)
+                    lowest, False)
             rmsprop(flat, self.width, 3 * self.basis, grad_rows, touched, square_rows, rate_sh,
                     beta, floor, np.float32(-1e30), True)
             self.density[-1] = 0.0

@@ -490,7 +490,7 @@ def _scalar_namespace() -> SimpleNamespace:
 
     @njit(inline="always")
     def item(array, index):
-        return array[np.uintp(index)]
+        return array.reshape(array.size)[np.uintp(index)]
 
     @njit
     def half(word):

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..errors import UserError
 from .display import Display
@@ -88,27 +88,56 @@ def simulate(image: NDArray[np.uint8], display: Display, eye: Sequence[float] = 
     _check(image, display)
     far = display.distance if distance is None else distance
     x = display.aspect * (2.0 * (np.arange(display.width * 3) + 0.5) / (3 * display.width) - 1.0)
-    # Where the line from each place of the panel through the eye meets the eye line.
+    # Where the line from each place through the eye meets the eye line, as a view.
     received = x + (float(eye[0]) - x) * display.distance / far
-    wanted = np.array([display.view_at(at) for at in received]).reshape(display.width, 3)
-    rows, columns = np.ogrid[:display.height, :display.width]
+    reach = display.distance * np.tan(np.radians(display.cone) / 2)
+    wanted = 0.5 * (received / reach + 1.0) * display.views
     # One sub-pixel per lens and row lies within half of this of the wanted view.
     aperture = display.views / display.pitch
     picture = np.empty(image.shape, np.float32)
-    for place in range(3):
-        channel = _channel(display, place)
-        # A sub-pixel shows its nearest view, seen as if from the middle of that view.
-        view = np.floor(display.view_of(rows, columns, place)) + 0.5
-        away = np.abs(view - wanted[None, :, place])
-        sharp = np.maximum(0.0, 1.0 - away / (1.5 * aperture)) ** 2
-        weight = sharp if crosstalk <= 0 else np.exp(
-            -0.5 * (away / np.hypot(crosstalk, 0.5 * aperture)) ** 2)
-        value = image[..., channel].astype(np.float64) / 255.0
-        reach = display.pitch / 3.0 * 0.5
-        top = ndimage.gaussian_filter1d(weight * value, reach, axis=1, mode="nearest")
-        mass = ndimage.gaussian_filter1d(weight, reach, axis=1, mode="nearest")
-        picture[..., channel] = top / np.maximum(mass, 1e-9)
+    order = np.array([_channel(display, place) for place in range(3)])
+    _collect(np.ascontiguousarray(image), wanted, order, display.pitch, display.shift,
+             display.offset, display.views, display.inverted, aperture, float(crosstalk), picture)
     return picture
+
+
+@njit(cache=True, parallel=True)
+def _collect(image, wanted, order, pitch, shift, offset, views, inverted,  # type: ignore[no-untyped-def]
+             aperture, crosstalk, out):
+    """Weigh every sub-pixel by how nearly it is aimed at the eye, and fill in along the rows."""
+    height, width, _ = image.shape
+    reach = max(1, int(np.ceil(pitch / 1.5)))
+    sigma = np.hypot(crosstalk, 0.5 * aperture)
+    window = np.empty(2 * reach + 1)
+    for i in range(2 * reach + 1):
+        window[i] = np.exp(-0.5 * ((i - reach) / (pitch / 6.0)) ** 2)
+    for y in prange(height):
+        weight, value = np.empty(width), np.empty(width)
+        for place in range(3):
+            channel = order[place]
+            for x in range(width):
+                raw = 3.0 * x + place + y * shift + offset
+                phase = raw - pitch * np.floor(raw / pitch)
+                if phase >= pitch:
+                    phase = 0.0
+                if inverted and phase > 0:
+                    phase = pitch - phase
+                # A sub-pixel shows its nearest view, seen as if from the middle of that view.
+                view = np.floor(min(phase * views / pitch, views - 1e-9)) + 0.5
+                away = abs(view - wanted[3 * x + place])
+                if crosstalk <= 0:
+                    sharp = max(0.0, 1.0 - away / (1.5 * aperture))
+                    weight[x] = sharp * sharp
+                else:
+                    weight[x] = np.exp(-0.5 * (away / sigma) ** 2)
+                value[x] = weight[x] * image[y, x, channel] / 255.0
+            for x in range(width):
+                top, mass = 0.0, 1e-12
+                for i in range(max(0, x - reach), min(width, x + reach + 1)):
+                    share = window[i - x + reach]
+                    top += share * value[i]
+                    mass += share * weight[i]
+                out[y, x, channel] = top / mass
 
 
 def pattern(display: Display, kind: str = "views") -> NDArray[np.uint8]:

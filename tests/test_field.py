@@ -1,0 +1,183 @@
+"""The field's file, the visual hull, and reconstruction of a coloured ball from its pictures."""
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera, Capture
+from lfportrait.errors import UserError
+from lfportrait.field import ReconstructConfig, VoxelField, reconstruct
+from lfportrait.field.hull import hull_box, visual_hull
+
+from .fields import shell_field
+
+
+def test_a_field_survives_the_disk(tmp_path):
+    field = shell_field(basis=4, shape=(9, 12, 15), box=(1.2, 0.9, 0.7), center=(0.1, 0.2, -0.3))
+    field.frame[0, 3] = 5.0
+    field.save(tmp_path / "f.npz")
+    back = VoxelField.load(tmp_path / "f.npz")
+    assert np.array_equal(back.links, field.links)
+    assert np.array_equal(back.density, field.density)
+    assert np.array_equal(back.sh, field.sh)  # exact: the test's values are float16 numbers
+    assert np.allclose(back.center, field.center, atol=1e-6)
+    assert np.allclose(back.radius, field.radius, atol=1e-6)
+    assert np.array_equal(back.frame, field.frame)
+
+
+def test_the_file_is_svox2s(tmp_path):
+    field = shell_field(basis=9, shape=(7, 8, 9))
+    field.save(tmp_path / "f.npz")
+    with np.load(tmp_path / "f.npz", allow_pickle=False) as data:
+        assert data["links"].shape == (9, 8, 7)  # x, y, z
+        assert data["links"][3, 2, 1] == field.links[1, 2, 3]
+        assert data["density_data"].shape == (len(field.density), 1)
+        assert data["sh_data"].shape == (len(field.density), 27)
+        assert data["sh_data"].dtype == np.float16
+        assert int(data["basis_type"]) == 1
+
+
+def test_svox2s_files_are_read_old_form_and_skip_distances_included(tmp_path):
+    field = shell_field(basis=1, size=8)
+    links = field.links.transpose(2, 1, 0).copy()
+    links[links < 0] = -7
+    np.savez(tmp_path / "old.npz", radius=np.ones(3, np.float32), center=np.zeros(3, np.float32),
+             links=links, data=np.column_stack([field.density, field.sh.reshape(-1, 3)]))
+    back = VoxelField.load(tmp_path / "old.npz")
+    assert np.array_equal(back.links, field.links)
+    assert np.allclose(back.sh, field.sh)
+
+
+@pytest.mark.parametrize("spoil", ["missing key", "links", "text", "truncated", "basis"])
+def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
+    path = tmp_path / "f.npz"
+    field = shell_field(size=8)
+    field.save(path)
+    if spoil == "text":
+        path.write_text("hello")
+    elif spoil == "truncated":
+        path.write_bytes(path.read_bytes()[:300])
+    else:
+        with np.load(path) as data:
+            arrays = dict(data)
+        if spoil == "missing key":
+            del arrays["sh_data"]
+        elif spoil == "links":
+            arrays["links"] = arrays["links"] + 10_000
+        else:
+            arrays["basis_type"] = np.int64(4)
+        np.savez(path, **arrays)
+    with pytest.raises(UserError, match="f.npz"):
+        VoxelField.load(path)
+    with pytest.raises(UserError, match="no such"):
+        VoxelField.load(tmp_path / "none.npz")
+
+
+def ball_capture(count=21, size=40, alpha=True, room=False):
+    """A ball of radius 0.6 whose colour is its normal, photographed from all around."""
+    random = np.random.default_rng(0)
+    places = random.standard_normal((count, 3))
+    places *= 3.0 / np.linalg.norm(places, axis=1, keepdims=True)
+    cameras = Camera.look_at(places, np.zeros(3), width=size, height=size, focal=1.3 * size)
+    images, alphas = [], []
+    for view in range(count):
+        # 4x4 samples a pixel, so that the outline is soft as in a photo.
+        fine = np.arange(4 * size) / 4 + 0.125
+        x, y = np.meshgrid(fine, fine)
+        origins, directions = cameras.rays(view, np.stack([x.ravel(), y.ravel()], 1))
+        b = (origins * directions).sum(1)
+        root = b * b - (origins ** 2).sum(1) + 0.36
+        hit = root > 0
+        normal = (origins + (-b - np.sqrt(np.maximum(root, 0)))[:, None] * directions) / 0.6
+        color = np.where(hit[:, None], 0.5 + 0.4 * normal, 0.0)
+        weight = hit.reshape(size, 4, size, 4).mean((1, 3))
+        color = color.reshape(size, 4, size, 4, 3).sum((1, 3)) / 16
+        color = color / np.maximum(weight, 1e-6)[..., None]
+        alphas.append(np.uint8(weight * 255 + 0.5))
+        if not alpha:
+            color = color * weight[..., None] + (1 - weight[..., None])
+        images.append(np.uint8(np.clip(color, 0, 1) * 255 + 0.5))
+    held_out = np.arange(count) % 7 == 3
+    return Capture(cameras, images, alphas if alpha else None, [f"{i}.png" for i in range(count)],
+                   held_out)
+
+
+TINY = ReconstructConfig(resolutions=(24, 40), rays=(0.1, 0.2), batch=1024, sh_degree=1)
+
+
+def test_the_hull_holds_the_ball_and_little_more():
+    capture = ball_capture()
+    hull = visual_hull(capture.cameras, capture.alphas, (32, 32, 32), np.zeros(3), np.ones(3))
+    axis = 2 * (np.arange(32) + 0.5) / 32 - 1
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    radius = np.sqrt(x * x + y * y + z * z)
+    assert hull[radius < 0.6].all()
+    assert hull[radius > 0.85].mean() < 0.02
+    center, box = hull_box(capture.cameras, capture.alphas)
+    assert (center + box > 0.6).all()
+    assert (center - box < -0.6).all()
+    assert np.prod(box) < 1.0
+
+
+def test_a_ball_is_reconstructed():
+    capture = ball_capture()
+    field, figures = reconstruct(capture, TINY)
+    assert figures["test"]["psnr"] > 27
+    assert figures["test"]["views"] == 3
+    assert figures["train"]["rays"] > 100_000
+    # Empty space is clean: nothing is seen around the ball.
+    view = int(capture.testing()[0])
+    alpha = field.render(capture.cameras, view).alpha
+    truth = capture.alphas[view] / 255.0
+    assert alpha[truth == 0].mean() < 0.02
+    assert alpha[truth == 1].min() > 0.85
+
+
+def test_a_ball_without_mattes_is_reconstructed_on_white():
+    capture = ball_capture(alpha=False)
+    _, figures = reconstruct(capture, TINY)
+    assert figures["test"]["psnr"] > 24
+
+
+def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path):
+    capture = ball_capture(count=8, size=32)
+    config = ReconstructConfig(resolutions=(16, 24), rays=(0.03, 0.05), batch=2048, sh_degree=0)
+    first, _ = reconstruct(capture, config)
+    checkpoint = tmp_path / "state.npz"
+
+    class Stop(Exception):
+        pass
+
+    class Interrupt:
+        total, done = 0, 0
+
+        def update(self, done, note=""):
+            if done > 600:
+                raise Stop
+
+    with pytest.raises(Stop):
+        reconstruct(capture, config, Interrupt(), checkpoint=checkpoint)
+    assert checkpoint.is_file()
+    second, figures = reconstruct(capture, config, checkpoint=checkpoint)
+    assert np.array_equal(first.links, second.links)
+    assert np.array_equal(first.density, second.density)
+    assert np.array_equal(first.sh, second.sh)
+    assert figures["train"]["rays"] == 2048 * (round(0.03e6 / 2048) + round(0.05e6 / 2048))
+
+
+def test_a_time_budget_ends_with_a_usable_field():
+    _, figures = reconstruct(ball_capture(), ReconstructConfig(
+        resolutions=(24, 40), rays=(50.0, 50.0), batch=4096, sh_degree=0, time_budget=6.0))
+    assert figures["test"]["psnr"] > 20
+    assert figures["seconds"]["train"] < 30
+
+
+def test_bad_parameters_and_captures_are_the_users_mistake():
+    with pytest.raises(UserError, match="one a level"):
+        reconstruct(ball_capture(4), ReconstructConfig(resolutions=(8,), rays=(1.0, 2.0)))
+    with pytest.raises(UserError, match="too few"):
+        reconstruct(ball_capture(2))
+    capture = ball_capture(6)
+    for alpha in capture.alphas:
+        alpha[:] = 0
+    with pytest.raises(UserError, match="mattes"):
+        reconstruct(capture)

@@ -1,0 +1,320 @@
+"""Rendering, sample weights and training gradients against plain NumPy and finite differences."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from lfportrait.capture import Camera
+from lfportrait.field import VoxelField
+from lfportrait.kernels.bricks import brick_table, build_bricks, row_width
+from lfportrait.kernels.march import sh_basis as kernel_basis
+from lfportrait.kernels.render import render_kernel_one_lane
+from lfportrait.kernels.train import rmsprop, total_variation, train_kernel
+
+from .fields import shell_field
+from .reference.raycast import cast, sh_basis
+
+
+@pytest.fixture(scope="module")
+def camera():
+    return Camera.arc([25.0], distance=3.0, width=20, height=17, focal=22.0, pitch=15.0)
+
+
+@pytest.mark.parametrize(("basis", "shape", "box"), [
+    (9, (24, 24, 24), (1, 1, 1)), (4, (22, 17, 26), (1, 0.7, 1.2)), (1, (9, 24, 13), (1, 1, 1))])
+def test_render_equals_the_reference(camera, basis, shape, box):
+    field = shell_field(basis=basis, shape=shape, box=box, center=(0.1, -0.05, 0.0))
+    rendering = field.render(camera, 0, background=0.3)
+    origins, directions = camera.rays(0)
+    forward = camera.pose[0, :3, 2]
+    scale = np.array(shape[::-1]) / (2 * field.radius)
+    for pixel in range(0, 340, 3):
+        color, through, surface, _ = cast(field, origins[pixel], directions[pixel])
+        row, column = divmod(pixel, 20)
+        assert np.abs(rendering.color[row, column] - color - 0.3 * through).max() < 3e-4
+        assert abs(rendering.alpha[row, column] - 1 + through) < 3e-4
+        along = surface / np.linalg.norm(directions[pixel] * scale)
+        depth = along * (directions[pixel] @ forward)
+        if np.isfinite(depth):
+            # Where the half is reached on the border of two samples either may have it.
+            assert abs(rendering.depth[row, column] - depth) < 0.05
+        else:
+            assert not np.isfinite(rendering.depth[row, column]) or abs(through - 0.5) < 1e-3
+
+
+def test_depth_finds_the_surface_of_a_sphere():
+    size = 64
+    z, y, x = np.meshgrid(*[np.linspace(-1, 1, size) * (1 - 1 / size)] * 3, indexing="ij")
+    inside = np.sqrt(x * x + y * y + z * z) < 0.6
+    links = np.full((size,) * 3, -1, np.int32)
+    links[inside] = np.arange(inside.sum())
+    field = VoxelField(links, np.full(inside.sum(), 500.0, np.float32),
+                       np.zeros((inside.sum(), 3, 1), np.float32))
+    camera = Camera.arc([0.0], distance=4.0, width=33, height=33, focal=60.0)
+    depth = field.render(camera).depth
+    assert abs(depth[16, 16] - 3.4) < 2 / size
+    points = field.render(camera).points(camera, 0)
+    found = np.isfinite(points[..., 0])
+    assert np.abs(np.linalg.norm(points[found], axis=-1) - 0.6).max() < 0.08
+
+
+def test_rays_that_miss_and_rays_from_inside():
+    field = shell_field()
+    away = Camera.look_at(np.array([[0.0, 0.0, 5.0]]), np.array([0.0, 0.0, 9.0]), width=8, height=8,
+                          focal=8.0)
+    rendering = field.render(away, background=0.7)
+    assert np.allclose(rendering.color, 0.7)
+    assert not rendering.alpha.any()
+    assert np.isinf(rendering.depth).all()
+    inside = Camera.look_at(np.zeros((1, 3)) + 1e-3, np.array([0.3, 0.2, 1.0]), width=9, height=9,
+                            focal=6.0)
+    rendering = field.render(inside)
+    origins, directions = inside.rays(0)
+    for pixel in (0, 40, 80):
+        color, through, _, _ = cast(field, origins[pixel], directions[pixel])
+        assert np.abs(rendering.color.reshape(-1, 3)[pixel] - color - through).max() < 3e-4
+
+
+def test_an_empty_field_renders_the_background():
+    field = VoxelField(np.full((9, 9, 9), -1, np.int32), np.zeros(0, np.float32),
+                       np.zeros((0, 3, 1), np.float32))
+    camera = Camera.arc([0.0], distance=4.0, width=8, height=8, focal=10.0)
+    assert np.allclose(field.render(camera, background=0.25).color, 0.25)
+
+
+def test_the_one_lane_twin_sees_the_same(camera):
+    field = shell_field()
+    bricks = field.bricks
+    rendering = field.render(camera, 0, background=0.0)
+    kernel = render_kernel_one_lane(bricks.width)
+    lattice = field.lattice
+    origins, directions = camera.rays(0)
+    for pixel in range(0, 340, 17):
+        origin = (origins[pixel] * lattice[3:6] + lattice[6:9]).astype(np.float32)
+        along = directions[pixel] * lattice[3:6]
+        norm = np.linalg.norm(along)
+        basis = sh_basis(directions[pixel], 9).astype(np.float32)
+        got = kernel(bricks.table, bricks.links, bricks.density, bricks.rows, lattice, 9, origin,
+                     (along / norm).astype(np.float32), basis, 0.5, 0.5 / norm, 1e-2, 1e-3)
+        row, column = divmod(pixel, 20)
+        assert np.abs(np.array(got[:3]) - rendering.color[row, column]).max() < 2e-5
+        assert abs(1 - got[3] - rendering.alpha[row, column]) < 2e-5
+
+
+def test_basis_order_is_that_of_svox2():
+    random = np.random.default_rng(3)
+    for _ in range(10):
+        direction = random.standard_normal(3)
+        direction /= np.linalg.norm(direction)
+        out = np.zeros(9, np.float32)
+        kernel_basis(*direction.astype(np.float32), out, 0, 9)
+        assert np.allclose(out, sh_basis(direction, 9), atol=1e-6)
+
+
+@pytest.mark.parametrize("shape", [(5, 5, 5), (6, 9, 14), (2, 3, 4)])
+def test_bricks_hold_every_lattice_point(shape):
+    random = np.random.default_rng(1)
+    links = np.full(shape, -1, np.int32)
+    filled = random.random(shape) < 0.2
+    filled.flat[0] = True
+    links[filled] = np.arange(filled.sum())
+    table, brick_links = brick_table(links, int(filled.sum()))
+    for cell in np.ndindex(*(n - 1 for n in shape)):
+        brick = table[tuple(c >> 2 for c in cell)]
+        corners = [tuple(c + ((i >> s) & 1) for c, s in zip(cell, (2, 1, 0))) for i in range(8)]
+        if brick < 0:
+            assert all(links[corner] < 0 for corner in corners)
+            continue
+        for i, corner in enumerate(corners):
+            z, y, x = (c & 3 for c in cell)
+            slot = 128 * brick + (z + (i >> 2)) * 25 + (y + ((i >> 1) & 1)) * 5 + x + (i & 1)
+            wanted = links[corner] if links[corner] >= 0 else filled.sum()
+            assert brick_links[slot] == wanted
+
+
+def test_distances_never_leap_over_matter():
+    links = np.full((41, 41, 41), -1, np.int32)
+    links[20, 20, 20] = 0
+    table, _ = brick_table(links, 1)
+    occupied = np.argwhere(table >= 0)
+    for place in np.argwhere(table < 0):
+        nearest = np.abs(occupied - place).max(axis=1).min()
+        assert -table[tuple(place)] <= nearest
+
+
+def test_sample_weights_are_the_linear_part_of_rendering(camera):
+    field = shell_field(basis=1, size=20, density=60.0)
+    # The outermost layer is clear, as a pruned field's is: beyond it there are no colours to mix.
+    inner = ndimage.binary_erosion(field.links >= 0, np.ones((3, 3, 3)))
+    field.density[field.links[(field.links >= 0) & ~inner]] = 0.0
+    weights = field.sample_weights(camera, 0)
+    colors = 0.28209479177387814 * field.sh[:, :, 0] + 0.5
+    positive = field.with_sh(np.maximum(colors, 0.0)[:, :, None] / 0.28209479177387814
+                             - 0.5 / 0.28209479177387814)
+    rendering = positive.render(camera, 0, background=0.0)
+    for pixel in range(340):
+        part = slice(weights.indptr[pixel], weights.indptr[pixel + 1])
+        color = weights.weights[part] @ np.maximum(colors, 0.0)[weights.rows[part]]
+        assert np.abs(color - rendering.color.reshape(-1, 3)[pixel]).max() < 0.02
+        assert abs(weights.weights[part].sum() - rendering.alpha.flat[pixel]) < 5e-3
+
+
+# -- training -------------------------------------------------------------------------------------
+
+
+class Training:
+    """The training kernel on one small field, as a loss of its parameters."""
+
+    def __init__(self, basis, workers=2):
+        self.field = shell_field(basis=basis, size=16, density=12.0)
+        self.basis, self.width, self.workers = basis, row_width(basis), workers
+        camera = Camera.arc([10.0, 70.0], distance=3.0, width=10, height=9, focal=12.0)
+        random = np.random.default_rng(5)
+        self.pixels = random.integers(0, 256, (180, 4), dtype=np.uint8)
+        self.tiles = np.array([[v, y, x] for v in (0, 1) for y in (0, 4) for x in (0, 4)], np.int32)
+        self.background = random.random((len(self.tiles), 3), np.float32)
+        self.cameras = np.stack([np.concatenate([camera.pose[v, :3].ravel(), camera.focal[v],
+                                                 camera.center[v]]) for v in (0, 1)])
+        self.table, self.links = brick_table(self.field.links, len(self.field.density))
+        self.lattice = self.field.lattice
+
+    def run(self, density, sh, sparsity=0.0):
+        count = len(density)
+        rows = np.zeros((count + 1, self.width), np.float32)
+        rows[:count, :3 * self.basis] = sh.reshape(count, -1)
+        grad_density = np.zeros((self.workers, count + 1), np.float32)
+        grad_rows = np.zeros((self.workers, rows.size), np.float32)
+        touched = np.zeros((self.workers, count + 1), np.uint8)
+        losses = np.zeros((self.workers, 2))
+        options = np.array([0.5, 1e-9, 1e-7, 0.4, sparsity, 0.0])
+        train_kernel(self.width)(
+            self.table, self.links, np.append(density, np.float32(0)), rows.ravel(), self.lattice,
+            self.basis, self.cameras, np.array([[10, 9], [10, 9]]), np.array([0, 90]), self.pixels,
+            self.tiles, self.background, options, grad_density, grad_rows, touched,
+            np.zeros((self.workers, 1), np.float32), losses)
+        grad = grad_rows.sum(0).reshape(count + 1, self.width)[:count, :3 * self.basis]
+        return losses, grad_density.sum(0)[:count], grad.reshape(sh.shape)
+
+    def loss(self, density, sh):
+        """The loss in float64 by the reference: colour and opacity errors."""
+        field = VoxelField(self.field.links, density, sh)
+        total = 0.0
+        for tile, ground in zip(self.tiles, self.background):
+            camera = self.cameras[tile[0]]
+            pose = camera[:12].reshape(3, 4)
+            for i in range(16):
+                x, y = min(tile[2] + (i & 3), 9), min(tile[1] + (i >> 2), 8)
+                local = np.array([(x + 0.5 - camera[14]) / camera[12],
+                                  (y + 0.5 - camera[15]) / camera[13], 1.0])
+                color, through, _, _ = cast(field, pose[:, 3], pose[:, :3] @ local,
+                                            threshold=1e-9, stop=1e-7)
+                pixel = self.pixels[90 * tile[0] + y * 10 + x] / 255.0
+                truth = pixel[:3] * pixel[3] + (1 - pixel[3]) * ground
+                total += (((color + through * ground - truth) ** 2).mean()
+                          + 0.4 * (1 - through - pixel[3]) ** 2)
+        return total / (16 * len(self.tiles))
+
+
+@pytest.mark.parametrize("basis", [9, 1])
+def test_training_gradients_equal_finite_differences(basis):
+    training = Training(basis)
+    density, sh = training.field.density.astype(np.float64), training.field.sh.astype(np.float64)
+    _, grad_density, grad_sh = training.run(training.field.density, training.field.sh)
+    random = np.random.default_rng(2)
+    strong = np.argsort(-np.abs(grad_density))[:60]
+    for row in random.choice(strong, 4, replace=False):
+        changed = [density.copy(), density.copy()]
+        step = 1e-4 * max(1.0, density[row])
+        changed[0][row] += step
+        changed[1][row] -= step
+        slope = (training.loss(changed[0], sh) - training.loss(changed[1], sh)) / (2 * step)
+        assert abs(slope - grad_density[row]) < 2e-3 * abs(slope) + 1e-7
+    flat = np.argsort(-np.abs(grad_sh).ravel())[:200]
+    for place in random.choice(flat, 4, replace=False):
+        changed = [sh.copy(), sh.copy()]
+        changed[0].flat[place] += 1e-4
+        changed[1].flat[place] -= 1e-4
+        slope = (training.loss(density, changed[0]) - training.loss(density, changed[1])) / 2e-4
+        assert abs(slope - grad_sh.flat[place]) < 2e-3 * abs(slope) + 1e-7
+
+
+def test_training_gives_the_same_bytes_again_and_the_same_sums_with_other_workers():
+    results = [Training(9, workers).run(Training(9).field.density, Training(9).field.sh)
+               for workers in (2, 2, 3)]
+    assert np.array_equal(results[0][1], results[1][1])
+    assert np.array_equal(results[0][2], results[1][2])
+    assert np.allclose(results[0][2], results[2][2], atol=1e-6)
+    assert np.isclose(results[0][0].sum(), results[2][0].sum())
+
+
+def test_sparsity_pushes_densities_down():
+    training = Training(1)
+    _, plain, _ = training.run(training.field.density, training.field.sh)
+    _, sparse, _ = training.run(training.field.density, training.field.sh, sparsity=0.1)
+    assert (sparse >= plain - 1e-9).all()
+    assert sparse.sum() > plain.sum()
+
+
+def test_rmsprop_equals_numpy():
+    random = np.random.default_rng(0)
+    rows, width, used = 7, 16, 12
+    values = random.standard_normal(rows * width).astype(np.float32)
+    square = random.random(rows * width).astype(np.float32)
+    gradients = random.standard_normal((2, rows * width)).astype(np.float32)
+    touched = np.zeros((2, rows), np.uint8)
+    touched[0, 1] = touched[1, 3] = touched[0, 6] = 1
+    expected, expected_square = values.copy(), square.copy()
+    for row in (1, 3):  # the last row is the empty one, which never changes
+        part = slice(row * width, row * width + used)
+        gradient = gradients[0, part] + gradients[1, part]
+        expected_square[part] = 0.9 * square[part] + 0.1 * gradient ** 2
+        expected[part] = np.maximum(
+            values[part] - 0.5 * gradient / (np.sqrt(expected_square[part]) + 1e-8), -0.2)
+    rmsprop(values, width, used, gradients, touched, square, np.float32(0.5), np.float32(0.9),
+            np.float32(1e-8), np.float32(-0.2), True)
+    assert np.allclose(values, expected, atol=1e-6)
+    assert np.allclose(square, expected_square, atol=1e-6)
+    assert not touched[:, :6].any()
+    assert not gradients[:, 16:28].any()
+
+
+def test_total_variation_equals_finite_differences():
+    random = np.random.default_rng(0)
+    shape = (3, 4, 5)
+    values = random.standard_normal(60)
+    index = np.arange(60).reshape(shape)
+
+    def shifted(axis, step):
+        found = index.copy()
+        source = [slice(None)] * 3
+        target = [slice(None)] * 3
+        source[axis] = slice(1, None) if step > 0 else slice(None, -1)
+        target[axis] = slice(None, -1) if step > 0 else slice(1, None)
+        found[tuple(target)] = index[tuple(source)]
+        return found.ravel()
+
+    neighbours = np.stack([shifted(2, 1), shifted(1, 1), shifted(0, 1), shifted(2, -1),
+                           shifted(1, -1), shifted(0, -1)], 1).astype(np.int32)
+
+    def loss(v):
+        return 0.3 * np.sqrt(sum((1.7 * (v[neighbours[:, a]] - v)) ** 2 for a in range(3))
+                             + 1e-9).sum()
+
+    gradient, touched = np.zeros(61, np.float32), np.zeros(61, np.uint8)
+    total_variation(np.arange(60, dtype=np.int32), neighbours, 0, 60,
+                    np.append(values, 0).astype(np.float32), 1, 1, 0.3, 1.7, gradient, touched)
+    for place in range(60):
+        up, down = values.copy(), values.copy()
+        up[place] += 1e-5
+        down[place] -= 1e-5
+        assert abs((loss(up) - loss(down)) / 2e-5 - gradient[place]) < 2e-3
+    assert touched[:60].all()
+
+
+def test_bricks_store_what_they_are_given():
+    field = shell_field(basis=4, size=13)
+    bricks = build_bricks(field.links, field.density, field.sh)
+    rows = bricks.rows[:-32].view(np.float16).reshape(-1, 16)
+    assert np.array_equal(rows[:-1, :12], field.sh.reshape(-1, 12).astype(np.float16))
+    assert not rows[-1].any()
+    assert not rows[:, 12:].any()
