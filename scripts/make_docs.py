@@ -1,0 +1,130 @@
+"""Write docs/parameters.md from the configuration classes: parameter, default and meaning of each.
+
+The classes are the one place where parameters are described: the command line shows the same texts.
+
+Run: python scripts/make_docs.py            writes the page
+     python scripts/make_docs.py --check    exit code 1 if the page is not up to date
+"""
+
+import ast
+import dataclasses
+import inspect
+import sys
+import textwrap
+from pathlib import Path
+
+from lfportrait.capture import CalibrateConfig
+from lfportrait.example import BlitConfig, TableConfig, TransferConfig
+from lfportrait.field import ReconstructConfig
+from lfportrait.lightfield import Display, EncodeConfig
+from lfportrait.pipeline import MakeConfig
+from lfportrait.stylize import StylizeConfig
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "parameters.md"
+
+SECTIONS = [
+    ("Calibrate", CalibrateConfig, "`lfportrait calibrate`; in `make`: `--calibrate.NAME`."),
+    ("Reconstruct", ReconstructConfig,
+     "`lfportrait reconstruct`; in `make`: `--reconstruct.NAME`."),
+    ("Stylize", StylizeConfig, "`lfportrait stylize`; in `make`: `--stylize.NAME`."),
+    ("Transfer by example", TransferConfig,
+     "`lfportrait transfer`; in `stylize`: `--transfer.NAME`; in `make`: "
+     "`--stylize.transfer.NAME`."),
+    ("Look-up table", TableConfig, "In `transfer`: `--table.NAME`."),
+    ("Synthesis (StyleBlit)", BlitConfig, "In `transfer`: `--blit.NAME`."),
+    ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
+    ("Make", MakeConfig, "`lfportrait make`, besides the stages' own."),
+]
+
+HEAD = """# Parameters
+
+Written by `scripts/make_docs.py` from the configuration classes; don't edit this page.
+`lfportrait COMMAND --help` shows the same texts.
+"""
+
+
+def field_docs(config: type) -> dict[str, str]:
+    """The docstring below each field of a data class."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(config))).body[0]
+    assert isinstance(tree, ast.ClassDef)
+    docs, name = {}, ""
+    for node in tree.body:
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            name = node.target.id
+        elif (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+                and isinstance(node.value.value, str) and name):
+            docs[name] = " ".join(node.value.value.split())
+            name = ""
+        else:
+            name = ""
+    return docs
+
+
+def attribute_docs(owner: type) -> dict[str, str]:
+    """The entries of the Attributes section of a numpy-style docstring."""
+    text = inspect.cleandoc(owner.__doc__ or "").split("Attributes\n----------\n", 1)[1]
+    docs: dict[str, str] = {}
+    names: list[str] = []
+    for line in text.splitlines():
+        if line and not line.startswith(" "):
+            names = [name.strip() for name in line.split(",")]
+        elif line.strip():
+            for name in names:
+                docs[name] = f"{docs.get(name, '')} {line.strip()}".strip()
+    return docs
+
+
+def shown(value: object) -> str:
+    """A default as one writes it on the command line."""
+    if isinstance(value, (tuple, list)):
+        return " ".join(map(shown, value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value) or '""'
+
+
+def rows_of(config: type, docs: dict[str, str], flags: bool) -> list[str]:
+    """The table of one class; parameters that are classes themselves have their own section."""
+    rows = ["| parameter | default | meaning |", "| --- | --- | --- |"]
+    for entry in dataclasses.fields(config):
+        if dataclasses.is_dataclass(entry.default_factory):
+            continue
+        default = ("required" if entry.default is dataclasses.MISSING
+                   and entry.default_factory is dataclasses.MISSING
+                   else f"`{shown(entry.default)}`")
+        kind = str(entry.type)
+        choice = ""
+        if kind.startswith("Literal["):
+            options = ast.literal_eval(kind.removeprefix("Literal"))
+            choice = "One of " + ", ".join(f"`{option}`" for option in options) + ". "
+        name = f"--{entry.name.replace('_', '-')}" if flags else entry.name
+        meaning = (choice + docs[entry.name]).replace("|", "\\|")
+        rows.append(f"| `{name}` | {default} | {meaning} |")
+    return rows
+
+
+def page() -> str:
+    """The whole page."""
+    parts = [HEAD]
+    for title, config, text in SECTIONS:
+        summary = (config.__doc__ or "").split("\n\n")[0].strip()
+        parts += [f"## {title}\n", f"{' '.join(summary.split())} {text}\n",
+                  *rows_of(config, field_docs(config), True), ""]
+    parts += ["## Display files (TOML)\n", "What `lfportrait display show NAME` prints; in a file, "
+              "the slant may also be given in degrees, as `slant_degrees`.\n",
+              *rows_of(Display, attribute_docs(Display), False), ""]
+    return "\n".join(parts)
+
+
+def main() -> int:
+    if "--check" in sys.argv[1:]:
+        same = PAGE.is_file() and PAGE.read_text("utf-8") == page()
+        print(f"{PAGE.name} is {'up to date' if same else 'out of date: run make_docs.py'}")
+        return 0 if same else 1
+    PAGE.parent.mkdir(exist_ok=True)
+    PAGE.write_text(page(), "utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
