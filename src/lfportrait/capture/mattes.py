@@ -175,8 +175,9 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
 
     Every point of a lattice asks the views that have it in the picture. It is carved away when the
     background takes more than 6 % of all votes; what a view calls person must lie on the points
-    that are left, and holes in it through which the person is seen by 97 % of the votes are
-    filled. Where that changes a matte its outline is laid along the photo again.
+    that are left, and holes in it behind which the background takes less than 3 % are filled (but
+    one vote alone decides nothing). Where that changes a matte much, its outline is laid along the
+    photo again.
 
     Parameters
     ----------
@@ -207,14 +208,17 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
         cameras.center / factors[:, None]], axis=1)
     # Neighbouring views err alike; asked in scattered order, an empty point is found out sooner.
     order = np.argsort((np.arange(len(rows)) * 0.6180339887) % 1.0, kind="stable")
+    # Whatever the number of views, one of them that errs alone is outvoted.
+    tolerance, doubt = (max(part, 1.5 / len(rows)) for part in (0.06, 0.03))
     share = vote_lattice(
         rows[order], np.concatenate([small[view].ravel() for view in order]),
-        np.array([small[view].shape for view in order]), first, spacing, size, np.float32(0.06))
+        np.array([small[view].shape for view in order]), first, spacing, size,
+        np.float32(tolerance))
     result = []
     for view, matte in enumerate(given):
         shape = small[view].shape
-        allowed = cover_views(rows[view], share > 0.94, first, spacing, *shape)
-        certain = cover_views(rows[view], share > 0.97, first, spacing, *shape)
+        allowed = cover_views(rows[view], share > 1 - tolerance, first, spacing, *shape)
+        certain = cover_views(rows[view], share > 1 - doubt, first, spacing, *shape)
         mended = _mended(matte, allowed, certain, int(factors[view]))
         if np.abs(mended - matte).max() > 0.5:
             mended = refine_matte(capture.images[view], mended)
