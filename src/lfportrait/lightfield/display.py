@@ -273,10 +273,8 @@ class Display:
                 text = str(list(value))
             else:
                 text = repr(value)
-            if entry.name == "slant":
-                lines.append(f"slant_degrees = {math.degrees(value)!r}")
-            else:
-                lines.append(f"{entry.name} = {text}")
+            note = f"  # radians; {math.degrees(value):.4f} degrees" if entry.name == "slant" else ""
+            lines.append(f"{entry.name} = {text}{note}")
         return "\n".join(lines) + "\n"
 
     def save(self, path: str | Path) -> None:
