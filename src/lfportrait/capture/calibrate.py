@@ -157,7 +157,14 @@ def _refine(pycolmap: Any, model: Any) -> None:
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.solver_options.num_threads = 1
     options.ceres.solver_options.max_num_iterations = 50
-    pycolmap.bundle_adjustment(model, options)
+    scope = pycolmap.BundleAdjustmentConfig()
+    for number, image in model.images.items():
+        if image.has_pose:
+            scope.add_image(number)
+    scope.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    # pycolmap.bundle_adjustment does the same, but turns COLMAP's log on again.
+    pycolmap.create_default_bundle_adjuster(options, scope, model).solve()
+    model.update_point_3d_errors()
 
 
 def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progress | None,
