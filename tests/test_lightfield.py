@@ -238,7 +238,7 @@ def test_what_lies_on_the_panel_does_not_move():
 
 
 def test_the_simulated_eye_sees_the_right_view():
-    display = Display(720, 300, views=24, pitch=9.4, slant=math.radians(8), cone=40, distance=4)
+    display = Display(1440, 600, views=24, pitch=9.4, slant=math.radians(8), cone=40, distance=4)
     field = shell_field(basis=1, size=24, density=60.0)
     # Smooth colours: between its sub-pixels an eye can't see detail of one pixel.
     field.density[:] = 60.0
