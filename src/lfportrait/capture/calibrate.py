@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 
 from ..errors import UserError
@@ -58,8 +59,8 @@ class CalibrateConfig:
     """Frames taken from a video."""
     holdout: int = 8
     """Every so many photos one is kept for testing the reconstruction; 0 uses all."""
-    seed: int = 0
-    """Seed of the random sampling in matching and mapping."""
+    seed: tyro.conf.Suppress[int] = 0
+    """Seed of the random sampling in matching and mapping (on the command line: ``--seed``)."""
 
 
 def _plain_image(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
