@@ -52,6 +52,14 @@ def test_an_unstylised_field_equals_its_floor(no_models):
     assert "style" not in figures
 
 
+def test_what_can_not_be_measured_is_none(no_models):
+    field = ball()
+    flat = field.with_sh(np.zeros_like(field.sh))
+    figures = evaluate_field(flat, flat, views=2, size=48)
+    assert figures["consistency"]["gap_1"]["normalised"] is None
+    assert figures["consistency"]["gap_1"]["rmse"] < 1e-3
+
+
 def test_a_job_folder_is_measured_whole(tmp_path, no_models):
     field = ball()
     ball_capture().save(tmp_path / "capture")

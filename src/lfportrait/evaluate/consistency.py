@@ -100,14 +100,15 @@ def pair_error(target: NDArray[Any], warped: NDArray[Any], valid: NDArray[np.boo
     Returns
     -------
     rmse, normalised
-        Both NaN where no pixel is valid; the second NaN where the target is flat.
+        Both NaN where no pixel is valid; the second NaN where the target has no contrast (less than one
+        grey level).
     """
     if not valid.any():
         return float("nan"), float("nan")
     wanted = target[valid].astype(np.float64)
     rmse = float(np.sqrt(((wanted - warped[valid]) ** 2).mean()))
     contrast = float(np.sqrt(wanted.var(axis=0).mean()))
-    return rmse, rmse / contrast if contrast > 1e-6 else float("nan")
+    return rmse, rmse / contrast if contrast > 1 / 255 else float("nan")
 
 
 def view_pairs(count: int, gap: int) -> list[tuple[int, int]]:

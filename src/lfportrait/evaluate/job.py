@@ -28,6 +28,13 @@ def _bytes(image: NDArray[np.floating]) -> NDArray[np.uint8]:
     return (np.clip(image, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
+def _known(value: Any) -> Any:
+    """Figures with None for what could not be measured: JSON has no NaN."""
+    if isinstance(value, dict):
+        return {name: _known(item) for name, item in value.items()}
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
 def _arc(field: VoxelField, degrees: NDArray[np.float64], size: int) -> Camera:
     """Cameras at the given yaws, framed like a sweep."""
     front = sweep_cameras(0.0, 1, size, field)
@@ -89,7 +96,8 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
     -------
     figures
         ``consistency``, ``contours``, ``identity`` (if the face detector is at hand), ``content``
-        (feature distance of stylised and real views), ``style`` (if an exemplar is given).
+        (feature distance of stylised and real views), ``style`` (if an exemplar is given). What
+        could not be measured is None.
     """
     def say(text: str) -> None:
         if progress is not None:
@@ -119,7 +127,8 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
     if exemplar is not None:
         say("style")
         figures["style"] = _style(painted, [r.alpha > 0.5 for r in real], exemplar, crops, seed)
-    return figures
+    measured: dict[str, Any] = _known(figures)
+    return measured
 
 
 def _identity(field: VoxelField, styled: VoxelField, size: int) -> dict[str, Any]:
