@@ -53,6 +53,9 @@ _REGISTRY: dict[str, tuple[ModelFile, ...]] = {
         ModelFile("vgg16_relu3_3.safetensors",
                   "0e0974329acaf0812b04fe4298a3df9a67b432a8efaea36f5212aeaf2a5c780a",
                   "Oxford VGG-16 (Caffe), conv1_1 to conv3_3, repacked", "CC BY 4.0"),
+        ModelFile("vgg16_relu3_3.safetensors",  # the same tensors, with another header
+                  "a6dc38d988541f6baecae52162af4691c6fa1c2b99a585a51c2a991a623ceb4e",
+                  "Oxford VGG-16 (Caffe), conv1_1 to conv3_3, repacked", "CC BY 4.0"),
         ModelFile("vgg16-397923af.pth", "397923af", "torchvision VGG-16, ImageNet", "BSD-3-Clause",
                   _TORCH + "vgg16-397923af.pth")),
     "resnet50": (
@@ -150,23 +153,21 @@ def fetch(name: str) -> Path:
         return found
     import pooch
 
-    reason = "it can't be downloaded automatically"
     for entry in _entries(name):
         if not entry.url:
             continue
         target = cache_folder() / entry.file
-        try:
-            with atomic_path(target) as temporary:
+        with atomic_path(target) as temporary:
+            try:
                 pooch.HTTPDownloader(timeout=30)(entry.url, str(temporary), None)
-                if not _matches(temporary, entry):
-                    raise UserError(f"the download of {entry.file} is damaged: its SHA-256 is not "
-                                    f"{entry.sha256}...; try again")
-            return target
-        except UserError:
-            raise
-        except Exception as error:
-            reason = f"the download from {entry.url} failed ({type(error).__name__})"
-    raise UserError(_how_to_get(name, reason))
+            except Exception as error:  # whatever the network throws, one line tells what to do
+                failure = f"the download from {entry.url} failed ({type(error).__name__})"
+                raise UserError(_how_to_get(name, failure)) from error
+            if not _matches(temporary, entry):
+                raise UserError(f"the download of {entry.file} is damaged: its SHA-256 is not "
+                                f"{entry.sha256}...; try again")
+        return target
+    raise UserError(_how_to_get(name, "it can't be downloaded automatically"))
 
 
 def _how_to_get(name: str, reason: str) -> str:

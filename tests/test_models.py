@@ -1,0 +1,91 @@
+"""The registry of pretrained weights."""
+
+import hashlib
+
+import pytest
+
+from lfportrait import models
+from lfportrait.errors import UserError
+from lfportrait.models import ModelFile
+
+
+@pytest.fixture
+def shelf(tmp_path, monkeypatch):
+    """An empty cache, an empty named folder, and a registry with one tiny network."""
+    named, cache = tmp_path / "named", tmp_path / "cache"
+    named.mkdir()
+    content = b"weights"
+    digest = hashlib.sha256(content).hexdigest()
+    monkeypatch.setenv("LFPORTRAIT_MODELS", str(named))
+    monkeypatch.setattr(models, "cache_folder", lambda: cache)
+    monkeypatch.setattr(models, "_REGISTRY", {
+        "tiny": (ModelFile("tiny.safetensors", digest, "a test", "CC0"),),
+        "remote": (ModelFile("remote.bin", digest, "a test", "CC0",
+                             "http://127.0.0.1:9/remote.bin"),)})
+    return named, cache, content
+
+
+def test_the_named_folder_comes_before_the_cache(shelf):
+    named, cache, content = shelf
+    assert not models.available("tiny")
+    cache.mkdir()
+    (cache / "tiny.safetensors").write_bytes(content)
+    assert models.fetch("tiny") == cache / "tiny.safetensors"
+    (named / "tiny.safetensors").write_bytes(content)
+    assert models.fetch("tiny") == named / "tiny.safetensors"
+    assert models.available("tiny")
+
+
+def test_a_missing_network_is_told_with_all_one_needs(shelf):
+    with pytest.raises(UserError, match=r"tiny\.safetensors.*CC0.*LFPORTRAIT_MODELS"):
+        models.fetch("tiny")
+    with pytest.raises(UserError, match="there is no network"):
+        models.fetch("huge")
+
+
+def test_a_failed_download_is_told_and_leaves_nothing(shelf):
+    _, cache, _ = shelf
+    with pytest.raises(UserError, match=r"remote\.bin.*failed"):
+        models.fetch("remote")
+    assert not cache.exists() or not list(cache.iterdir())
+
+
+def test_files_are_added_by_their_hash(shelf, tmp_path):
+    _, cache, content = shelf
+    (tmp_path / "any name").write_bytes(content)
+    assert models.add(tmp_path / "any name") == cache / "tiny.safetensors"
+    assert models.available("tiny")
+    (tmp_path / "other").write_bytes(b"else")
+    with pytest.raises(UserError, match="matches no entry"):
+        models.add(tmp_path / "other")
+    with pytest.raises(UserError, match="no such file"):
+        models.add(tmp_path / "nothing")
+
+
+def test_the_listing_tells_what_is_here(shelf):
+    _, cache, content = shelf
+    assert all("missing" in row for row in models.listing())
+    cache.mkdir()
+    (cache / "tiny.safetensors").write_bytes(content)
+    assert "here" in next(row for row in models.listing() if row.startswith("tiny"))
+
+
+def test_every_entry_is_complete():
+    for name, entries in models.registry().items():
+        for entry in entries:
+            assert entry.file, name
+            assert entry.source, name
+            assert entry.licence, name
+            assert len(entry.sha256) in (8, 64), name
+            assert int(entry.sha256, 16) >= 0
+            assert not entry.url or entry.url.startswith("https://")
+
+
+@pytest.mark.data
+def test_the_weights_at_hand_match_their_hashes(shared_weights):
+    entries = [entry for network in models.registry().values() for entry in network]
+    files = {entry.file for entry in entries if (shared_weights / entry.file).is_file()}
+    assert len(files) >= 8
+    for file in files:
+        assert any(models._matches(shared_weights / file, entry)
+                   for entry in entries if entry.file == file), file
