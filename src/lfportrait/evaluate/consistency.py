@@ -100,8 +100,8 @@ def pair_error(target: NDArray[Any], warped: NDArray[Any], valid: NDArray[np.boo
     Returns
     -------
     rmse, normalised
-        Both NaN where no pixel is valid; the second NaN where the target has no contrast (less than one
-        grey level).
+        Both NaN where no pixel is valid; the second also where the target's contrast is below one
+        grey level.
     """
     if not valid.any():
         return float("nan"), float("nan")
