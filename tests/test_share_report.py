@@ -74,10 +74,13 @@ def test_a_report_holds_everything_and_nothing_from_elsewhere(tmp_path):
 
 
 def test_missing_parts_are_left_out(tmp_path):
-    page = page_of(tmp_path, Report("T", sections=[
+    missing = Picture(tmp_path / "missing.png")
+    page = page_of(tmp_path, Report("T", hero=missing, sections=[
         Section("Nothing"), Section("No film", video=tmp_path / "missing.mp4"),
-        Section("Something", "text")]))
-    assert "Nothing" not in page.text and "Something" in page.text
+        Section("No picture", pictures=[missing]), Section("Something", "text", [missing])]))
+    for title in ("Nothing", "No film", "No picture"):
+        assert title not in page.text
+    assert "Something" in page.text
     assert "img" not in page.tags and "video" not in page.tags
 
 

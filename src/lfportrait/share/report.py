@@ -93,7 +93,8 @@ class Section:
 
     def empty(self) -> bool:
         """Whether there is nothing to show."""
-        return not (self.text or self.pictures or self.tables or self.video)
+        film = self.video is not None and Path(self.video).is_file()
+        return not (self.text or _present(self.pictures) or self.tables or film)
 
 
 @dataclass
@@ -199,6 +200,12 @@ def _video(path: str | Path | None) -> str:
             f'src="data:video/mp4;base64,{text}"></video></figure>')
 
 
+def _present(pictures: Sequence[Picture]) -> list[Picture]:
+    """The pictures that are there: a file that a job did not write is left out."""
+    return [picture for picture in pictures
+            if not isinstance(picture.image, (str, Path)) or Path(picture.image).is_file()]
+
+
 def _anchor(title: str) -> str:
     return "".join(letter if letter.isalnum() else "-" for letter in title.lower()).strip("-")
 
@@ -208,10 +215,11 @@ def _section(section: Section) -> str:
     if section.text:
         parts.extend(f"<p>{html.escape(paragraph)}</p>" for paragraph in section.text.split("\n\n"))
     parts.append(_video(section.video))
-    if section.pictures:
-        figures = "".join(map(_figure, section.pictures))
+    pictures = _present(section.pictures)
+    if pictures:
+        figures = "".join(map(_figure, pictures))
         # As many columns as leave the fewest empty places in the last row.
-        columns = min((4, 3), key=lambda number: -len(section.pictures) % number)
+        columns = min((4, 3), key=lambda number: -len(pictures) % number)
         parts.append(f'<div class="{section.layout}" style="--columns:{columns}">{figures}</div>')
     parts.extend(map(_table, section.tables))
     return "".join(parts) + "</section>"
@@ -225,12 +233,13 @@ def write_report(path: str | Path, report: Report) -> None:
     path
         ``report.html``; it appears when it is complete.
     report
-        What to show. Texts are escaped; sections without content are left out.
+        What to show. Texts are escaped; sections without content, and files that don't exist, are
+        left out.
 
     Raises
     ------
     UserError
-        If a picture can't be read or the file can't be written.
+        If a picture is damaged or the file can't be written.
     """
     sections = [section for section in report.sections if not section.empty()]
     links = "".join(f'<a href="#{_anchor(section.title)}">{html.escape(section.title)}</a>'
@@ -240,7 +249,7 @@ def write_report(path: str | Path, report: Report) -> None:
     template = Template(resources.files(__package__).joinpath("report.html").read_text("utf-8"))
     page = template.substitute(
         title=html.escape(report.title), subtitle=html.escape(report.subtitle),
-        hero=_figure(report.hero) if report.hero is not None else "", links=links,
+        hero="".join(map(_figure, _present([report.hero] if report.hero else []))), links=links,
         figures=f'<div class="figures">{figures}</div>' if figures else "",
         sections="\n".join(map(_section, sections)))
     with atomic_write(path) as stream:
