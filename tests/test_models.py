@@ -89,3 +89,86 @@ def test_the_weights_at_hand_match_their_hashes(shared_weights):
     for file in files:
         assert any(models._matches(shared_weights / file, entry)
                    for entry in entries if entry.file == file), file
+
+
+def test_a_damaged_file_is_refused_until_it_is_mended(shelf):
+    named, _, content = shelf
+    (named / "tiny.safetensors").write_bytes(content[:-1])
+    with pytest.raises(UserError, match=r"tiny\.safetensors.*SHA-256"):
+        models.fetch("tiny")
+    (named / "tiny.safetensors").write_bytes(content)
+    assert models.fetch("tiny").read_bytes() == content
+
+
+def test_any_file_of_a_network_will_do(shelf, monkeypatch):
+    named, _, content = shelf
+    digest = hashlib.sha256(content).hexdigest()
+    monkeypatch.setitem(models._REGISTRY, "tiny", (
+        ModelFile("tiny.safetensors", "0" * 64, "a test", "CC0"),
+        ModelFile("tiny.safetensors", digest, "a later test", "CC0"),
+        ModelFile("tiny.pth", digest[:8], "a firm", "CC0")))
+    (named / "tiny.pth").write_bytes(content)
+    assert models.fetch("tiny") == named / "tiny.pth"
+    (named / "tiny.safetensors").write_bytes(content)  # the second hash for this name
+    assert models.fetch("tiny") == named / "tiny.safetensors"
+
+
+def test_a_network_is_here_only_with_all_its_parts(shelf, monkeypatch, tmp_path):
+    named, cache, content = shelf
+    digest = hashlib.sha256(content).hexdigest()
+    graph = ModelFile("tiny.graph.json", hashlib.sha256(b"{}").hexdigest(), "a test", "CC0")
+    monkeypatch.setitem(models._REGISTRY, "tiny", (
+        ModelFile("tiny.safetensors", digest, "a test", "CC0", needs=(graph,)),))
+    (named / "tiny.safetensors").write_bytes(content)
+    assert not models.available("tiny")
+    with pytest.raises(UserError, match=r"tiny\.graph\.json"):
+        models.fetch("tiny")
+    (tmp_path / "part").write_bytes(b"{}")
+    assert models.add(tmp_path / "part") == cache / "tiny.graph.json"
+    assert not models.available("tiny")  # parts must lie side by side
+    (named / "tiny.graph.json").write_bytes(b"{}")
+    assert models.fetch("tiny") == named / "tiny.safetensors"
+
+
+def _serve(monkeypatch, content):
+    """Let every download give ``content``; returns the list of addresses asked."""
+    import pooch
+
+    asked = []
+
+    class Downloader:
+        def __init__(self, **options):
+            pass
+
+        def __call__(self, url, target, _):
+            asked.append(url)
+            with open(target, "wb") as stream:
+                stream.write(content)
+
+    monkeypatch.setattr(pooch, "HTTPDownloader", Downloader)
+    return asked
+
+
+def test_a_download_is_checked_and_kept(shelf, monkeypatch):
+    _, cache, content = shelf
+    asked = _serve(monkeypatch, content)
+    path = models.fetch("remote")
+    assert path == cache / "remote.bin"
+    assert path.read_bytes() == content
+    assert models.fetch("remote") == path
+    assert len(asked) == 1
+
+
+def test_an_error_page_is_no_download(shelf, monkeypatch):
+    _, cache, _ = shelf
+    _serve(monkeypatch, b"<html>not found</html>")
+    with pytest.raises(UserError, match="damaged"):
+        models.fetch("remote")
+    assert list(cache.iterdir()) == []
+
+
+@pytest.mark.data
+def test_the_networks_at_hand_pass_the_check(shared_weights, monkeypatch):
+    monkeypatch.setenv("LFPORTRAIT_MODELS", str(shared_weights))
+    for name in models.registry():
+        assert models.fetch(name).parent == shared_weights

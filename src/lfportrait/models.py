@@ -8,6 +8,7 @@ downloaded that is there already, and nothing is trusted that does not match.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import shutil
@@ -36,6 +37,8 @@ class ModelFile:
         Licence of the weights.
     url
         Official address, or empty: the file must be put in place by hand.
+    needs
+        Files that must lie beside it, e.g. a network's list of operations.
     """
 
     file: str
@@ -43,6 +46,7 @@ class ModelFile:
     source: str
     licence: str
     url: str = ""
+    needs: tuple[ModelFile, ...] = ()
 
 
 _TORCH = "https://download.pytorch.org/models/"
@@ -53,7 +57,8 @@ _REGISTRY: dict[str, tuple[ModelFile, ...]] = {
         ModelFile("vgg16_relu3_3.safetensors",
                   "0e0974329acaf0812b04fe4298a3df9a67b432a8efaea36f5212aeaf2a5c780a",
                   "Oxford VGG-16 (Caffe), conv1_1 to conv3_3, repacked", "CC BY 4.0"),
-        ModelFile("vgg16_relu3_3.safetensors",  # the same tensors, with another header
+        # A second packing in use; it gives the reference activations of all seven layers.
+        ModelFile("vgg16_relu3_3.safetensors",
                   "a6dc38d988541f6baecae52162af4691c6fa1c2b99a585a51c2a991a623ceb4e",
                   "Oxford VGG-16 (Caffe), conv1_1 to conv3_3, repacked", "CC BY 4.0"),
         ModelFile("vgg16-397923af.pth", "397923af", "torchvision VGG-16, ImageNet", "BSD-3-Clause",
@@ -84,11 +89,17 @@ _REGISTRY: dict[str, tuple[ModelFile, ...]] = {
     "person-segmentation": (
         ModelFile("selfie_segmentation.safetensors",
                   "b50ad7c5af0f7185535e1f5590ca4aea857c4f0229982347d623668e286c77dc",
-                  "MediaPipe selfie segmentation, repacked", "Apache-2.0"),),
+                  "MediaPipe selfie segmentation, repacked", "Apache-2.0", needs=(ModelFile(
+                      "selfie_segmentation.graph.json",
+                      "08f9a32124df70d6bca14ba7c3519e5087002ef31e8242714a9de2388377abe7",
+                      "operations of MediaPipe selfie segmentation", "Apache-2.0"),)),),
     "hair-segmentation": (
         ModelFile("hair_segmentation.safetensors",
                   "ba4e34c20894c448a59acdb5628f5d97c82b733b11db2058ac94be17b2e4933f",
-                  "MediaPipe hair segmentation, repacked", "Apache-2.0"),),
+                  "MediaPipe hair segmentation, repacked", "Apache-2.0", needs=(ModelFile(
+                      "hair_segmentation.graph.json",
+                      "153f68c287f0279c6d1db1fea0a96d92f03bd50bb7d0fc79c4661a04aa19ed5a",
+                      "operations of MediaPipe hair segmentation", "Apache-2.0"),)),),
     "inception": (
         ModelFile("inception_v3_tf2015_to_mixed7a.safetensors",
                   "43d4d5f9f32b410d67bf21aadafdbc4009c4a0143c04c1f8b7431c3269aa710a",
@@ -121,11 +132,11 @@ def _entries(name: str) -> tuple[ModelFile, ...]:
                         f"{', '.join(_REGISTRY)}") from None
 
 
-def _local(name: str) -> Path | None:
+def _local(name: str) -> tuple[Path, ModelFile] | None:
     for entry in _entries(name):
         for folder in _folders():
-            if (folder / entry.file).is_file():
-                return folder / entry.file
+            if all((folder / part.file).is_file() for part in (entry, *entry.needs)):
+                return folder / entry.file, entry
     return None
 
 
@@ -135,8 +146,15 @@ def available(name: str) -> bool:
 
 
 def _matches(path: Path, entry: ModelFile) -> bool:
+    state = path.stat()
+    return _digest(str(path), state.st_size, state.st_mtime_ns).startswith(entry.sha256)
+
+
+@functools.lru_cache(maxsize=64)
+def _digest(path: str, size: int, changed: int) -> str:
+    """SHA-256 of a file, computed once for as long as its size and time stay the same."""
     with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest().startswith(entry.sha256)
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def fetch(name: str) -> Path:
@@ -145,12 +163,17 @@ def fetch(name: str) -> Path:
     Raises
     ------
     UserError
-        If the name is unknown, or the file is not there and can't be downloaded: the message says
-        what it is, where it comes from, its licence and where to put it.
+        If the name is unknown, a file's SHA-256 is wrong, or it is not there and can't be
+        downloaded: the message says what it is, where it comes from, its licence and where to put
+        it.
     """
     found = _local(name)
     if found is not None:
-        return found
+        path, entry = found
+        _check(path, *(other for other in _entries(name) if other.file == entry.file))
+        for part in entry.needs:
+            _check(path.with_name(part.file), part)
+        return path
     import pooch
 
     for entry in _entries(name):
@@ -170,10 +193,22 @@ def fetch(name: str) -> Path:
     raise UserError(_how_to_get(name, "it can't be downloaded automatically"))
 
 
+def _check(path: Path, *entries: ModelFile) -> None:
+    """Refuse a file that has the hash of none of the entries."""
+    try:
+        good = any(_matches(path, entry) for entry in entries)
+    except OSError as error:
+        raise UserError(f"can't read {path}: {error.strerror}") from error
+    if not good:
+        raise UserError(f"{path} is damaged or another file: its SHA-256 does not begin with "
+                        f"{entries[0].sha256[:16]}; remove it, or put the right one in its place")
+
+
 def _how_to_get(name: str, reason: str) -> str:
     entry = next((entry for entry in _entries(name) if entry.url), _entries(name)[0])
-    return (f"the network {name!r} is missing: {entry.file} ({entry.source}; licence "
-            f"{entry.licence}); {reason}; put the file into {cache_folder()} or into the folder "
+    files = " and ".join(part.file for part in (entry, *entry.needs))
+    return (f"the network {name!r} is missing: {files} ({entry.source}; licence "
+            f"{entry.licence}); {reason}; put it into {cache_folder()} or into the folder "
             "that LFPORTRAIT_MODELS names, or run `lfportrait models add FILE`")
 
 
@@ -194,7 +229,7 @@ def add(path: str | Path) -> Path:
     if not path.is_file():
         raise UserError(f"no such file: {path}")
     for entries in _REGISTRY.values():
-        for entry in entries:
+        for entry in (part for whole in entries for part in (whole, *whole.needs)):
             if _matches(path, entry):
                 target = cache_folder() / entry.file
                 with atomic_path(target) as temporary:
