@@ -65,10 +65,6 @@ def _transposed(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> to
     return full[..., :2 * x.shape[-2], :2 * x.shape[-1]] + bias[None, :, None, None]
 
 
-def _unpooled(x: torch.Tensor, places: torch.Tensor) -> torch.Tensor:
-    return functional.max_unpool2d(x, places, 2, 2)
-
-
 @torch.no_grad()
 def _run(name: str, frame: torch.Tensor) -> torch.Tensor:
     """Play a network's list of operations on one picture [1, C, H, W]."""
@@ -96,7 +92,7 @@ def _run(name: str, frame: torch.Tensor) -> torch.Tensor:
         elif kind == "MaxPoolingWithArgmax2D":
             result, values[outputs[1]] = functional.max_pool2d(x, 2, 2, return_indices=True)
         elif kind == "MaxUnpooling2D":
-            result = _unpooled(x, got[1])
+            result = functional.max_unpool2d(x, got[1], [2, 2], [2, 2])
         elif kind == "CONCATENATION":
             result = torch.cat(got, dim=1)
         elif kind == "ADD":

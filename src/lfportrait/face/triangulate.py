@@ -13,12 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera, Capture
+from ..capture.frame import focus_point
 from ..progress import Progress
 from .detect import detect_landmarks, face_yaw
 
 __all__ = ["frontal_order", "landmarks_of_capture", "triangulate"]
 
 Float = NDArray[np.float64]
+
+_SPREAD = 24
+"""Views tried first, spread over the capture."""
+
+_MOST_TURNED = 0.9
+"""`face_yaw` beyond which a view says little about the hidden half of the face."""
 
 
 def _linear(cameras: Camera, points: Float, weights: Float) -> Float:
@@ -106,7 +113,8 @@ def triangulate(cameras: Camera, points: Float, *, tolerance: float | None = Non
     return found, errors, inliers
 
 
-def _best_start(cameras: Camera, points: Float, views: NDArray[np.int64], tolerance: float) -> Float:
+def _best_start(cameras: Camera, points: Float, views: NDArray[np.int64], tolerance: float,
+                ) -> Float:
     """The linear solution, from all views or from the pair that most others agree with."""
     everyone = np.ones(len(views))
     candidates = [_linear(cameras[views], points[views], everyone)]
@@ -140,17 +148,54 @@ def _upright_turn(cameras: Camera, view: int) -> int:
 
 def _detect(capture: Capture, view: int) -> Float | None:
     """Landmarks of one view; the picture is turned upright, a matted one put on grey."""
-    image = np.uint8(np.round(255 * capture.image_float(view, background=0.6)))
+    image = np.round(255 * capture.image_float(view, background=0.6)).astype(np.uint8)
     return detect_landmarks(image, turns=(_upright_turn(capture.cameras, view),), thorough=False)
 
 
+def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> dict[int, Float]:
+    """Landmarks by view: views spread over the capture first, then those about the best of them.
+
+    The portrait frame may be a guess by the cameras alone, so where the face looks is learnt from
+    the detections: the views in which it shows most frontally, and their neighbours.
+    """
+    order = frontal_order(capture.cameras)
+    detected: dict[int, Float] = {}
+    tried: set[int] = set()
+
+    def look(views: NDArray[np.int64]) -> None:
+        for view in (int(v) for v in views):
+            if view in tried:
+                continue
+            tried.add(view)
+            if progress is not None:
+                progress.update(progress.done, f"looking for the face: {len(detected)} views found")
+            points = _detect(capture, view)
+            if points is not None:
+                detected[view] = points
+
+    look(order[::max(1, len(order) // _SPREAD)])
+    if not detected:
+        look(order[:_SPREAD])
+    if not detected:
+        return detected
+    away = capture.cameras.position - focus_point(capture.cameras)
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    for _ in range(2):
+        yaws = np.array([abs(face_yaw(points)) for points in detected.values()])
+        best = np.array(list(detected))[np.argsort(yaws, kind="stable")[:3]]
+        front = np.median(away[best], axis=0)
+        near = np.argsort(-(away @ front), kind="stable")
+        look(near[:wanted])
+    return detected
+
+
 def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
-                         wanted: int = 14) -> tuple[Float | None, dict[str, Any]]:
+                         wanted: int = 20) -> tuple[Float | None, dict[str, Any]]:
     """Find the face in a capture: landmarks detected in frontal views and triangulated.
 
-    Views are tried from the front outwards until ``wanted`` of them show a face. Points of the jaw
-    (0-16), which detectors let slide along the outline of a turned face, are taken from views that
-    show the face nearly frontally.
+    A few views from all around are tried first, then those nearest to where the face shows most
+    frontally. Points of the jaw (0-16), which detectors let slide along the outline of a turned
+    face, are taken from views that show the face nearly frontally.
 
     Parameters
     ----------
@@ -159,7 +204,7 @@ def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
     progress
         Progress line.
     wanted
-        Number of views with a face after which no more are tried.
+        Number of views about the front of the face that are searched.
 
     Returns
     -------
@@ -168,18 +213,9 @@ def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
     figures
         ``views`` (with a face), ``error_px`` (median), ``outliers`` (share).
     """
-    order = frontal_order(capture.cameras)
-    # Every second view first: neighbours tell little more than one of them.
-    order = np.concatenate([order[::2], order[1::2]])
-    detected: dict[int, Float] = {}
-    for tried, view in enumerate(order):
-        if progress is not None:
-            progress.update(progress.done, f"looking for the face: {len(detected)} views found")
-        points = _detect(capture, int(view))
-        if points is not None:
-            detected[int(view)] = points
-        if len(detected) >= wanted or (tried >= 40 and not detected):
-            break
+    detected = _look_around(capture, wanted, progress)
+    detected = {view: points for view, points in detected.items()
+                if abs(face_yaw(points)) < _MOST_TURNED}
     if len(detected) < 3:
         return None, {"views": len(detected)}
     views = np.array(sorted(detected))
@@ -194,7 +230,7 @@ def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
     found, errors, inliers = triangulate(cameras, usable, tolerance=max(2.0, 0.12 * eye))
     if np.isnan(found[17:]).any():
         return None, {"views": len(views), "error_px": float(np.nanmedian(errors))}
-    missing = np.isnan(found[:17]).any(axis=1)
+    missing = np.asarray(np.isnan(found[:17]).any(axis=1))
     if missing.any():
         found = _fill_jaw(found, missing)
     seen = np.isfinite(usable).all(-1)
