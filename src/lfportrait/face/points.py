@@ -18,14 +18,18 @@ from ..files import atomic_write
 __all__ = ["FROM_MEDIAPIPE", "read_landmarks", "write_landmarks"]
 
 FROM_MEDIAPIPE = np.array([
-    127, 234, 93, 132, 58, 136, 150, 176, 152, 400, 379, 365, 288, 361, 323, 454, 356,  # jaw
+    127, 234, 93, 58, 172, 136, 149, 148, 152, 377, 378, 365, 397, 288, 323, 454, 356,  # jaw
     70, 63, 105, 66, 107, 336, 296, 334, 293, 300,  # brows
-    168, 197, 5, 4, 98, 97, 2, 326, 327,  # nose
+    168, 197, 5, 4, 75, 97, 2, 326, 305,  # nose
     33, 160, 158, 133, 153, 144, 362, 385, 387, 263, 373, 380,  # eyes
     61, 40, 37, 0, 267, 270, 291, 321, 314, 17, 84, 91,  # lips, outside
     78, 82, 13, 312, 308, 317, 14, 87,  # lips, inside
 ])
-"""For each of the 68 points, the number of the MediaPipe face-mesh vertex that stands for it."""
+"""For each of the 68 points, the number of the MediaPipe face-mesh vertex that stands for it.
+
+Mirror images of each other on both sides; among the vertices near each point those that lie nearest
+to the landmarks of 14 painted and sculpted portraits. The jaw's are all on the mesh's outline.
+"""
 
 
 def read_landmarks(path: str | Path) -> NDArray[np.float64]:
