@@ -21,7 +21,8 @@ def left_in(folder: Path) -> list[str]:
 
 
 def one_line(capsys: pytest.CaptureFixture[str]) -> str:
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("lfportrait:")]
+    lines = [line for line in capsys.readouterr().err.splitlines()
+             if line.startswith("lfportrait:")]
     assert len(lines) == 1, lines
     return lines[0]
 

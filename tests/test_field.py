@@ -66,7 +66,7 @@ def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
         else:
             arrays["basis_type"] = np.int64(4)
         np.savez(path, **arrays)
-    with pytest.raises(UserError, match="f.npz"):
+    with pytest.raises(UserError, match=r"f\.npz"):
         VoxelField.load(path)
     with pytest.raises(UserError, match="no such"):
         VoxelField.load(tmp_path / "none.npz")

@@ -182,7 +182,8 @@ def test_rows_that_no_view_sees_follow_the_others():
 def test_affine_colour_maps_are_found():
     random = np.random.default_rng(0)
     source = random.random((500, 3), np.float32)
-    matrix, offset = np.array([[0.5, 0.2, 0], [0, 0.7, 0.1], [0.3, 0, 0.4]]), np.array([0.1, 0, 0.2])
+    matrix = np.array([[0.5, 0.2, 0], [0, 0.7, 0.1], [0.3, 0, 0.4]])
+    offset = np.array([0.1, 0, 0.2])
     found, shift = affine_color_map(source, source @ matrix.T + offset, np.ones(500, np.float32))
     assert np.abs(found - matrix).max() < 0.02
     assert np.abs(shift - offset).max() < 0.02

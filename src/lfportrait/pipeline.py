@@ -84,7 +84,7 @@ def _mattes(capture: Capture, progress: Progress | None) -> list[np.ndarray]:
         if progress is not None:
             progress.update(0, f"cutting out the person: {view + 1} of {len(capture)}")
     refined = [refine_matte(image, matte) for image, matte in zip(capture.images, soft)]
-    return [np.uint8(np.clip(matte, 0, 1) * 255 + 0.5)
+    return [(np.clip(matte, 0, 1) * 255 + 0.5).astype(np.uint8)
             for matte in consistent_mattes(capture, refined)]
 
 
@@ -308,4 +308,5 @@ class _Job:
         with self._progress("share") as progress:
             return share_job(self.out, self.exemplar, self.display, self.config.encode,
                              self.config.stylize.transfer, self.stages.figures,
-                             size=self.config.sweep_size, progress=progress)
+                             parameters=self.config, size=self.config.sweep_size,
+                             progress=progress)

@@ -7,6 +7,7 @@ what the eyes see of it, and the figures of all stages.
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from . import __version__
 from .capture import Camera, Capture
 from .example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from .field import VoxelField
@@ -21,8 +23,16 @@ from .files import read_image, write_image
 from .lightfield import Display, EncodeConfig, ViewMask, simulate
 from .measure import machine
 from .progress import Progress
-from .share import Picture, Report, Section, Table, sweep_cameras, sweep_frames, write_report, \
-    write_video
+from .share import (
+    Picture,
+    Report,
+    Section,
+    Table,
+    sweep_cameras,
+    sweep_frames,
+    write_report,
+    write_video,
+)
 
 __all__ = ["share_job"]
 
@@ -30,8 +40,9 @@ Float32 = NDArray[np.float32]
 
 
 def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: EncodeConfig,
-              transfer: TransferConfig, figures: dict[str, Any], *, size: int = 512,
-              frames: int = 90, progress: Progress | None = None) -> dict[str, Any]:
+              transfer: TransferConfig, figures: dict[str, Any], *, parameters: Any = None,
+              size: int = 512, frames: int = 90, progress: Progress | None = None,
+              ) -> dict[str, Any]:
     """Write ``sweep.mp4``, ``hero.png`` and ``report.html`` of a finished job.
 
     Parameters
@@ -42,6 +53,8 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
         What the job was run with.
     figures
         Figures of the stages so far.
+    parameters
+        The job's configuration (a data class), listed at the end of the report.
     size
         Height of the sweep in pixels.
     frames
@@ -83,7 +96,9 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
                      for image, angle in zip(strip, (-45, -22, 0, 22, 45))], layout="strip"),
             Section("Sweep", "Over the display's view cone.", video=folder / "sweep.mp4"),
             _lightfield(coded, display),
-            _figures(figures)])
+            _figures(figures),
+            Section("Parameters", "", tables=[Table(_parameters(parameters),
+                                                    ("parameter", "value"))])])
     say("report")
     write_report(folder / "report.html", report)
     return {"frames": frames, "size": size}
@@ -135,7 +150,7 @@ def _inputs(capture: Capture, exemplar: Exemplar) -> Section:
         frontal = int(np.argmin(np.abs(np.arctan2(capture.cameras.position[:, 0],
                                                   capture.cameras.position[:, 2]))))
         pixels, _ = capture.cameras.project(capture.landmarks)
-        image = np.uint8(np.clip(capture.image_float(frontal), 0, 1) * 255 + 0.5)
+        image = (np.clip(capture.image_float(frontal), 0, 1) * 255 + 0.5).astype(np.uint8)
         pictures.append(Picture(_with_points(image, pixels[frontal]), "landmarks, from 3D",
                                 width=400))
     pictures.append(Picture(_with_points(exemplar.image, exemplar.landmarks),
@@ -218,6 +233,21 @@ def _lightfield(coded: NDArray[np.uint8], display: Display) -> Section:
                    "views, one ray per sub-pixel.", pictures)
 
 
+def _parameters(config: Any, prefix: str = "") -> list[tuple[str, Any]]:
+    """The fields of a configuration, nested ones by dotted names."""
+    if not dataclasses.is_dataclass(config):
+        return []
+    rows: list[tuple[str, Any]] = []
+    for entry in dataclasses.fields(config):
+        value = getattr(config, entry.name)
+        if dataclasses.is_dataclass(value):
+            rows += _parameters(value, f"{prefix}{entry.name}.")
+        else:
+            rows.append((prefix + entry.name, value if isinstance(value, (int, float)) else
+                         str(value)))
+    return rows
+
+
 def _figures(figures: dict[str, Any]) -> Section:
     stages = [(name, float(stage["stage_seconds"])) for name, stage in figures.items()
               if "stage_seconds" in stage]
@@ -239,4 +269,6 @@ def _figures(figures: dict[str, Any]) -> Section:
     return Section("Figures", "", tables=[
         Table(stages, ("stage", "seconds"), bars=1, caption="Time"),
         Table(metrics, ("figure", "value"), caption="Quality"),
-        Table(sorted(machine().items()), caption="Machine")])
+        Table([("lfportrait", __version__),
+               ("device", figures.get("encode", {}).get("device", "cpu")),
+               *sorted(machine().items())], caption="Version and machine")])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as option
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -28,7 +29,7 @@ class Encode(Common):
     """File for the coded picture; a name ending in .png keeps every sub-pixel."""
     quilt: Path | None = None
     """Also write a quilt; a name such as portrait_qs8x6a0.75.png tells columns, rows, aspect."""
-    config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = field(default_factory=EncodeConfig)
+    config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
     """Coding."""
 
     def run(self) -> dict[str, Any]:

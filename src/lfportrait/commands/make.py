@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as option
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,7 +47,7 @@ class Make(Common):
     """Folder for all results."""
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
-    config: Annotated[MakeConfig, tyro.conf.arg(name="")] = field(default_factory=MakeConfig)
+    config: Annotated[MakeConfig, tyro.conf.arg(name="")] = option(default_factory=MakeConfig)
     """Parameters of the stages."""
 
     def run(self) -> dict[str, Any]:

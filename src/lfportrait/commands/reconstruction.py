@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from dataclasses import field as option
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -26,7 +27,7 @@ class Calibrate(Common):
     """Folder of photos, a video, or a data set that already has cameras."""
     out: Path
     """Folder for the capture."""
-    config: Annotated[CalibrateConfig, tyro.conf.arg(name="")] = field(
+    config: Annotated[CalibrateConfig, tyro.conf.arg(name="")] = option(
         default_factory=CalibrateConfig)
     """Calibration."""
     keep_background: bool = False
@@ -52,7 +53,7 @@ class Reconstruct(Common):
     """Capture folder, transforms.json data set, COLMAP model, LLFF or NSVF folder."""
     out: Path = Path("field.npz")
     """File for the field."""
-    config: Annotated[ReconstructConfig, tyro.conf.arg(name="")] = field(
+    config: Annotated[ReconstructConfig, tyro.conf.arg(name="")] = option(
         default_factory=ReconstructConfig)
     """Reconstruction."""
 
@@ -107,7 +108,8 @@ class Render(Common):
         else:
             if self.frames < 1:
                 raise UserError("--frames must be at least 1")
-            views = path_cameras(self.path, frames=self.frames, cone=self.cone, size=self.size)
+            views = path_cameras(self.path, frames=self.frames, cone=self.cone, size=self.size,
+                                 field=voxels)
         start = time.perf_counter()
         video = self.out.suffix.lower() in (".mp4", ".mov", ".mkv")
         frames: list[np.ndarray] = []
@@ -116,7 +118,7 @@ class Render(Common):
                 rendering = voxels.render(views, view, background=self.background,
                                           device=self.device)
                 if video:
-                    frames.append(np.uint8(np.clip(rendering.color, 0, 1) * 255 + 0.5))
+                    frames.append((np.clip(rendering.color, 0, 1) * 255 + 0.5).astype(np.uint8))
                 else:
                     write_image(self.out / f"{view:04d}.png", rendering.color)
                     if self.depth:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from dataclasses import field as option
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,7 +27,7 @@ class TransferPhoto(Common):
     """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
     out: Path = Path("out.png")
     """File for the stylised picture."""
-    config: Annotated[TransferConfig, tyro.conf.arg(name="")] = field(
+    config: Annotated[TransferConfig, tyro.conf.arg(name="")] = option(
         default_factory=TransferConfig)
     """Transfer."""
     dump: Path | None = None
@@ -57,7 +58,7 @@ class Stylize(Common):
     """Exemplar: a picture or a name from `lfportrait styles`."""
     out: Path = Path("styled.npz")
     """File for the stylised field."""
-    config: Annotated[StylizeConfig, tyro.conf.arg(name="")] = field(default_factory=StylizeConfig)
+    config: Annotated[StylizeConfig, tyro.conf.arg(name="")] = option(default_factory=StylizeConfig)
     """Stylisation."""
     dump: Path | None = None
     """Folder for pictures of every intermediate."""

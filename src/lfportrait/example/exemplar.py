@@ -111,7 +111,11 @@ def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> NDArray[np.float6
     beside = path.with_suffix(".landmarks.txt")
     if beside.exists():
         return np.asarray(read_landmarks(beside), np.float64)
-    found = detect_landmarks(image)
+    try:
+        found = detect_landmarks(image)
+    except UserError as error:
+        raise UserError(f"the style {path} has no {beside.name} beside it, and its landmarks "
+                        f"can't be detected: {error}") from error
     if found is None:
         raise UserError(f"no face found in the style {path}; put its 68 landmarks into "
                         f"{beside.name} beside it, one 'x y' a line")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 
 from ..errors import UserError
@@ -65,7 +66,7 @@ class TransferConfig:
     """Look-up table."""
     blit: BlitConfig = field(default_factory=BlitConfig)
     """Synthesis."""
-    seed: int = 0
+    seed: tyro.conf.Suppress[int] = 0
     """Seed of the chunks' jitter."""
 
 

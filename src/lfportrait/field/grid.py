@@ -42,7 +42,7 @@ class Rendering:
     depth: NDArray[np.float32]
 
     def points(self, cameras: Camera, view: int) -> NDArray[np.float64]:
-        """World point of the surface under each pixel, float64 [H, W, 3], NaN where there is none."""
+        """World point of the surface under each pixel, float64 [H, W, 3], NaN without one."""
         height, width = self.depth.shape
         origins, directions = cameras.rays(view)
         forward = cameras.pose[view, :3, 2]

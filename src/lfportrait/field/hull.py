@@ -72,8 +72,8 @@ def hull_box(cameras: Camera, alphas: list[NDArray[np.uint8]], reach: float = 1.
              ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Center and radius [3] of a box about what the mattes show, within ``reach`` of the origin.
 
-    A head lies inside [-1, 1]^3, its shoulders need not. Points count that at least two fifths of the
-    views have in the picture, so that the box does not follow the hull's tail away from the
+    A head lies inside [-1, 1]^3, its shoulders need not. Points count that at least two fifths of
+    the views have in the picture, so that the box does not follow the hull's tail away from the
     cameras.
     """
     center, radius = np.zeros(3), np.full(3, reach)

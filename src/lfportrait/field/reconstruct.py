@@ -17,10 +17,11 @@ from typing import Any
 
 import numba
 import numpy as np
+import tyro
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..capture import Camera, Capture
+from ..capture import Capture
 from ..errors import UserError
 from ..files import atomic_write
 from ..kernels.bricks import brick_table, row_width
@@ -74,7 +75,7 @@ class ReconstructConfig:
     """Grey level behind photos without mattes, and behind test views."""
     time_budget: float = 0.0
     """Seconds that the reconstruction may take; 0 follows the rays given above."""
-    seed: int = 0
+    seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the rays."""
 
 

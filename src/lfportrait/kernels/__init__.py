@@ -4,6 +4,6 @@ The threading layer is OpenMP where there is one, because Numba's fallback may n
 two Python threads at once (a viewer does that).
 """
 
-from numba import config as _config
+import numba
 
-_config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+setattr(numba.config, "THREADING_LAYER_PRIORITY", ["omp", "tbb", "workqueue"])  # noqa: B010

@@ -1,4 +1,4 @@
-"""Coding a light field: one ray per sub-pixel, of which only its own colour channel is evaluated."""
+"""Coding a light field: one ray per sub-pixel, of which only its own channel is evaluated."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ import numpy as np
 __all__ = ["bump", "capsule", "carve", "ellipsoid", "fractal", "inner", "noise", "smooth_step",
            "uniform", "union"]
 
-inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)  # type: ignore[call-overload]
 """For functions that only kernels call: no entry from Python, so they compile in half the time."""
 
 

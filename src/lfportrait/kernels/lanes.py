@@ -36,12 +36,17 @@ from numba.extending import (
     register_model,
 )
 
+from .identity import identified
+
 __all__ = ["LANES", "SCALAR", "WIDTH"]
 
 WIDTH = 16
 
 _F32, _I32, _I16, _I1 = ir.FloatType(), ir.IntType(32), ir.IntType(16), ir.IntType(1)
 _VF, _VI, _VM = (ir.VectorType(kind, WIDTH) for kind in (_F32, _I32, _I1))
+for _kind in (_F32, _I32, _I16, _I1, _VF, _VI, _VM):
+    # llvmlite keeps a type's text from its first use on, which would change what Numba hashes.
+    str(_kind)
 
 
 class _Lanes(types.Type):
@@ -98,7 +103,7 @@ def _lanes_of(context, builder, value, given, wanted):
 
 
 def _kind_of(arguments) -> _Lanes | None:
-    """The lane kind that an operation on ``arguments`` works in, or None if they are all scalars."""
+    """The lane kind that an operation on ``arguments`` works in, or None for scalars alone."""
     kinds = {a.kind for a in arguments if isinstance(a, _Lanes)}
     if len(kinds) != 1:
         return None
@@ -129,7 +134,7 @@ def _operator(function: Callable[..., Any], result: Callable[[_Lanes], _Lanes],
         return allowed[kind](builder, *(_lanes_of(context, builder, value, given, kind)
                                         for value, given in zip(args, sig.args)))
 
-    patterns = [(a, b) for a in (_FloatLanes, _IntLanes, _MaskLanes)
+    patterns: list[tuple[Any, ...]] = [(a, b) for a in (_FloatLanes, _IntLanes, _MaskLanes)
                 for b in (_FloatLanes, _IntLanes, _MaskLanes, types.Number, types.Boolean)]
     patterns += [(b, a) for a, b in patterns if not issubclass(b, _Lanes)]
     if count == 1:
@@ -232,7 +237,7 @@ def where(typing, condition, yes, no):
     return kind(condition, yes, no), code
 
 
-def _elementwise(name: str, code_of: dict[_Lanes, str], count: int):
+def _elementwise(code_of: dict[_Lanes, str], count: int):
     """An LLVM intrinsic applied lane by lane."""
     if count == 1:
         @intrinsic
@@ -254,18 +259,18 @@ def _elementwise(name: str, code_of: dict[_Lanes, str], count: int):
                 values = [_lanes_of(context, builder, v, t, kind) for v, t in zip(args, sig.args)]
                 return _call(builder, code_of[kind], _VECTOR[kind], values)
             return kind(a, b), code
-    function.__name__ = name
     return function
 
 
-floor = _elementwise("floor", {F: "llvm.floor.v16f32"}, 1)
-absolute = _elementwise("absolute", {F: "llvm.fabs.v16f32"}, 1)
-sqrt = _elementwise("sqrt", {F: "llvm.sqrt.v16f32"}, 1)
-round_even = _elementwise("round_even", {F: "llvm.roundeven.v16f32"}, 1)
-minimum = _elementwise("minimum", {F: "llvm.minnum.v16f32", I: "llvm.smin.v16i32"}, 2)
-maximum = _elementwise("maximum", {F: "llvm.maxnum.v16f32", I: "llvm.smax.v16i32"}, 2)
+floor = _elementwise({F: "llvm.floor.v16f32"}, 1)
+absolute = _elementwise({F: "llvm.fabs.v16f32"}, 1)
+sqrt = _elementwise({F: "llvm.sqrt.v16f32"}, 1)
+round_even = identified("lanes", "round even")(_elementwise({F: "llvm.roundeven.v16f32"}, 1))
+minimum = _elementwise({F: "llvm.minnum.v16f32", I: "llvm.smin.v16i32"}, 2)
+maximum = _elementwise({F: "llvm.maxnum.v16f32", I: "llvm.smax.v16i32"}, 2)
 
 
+@identified("lanes", "from bits")
 @intrinsic
 def _from_bits(typing, value):
     def code(context, builder, sig, args):
@@ -275,7 +280,7 @@ def _from_bits(typing, value):
 
 @intrinsic
 def fused(typing, a, b, c):
-    """a b + c in one rounding."""
+    """A b + c in one rounding."""
     def code(context, builder, sig, args):
         values = [_lanes_of(context, builder, v, t, F) for v, t in zip(args, sig.args)]
         return _call(builder, "llvm.fma.v16f32", _VF, values)
@@ -284,7 +289,7 @@ def fused(typing, a, b, c):
 
 @njit(inline="never", cache=True)
 def exp(x):
-    """e to the power x, relative error below 2e-7 for -87 < x < 88; 0 below, inf never."""
+    """E to the power x, relative error below 2e-7 for -87 < x < 88; 0 below, inf never."""
     x = minimum(maximum(x, np.float32(-87.0)), np.float32(88.0))
     whole = round_even(x * np.float32(1.4426950408889634))
     rest = fused(whole, np.float32(-0.693359375), x)
@@ -528,3 +533,8 @@ def _scalar_namespace() -> SimpleNamespace:
 
 
 SCALAR = _scalar_namespace()
+
+for _namespace in (LANES, SCALAR):
+    for _name, _function in vars(_namespace).items():
+        if _name != "width":
+            identified("lanes", _namespace.width, _name)(_function)

@@ -10,7 +10,7 @@ __all__ = ["adam_step", "gather_colors", "scatter_colors"]
 
 @njit(cache=True, parallel=True)
 def gather_colors(indptr, rows, weights, colors, out):
-    """out [P, 3] = weights times colors [N, 3] (CSR)."""
+    """Out [P, 3] = weights times colors [N, 3] (CSR)."""
     chunk = 512
     for part in prange((len(out) + chunk - 1) // chunk):
         for pixel in range(part * chunk, min(len(out), (part + 1) * chunk)):
@@ -25,7 +25,7 @@ def gather_colors(indptr, rows, weights, colors, out):
 
 @njit(cache=True, parallel=True)
 def scatter_colors(indptr, rows, weights, image, out):
-    """out [C, N] += transposed weights times image [C, P].
+    """Out [C, N] += transposed weights times image [C, P].
 
     One channel a thread, each in scan order: the sums do not depend on the threads.
     """

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from .identity import identified, identity
 from .lanes import LANES
 
 __all__ = ["BASIS_STRIDE", "enter_box", "make_basis", "make_channel_shade", "make_locate",
@@ -33,6 +34,7 @@ BASIS_STRIDE = 64
 """Floats of basis scratch per lane: four vectors of 16."""
 
 
+@identified("sh_basis")
 @njit(cache=True)
 def sh_basis(x, y, z, out, start, count):
     """Real spherical harmonics of a unit direction, in svox2's order, into out[start:start+count].
@@ -61,6 +63,7 @@ def make_basis(width: int) -> Callable[..., Any]:
     """
     two = width == 32
 
+    @identified("fill", width)
     @njit(cache=True)
     def fill(x, y, z, count, basis, start, scratch):
         for i in range(64):
@@ -88,6 +91,7 @@ def make_rgb_shade(width: int, lanes: SimpleNamespace = LANES) -> Callable[..., 
     floats = lanes.floats
     two = width == 32
 
+    @identified("rgb shade", width, lanes.width)
     @njit(cache=True)
     def shade(links, rows, base, weights, lane, basis, channel):
         first = floats(np.float32(0.0))
@@ -117,6 +121,7 @@ def make_channel_shade(width: int, basis_count: int,
     """One channel of one sample, for a sub-pixel: a window of 16 coefficients of each row."""
     load_half, total, load, floats = lanes.load_half, lanes.total, lanes.load, lanes.floats
 
+    @identified("channel shade", width, basis_count, lanes.width)
     @njit(cache=True)
     def shade(links, rows, base, weights, lane, basis, channel):
         window = np.uintp(channel * basis_count)
@@ -132,6 +137,7 @@ def make_channel_shade(width: int, basis_count: int,
     return shade
 
 
+@identified("enter_box")
 @njit(cache=True)
 def enter_box(ox, oy, oz, dx, dy, dz, nx, ny, nz):
     """Where a ray enters and leaves the lattice [0, n - 1]^3, as (start, end); start > end: never.
@@ -158,6 +164,7 @@ def make_locate(lanes: SimpleNamespace) -> Callable[..., Any]:
     ints, floats = lanes.ints, lanes.floats
     minimum, maximum, gather = lanes.minimum, lanes.maximum, lanes.gather
 
+    @identified("locate", lanes.width)
     @njit(cache=True)
     def locate(table, px, py, pz, nx, ny, nz):
         zero = np.float32(0.0)
@@ -183,13 +190,14 @@ def make_march(lanes: SimpleNamespace, shade: Callable[..., Any]) -> Callable[..
         comb start and end of each ray, ``step`` in lattice units, ``delta`` [lanes] the step in
         world units (Shen et al. 2023, Eq. 1), density threshold, transmittance to stop at.
     """
-    floats, ints, where, floor = lanes.floats, lanes.ints, lanes.where, lanes.floor
+    floats, where, floor = lanes.floats, lanes.where, lanes.floor
     minimum, maximum, exp = lanes.minimum, lanes.maximum, lanes.exp
     gather_pair, bits, lowest = lanes.gather_pair, lanes.bits, lanes.lowest
     lane_of, iota = lanes.lane, lanes.iota
     locate = make_locate(lanes)
     one, zero, half = np.float32(1.0), np.float32(0.0), np.float32(0.5)
 
+    @identified("march", lanes.width, identity(shade))
     @njit(cache=True)
     def march(table, links, density, rows, nx, ny, nz, ox, oy, oz, dx, dy, dz, start, end, step,
               delta, threshold, stop, basis, channel):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
+from .identity import identified
 from .lanes import LANES, SCALAR
 from .march import enter_box, make_basis, make_march, make_rgb_shade
 
@@ -104,6 +105,7 @@ def render_kernel_one_lane(width: int) -> Callable[..., Any]:
     """
     half, zero = SCALAR.half, np.float32(0.0)
 
+    @identified("one-lane shade", width)
     @njit(cache=True)
     def shade(links, rows, base, weights, lane, basis, channel):
         count = np.int64(channel)

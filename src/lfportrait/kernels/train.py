@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
+from .identity import identified
 from .lanes import LANES
 from .march import enter_box, make_basis, make_locate
 
@@ -52,12 +53,14 @@ def train_kernel(width: int) -> Callable[..., Any]:
     two = width == 32
     one, zero = np.float32(1.0), np.float32(0.0)
 
+    @identified("train corner_weights", width)
     @njit(cache=True)
     def corner_weights(x, y, z):
         return ((one - z) * (one - y) * (one - x), (one - z) * (one - y) * x,
                 (one - z) * y * (one - x), (one - z) * y * x,
                 z * (one - y) * (one - x), z * (one - y) * x, z * y * (one - x), z * y * x)
 
+    @identified("train sample_color", width)
     @njit(cache=True)
     def sample_color(links, rows, base, weights, basis, start):
         first, rest = floats(zero), floats(zero)
@@ -77,6 +80,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
             blue = total(first * load(basis, start + np.uintp(32)))
         return red + np.float32(0.5), green + np.float32(0.5), blue + np.float32(0.5)
 
+    @identified("train scatter", width)
     @njit(cache=True)
     def scatter(links, base, weights, basis, start, red, green, blue, sigma, grad_density,
                 grad_rows, touched):
@@ -99,6 +103,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
                 place += np.uintp(16)
                 store(grad_rows, place, load(grad_rows, place) + weights[corner] * rest)
 
+    @identified("train setup_ray", width)
     @njit(cache=True)
     def setup_ray(camera, lattice, count, x, y, step, i, ray, basis, scratch):
         cx = (x + 0.5 - camera[14]) / camera[12]
@@ -120,6 +125,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
         ray[3, i], ray[4, i], ray[5, i] = dx, dy, dz
         ray[6, i], ray[7, i], ray[8, i] = start, end, np.float32(step / norm)
 
+    @identified("train forward", width)
     @njit(cache=True)
     def forward(table, links, density, rows, nx, ny, nz, flat, step, threshold, stop, basis,
                 record_place, record_value, out):

@@ -1,4 +1,4 @@
-"""Displays, the mask guide, coding, quilts, simulation and patterns (Shen et al. 2023, 2.3, Eq. 8)."""
+"""Displays, mask guide, coding, quilts, simulation, patterns (Shen et al. 2023, 2.3, Eq. 8)."""
 
 from .display import Display
 from .encode import (

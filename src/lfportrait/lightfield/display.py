@@ -135,7 +135,7 @@ class Display:
         return np.minimum(view, np.nextafter(self.views, 0))
 
     def eyes(self) -> NDArray[np.float64]:
-        """x of each view's eye point, float64 [V_n], in half panel heights."""
+        """X of each view's eye point, float64 [V_n], in half panel heights."""
         share = 2.0 * (np.arange(self.views) + 0.5) / self.views - 1.0
         return self.distance * math.tan(math.radians(self.cone) / 2) * share
 
@@ -273,7 +273,9 @@ class Display:
                 text = str(list(value))
             else:
                 text = repr(value)
-            note = f"  # radians; {math.degrees(value):.4f} degrees" if entry.name == "slant" else ""
+            note = ""
+            if entry.name == "slant":
+                note = f"  # radians; {math.degrees(value):.4f} degrees"
             lines.append(f"{entry.name} = {text}{note}")
         return "\n".join(lines) + "\n"
 
@@ -318,9 +320,11 @@ def _from_toml(text: str, name: str) -> Display:
         if key in data:
             data[key] = tuple(data[key])
     for key, entry in known.items():
-        kind = {"int": int, "float": (int, float), "str": str, "bool": bool}.get(str(entry.type))
-        if key in data and kind is not None and (
-                not isinstance(data[key], kind) or (isinstance(data[key], bool) and kind is not bool)):
+        kinds: dict[str, Any] = {"int": int, "float": (int, float), "str": str, "bool": bool}
+        kind = kinds.get(str(entry.type))
+        wrong = key in data and kind is not None and (
+            not isinstance(data[key], kind) or (isinstance(data[key], bool) and kind is not bool))
+        if wrong:
             raise UserError(f"the display file {name}: {key} = {data[key]!r} is not "
                             f"{'a number' if kind is not str else 'a text'}")
         if key in data and str(entry.type) == "float":

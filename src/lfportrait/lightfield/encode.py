@@ -1,9 +1,9 @@
 """Coding a field for a display by direct casting: one ray per sub-pixel (Shen et al. 2023, 2.3).
 
 The field is placed in the display frame by a similarity: by default the middle of the head lies on
-the panel's plane, and the head, two world units high, takes 80 % of the panel's height. A sub-pixel's
-ray runs from the eye point of its view through the sub-pixel's own place on the panel: off-axis,
-never toed in, so that there is no vertical disparity. No picture of any view is ever made.
+the panel's plane, and the head, two world units high, takes 80 % of the panel's height. A
+sub-pixel's ray runs from the eye point of its view through the sub-pixel's own place on the panel:
+off-axis, never toed in, so that there is no vertical disparity. No picture of any view is made.
 """
 
 from __future__ import annotations

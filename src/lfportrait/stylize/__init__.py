@@ -1,4 +1,4 @@
-"""The optimisation of a field to a style: features, losses, colour fit (Shen et al. 2023, 2.1-2.2)."""
+"""Optimising a field to a style: features, losses, colour fit (Shen et al. 2023, 2.1-2.2)."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -73,7 +73,7 @@ class ColorModel:
                 total += float((residual ** 2 * weight[..., None]).sum())
                 mass += 3.0 * float(weight.sum())
                 scaled = weight[..., None] * residual / np.maximum(view.alpha, 0.05)[..., None]
-                self.pulled_back(view, scaled, update)
+                self.pulled_back(view, scaled.astype(np.float32), update)
             known = self.seen > 1e-4
             self.colors[known] += (update[:, known] / self.seen[known]).T
             np.clip(self.colors, 0.0, 1.0, out=self.colors)

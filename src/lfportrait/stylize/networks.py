@@ -70,8 +70,10 @@ def _bottleneck(x: torch.Tensor, weights: Weights, name: str, stride: int, folde
         value = functional.conv2d(value, weights[f"{name}.{part}.weight"], bias, step, padding)
         if folded:
             return value
-        keys = (f"{name}.{norm}.{k}" for k in ("running_mean", "running_var", "weight", "bias"))
-        return functional.batch_norm(value, *(weights[key] for key in keys))
+        mean, variance, scale, shift = (
+            weights[f"{name}.{norm}.{key}"]
+            for key in ("running_mean", "running_var", "weight", "bias"))
+        return functional.batch_norm(value, mean, variance, scale, shift)
 
     first, second = (stride, 1) if folded else (1, stride)
     y = torch.relu(convolve(x, "conv1", "bn1", first, 0))

@@ -22,6 +22,7 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
+import tyro
 from numpy.typing import NDArray
 
 from .. import models
@@ -84,7 +85,7 @@ class StylizeConfig:
     """Grey level behind the head while stylising."""
     transfer: TransferConfig = field(default_factory=TransferConfig)
     """Example-based transfer."""
-    seed: int = 0
+    seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the views and of the chunks."""
 
 
@@ -252,7 +253,8 @@ class _Refinement:
         assert bank is not None
         found = stacked(self.content(image)) if self.content is not self.style else features
         inside_content = torch.nn.functional.interpolate(
-            torch.from_numpy(view.alpha)[None, None], size=found.shape[-2:], mode="area")[0, 0] > 0.3
+            torch.from_numpy(view.alpha)[None, None], size=found.shape[-2:], mode="area"
+        )[0, 0] > 0.3
         terms = {
             "style": nearest_neighbour_loss(features[:, inside].T, bank),
             "content": content_loss(found, content_features, inside_content),

@@ -142,7 +142,7 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
             result = transfer.apply(content, pixels[0], mask=rendering.alpha)
         alpha = rendering.alpha[..., None]
         example = np.where(np.isfinite(points[..., :1]), result.image, content)
-        example = np.float32(example * alpha + background * (1.0 - alpha))
+        example = (example * alpha + background * (1.0 - alpha)).astype(np.float32)
     facing = _facing(points, camera.position[0])
     return StyleView(content, example, rendering.alpha, facing, field.sample_weights(camera, 0),
                      result if keep else None)

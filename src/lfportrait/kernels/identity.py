@@ -1,0 +1,47 @@
+"""The same identity in every process for functions that a factory makes, so that caching works.
+
+Numba finds a function's compiled code on disk by a hash of its bytecode and of what it closes over.
+Another compiled function among the latter counts by a random identity, so that code of a factory's
+function is never found again: each process would compile it anew and add another file. Here such
+functions get an identity from their names, the factory's parameters and the kernels' sources; an
+edit of any kernel compiles all of them anew.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+__all__ = ["identified", "identity"]
+
+
+@functools.cache
+def _sources() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def identity(function: Any) -> str:
+    """The identity of a compiled function, to make others' from it."""
+    return str(function._uuid)
+
+
+def identified(*parts: Any) -> Callable[[Any], Any]:
+    """Decorate a compiled function (outermost) with an identity made of ``parts``.
+
+    Parameters
+    ----------
+    parts
+        What tells the function from all others: its name, and all that the factory was given.
+    """
+    def set_identity(function: Any) -> Any:
+        name = repr((_sources(), *parts))
+        function._set_uuid(str(uuid.uuid5(uuid.NAMESPACE_OID, name)))
+        return function
+    return set_identity
