@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 SCRIPT = """
 from lfportrait.capture import Camera
@@ -30,7 +31,8 @@ for kernel in (train_kernel(32), encode_kernel(32, 9), render_kernel_one_lane(32
 
 def run(script, **environment):
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True,
-                            check=True, env={**os.environ, **environment})
+                            check=True, cwd=Path(__file__).parents[1],
+                            env={**os.environ, **environment})
     return result.stdout
 
 
