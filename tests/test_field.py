@@ -47,7 +47,8 @@ def test_svox2s_files_are_read_old_form_and_skip_distances_included(tmp_path):
     assert np.allclose(back.sh, field.sh)
 
 
-@pytest.mark.parametrize("spoil", ["missing key", "links", "text", "truncated", "basis"])
+@pytest.mark.parametrize("spoil", ["missing key", "links", "text", "truncated", "basis", "words",
+                                   "nan", "cube", "frame", "compressed"])
 def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
     path = tmp_path / "f.npz"
     field = shell_field(size=8)
@@ -63,13 +64,39 @@ def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
             del arrays["sh_data"]
         elif spoil == "links":
             arrays["links"] = arrays["links"] + 10_000
-        else:
+        elif spoil == "basis":
             arrays["basis_type"] = np.int64(4)
+        elif spoil == "words":
+            arrays["links"] = np.full(arrays["links"].shape, "x")
+        elif spoil == "nan":
+            arrays["density_data"][3] = np.nan
+        elif spoil == "cube":
+            arrays["radius"] = np.zeros(3, np.float32)
+        elif spoil == "frame":
+            arrays["frame"] = np.eye(3)
         np.savez(path, **arrays)
+        if spoil == "compressed":
+            np.savez_compressed(path, **arrays)
+            content = bytearray(path.read_bytes())
+            for place in range(100, len(content) - 1200, 37):
+                content[place] ^= 0xFF
+            path.write_bytes(content)
     with pytest.raises(UserError, match=r"f\.npz"):
         VoxelField.load(path)
     with pytest.raises(UserError, match="no such"):
         VoxelField.load(tmp_path / "none.npz")
+
+
+def test_a_background_is_left_out_with_a_warning(tmp_path):
+    field = shell_field(size=8)
+    field.save(tmp_path / "f.npz")
+    with np.load(tmp_path / "f.npz") as data:
+        arrays = dict(data)
+    np.savez(tmp_path / "b.npz", **arrays, background_links=np.zeros((4, 2), np.int32),
+             background_data=np.zeros((8, 64, 4), np.float32))
+    with pytest.warns(UserWarning, match="background"):
+        back = VoxelField.load(tmp_path / "b.npz")
+    assert np.array_equal(back.links, field.links)
 
 
 def ball_capture(count=21, size=40, alpha=True, room=False):
@@ -157,6 +184,10 @@ def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path)
     with pytest.raises(Stop):
         reconstruct(capture, config, Interrupt(), checkpoint=checkpoint)
     assert checkpoint.is_file()
+    damaged = tmp_path / "damaged.npz"
+    damaged.write_bytes(checkpoint.read_bytes()[:500])
+    again, _ = reconstruct(capture, config, checkpoint=damaged)  # starts anew
+    assert np.array_equal(first.density, again.density)
     second, figures = reconstruct(capture, config, checkpoint=checkpoint)
     assert np.array_equal(first.links, second.links)
     assert np.array_equal(first.density, second.density)

@@ -1,4 +1,4 @@
-"""Compiled kernels are found again by the next process: compiling takes seconds, loading does not."""
+"""The next process finds compiled kernels again: compiling takes seconds, loading does not."""
 
 import os
 import subprocess

@@ -141,7 +141,7 @@ def test_half_precision_decodes_exactly_in_the_one_lane_twin():
     assert np.array_equal(out[:-1], wanted[:-1], equal_nan=True)
 
 
-def test_the_marching_loop_compiles_for_a_gpu():
+def test_ray_set_up_compiles_for_a_gpu():
     cuda = pytest.importorskip("numba_cuda_mlir.cuda", reason="the cuda extra is not installed")
     from lfportrait.kernels.march import enter_box
 

@@ -11,6 +11,7 @@ drawn. Steps are counted in rays, not in seconds, unless a time budget is given.
 from __future__ import annotations
 
 import time
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -233,7 +234,7 @@ class _Trainer:
                     self.level, self.rays_done = int(data["level"]), int(data["rays"])
                     self.links, self.density, self.rows = (data["links"], data["density"],
                                                            data["rows"])
-        except (OSError, ValueError, KeyError, EOFError):
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return
 
     def _key(self) -> str:

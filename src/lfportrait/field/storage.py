@@ -7,7 +7,9 @@ float16 [N, 3 B], ``basis_type`` (1 = spherical harmonics); ours has the links t
 
 from __future__ import annotations
 
+import warnings
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,8 @@ from ..files import atomic_write
 from .grid import VoxelField
 
 __all__ = ["load_field", "save_field"]
+
+_NEEDED = ("radius", "center", "links", "density_data", "sh_data")
 
 
 def save_field(field: VoxelField, path: Any) -> None:
@@ -42,7 +46,8 @@ def load_field(path: Any) -> VoxelField:
     Raises
     ------
     UserError
-        If the file is missing, damaged, not a field, or holds what we don't render (a background).
+        If the file is missing, damaged, or not a field. A background in it is left out with a
+        warning.
     """
     path = Path(path)
     try:
@@ -50,15 +55,17 @@ def load_field(path: Any) -> VoxelField:
             arrays = {name: data[name] for name in data.files}
     except FileNotFoundError as error:
         raise UserError(f"no such field file: {path}") from error
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, AttributeError) as error:
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error,
+            AttributeError, NotImplementedError) as error:
         raise UserError(f"{path} is not a field (.npz written by lfportrait or svox2), or it is "
                         f"damaged: {error}") from error
     if "data" in arrays and "density_data" not in arrays:  # svox2's old form
         arrays["density_data"], arrays["sh_data"] = arrays["data"][:, :1], arrays["data"][:, 1:]
-    missing = [name for name in ("radius", "center", "links", "density_data", "sh_data")
-               if name not in arrays]
+    missing = [name for name in _NEEDED if name not in arrays]
     if missing:
         raise UserError(f"{path} is not a field: it has no {', '.join(missing)}")
+    if any(arrays[name].dtype.kind not in "fiu" for name in _NEEDED):
+        raise UserError(f"{path} is not a field: it holds text where numbers should be")
     if int(arrays.get("basis_type", 1)) != 1:
         raise UserError(f"{path} uses a colour basis other than spherical harmonics, which "
                         "lfportrait does not read")
@@ -68,9 +75,18 @@ def load_field(path: Any) -> VoxelField:
                         f"colour {sh.shape} do not fit together")
     if links.max(initial=-1) >= len(density):
         raise UserError(f"{path} is damaged: its links point beyond its {len(density)} voxels")
+    if not (np.isfinite(density).all() and np.isfinite(sh).all()):
+        raise UserError(f"{path} is damaged: it holds values that are not finite")
+    center, radius = arrays["center"], arrays["radius"]
+    frame = arrays.get("frame", np.eye(4))
+    if center.size not in (1, 3) or radius.size not in (1, 3) or frame.shape != (4, 4) or not (
+            np.isfinite(center).all() and np.isfinite(radius).all() and (radius > 0).all()):
+        raise UserError(f"{path} is damaged: its cube or its frame makes no sense")
+    if "background_data" in arrays:
+        warnings.warn(f"{path.name} has a background, which is left out", stacklevel=2)
     return VoxelField(np.maximum(np.ascontiguousarray(links.transpose(2, 1, 0), np.int32), -1),
                       np.ascontiguousarray(density, np.float32),
                       sh.astype(np.float32).reshape(len(sh), 3, -1),
-                      np.broadcast_to(arrays["center"], (3,)).astype(np.float64),
-                      np.broadcast_to(arrays["radius"], (3,)).astype(np.float64),
-                      arrays.get("frame", np.eye(4)).astype(np.float64))
+                      np.broadcast_to(center.ravel(), (3,)).astype(np.float64),
+                      np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
+                      frame.astype(np.float64))

@@ -15,7 +15,7 @@ from .march import enter_box
 __all__ = ["CAPACITY", "pixel_weights"]
 
 CAPACITY = 96
-"""Most rows that one pixel keeps; the faintest of a denser pixel are dropped."""
+"""Most rows that one pixel keeps; of a denser pixel the farthest are dropped."""
 
 
 @njit(cache=True, parallel=True)
