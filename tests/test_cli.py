@@ -142,3 +142,21 @@ def test_the_installed_program_runs():
                             capture_output=True, text=True, check=False)
     assert result.returncode == 0
     assert result.stdout.strip()
+
+
+def test_a_gpu_that_is_not_supported_is_told(tmp_path, capsys):
+    assert run("encode", tmp_path / "field.npz", "--device", "cuda") == 2
+    assert "CPU" in one_line(capsys)
+
+
+def test_a_damaged_photo_among_good_ones_is_skipped_with_a_warning(tmp_path, style, capsys):
+    generator = np.random.default_rng(0)
+    for number in range(2):
+        write_image(tmp_path / "photos" / f"{number}.png",
+                    generator.integers(0, 256, (60, 80, 3), dtype=np.uint8))
+    (tmp_path / "photos" / "torn.jpg").write_bytes(b"\xff\xd8\xff\xe0 torn")
+    assert run("make", tmp_path / "photos", "--style", style, "--out", tmp_path / "out",
+               "--quiet") == 2
+    errors = capsys.readouterr().err
+    assert "warning:" in errors
+    assert "torn.jpg" in errors

@@ -12,6 +12,7 @@ import os
 import sys
 import time
 import traceback
+import warnings
 from typing import Any
 
 from . import __version__
@@ -56,6 +57,8 @@ def _execute(name: str, arguments: list[str]) -> int:
     module_name, class_name, _ = COMMANDS[name]
     module = importlib.import_module(f".commands.{module_name}", __package__)
     command: Any = tyro.cli(getattr(module, class_name), args=arguments, prog=f"lfportrait {name}")
+    if getattr(command, "device", "auto") == "cuda":
+        raise UserError("this version computes on the CPU only; leave --device at auto or cpu")
     start = time.perf_counter()
     figures = command.run()
     target = getattr(command, "json", None)
@@ -69,6 +72,11 @@ def _execute(name: str, arguments: list[str]) -> int:
         figures["version"] = __version__
         write_json(target, figures)
     return 0
+
+
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    """A warning in one line, without the place in our code that gave it."""
+    print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -97,7 +105,11 @@ def main(arguments: list[str] | None = None) -> int:
               f"{', '.join(COMMANDS)}", file=sys.stderr)
         return 2
     try:
-        return _execute(words[0], words[1:])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            warnings.filterwarnings("always", category=UserWarning, module=r"lfportrait\.")
+            warnings.showwarning = _warn
+            return _execute(words[0], words[1:])
     except UserError as error:
         print(f"lfportrait: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

@@ -53,7 +53,8 @@ def visual_hull(cameras: Camera, alphas: list[NDArray[np.uint8]], shape: tuple[i
     Returns
     -------
     hull
-        bool [Z, Y, X]. Points that no picture shows are not in it.
+        bool [Z, Y, X]. Points that fewer than a twentieth of the pictures show are not in it:
+        nothing would keep them from becoming floaters.
     """
     x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)
                for i in range(3))
@@ -65,7 +66,8 @@ def visual_hull(cameras: Camera, alphas: list[NDArray[np.uint8]], shape: tuple[i
         covered = ndimage.maximum_filter(alpha, size=2 * int(np.ceil(voxel)) + 1) > 12
         row = np.concatenate([pose[:3].ravel(), focal, cameras.center[view]])
         _carve(x, y, z, row, covered, seen, against)
-    return (seen > 0) & (against <= tolerance * seen)
+    enough = max(1, round(0.05 * len(alphas)))
+    return (seen >= enough) & (against <= tolerance * seen)
 
 
 def hull_box(cameras: Camera, alphas: list[NDArray[np.uint8]], reach: float = 1.8,
