@@ -12,7 +12,7 @@ import numpy as np
 
 from lfportrait.capture import Camera
 from lfportrait.demo import demo_capture
-from lfportrait.field import ReconstructConfig, reconstruct
+from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 from lfportrait.files import write_image
 from lfportrait.progress import Progress
 
@@ -25,7 +25,7 @@ def main(out: Path = Path("example-out"), size: int = 256, views: int = 40,
 
     # Two levels of resolution, a few million rays: seconds instead of minutes.
     with Progress("reconstruct") as progress:
-        field, figures = reconstruct(
+        field, figures = reconstruct_with_figures(
             capture, ReconstructConfig(resolutions=(64, 128), rays=rays), progress)
     print(f"{figures['voxels']} voxels, held-out views at {figures['test']['psnr']:.1f} dB")
     field.save(out / "field.npz")

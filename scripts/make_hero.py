@@ -1,6 +1,6 @@
 """Draw the README's picture from a finished demo: photo, painting, stylised views, coded picture.
 
-    python scripts/make_hero.py demo-out docs/images/hero.jpg
+python scripts/make_hero.py demo-out docs/images/hero.jpg
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ import pytest
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.errors import UserError
-from lfportrait.field import ReconstructConfig, VoxelField, reconstruct
+from lfportrait.field import ReconstructConfig, VoxelField, reconstruct_with_figures
 from lfportrait.field.hull import hull_box, visual_hull
 
 from .fields import shell_field
@@ -147,7 +147,7 @@ def test_the_hull_holds_the_ball_and_little_more():
 
 def test_a_ball_is_reconstructed():
     capture = ball_capture()
-    field, figures = reconstruct(capture, TINY)
+    field, figures = reconstruct_with_figures(capture, TINY)
     assert figures["test"]["psnr"] > 27
     assert figures["test"]["views"] == 3
     assert figures["train"]["rays"] > 100_000
@@ -161,14 +161,14 @@ def test_a_ball_is_reconstructed():
 
 def test_a_ball_without_mattes_is_reconstructed_on_white():
     capture = ball_capture(alpha=False)
-    _, figures = reconstruct(capture, TINY)
+    _, figures = reconstruct_with_figures(capture, TINY)
     assert figures["test"]["psnr"] > 24
 
 
 def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path):
     capture = ball_capture(count=8, size=32)
     config = ReconstructConfig(resolutions=(16, 24), rays=(0.03, 0.05), batch=2048, sh_degree=0)
-    first, _ = reconstruct(capture, config)
+    first, _ = reconstruct_with_figures(capture, config)
     checkpoint = tmp_path / "state.npz"
 
     class Stop(Exception):
@@ -182,13 +182,13 @@ def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path)
                 raise Stop
 
     with pytest.raises(Stop):
-        reconstruct(capture, config, Interrupt(), checkpoint=checkpoint)
+        reconstruct_with_figures(capture, config, Interrupt(), checkpoint=checkpoint)
     assert checkpoint.is_file()
     damaged = tmp_path / "damaged.npz"
     damaged.write_bytes(checkpoint.read_bytes()[:500])
-    again, _ = reconstruct(capture, config, checkpoint=damaged)  # starts anew
+    again, _ = reconstruct_with_figures(capture, config, checkpoint=damaged)  # starts anew
     assert np.array_equal(first.density, again.density)
-    second, figures = reconstruct(capture, config, checkpoint=checkpoint)
+    second, figures = reconstruct_with_figures(capture, config, checkpoint=checkpoint)
     assert np.array_equal(first.links, second.links)
     assert np.array_equal(first.density, second.density)
     assert np.array_equal(first.sh, second.sh)
@@ -196,7 +196,7 @@ def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path)
 
 
 def test_a_time_budget_ends_with_a_usable_field():
-    _, figures = reconstruct(ball_capture(), ReconstructConfig(
+    _, figures = reconstruct_with_figures(ball_capture(), ReconstructConfig(
         resolutions=(24, 40), rays=(50.0, 50.0), batch=4096, sh_degree=0, time_budget=6.0))
     assert figures["test"]["psnr"] > 20
     assert figures["seconds"]["train"] < 30
@@ -204,11 +204,12 @@ def test_a_time_budget_ends_with_a_usable_field():
 
 def test_bad_parameters_and_captures_are_the_users_mistake():
     with pytest.raises(UserError, match="one a level"):
-        reconstruct(ball_capture(4), ReconstructConfig(resolutions=(8,), rays=(1.0, 2.0)))
+        reconstruct_with_figures(ball_capture(4),
+                                 ReconstructConfig(resolutions=(8,), rays=(1.0, 2.0)))
     with pytest.raises(UserError, match="too few"):
-        reconstruct(ball_capture(2))
+        reconstruct_with_figures(ball_capture(2))
     capture = ball_capture(6)
     for alpha in capture.alphas:
         alpha[:] = 0
     with pytest.raises(UserError, match="mattes"):
-        reconstruct(capture)
+        reconstruct_with_figures(capture)

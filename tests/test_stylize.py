@@ -10,7 +10,7 @@ from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.files import read_image
 from lfportrait.kernels.linear import adam_step, gather_colors, scatter_colors
-from lfportrait.stylize import StylizeConfig, load_network, stylize
+from lfportrait.stylize import StylizeConfig, load_network, stylize_with_figures
 from lfportrait.stylize.fit import ColorModel, affine_color_map
 from lfportrait.stylize.losses import (
     content_loss,
@@ -208,10 +208,10 @@ def test_strength_blends_without_training():
 def job():
     """A small field of the modelled head, its capture, and a painted exemplar."""
     from lfportrait.demo import demo_capture, demo_exemplar
-    from lfportrait.field import ReconstructConfig, reconstruct
+    from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 
     capture = demo_capture(size=96, views=20)
-    field, _ = reconstruct(capture, ReconstructConfig(
+    field, _ = reconstruct_with_figures(capture, ReconstructConfig(
         resolutions=(32, 64), rays=(0.15, 0.3), batch=4096, sh_degree=0))
     return field, capture, demo_exemplar(width=240, height=320)
 
@@ -222,7 +222,7 @@ SMALL = StylizeConfig(size=112, arc=40.0, views=3, pitches=(5.0,), fit_iteration
 
 def test_a_head_takes_on_the_exemplar(job):
     field, capture, exemplar = job
-    styled, figures = stylize(field, capture, exemplar, SMALL)
+    styled, figures = stylize_with_figures(field, capture, exemplar, SMALL)
     assert styled.basis == 1
     assert np.array_equal(styled.density, field.density)
     assert figures["fit"]["rmse"][-1] < 0.6 * figures["fit"]["rmse"][0]
@@ -235,7 +235,7 @@ def test_a_head_takes_on_the_exemplar(job):
     real, painted = (f.render(camera).color[alpha].mean(0) for f in (field, styled))
     palette = exemplar.image[exemplar.mask > 0.5].mean(0) / 255.0
     assert np.linalg.norm(painted - palette) < 0.7 * np.linalg.norm(real - palette)
-    again, _ = stylize(field, capture, exemplar, SMALL)
+    again, _ = stylize_with_figures(field, capture, exemplar, SMALL)
     assert np.array_equal(again.sh, styled.sh)
 
 
@@ -243,7 +243,8 @@ def test_the_rivals_method_runs_on_the_same_field(job):
     from dataclasses import replace
 
     field, capture, exemplar = job
-    styled, figures = stylize(field, capture, exemplar, replace(SMALL, method="arf", steps=6))
+    styled, figures = stylize_with_figures(field, capture, exemplar,
+                                           replace(SMALL, method="arf", steps=6))
     assert figures["method"] == "arf"
     before, after = (figures["refinement"][k]["losses"]["style"] for k in ("before", "after"))
     assert after < before
@@ -255,7 +256,7 @@ def test_a_capture_without_landmarks_is_told(job):
 
     field, capture, exemplar = job
     with pytest.raises(UserError, match="landmarks"):
-        stylize(field, replace(capture, landmarks=None), exemplar, SMALL)
+        stylize_with_figures(field, replace(capture, landmarks=None), exemplar, SMALL)
 
 
 def test_views_are_cropped_to_the_head():

@@ -5,8 +5,8 @@ The whole job in five lines::
     import lfportrait as lf
 
     capture = lf.Capture.load("photos/")            # or lf.calibrate("photos/")
-    field = lf.reconstruct(capture)[0]
-    styled = lf.stylize(field, capture, lf.Exemplar.load("ken.png"))[0]
+    field = lf.reconstruct(capture)
+    styled = lf.stylize(field, capture, lf.Exemplar.load("ken.png"))
     image = lf.encode(styled, lf.Display.preset("lookingglass-16"))  # uint8 [H, W, 3]
 """
 

@@ -38,7 +38,7 @@ from .capture import (
 )
 from .errors import UserError
 from .example import Exemplar
-from .field import ReconstructConfig, VoxelField, reconstruct
+from .field import ReconstructConfig, VoxelField, reconstruct_with_figures
 from .files import write_image, write_json
 from .lightfield import Display, EncodeConfig, ViewMask, encode_with_figures, quilt_of
 from .measure import machine, peak_memory_bytes
@@ -271,21 +271,21 @@ class _Job:
     def _reconstruct(self) -> dict[str, Any]:
         checkpoint = self.stages.scratch("reconstruct.npz")
         with self._progress("reconstruct") as progress:
-            result, figures = reconstruct(Capture.load(self.out / "capture"),
-                                          replace(self.config.reconstruct, seed=self.seed),
-                                          progress, checkpoint=checkpoint)
+            result, figures = reconstruct_with_figures(
+                Capture.load(self.out / "capture"),
+                replace(self.config.reconstruct, seed=self.seed), progress, checkpoint=checkpoint)
         result.save(self.out / "field.npz")
         self.stages.remove_scratch("reconstruct.npz")
         return {**figures, "peak_memory_bytes": peak_memory_bytes()}
 
     def _stylize(self) -> dict[str, Any]:
-        from .stylize import stylize
+        from .stylize import stylize_with_figures
 
         with self._progress("stylize") as progress:
-            styled, figures = stylize(VoxelField.load(self.out / "field.npz"),
-                                      Capture.load(self.out / "capture"), self.exemplar,
-                                      replace(self.config.stylize, seed=self.seed),
-                                      progress, device=self.device)
+            styled, figures = stylize_with_figures(
+                VoxelField.load(self.out / "field.npz"), Capture.load(self.out / "capture"),
+                self.exemplar, replace(self.config.stylize, seed=self.seed), progress,
+                device=self.device)
         styled.save(self.out / "styled.npz")
         return {**figures, "peak_memory_bytes": peak_memory_bytes()}
 

@@ -59,13 +59,13 @@ class Reconstruct(Common):
 
     def run(self) -> dict[str, Any]:
         """Reconstruct and save."""
-        from ..field import reconstruct
+        from ..field import reconstruct_with_figures
 
         capture = Capture.load(self.capture)
         checkpoint = self.out.with_name(f".{self.out.stem}.checkpoint.npz")
         with self.progress("reconstruct") as progress:
-            result, figures = reconstruct(capture, replace(self.config, seed=self.seed), progress,
-                                          checkpoint=checkpoint)
+            result, figures = reconstruct_with_figures(
+                capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint)
         result.save(self.out)
         checkpoint.unlink(missing_ok=True)
         return figures

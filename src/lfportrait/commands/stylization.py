@@ -68,16 +68,16 @@ class Stylize(Common):
         from ..capture import CalibrateConfig
         from ..field import VoxelField
         from ..pipeline import prepare_capture
-        from ..stylize import stylize
+        from ..stylize import stylize_with_figures
 
         exemplar = Exemplar.load(self.style)
         voxels = VoxelField.load(self.field)
         capture, _ = prepare_capture(self.capture, CalibrateConfig(), keep_background=True,
                                      need_face=True)
         with self.progress("stylize") as progress:
-            styled, figures = stylize(voxels, capture, exemplar,
-                                      replace(self.config, seed=self.seed), progress,
-                                      device=self.device, dump=self.dump)
+            styled, figures = stylize_with_figures(
+                voxels, capture, exemplar, replace(self.config, seed=self.seed), progress,
+                device=self.device, dump=self.dump)
         styled.save(self.out)
         return figures
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..capture import Camera, Capture
 from ..example import Exemplar, Transfer
-from ..field import ReconstructConfig, VoxelField, reconstruct
+from ..field import ReconstructConfig, VoxelField, reconstruct_with_figures
 from ..lightfield import (
     Display,
     EncodeConfig,
@@ -68,7 +68,7 @@ def _field(path: Path | None, progress: Progress | None) -> VoxelField:
     if path is not None:
         return VoxelField.load(path)
     _say(progress, "reconstructing the embedded head")
-    return reconstruct(_embedded_capture(), SHORT)[0]
+    return reconstruct_with_figures(_embedded_capture(), SHORT)[0]
 
 
 def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", "8k"),
@@ -202,10 +202,10 @@ def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None,
     """
     config = config or SHORT
     # A miniature run compiles the kernels before the clock starts.
-    reconstruct(capture, replace(config, resolutions=(24,), rays=(0.02,), batch=4096))
+    reconstruct_with_figures(capture, replace(config, resolutions=(24,), rays=(0.02,), batch=4096))
     _say(progress, "reconstructing")
     start = time.perf_counter()
-    field, run = reconstruct(capture, config, progress)
+    field, run = reconstruct_with_figures(capture, config, progress)
     seconds = time.perf_counter() - start
     front = Camera.arc(np.zeros(1), distance=4.0, width=render_size, height=render_size,
                        focal=1.7 * render_size)
@@ -299,7 +299,7 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
         ``seconds`` of the parts, ``view_seconds`` (render, transfer, weights of a view),
         ``fit_iteration_seconds``, ``step_seconds`` (one refinement step), the networks.
     """
-    from ..stylize import StylizeConfig, stylize
+    from ..stylize import StylizeConfig, stylize_with_figures
 
     if exemplar is None:
         from ..demo import demo_exemplar
@@ -307,9 +307,9 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
         exemplar = demo_exemplar()
     config = StylizeConfig(size=size, views=views, pitches=(8.0,), steps=steps)
     # A miniature run compiles the kernels and loads the networks before the clock starts.
-    stylize(field, capture, exemplar, replace(config, size=96, views=1, steps=1))
+    stylize_with_figures(field, capture, exemplar, replace(config, size=96, views=1, steps=1))
     _say(progress, "stylising")
-    _, run = stylize(field, capture, exemplar, config, progress)
+    _, run = stylize_with_figures(field, capture, exemplar, config, progress)
     seconds = run["seconds"]
     return {"seconds": seconds, "size": size, "views": run["views"], "steps": steps,
             "view_seconds": seconds["views"] / max(run["views"], 1),
@@ -352,7 +352,7 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
         if name == "reconstruct":
             return bench_reconstruct(photos, progress=progress)
         voxels = (VoxelField.load(field) if field is not None
-                  else reconstruct(photos, SHORT, progress)[0])
+                  else reconstruct_with_figures(photos, SHORT, progress)[0])
         return bench_stylize(voxels, photos, progress=progress)
 
     if what != "all" and what not in BENCHES:

@@ -33,7 +33,7 @@ from ..progress import Progress
 from .grid import VoxelField, camera_row
 from .hull import hull_box, visual_hull
 
-__all__ = ["ReconstructConfig", "reconstruct"]
+__all__ = ["ReconstructConfig", "held_out_quality", "reconstruct", "reconstruct_with_figures"]
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,14 @@ class ReconstructConfig:
 
 
 def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
-                progress: Progress | None = None, checkpoint: Path | None = None,
-                ) -> tuple[VoxelField, dict[str, Any]]:
+                progress: Progress | None = None, checkpoint: Path | None = None) -> VoxelField:
+    """Reconstruct a radiance field from a capture: `reconstruct_with_figures`' field alone."""
+    return reconstruct_with_figures(capture, config, progress, checkpoint)[0]
+
+
+def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None = None,
+                             progress: Progress | None = None, checkpoint: Path | None = None,
+                             ) -> tuple[VoxelField, dict[str, Any]]:
     """Reconstruct a radiance field from a capture.
 
     Parameters

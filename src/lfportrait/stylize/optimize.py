@@ -38,7 +38,7 @@ from .losses import content_loss, laplacian_loss, nearest_neighbour_loss, stacke
 from .networks import FeatureNetwork, load_network
 from .views import StyleView, prepare_view, style_cameras
 
-__all__ = ["StylizeConfig", "stylize"]
+__all__ = ["StylizeConfig", "stylize", "stylize_with_figures"]
 
 Network = Literal["auto", "vgg16", "resnet50", "vgg19-se", "embedded"]
 
@@ -91,7 +91,15 @@ class StylizeConfig:
 
 def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar,
             config: StylizeConfig | None = None, progress: Progress | None = None,
-            device: str = "auto", dump: Path | None = None) -> tuple[VoxelField, dict[str, Any]]:
+            device: str = "auto", dump: Path | None = None) -> VoxelField:
+    """Give a field the manner of an exemplar: `stylize_with_figures`' field alone."""
+    return stylize_with_figures(field, capture, exemplar, config, progress, device, dump)[0]
+
+
+def stylize_with_figures(field: VoxelField, capture: Capture, exemplar: Exemplar,
+                         config: StylizeConfig | None = None, progress: Progress | None = None,
+                         device: str = "auto", dump: Path | None = None,
+                         ) -> tuple[VoxelField, dict[str, Any]]:
     """Give a field the manner of an exemplar.
 
     Parameters
