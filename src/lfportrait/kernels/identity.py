@@ -29,7 +29,7 @@ def _sources() -> str:
 
 def identity(function: Any) -> str:
     """The identity of a compiled function, to make others' from it."""
-    return str(function._uuid)
+    return str(getattr(function, "_uuid", ""))
 
 
 def identified(*parts: Any) -> Callable[[Any], Any]:
@@ -42,6 +42,8 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
     """
     def set_identity(function: Any) -> Any:
         name = repr((_sources(), *parts))
-        function._set_uuid(str(uuid.uuid5(uuid.NAMESPACE_OID, name)))
+        # A GPU compiler's functions have no place in Numba's cache.
+        if hasattr(function, "_set_uuid"):
+            function._set_uuid(str(uuid.uuid5(uuid.NAMESPACE_OID, name)))
         return function
     return set_identity

@@ -38,7 +38,7 @@ from numba.extending import (
 
 from .identity import identified
 
-__all__ = ["LANES", "SCALAR", "WIDTH"]
+__all__ = ["LANES", "SCALAR", "WIDTH", "one_lane_namespace"]
 
 WIDTH = 16
 
@@ -447,57 +447,71 @@ def total(typing, value):
 
 
 LANES = SimpleNamespace(
-    width=WIDTH, floats=floats, ints=ints, masks=masks, iota=iota, where=where, floor=floor,
+    width=WIDTH, jit=njit(cache=True), floats=floats, ints=ints, masks=masks, iota=iota, where=where, floor=floor,
     absolute=absolute, sqrt=sqrt, minimum=minimum, maximum=maximum, exp=exp, gather=gather,
+    gather3=gather,
     gather_pair=gather_pair, load=load, load_half=load_half, store=store, bits=bits,
     lowest=lowest, lane=lane, total=total, fused=fused)
 
 
-def _scalar_namespace() -> SimpleNamespace:
-    """The same names for one lane: plain numbers, as a GPU thread has them."""
+def one_lane_namespace(jit: Callable[..., Any]) -> SimpleNamespace:
+    """The same names for one lane: plain numbers, as a GPU thread has them.
+
+    Parameters
+    ----------
+    jit
+        Decorator that compiles a function: Numba's for the CPU, a GPU compiler's for device code.
+    """
     import math
 
-    @njit(inline="always")
+    @jit
     def one_float(value):
         return np.float32(value)
 
-    @njit(inline="always")
+    @jit
     def one_int(value):
         return np.int32(value)
 
-    @njit(inline="always")
+    @jit
     def one_mask(value):
         return bool(value)
 
-    @njit(inline="always")
+    @jit
     def zero():
         return np.int32(0)
 
-    @njit(inline="always")
+    @jit
     def choose(condition, yes, no):
         return yes if condition else no
 
-    @njit(inline="always")
+    @jit
     def floor_one(x):
         return np.float32(math.floor(x))
 
-    @njit(inline="always")
+    @jit
     def least(a, b):
         return a if a < b else b
 
-    @njit(inline="always")
+    @jit
     def greatest(a, b):
         return a if a > b else b
 
-    @njit(inline="always")
+    @jit
     def exp_one(x):
         return np.float32(math.exp(x))
 
-    @njit(inline="always")
+    @jit
     def item(array, index):
-        return array.reshape(array.size)[np.uintp(index)]
+        return array[np.uintp(index)]
 
-    @njit
+    @jit
+    def item3(array, index):
+        # Flat index into an array of three dimensions (the brick table).
+        high, wide = np.int32(array.shape[1]), np.int32(array.shape[2])
+        row = index // wide
+        return array[row // high, row % high, index % wide]
+
+    @jit
     def half(word):
         # Numba has no float16 on the CPU: decode sign, exponent and fraction.
         exponent, fraction = (word >> 10) & 31, word & 1023
@@ -509,32 +523,35 @@ def _scalar_namespace() -> SimpleNamespace:
             size = (1024 + fraction) * 2.0 ** (exponent - 25.0)
         return np.float32(-size if word & 0x8000 else size)
 
-    @njit
+    @jit
     def half_pair(array, index):
         return half(array[np.uintp(index)]), half(array[np.uintp(index) + np.uintp(1)])
 
-    @njit(inline="always")
+    @jit
     def mask_bits(mask):
         return np.uint32(1) if mask else np.uint32(0)
 
-    @njit(inline="always")
+    @jit
     def first(word):
         return np.uint32(0)
 
-    @njit(inline="always")
+    @jit
     def self_lane(value, index):
         return value
 
     return SimpleNamespace(
-        width=1, floats=one_float, ints=one_int, masks=one_mask, iota=zero, where=choose,
-        floor=floor_one, minimum=least, maximum=greatest, exp=exp_one, gather=item,
+        width=1, jit=jit, floats=one_float, ints=one_int, masks=one_mask, iota=zero, where=choose,
+        floor=floor_one, minimum=least, maximum=greatest, exp=exp_one, gather=item, gather3=item3,
         gather_pair=half_pair, half=half,
         bits=mask_bits, lowest=first, lane=self_lane)
 
 
-SCALAR = _scalar_namespace()
+SCALAR = one_lane_namespace(njit)
 
 for _namespace in (LANES, SCALAR):
+    _known: set[int] = set()
     for _name, _function in vars(_namespace).items():
-        if _name != "width":
+        # A function under two names keeps its first identity.
+        if _name not in ("width", "jit") and id(_function) not in _known:
+            _known.add(id(_function))
             identified("lanes", _namespace.width, _name)(_function)

@@ -162,10 +162,10 @@ def enter_box(ox, oy, oz, dx, dy, dz, nx, ny, nz):
 def make_locate(lanes: SimpleNamespace) -> Callable[..., Any]:
     """A function that finds the cells of positions: bricks, offsets inside, fractions."""
     ints, floats = lanes.ints, lanes.floats
-    minimum, maximum, gather = lanes.minimum, lanes.maximum, lanes.gather
+    minimum, maximum, gather = lanes.minimum, lanes.maximum, lanes.gather3
 
     @identified("locate", lanes.width)
-    @njit(cache=True)
+    @lanes.jit
     def locate(table, px, py, pz, nx, ny, nz):
         zero = np.float32(0.0)
         ix = minimum(ints(maximum(px, zero)), np.int32(nx - 2))
@@ -198,7 +198,7 @@ def make_march(lanes: SimpleNamespace, shade: Callable[..., Any]) -> Callable[..
     one, zero, half = np.float32(1.0), np.float32(0.0), np.float32(0.5)
 
     @identified("march", lanes.width, identity(shade))
-    @njit(cache=True)
+    @lanes.jit
     def march(table, links, density, rows, nx, ny, nz, ox, oy, oz, dx, dy, dz, start, end, step,
               delta, threshold, stop, basis, channel):
         red, green, blue = floats(zero), floats(zero), floats(zero)
