@@ -449,8 +449,9 @@ def total(typing, value):
 LANES = SimpleNamespace(
     width=WIDTH, jit=njit(cache=True), floats=floats, ints=ints, masks=masks, iota=iota,
     where=where, floor=floor, absolute=absolute, sqrt=sqrt, minimum=minimum, maximum=maximum,
-    exp=exp, gather=gather, gather3=gather, gather_pair=gather_pair, load=load, load_half=load_half, store=store, bits=bits,
-    lowest=lowest, lane=lane, total=total, fused=fused)
+    exp=exp, gather=gather, gather3=gather, gather_pair=gather_pair,
+    load=load, load_half=load_half, store=store, bits=bits, lowest=lowest, lane=lane, total=total,
+    fused=fused)
 
 
 def one_lane_namespace(jit: Callable[..., Any]) -> SimpleNamespace:
