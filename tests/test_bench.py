@@ -63,7 +63,7 @@ def ball_capture(size=40, views=12) -> Capture:
 
 def test_reconstruct_reports_speed_and_quality():
     figures = bench_reconstruct(
-        ball_capture(), ReconstructConfig(resolutions=(24,), rays=(0.2,), batch=4096),
+        ball_capture(), ReconstructConfig(resolutions=(24,), rays=(0.2,), batch=(4096,)),
         render_size=48, repeats=1)
     assert figures["train_rays"] > 150000 and figures["train_rays_per_second"] > 0
     assert figures["render_rays_per_second"] > 0 and figures["seconds"] > 0

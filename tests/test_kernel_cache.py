@@ -29,9 +29,21 @@ for kernel in (train_kernel(32), encode_kernel(32, 9), render_kernel_one_lane(32
 """
 
 
-def run(script, **environment):
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True,
-                            check=True, cwd=Path(__file__).parents[1],
+TWINS = """
+import sys
+import numpy as np
+from tests.test_raycast import Training
+
+for basis in map(int, sys.argv[1:]):
+    field = Training(basis)
+    losses, density, sh = field.run(field.field.density, field.field.sh)
+    print(basis, losses.sum(), np.abs(density).sum(), np.abs(sh).sum())
+"""
+
+
+def run(script, *arguments, **environment):
+    result = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True,
+                            text=True, check=True, cwd=Path(__file__).parents[1],
                             env={**os.environ, **environment})
     return result.stdout
 
@@ -45,3 +57,9 @@ def test_every_kernel_has_the_same_key_in_every_process():
     first, second = (run(KEYS, PYTHONHASHSEED=seed) for seed in ("1", "2"))
     assert first == second
     assert len(set(first.split())) == 6
+
+
+def test_products_of_one_factory_compiled_apart_work_together(tmp_path):
+    # Each process numbers its functions anew: their symbols must differ by more than the number.
+    apart = "".join(run(TWINS, basis, NUMBA_CACHE_DIR=str(tmp_path)) for basis in ("9", "1"))
+    assert run(TWINS, "9", "1", NUMBA_CACHE_DIR=str(tmp_path)) == apart

@@ -7,9 +7,10 @@ from scipy import ndimage
 from lfportrait.capture import Camera
 from lfportrait.field import VoxelField
 from lfportrait.kernels.bricks import brick_table, build_bricks, row_width
+from lfportrait.kernels.descent import rmsprop, total_variation
 from lfportrait.kernels.march import sh_basis as kernel_basis
 from lfportrait.kernels.render import render_kernel_one_lane
-from lfportrait.kernels.train import rmsprop, total_variation, train_kernel
+from lfportrait.kernels.train import train_kernel
 
 from .fields import shell_field
 from .reference.raycast import cast, sh_basis
@@ -178,25 +179,25 @@ class Training:
         self.table, self.links = brick_table(self.field.links, len(self.field.density))
         self.lattice = self.field.lattice
 
-    def run(self, density, sh, sparsity=0.0):
+    def run(self, density, sh, sparsity=0.0, distortion=0.0):
         count = len(density)
         rows = np.zeros((count + 1, self.width), np.float32)
         rows[:count, :3 * self.basis] = sh.reshape(count, -1)
-        grad_density = np.zeros((self.workers, count + 1), np.float32)
         grad_rows = np.zeros((self.workers, rows.size), np.float32)
         touched = np.zeros((self.workers, count + 1), np.uint8)
         losses = np.zeros((self.workers, 2))
-        options = np.array([0.5, 1e-9, 1e-7, 0.4, sparsity, 0.0])
+        options = np.array([0.5, 1e-9, 1e-7, 0.4, sparsity, distortion, 0.0, 0.0])
         train_kernel(self.width)(
             self.table, self.links, np.append(density, np.float32(0)), rows.ravel(), self.lattice,
             self.basis, self.cameras, np.array([[10, 9], [10, 9]]), np.array([0, 90]), self.pixels,
-            self.tiles, self.background, options, grad_density, grad_rows, touched,
+            self.tiles, np.repeat(self.background, 16, axis=0), options, grad_rows,
+            np.zeros((16 * len(self.tiles), 3), np.float32), touched,
             np.zeros((self.workers, 1), np.float32), losses)
-        grad = grad_rows.sum(0).reshape(count + 1, self.width)[:count, :3 * self.basis]
-        return losses, grad_density.sum(0)[:count], grad.reshape(sh.shape)
+        grad = grad_rows.sum(0).reshape(count + 1, self.width)[:count]
+        return losses, grad[:, -1], grad[:, :3 * self.basis].reshape(sh.shape)
 
-    def loss(self, density, sh):
-        """The loss in float64 by the reference: colour and opacity errors."""
+    def loss(self, density, sh, narrow=0.0):
+        """The loss in float64 by the reference: colour, opacity and distortion."""
         field = VoxelField(self.field.links, density, sh)
         total = 0.0
         for tile, ground in zip(self.tiles, self.background):
@@ -206,8 +207,11 @@ class Training:
                 x, y = min(tile[2] + (i & 3), 9), min(tile[1] + (i >> 2), 8)
                 local = np.array([(x + 0.5 - camera[14]) / camera[12],
                                   (y + 0.5 - camera[15]) / camera[13], 1.0])
-                color, through, _, _ = cast(field, pose[:, 3], pose[:, :3] @ local,
-                                            threshold=1e-9, stop=1e-7)
+                color, through, _, samples = cast(field, pose[:, 3], pose[:, :3] @ local,
+                                                  threshold=1e-9, stop=1e-7)
+                if narrow and samples:
+                    total += narrow * distortion([s[2] for s in samples], [s[4] for s in samples],
+                                                 samples[0][3])
                 pixel = self.pixels[90 * tile[0] + y * 10 + x] / 255.0
                 truth = pixel[:3] * pixel[3] + (1 - pixel[3]) * ground
                 total += (((color + through * ground - truth) ** 2).mean()
@@ -215,11 +219,19 @@ class Training:
         return total / (16 * len(self.tiles))
 
 
-@pytest.mark.parametrize("basis", [9, 1])
-def test_training_gradients_equal_finite_differences(basis):
+def distortion(weights, numbers, step):
+    """The distortion loss of one ray's samples, pair by pair; step in world units."""
+    weights, places = np.array(weights, np.float64), np.array(numbers) * step
+    return float((weights[:, None] * weights * abs(places[:, None] - places)).sum()
+                 + (weights ** 2).sum() * step / 3)
+
+
+@pytest.mark.parametrize("basis, narrow", [(9, 0.0), (1, 0.0), (9, 0.7)])
+def test_training_gradients_equal_finite_differences(basis, narrow):
     training = Training(basis)
     density, sh = training.field.density.astype(np.float64), training.field.sh.astype(np.float64)
-    _, grad_density, grad_sh = training.run(training.field.density, training.field.sh)
+    _, grad_density, grad_sh = training.run(training.field.density, training.field.sh,
+                                            distortion=narrow)
     random = np.random.default_rng(2)
     strong = np.argsort(-np.abs(grad_density))[:60]
     for row in random.choice(strong, 4, replace=False):
@@ -227,7 +239,8 @@ def test_training_gradients_equal_finite_differences(basis):
         step = 1e-4 * max(1.0, density[row])
         changed[0][row] += step
         changed[1][row] -= step
-        slope = (training.loss(changed[0], sh) - training.loss(changed[1], sh)) / (2 * step)
+        slope = (training.loss(changed[0], sh, narrow)
+                 - training.loss(changed[1], sh, narrow)) / (2 * step)
         assert abs(slope - grad_density[row]) < 2e-3 * abs(slope) + 1e-7
     flat = np.argsort(-np.abs(grad_sh).ravel())[:200]
     for place in random.choice(flat, 4, replace=False):
@@ -258,24 +271,28 @@ def test_sparsity_pushes_densities_down():
 def test_rmsprop_equals_numpy():
     random = np.random.default_rng(0)
     rows, width, used = 7, 16, 12
+    density = random.random(rows).astype(np.float32)
     values = random.standard_normal(rows * width).astype(np.float32)
     square = random.random(rows * width).astype(np.float32)
     gradients = random.standard_normal((2, rows * width)).astype(np.float32)
     touched = np.zeros((2, rows), np.uint8)
     touched[0, 1] = touched[1, 3] = touched[0, 6] = 1
-    expected, expected_square = values.copy(), square.copy()
+    gradients[0, 3 * width:4 * width] = gradients[1, width:2 * width] = 0.0
+    expected, expected_square, expected_density = values.copy(), square.copy(), density.copy()
     for row in (1, 3):  # the last row is the empty one, which never changes
-        part = slice(row * width, row * width + used)
+        part = np.r_[row * width:row * width + used, (row + 1) * width - 1]
         gradient = gradients[0, part] + gradients[1, part]
         expected_square[part] = 0.9 * square[part] + 0.1 * gradient ** 2
-        expected[part] = np.maximum(
-            values[part] - 0.5 * gradient / (np.sqrt(expected_square[part]) + 1e-8), -0.2)
-    rmsprop(values, width, used, gradients, touched, square, np.float32(0.5), np.float32(0.9),
-            np.float32(1e-8), np.float32(-0.2), True)
+        change = gradient / (np.sqrt(expected_square[part]) + 1e-8)
+        expected[part[:-1]] -= 0.5 * change[:-1]
+        expected_density[row] = max(density[row] - 0.3 * change[-1], 0.1)
+    rmsprop(density, values, width, used, gradients, touched, square, np.float32(0.3),
+            np.float32(0.5), np.float32(0.9), np.float32(1e-8), np.float32(0.1))
     assert np.allclose(values, expected, atol=1e-6)
+    assert np.allclose(density, expected_density, atol=1e-6)
     assert np.allclose(square, expected_square, atol=1e-6)
     assert not touched[:, :6].any()
-    assert not gradients[:, 16:28].any()
+    assert not gradients[:, [*range(16, 28), 31]].any()
 
 
 def test_total_variation_equals_finite_differences():
@@ -301,8 +318,8 @@ def test_total_variation_equals_finite_differences():
                              + 1e-9).sum()
 
     gradient, touched = np.zeros(61, np.float32), np.zeros(61, np.uint8)
-    total_variation(np.arange(60, dtype=np.int32), neighbours, 0, 60,
-                    np.append(values, 0).astype(np.float32), 1, 1, 0.3, 1.7, gradient, touched)
+    total_variation(neighbours, 0, 60, np.append(values, 0).astype(np.float32), 1, 1, 0.3, 1.7,
+                    gradient, 1, 0, touched)
     for place in range(60):
         up, down = values.copy(), values.copy()
         up[place] += 1e-5

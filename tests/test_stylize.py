@@ -212,7 +212,7 @@ def job():
 
     capture = demo_capture(size=96, views=20)
     field, _ = reconstruct_with_figures(capture, ReconstructConfig(
-        resolutions=(32, 64), rays=(0.15, 0.3), batch=4096, sh_degree=0))
+        resolutions=(32, 64), rays=(0.15, 0.3), batch=(4096,), sh_degree=0))
     return field, capture, demo_exemplar(width=240, height=320)
 
 

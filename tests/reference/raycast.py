@@ -28,7 +28,7 @@ def trilinear(position, shape):
 
 def cast(field, origin, direction, step=0.5, threshold=1e-2, stop=1e-3):
     """Color [3] without background, transmittance, distance of the surface in lattice units,
-    and the samples [(rows, weights, weight, delta)], for a world ray."""
+    and the samples [(rows, weights, weight, delta, number of the step)], for a world ray."""
     shape = field.links.shape
     size = np.array(shape[::-1], float)
     scale = size / (2 * field.radius)
@@ -59,7 +59,7 @@ def cast(field, origin, direction, step=0.5, threshold=1e-2, stop=1e-3):
         fade = np.exp(-sigma * delta)
         weight = through * (1 - fade)
         color += weight * shade
-        samples.append((rows, weights, weight, delta))
+        samples.append((rows, weights, weight, delta, k - 1))
         if through >= 0.5 > through * fade:
             surface = t + ((through - 0.5) / (through - through * fade) - 0.5) * step
         through *= fade

@@ -38,7 +38,7 @@ PANELS = {"1080p": "generic-1080p", "4k": "generic-4k", "8k": "generic-8k"}
 """Sizes of ``bench encode`` and the presets that have them."""
 MASKS = {"1k": "generic-1k", "2k": "generic-2k", "4k": "generic-4k", "8k": "generic-8k"}
 """Sizes of the paper's Table 1."""
-SHORT = ReconstructConfig(resolutions=(64, 128), rays=(0.5, 1.0), batch=16384)
+SHORT = ReconstructConfig(resolutions=(64, 128), rays=(0.5, 1.0), batch=(16384,))
 """A reconstruction that takes seconds, for a field to measure on."""
 
 
@@ -202,7 +202,8 @@ def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None,
     """
     config = config or SHORT
     # A miniature run compiles the kernels before the clock starts.
-    reconstruct_with_figures(capture, replace(config, resolutions=(24,), rays=(0.02,), batch=4096))
+    reconstruct_with_figures(capture, replace(config, resolutions=(24,), rays=(0.02,),
+                                              batch=(4096,)))
     _say(progress, "reconstructing")
     start = time.perf_counter()
     field, run = reconstruct_with_figures(capture, config, progress)

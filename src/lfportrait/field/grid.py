@@ -18,6 +18,7 @@ from ..kernels.bricks import Bricks, build_bricks
 from ..kernels.march import lattice_of_world
 from ..kernels.render import render_kernel
 from ..kernels.weights import CAPACITY, pixel_weights
+from .background import Background, cube_rays
 
 __all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row"]
 
@@ -94,6 +95,8 @@ class VoxelField:
         center + radius (2 (i + 0.5) / resolution - 1).
     frame
         float64 [4, 4], similarity from the source's frame to the portrait frame.
+    background
+        Spheres behind the lattice that hold the room, or None.
     """
 
     links: NDArray[np.int32]
@@ -102,6 +105,7 @@ class VoxelField:
     center: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     radius: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    background: Background | None = None
     _bricks: Bricks | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -146,7 +150,7 @@ class VoxelField:
     def with_sh(self, sh: NDArray[np.floating[Any]]) -> VoxelField:
         """The same densities with other coefficients [N, 3, B]."""
         return VoxelField(self.links, self.density, np.ascontiguousarray(sh, np.float32),
-                          self.center, self.radius, self.frame)
+                          self.center, self.radius, self.frame, self.background)
 
     def render(self, cameras: Camera, view: int = 0, *, background: float | Any = 1.0,
                step: float = 0.5, threshold: float = 1e-2, stop: float = 1e-3,
@@ -158,7 +162,7 @@ class VoxelField:
         cameras, view
             Batch of cameras and which of them.
         background
-            Grey level or RGB behind the field.
+            Grey level or RGB behind the field; the field's own room, where it has one, hides it.
         step
             Distance between samples in voxels.
         threshold
@@ -178,7 +182,12 @@ class VoxelField:
             camera_row(cameras, view), (width, height), step, threshold, stop, color, alpha, depth)
         image = color.reshape(height, width, 3)
         opacity = alpha.reshape(height, width)
-        image += (1.0 - opacity[..., None]) * np.asarray(background, np.float32)
+        behind = np.asarray(background, np.float32)
+        if self.background is not None:
+            rays = cube_rays(cameras, view, self.center, self.radius)
+            grey = float(behind.mean())
+            behind = self.background.color(rays, grey).reshape(image.shape)
+        image += (1.0 - opacity[..., None]) * behind
         return Rendering(image, opacity, depth.reshape(height, width))
 
     def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,

@@ -7,17 +7,18 @@ float16 [N, 3 B], ``basis_type`` (1 = spherical harmonics); ours has the links t
 
 from __future__ import annotations
 
-import warnings
 import zipfile
 import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import __version__
 from ..errors import UserError
 from ..files import atomic_write
+from .background import Background
 from .grid import VoxelField
 
 __all__ = ["load_field", "save_field"]
@@ -29,6 +30,10 @@ def save_field(field: VoxelField, path: Any) -> None:
     """Write a field; coefficients are rounded to float16, as svox2 does."""
     if Path(path).suffix != ".npz":
         raise UserError(f"a field is written as .npz, not {Path(path).name}")
+    behind: dict[str, Any] = {}
+    if field.background is not None:
+        behind = {"background_links": field.background.links,
+                  "background_data": field.background.data.astype(np.float32)}
     with atomic_write(path) as stream:
         np.savez(stream, radius=field.radius.astype(np.float32),
                  center=field.center.astype(np.float32),
@@ -37,7 +42,7 @@ def save_field(field: VoxelField, path: Any) -> None:
                  sh_data=np.clip(field.sh.reshape(len(field.sh), -1), -6e4, 6e4
                                  ).astype(np.float16),
                  basis_type=np.int64(1), frame=field.frame,
-                 lfportrait_version=np.str_(__version__))
+                 lfportrait_version=np.str_(__version__), **behind)
 
 
 def load_field(path: Any) -> VoxelField:
@@ -46,8 +51,7 @@ def load_field(path: Any) -> VoxelField:
     Raises
     ------
     UserError
-        If the file is missing, damaged, or not a field. A background in it is left out with a
-        warning.
+        If the file is missing, damaged, or not a field.
     """
     path = Path(path)
     try:
@@ -82,11 +86,24 @@ def load_field(path: Any) -> VoxelField:
     if center.size not in (1, 3) or radius.size not in (1, 3) or frame.shape != (4, 4) or not (
             np.isfinite(center).all() and np.isfinite(radius).all() and (radius > 0).all()):
         raise UserError(f"{path} is damaged: its cube or its frame makes no sense")
-    if "background_data" in arrays:
-        warnings.warn(f"{path.name} has a background, which is left out", stacklevel=2)
     return VoxelField(np.maximum(np.ascontiguousarray(links.transpose(2, 1, 0), np.int32), -1),
                       np.ascontiguousarray(density, np.float32),
                       sh.astype(np.float32).reshape(len(sh), 3, -1),
                       np.broadcast_to(center.ravel(), (3,)).astype(np.float64),
                       np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
-                      frame.astype(np.float64))
+                      frame.astype(np.float64), _background(arrays, path))
+
+
+def _background(arrays: dict[str, NDArray[Any]], path: Path) -> Background | None:
+    """svox2's spheres behind the lattice, if there are any: links [2 R, R], data [N, layers, 4]."""
+    if "background_data" not in arrays or "background_links" not in arrays:
+        return None
+    links, data = arrays["background_links"], arrays["background_data"]
+    if data.size == 0:
+        return None
+    if (links.ndim != 2 or links.shape[0] != 2 * links.shape[1] or data.ndim != 3
+            or data.shape[1] < 2 or data.shape[2] != 4 or links.max(initial=-1) >= len(data)
+            or not np.isfinite(data).all()):
+        raise UserError(f"{path} is damaged: its background makes no sense")
+    return Background(np.maximum(np.ascontiguousarray(links, np.int32), -1),
+                      np.ascontiguousarray(data, np.float32))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
+from .identity import identified
 from .lanes import LANES
 from .march import enter_box, make_channel_shade, make_march, sh_basis
 
@@ -33,6 +34,7 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
     march = make_march(LANES, make_channel_shade(width, count))
     load, store = LANES.load, LANES.store
 
+    @identified("encode", width, count)
     @njit(cache=True, parallel=True)
     def encode(table, links, density, rows, lattice, mask, fixed, eyes, panel, step, threshold,
                stop, background, out):

@@ -5,6 +5,11 @@ Another compiled function among the latter counts by a random identity, so that 
 function is never found again: each process would compile it anew and add another file. Here such
 functions get an identity from their names, the factory's parameters and the kernels' sources; an
 edit of any kernel compiles all of them anew.
+
+The identity becomes part of the function's name, too. Numba tells functions of one name apart by
+the order in which a process compiled them, and code that comes from the disk keeps the number of
+the process that wrote it: two products of a factory could bear one symbol, and the linker would
+take either for both.
 """
 
 from __future__ import annotations
@@ -33,7 +38,7 @@ def identity(function: Any) -> str:
 
 
 def identified(*parts: Any) -> Callable[[Any], Any]:
-    """Decorate a compiled function (outermost) with an identity made of ``parts``.
+    """Decorate a factory's compiled function (outermost) with an identity made of ``parts``.
 
     Parameters
     ----------
@@ -44,6 +49,9 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
         name = repr((_sources(), *parts))
         # A GPU compiler's functions have no place in Numba's cache.
         if hasattr(function, "_set_uuid"):
-            function._set_uuid(str(uuid.uuid5(uuid.NAMESPACE_OID, name)))
+            number = uuid.uuid5(uuid.NAMESPACE_OID, name)
+            function._set_uuid(str(number))
+            if hasattr(function, "py_func"):
+                function.py_func.__qualname__ += f"_{number.hex[:12]}"
         return function
     return set_identity

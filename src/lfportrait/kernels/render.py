@@ -33,6 +33,7 @@ def render_kernel(width: int) -> Callable[..., Any]:
     fill_basis = make_basis(width)
     load, store, floats = LANES.load, LANES.store, LANES.floats
 
+    @identified("render", width)
     @njit(cache=True, parallel=True)
     def render(table, links, density, rows, lattice, count, camera, size, step, threshold, stop,
                color, alpha, depth):
@@ -123,6 +124,7 @@ def render_kernel_one_lane(width: int) -> Callable[..., Any]:
 
     march = make_march(SCALAR, shade)
 
+    @identified("one-lane cast", width)
     @njit(cache=True)
     def cast(table, links, density, rows, lattice, count, origin, direction, basis, step, delta,
              threshold, stop):

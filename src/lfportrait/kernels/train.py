@@ -2,11 +2,15 @@
 
 Rays come in packets of 4x4 pixels, whose samples share bricks and colour rows. Going forward, the
 density of 16 rays is interpolated in lanes, and each visible sample is written down (its cell, its
-weight, its colour). Going backward over the record, the colour still to come behind each sample
-gives all of its gradients (Shen et al. 2023, Eq. 1, differentiated)::
+weight, its colour), 16 rays at a time. Going backward over the record, the colour still to come
+behind each sample gives all of its gradients (Shen et al. 2023, Eq. 1, differentiated)::
 
     dC/dc_i     = w_i,      w_i = T_i (1 - exp(-sigma_i delta))
     dC/dsigma_i = delta (T_{i+1} c_i - (colour behind i)),   dA/dsigma_i = delta T_end
+
+The distortion loss, sum_ij w_i w_j |t_i - t_j| + sum_i w_i^2 delta / 3 (Barron et al. 2022,
+Mip-NeRF 360, Eq. 15), draws a ray's weights together: surfaces get thin, and a ray has fewer
+samples.
 
 Every worker adds into its own gradient arrays, which the optimiser sums in a fixed order: the same
 seed gives the same bytes however the threads are scheduled.
@@ -25,7 +29,11 @@ from .identity import identified
 from .lanes import LANES
 from .march import enter_box, make_basis, make_locate
 
-__all__ = ["rmsprop", "total_variation", "train_kernel"]
+__all__ = ["train_kernel"]
+
+_STEP = 160
+"""Floats that a packet's sample takes in the record: fractions x, y, z; weight; transmittance
+behind it; density; distance; red, green, blue; 16 lanes each."""
 
 
 @functools.cache
@@ -36,19 +44,21 @@ def train_kernel(width: int) -> Callable[..., Any]:
     -------
     train
         ``train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, tiles,
-        background, options, grad_density, grad_rows, touched, weight, losses)``; ``tiles`` int32
+        background, options, grad_rows, grad_background, touched, weight, losses)``; ``tiles`` int32
         [T, 3] (view, first row, first column) in blocks of 4x4 pixels, ``cameras`` float64 [V, 16],
         ``sizes`` int64 [V, 2] (width, height), ``starts`` int64 [V] first pixel of each view in
         ``pixels`` uint8 [P, 4] (colour composited by the kernel, alpha), ``background`` float32
-        [T, 3], ``options`` float64: step, threshold, stop, alpha weight, sparsity, 1 to record the
-        largest weight only. Workers' arrays carry a leading axis of workers.
+        [16 T, 3] and its gradient, written; ``options`` float64: step, threshold, stop, alpha
+        weight, sparsity, distortion, 1 to record the largest weight only, distance from the camera
+        that rays start at (world units). Gradients are added
+        to ``grad_rows``, the density's in the last value of its row; ``grad_rows``, ``touched``,
+        ``weight`` and ``losses`` carry a leading axis of workers.
     """
     locate = make_locate(LANES)
     fill_basis = make_basis(width)
     floats, where, floor = LANES.floats, LANES.where, LANES.floor
     minimum, maximum, exp, gather = LANES.minimum, LANES.maximum, LANES.exp, LANES.gather
-    bits, lowest, lane_of, load, store = (LANES.bits, LANES.lowest, LANES.lane, LANES.load,
-                                          LANES.store)
+    bits, lowest, load, store = LANES.bits, LANES.lowest, LANES.load, LANES.store
     total, iota = LANES.total, LANES.iota
     two = width == 32
     one, zero = np.float32(1.0), np.float32(0.0)
@@ -82,21 +92,20 @@ def train_kernel(width: int) -> Callable[..., Any]:
 
     @identified("train scatter", width)
     @njit(cache=True)
-    def scatter(links, base, weights, basis, start, red, green, blue, sigma, grad_density,
-                grad_rows, touched):
+    def scatter(links, base, weights, basis, start, red, green, blue, sigma, grad_rows, touched):
+        own = where(iota() == np.int32(15), floats(sigma), floats(zero))
         if two:
             first = (load(basis, start) * red + load(basis, start + np.uintp(16)) * green)
             rest = (load(basis, start + np.uintp(32)) * green
-                    + load(basis, start + np.uintp(48)) * blue)
+                    + load(basis, start + np.uintp(48)) * blue + own)
         else:
             first = (load(basis, start) * red + load(basis, start + np.uintp(16)) * green
-                     + load(basis, start + np.uintp(32)) * blue)
+                     + load(basis, start + np.uintp(32)) * blue + own)
             rest = first
         for corner in range(8):
             offset = (corner >> 2) * 25 + ((corner >> 1) & 1) * 5 + (corner & 1)
             row = np.uintp(links[np.uintp(base + offset)])
             touched[row] = 1
-            grad_density[row] += weights[corner] * sigma
             place = row * np.uintp(width)
             store(grad_rows, place, load(grad_rows, place) + weights[corner] * first)
             if two:
@@ -105,7 +114,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
 
     @identified("train setup_ray", width)
     @njit(cache=True)
-    def setup_ray(camera, lattice, count, x, y, step, i, ray, basis, scratch):
+    def setup_ray(camera, lattice, count, x, y, step, near, i, ray, basis, scratch):
         cx = (x + 0.5 - camera[14]) / camera[12]
         cy = (y + 0.5 - camera[15]) / camera[13]
         scale = 1.0 / np.sqrt(cx * cx + cy * cy + 1.0)
@@ -121,6 +130,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
         dx, dy, dz = np.float32(gx / norm), np.float32(gy / norm), np.float32(gz / norm)
         start, end = enter_box(ox, oy, oz, dx, dy, dz, np.int32(lattice[0]), np.int32(lattice[1]),
                                np.int32(lattice[2]))
+        start = max(start, np.float32(near * norm))
         ray[0, i], ray[1, i], ray[2, i] = ox, oy, oz
         ray[3, i], ray[4, i], ray[5, i] = dx, dy, dz
         ray[6, i], ray[7, i], ray[8, i] = start, end, np.float32(step / norm)
@@ -128,11 +138,12 @@ def train_kernel(width: int) -> Callable[..., Any]:
     @identified("train forward", width)
     @njit(cache=True)
     def forward(table, links, density, rows, nx, ny, nz, flat, step, threshold, stop, basis,
-                record_place, record_value, out):
+                places, words, record, out):
         ox, oy, oz = load(flat, 0), load(flat, 16), load(flat, 32)
         dx, dy, dz = load(flat, 48), load(flat, 64), load(flat, 80)
         start, end, delta = load(flat, 96), load(flat, 112), load(flat, 128)
         red, green, blue = floats(zero), floats(zero), floats(zero)
+        spread = floats(zero)
         through, k, t = floats(one), floats(zero), start
         tiny = np.float32(1e-9)
         inverse_x = one / where((dx < tiny) & (dx > -tiny), tiny, dx)
@@ -141,7 +152,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
         inverse_step = one / step
         alive = start < end
         count = 0
-        limit = len(record_place)
+        limit = len(words)
         while bits(alive) != 0:
             px, py, pz = ox + t * dx, oy + t * dy, oz + t * dz
             brick, bx, by, bz, inner, fx, fy, fz = locate(table, px, py, pz, nx, ny, nz)
@@ -163,31 +174,38 @@ def train_kernel(width: int) -> Callable[..., Any]:
                 sigma = d0 + fz * (d1 - d0)
                 shown = alive & ~vacant & (sigma > threshold)
                 word = bits(shown)
-                if word != 0:
+                if word != 0 and count < limit:
                     fade = where(shown, exp(-(sigma * delta)), one)
                     weight = through * (one - fade)
-                    r, g, b = floats(zero), floats(zero), floats(zero)
-                    while word != 0 and count < limit:
-                        lane = lowest(word)
-                        word &= word - np.uint32(1)
-                        place = lane_of(base, lane)
-                        x, y, z = lane_of(fx, lane), lane_of(fy, lane), lane_of(fz, lane)
-                        cr, cg, cb = sample_color(links, rows, place, corner_weights(x, y, z),
-                                                  basis, np.uintp(lane) * np.uintp(64))
-                        record_place[count, 0] = np.int32(lane)
-                        record_place[count, 1] = place
-                        record_value[count, 0], record_value[count, 1] = x, y
-                        record_value[count, 2] = z
-                        record_value[count, 3] = lane_of(weight, lane)
-                        record_value[count, 4] = lane_of(through * fade, lane)
-                        record_value[count, 5], record_value[count, 6] = cr, cg
-                        record_value[count, 7], record_value[count, 8] = cb, lane_of(sigma, lane)
-                        count += 1
-                        here = iota() == np.int32(lane)
-                        r, g = where(here, max(cr, zero), r), where(here, max(cg, zero), g)
-                        b = where(here, max(cb, zero), b)
-                    red, green, blue = red + weight * r, green + weight * g, blue + weight * b
                     through = through * fade
+                    here = np.uintp(count) * np.uintp(_STEP)
+                    lane_base = np.uintp(count) * np.uintp(16)
+                    store(places, lane_base, base)
+                    store(record, here, fx)
+                    store(record, here + np.uintp(16), fy)
+                    store(record, here + np.uintp(32), fz)
+                    store(record, here + np.uintp(48), weight)
+                    store(record, here + np.uintp(64), through)
+                    store(record, here + np.uintp(80), sigma)
+                    store(record, here + np.uintp(96), t)
+                    words[count] = word
+                    while word != 0:
+                        lane = np.uintp(lowest(word))
+                        word &= word - np.uint32(1)
+                        at = here + lane
+                        cr, cg, cb = sample_color(
+                            links, rows, places[lane_base + lane],
+                            corner_weights(record[at], record[at + np.uintp(16)],
+                                           record[at + np.uintp(32)]),
+                            basis, lane * np.uintp(64))
+                        record[at + np.uintp(112)] = cr
+                        record[at + np.uintp(128)] = cg
+                        record[at + np.uintp(144)] = cb
+                    red = red + weight * where(shown, load(record, here + np.uintp(112)), zero)
+                    green = green + weight * where(shown, load(record, here + np.uintp(128)), zero)
+                    blue = blue + weight * where(shown, load(record, here + np.uintp(144)), zero)
+                    spread = spread + weight * t
+                    count += 1
             if bits(alive & vacant) != 0:
                 reach = floats(-brick - np.int32(1)) * np.float32(4.0)
                 cx = floats(bx << np.int32(2)) - reach
@@ -206,16 +224,91 @@ def train_kernel(width: int) -> Callable[..., Any]:
         store(out, 16, green)
         store(out, 32, blue)
         store(out, 48, through)
+        store(out, 64, spread)
         return count
 
+    @identified("train backward", width)
+    @njit(cache=True)
+    def backward(links, count, flat, grads, out, sparsity, narrow, step, basis, places, words,
+                 record, grad_rows, touched):
+        red, green, blue = load(grads, 0), load(grads, 16), load(grads, 32)
+        # What lies behind all samples: the background.
+        red_behind, green_behind, blue_behind = load(grads, 48), load(grads, 64), load(grads, 80)
+        opacity_slope = load(grads, 96)
+        delta = load(flat, 128)
+        # Distances enter the distortion loss in world units: one step is delta long.
+        unit = delta / step
+        weight_all, spread_all = one - load(out, 48), load(out, 64)
+        weight_behind, spread_behind, pull_behind = floats(zero), floats(zero), floats(zero)
+        slopes = out
+        for entry in range(count - 1, -1, -1):
+            here = np.uintp(entry) * np.uintp(_STEP)
+            lane_base = np.uintp(entry) * np.uintp(16)
+            word = words[entry]
+            weight, through = load(record, here + np.uintp(48)), load(record, here + np.uintp(64))
+            sigma, t = load(record, here + np.uintp(80)), load(record, here + np.uintp(96))
+            shown = weight > zero
+            r = where(shown, load(record, here + np.uintp(112)), zero)
+            g = where(shown, load(record, here + np.uintp(128)), zero)
+            b = where(shown, load(record, here + np.uintp(144)), zero)
+            store(slopes, 80, where(r > zero, red * weight, zero))
+            store(slopes, 96, where(g > zero, green * weight, zero))
+            store(slopes, 112, where(b > zero, blue * weight, zero))
+            r, g, b = maximum(r, zero), maximum(g, zero), maximum(b, zero)
+            slope = (opacity_slope + red * (through * r - red_behind)
+                     + green * (through * g - green_behind) + blue * (through * b - blue_behind))
+            red_behind = red_behind + weight * r
+            green_behind = green_behind + weight * g
+            blue_behind = blue_behind + weight * b
+            # d/dw of sum w_i w_j |t_i - t_j| + sum w_i^2 step / 3, carried to sigma like a colour.
+            before, spread_before = (weight_all - weight_behind - weight,
+                                     spread_all - spread_behind - weight * t)
+            pull = np.float32(2.0) * unit * (
+                t * (before - weight_behind) - spread_before + spread_behind
+                + weight * (step / np.float32(3.0)))
+            slope = slope + narrow * (through * pull - pull_behind)
+            pull_behind = pull_behind + weight * pull
+            weight_behind, spread_behind = weight_behind + weight, spread_behind + weight * t
+            # Cauchy sparsity, d/dsigma log(1 + 2 sigma^2).
+            slope = delta * slope + sparsity * np.float32(4.0) * sigma / (
+                one + np.float32(2.0) * sigma * sigma)
+            store(slopes, 128, slope)
+            while word != 0:
+                lane = np.uintp(lowest(word))
+                word &= word - np.uint32(1)
+                at = here + lane
+                weights = corner_weights(record[at], record[at + np.uintp(16)],
+                                         record[at + np.uintp(32)])
+                scatter(links, places[lane_base + lane], weights, basis, lane * np.uintp(64),
+                        slopes[np.uintp(80) + lane], slopes[np.uintp(96) + lane],
+                        slopes[np.uintp(112) + lane], slopes[np.uintp(128) + lane],
+                        grad_rows, touched)
+
+    @identified("train largest", width)
+    @njit(cache=True)
+    def largest(links, count, places, words, record, seen):
+        for entry in range(count):
+            word = words[entry]
+            while word != 0:
+                lane = np.uintp(lowest(word))
+                word &= word - np.uint32(1)
+                place = places[np.uintp(entry) * np.uintp(16) + lane]
+                value = record[np.uintp(entry) * np.uintp(_STEP) + np.uintp(48) + lane]
+                for corner in range(8):
+                    offset = (corner >> 2) * 25 + ((corner >> 1) & 1) * 5 + (corner & 1)
+                    row = np.uintp(links[np.uintp(place + offset)])
+                    seen[row] = max(seen[row], value)
+
+    @identified("train", width)
     @njit(cache=True, parallel=True)
     def train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, tiles,
-              background, options, grad_density, grad_rows, touched, weight_seen, losses):
+              background, options, grad_rows, grad_background, touched, weight_seen, losses):
         workers = len(losses)
         step, threshold, stop = (np.float32(options[0]), np.float32(options[1]),
                                  np.float32(options[2]))
         alpha_weight, sparsity = np.float32(options[3]), np.float32(options[4])
-        only_weights = options[5] > 0.5
+        narrow, only_weights = np.float32(options[5]), options[6] > 0.5
+        near = options[7]
         nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
         share = np.float32(1.0 / (16.0 * len(tiles)))
         samples = int(np.sqrt(float(nx) * nx + float(ny) * ny + float(nz) * nz) / step) + 2
@@ -224,12 +317,10 @@ def train_kernel(width: int) -> Callable[..., Any]:
             scratch = np.zeros(16, np.float32)
             ray = np.zeros((9, 16), np.float32)
             flat = ray.reshape(9 * 16)
-            out = np.zeros(64, np.float32)
-            grad = np.zeros((16, 5), np.float32)
-            record_place = np.empty((16 * samples, 2), np.int32)
-            record_value = np.empty((16 * samples, 9), np.float32)
-            my_density, my_rows = grad_density[worker], grad_rows[worker]
-            my_touched, my_seen = touched[worker], weight_seen[worker]
+            out = np.zeros(9 * 16, np.float32)
+            grads = np.zeros(7 * 16, np.float32)
+            places, words = np.zeros(16 * samples, np.int32), np.zeros(samples, np.uint32)
+            record = np.zeros(samples * _STEP, np.float32)
             squared, used = 0.0, 0
             for tile in range(worker, len(tiles), workers):
                 view = tiles[tile, 0]
@@ -237,16 +328,12 @@ def train_kernel(width: int) -> Callable[..., Any]:
                 for i in range(16):
                     x = min(tiles[tile, 2] + (i & 3), wide - 1)
                     y = min(tiles[tile, 1] + (i >> 2), high - 1)
-                    setup_ray(cameras[view], lattice, count, x, y, step, i, ray, basis, scratch)
+                    setup_ray(cameras[view], lattice, count, x, y, step, near, i, ray, basis,
+                              scratch)
                 found = forward(table, links, density, rows, nx, ny, nz, flat, step, threshold,
-                                stop, basis, record_place, record_value, out)
+                                stop, basis, places, words, record, out)
                 if only_weights:
-                    for index in range(found):
-                        place, value = record_place[index, 1], record_value[index, 3]
-                        for corner in range(8):
-                            offset = ((corner >> 2) * 25 + ((corner >> 1) & 1) * 5 + (corner & 1))
-                            row = links[place + offset]
-                            my_seen[row] = max(my_seen[row], value)
+                    largest(links, found, places, words, record, weight_seen[worker])
                     continue
                 for i in range(16):
                     x = min(tiles[tile, 2] + (i & 3), wide - 1)
@@ -255,128 +342,19 @@ def train_kernel(width: int) -> Callable[..., Any]:
                     opacity = np.float32(pixels[pixel, 3]) / np.float32(255.0)
                     end = out[48 + i]
                     for channel in range(3):
-                        ground = background[tile, channel]
+                        ground = background[16 * tile + i, channel]
                         truth = (np.float32(pixels[pixel, channel]) / np.float32(255.0) * opacity
                                  + (one - opacity) * ground)
-                        seen = out[16 * channel + i] + end * ground
-                        error = seen - truth
+                        error = out[16 * channel + i] + end * ground - truth
                         squared += error * error
-                        grad[i, channel] = np.float32(2.0) * error * share / np.float32(3.0)
-                        # What lies behind all samples: the background.
-                        ray[channel, i] = end * ground
-                    grad[i, 3] = np.float32(2.0) * alpha_weight * (one - end - opacity) * share
-                    grad[i, 4] = end
+                        slope = np.float32(2.0) * error * share / np.float32(3.0)
+                        grads[16 * channel + i] = slope
+                        grads[48 + 16 * channel + i] = end * ground
+                        grad_background[16 * tile + i, channel] = slope * end
+                    grads[96 + i] = (np.float32(2.0) * alpha_weight * (one - end - opacity) * share
+                                     * end)
                 used += 16
-                for index in range(found - 1, -1, -1):
-                    lane = record_place[index, 0]
-                    weight, after = record_value[index, 3], record_value[index, 4]
-                    delta = ray[8, lane]
-                    sigma = record_value[index, 8]
-                    slope = grad[lane, 3] * grad[lane, 4]
-                    red, green, blue = zero, zero, zero
-                    for channel in range(3):
-                        value = max(record_value[index, 5 + channel], zero)
-                        behind = ray[channel, lane]
-                        slope += grad[lane, channel] * (after * value - behind)
-                        ray[channel, lane] = behind + weight * value
-                    if record_value[index, 5] > zero:
-                        red = grad[lane, 0] * weight
-                    if record_value[index, 6] > zero:
-                        green = grad[lane, 1] * weight
-                    if record_value[index, 7] > zero:
-                        blue = grad[lane, 2] * weight
-                    slope = slope * delta
-                    # Cauchy sparsity, d/dsigma log(1 + 2 sigma^2).
-                    slope += sparsity * share * (np.float32(4.0) * sigma
-                                                 / (one + np.float32(2.0) * sigma * sigma))
-                    weights = corner_weights(record_value[index, 0], record_value[index, 1],
-                                             record_value[index, 2])
-                    scatter(links, record_place[index, 1], weights, basis,
-                            np.uintp(lane) * np.uintp(64), red, green, blue, slope, my_density,
-                            my_rows, my_touched)
+                backward(links, found, flat, grads, out, sparsity * share, narrow * share, step,
+                         basis, places, words, record, grad_rows[worker], touched[worker])
             losses[worker, 0], losses[worker, 1] = squared, used
     return train
-
-
-@njit(cache=True, parallel=True)
-def rmsprop(values, width, used, gradients, touched, mean_square, rate, decay, epsilon, lowest,
-            clear):
-    """One RMSProp step on the rows that any worker touched; gradients are set to zero.
-
-    Parameters
-    ----------
-    values, mean_square
-        float32 [rows * width], parameters and their running mean squared gradient.
-    width, used
-        Row width, and how many of its values are parameters.
-    gradients, touched
-        float32 [workers, rows * width] and uint8 [workers, rows].
-    rate, decay, epsilon
-        Learning rate, decay of the running mean (0.95), floor of its root.
-    lowest
-        Parameters are kept at or above this.
-    clear
-        Whether to reset ``touched``, too.
-    """
-    workers = len(gradients)
-    for row in prange(touched.shape[1] - 1):
-        any_touched = False
-        for worker in range(workers):
-            if touched[worker, row] != 0:
-                any_touched = True
-        if any_touched:
-            for i in range(row * width, row * width + used):
-                gradient = np.float32(0.0)
-                for worker in range(workers):
-                    gradient += gradients[worker, i]
-                    gradients[worker, i] = np.float32(0.0)
-                square = decay * mean_square[i] + (np.float32(1.0) - decay) * gradient * gradient
-                mean_square[i] = square
-                value = values[i] - rate * gradient / (np.sqrt(square) + epsilon)
-                values[i] = max(value, lowest)
-            if clear:
-                for worker in range(workers):
-                    touched[worker, row] = 0
-
-
-@njit(cache=True, parallel=True)
-def total_variation(places, neighbours, first, last, values, width, used, weight, scale, gradient,
-                    touched):
-    """Gradient of total variation (Shen et al. 2023, Eq. 3) on a run of rows, into worker 0's.
-
-    Each row gathers its own gradient from the differences that it takes part in, so that no two
-    threads write the same place.
-
-    Parameters
-    ----------
-    places
-        int32 [rows], unused order of rows (identity keeps memory order).
-    neighbours
-        int32 [rows, 6]: next along x, y, z, previous along x, y, z; empty ones give the row itself.
-    first, last
-        Range of rows.
-    weight
-        Weight of the loss, divided by the number of rows in the range.
-    scale
-        Difference between neighbours is multiplied by this (resolution / 256).
-    """
-    small = np.float32(1e-9)
-    for index in prange(first, last):
-        row = places[index]
-        touched[row] = 1
-        for i in range(used):
-            here = values[row * width + i]
-            ex = (values[neighbours[row, 0] * width + i] - here) * scale
-            ey = (values[neighbours[row, 1] * width + i] - here) * scale
-            ez = (values[neighbours[row, 2] * width + i] - here) * scale
-            slope = -(ex + ey + ez) / np.sqrt(ex * ex + ey * ey + ez * ez + small)
-            for axis in range(3):
-                before = neighbours[row, 3 + axis]
-                if before != row:
-                    there = values[before * width + i]
-                    ax = (values[neighbours[before, 0] * width + i] - there) * scale
-                    ay = (values[neighbours[before, 1] * width + i] - there) * scale
-                    az = (values[neighbours[before, 2] * width + i] - there) * scale
-                    own = ax if axis == 0 else (ay if axis == 1 else az)
-                    slope += own / np.sqrt(ax * ax + ay * ay + az * az + small)
-            gradient[row * width + i] += weight * scale * slope

@@ -1,0 +1,161 @@
+"""Lattices while they are trained: begin, refine, and drop what is not attached to the subject.
+
+A lattice is a link table int32 [Z, Y, X] into rows; while training there is one more row, the last,
+for empty points: zero density, zero colour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ..kernels.bricks import brick_table
+from ..kernels.march import lattice_of_world
+
+__all__ = ["Lattice", "box_shape"]
+
+_CUBE = np.ones((3, 3, 3), bool)
+
+
+def box_shape(resolution: int, radius: NDArray[np.float64]) -> tuple[int, int, int]:
+    """Lattice points along z, y, x of a box: ``resolution`` to two world units."""
+    x, y, z = (max(8, round(resolution * float(r))) for r in radius)
+    return z, y, x
+
+
+@dataclass
+class Lattice:
+    """Density and colour rows on a sparse lattice in a box.
+
+    Attributes
+    ----------
+    links
+        int32 [Z, Y, X], row of each lattice point, -1 where it is empty.
+    density
+        float32 [N + 1], the last one zero.
+    rows
+        float32 [N + 1, width], colour coefficients channel by channel, zero-padded.
+    center, radius
+        float64 [3] (x, y, z), the box.
+    """
+
+    links: NDArray[np.int32]
+    density: NDArray[np.float32]
+    rows: NDArray[np.float32]
+    center: NDArray[np.float64]
+    radius: NDArray[np.float64]
+
+    @staticmethod
+    def filled(points: NDArray[np.bool_], density: float, width: int, center: NDArray[np.float64],
+               radius: NDArray[np.float64]) -> Lattice:
+        """Grey matter of one density on the given points, bool [Z, Y, X]."""
+        count = int(points.sum())
+        links = np.full(points.shape, -1, np.int32)
+        links[points] = np.arange(count, dtype=np.int32)
+        values = np.full(count + 1, density, np.float32)
+        values[-1] = 0.0
+        return Lattice(links, values, np.zeros((count + 1, width), np.float32), center, radius)
+
+    @property
+    def count(self) -> int:
+        """Number of rows N, the empty one not counted."""
+        return len(self.density) - 1
+
+    @property
+    def voxel(self) -> float:
+        """Distance between lattice points along x in world units."""
+        return 2.0 * float(self.radius[0]) / self.links.shape[2]
+
+    def geometry(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
+        """What rays are cast through: brick table, brick links, size and scale of the lattice."""
+        table, links = brick_table(self.links, self.count)
+        depth, height, width = self.links.shape
+        scale, offset = lattice_of_world(self.center, self.radius, (depth, height, width))
+        return table, links, np.concatenate([np.array([width, height, depth], float), scale,
+                                             offset])
+
+    def neighbours(self) -> NDArray[np.int32]:
+        """int32 [N, 6]: next along x, y, z, previous along x, y, z; the row itself without one."""
+        z, y, x = np.nonzero(self.links >= 0)
+        own = self.links[z, y, x]
+        found = np.empty((len(own), 6), np.int32)
+        top, high, wide = (n - 1 for n in self.links.shape)
+        for column, (dz, dy, dx) in enumerate(((0, 0, 1), (0, 1, 0), (1, 0, 0),
+                                               (0, 0, -1), (0, -1, 0), (-1, 0, 0))):
+            there = self.links[np.clip(z + dz, 0, top), np.clip(y + dy, 0, high),
+                               np.clip(x + dx, 0, wide)]
+            found[own, column] = np.where(there >= 0, there, own)
+        return found
+
+    def attached(self) -> NDArray[np.bool_]:
+        """Lattice points within two steps of the largest connected piece of solid matter.
+
+        A person is one piece; what floats beside it comes from slivers of the mattes. Solid is
+        what takes a twentieth of the light along one voxel.
+        """
+        solid = np.zeros(self.links.shape, bool)
+        filled = self.links >= 0
+        solid[filled] = self.density[self.links[filled]] * self.voxel > 0.05
+        pieces, count = ndimage.label(solid)
+        if count > 1:
+            sizes = np.bincount(pieces.ravel())
+            sizes[0] = 0
+            solid = pieces == int(sizes.argmax())
+        if not count:
+            return filled
+        return np.asarray(ndimage.binary_dilation(solid, _CUBE, iterations=2))
+
+    def seen(self, weights: NDArray[np.float32], least: float) -> NDArray[np.bool_]:
+        """Points whose row has more than ``least`` of ``weights`` [N + 1], and their neighbours."""
+        filled = self.links >= 0
+        keep = np.zeros(self.links.shape, bool)
+        keep[filled] = weights[self.links[filled]] > least
+        return np.asarray(ndimage.binary_dilation(keep, _CUBE) & filled)
+
+    def kept(self, keep: NDArray[np.bool_]) -> Lattice:
+        """The same lattice with only the points in ``keep``, bool [Z, Y, X]."""
+        keep = keep & (self.links >= 0)
+        order = np.sort(self.links[keep])
+        place = np.full(len(self.density), -1, np.int32)
+        place[order] = np.arange(len(order), dtype=np.int32)
+        links = np.where(keep, place[self.links], -1).astype(np.int32)
+        rows = np.append(order, self.count)
+        return Lattice(links, self.density[rows], self.rows[rows], self.center, self.radius)
+
+    def refined(self, shape: tuple[int, int, int], keep: NDArray[np.bool_]) -> Lattice:
+        """Trilinear interpolation on a lattice of ``shape`` points, where ``keep`` holds here."""
+        # Coarse cell and place inside it of each fine plane, per axis (z, y, x).
+        low, part = [], []
+        for new, old in zip(shape, self.links.shape):
+            place = (np.arange(new) + 0.5) / new * old - 0.5
+            low.append(np.clip(np.floor(place).astype(int), 0, old - 2))
+            part.append(np.clip(place - low[-1], 0.0, 1.0).astype(np.float32))
+        corners = [(dz, dy, dx) for dz in (0, 1) for dy in (0, 1) for dx in (0, 1)]
+        # A fine point lives where any of its coarse cell's corners does.
+        fine = np.zeros(shape, bool)
+        for corner in corners:
+            fine |= keep[np.ix_(*(plane + step for plane, step in zip(low, corner)))]
+        place_of = np.nonzero(fine)
+        count = len(place_of[0])
+        density = np.zeros(count + 1, np.float32)
+        rows = np.zeros((count + 1, self.rows.shape[1]), np.float32)
+        mass = np.zeros((count, 1), np.float32)
+        for corner in corners:
+            weight = np.ones(count, np.float32)
+            for share, index, step in zip(part, place_of, corner):
+                weight *= share[index] if step else 1 - share[index]
+            row = self.links[tuple(plane[index] + step for plane, index, step
+                                   in zip(low, place_of, corner))]
+            there = row >= 0
+            density[:count] += weight * np.where(there, self.density[row], 0.0)
+            # Colour is not mixed with that of empty points, which have none.
+            column = (weight * there)[:, None]
+            rows[:count] += column * self.rows[row]
+            mass += column
+        rows[:count] /= np.maximum(mass, 1e-6)
+        links = np.full(fine.shape, -1, np.int32)
+        links[place_of] = np.arange(count, dtype=np.int32)
+        return Lattice(links, density, rows, self.center, self.radius)
