@@ -151,7 +151,7 @@ def test_a_ball_is_reconstructed():
 
 def test_a_ball_without_mattes_is_reconstructed_on_white():
     capture = ball_capture(alpha=False)
-    config = replace(TINY, background_nlayers=0, lr_sigma=30.0, reach=1.0, near_clip=0.0)
+    config = replace(TINY, background_nlayers=0, lr_sigma=30.0, sweep=False, near_clip=0.0)
     _, figures = reconstruct_with_figures(capture, config)
     assert figures["test"]["psnr"] > 24
 

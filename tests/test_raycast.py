@@ -190,7 +190,8 @@ class Training:
         train_kernel(self.width)(
             self.table, self.links, np.append(density, np.float32(0)), rows.ravel(), self.lattice,
             self.basis, self.cameras, np.array([[10, 9], [10, 9]]), np.array([0, 90]), self.pixels,
-            self.tiles, np.repeat(self.background, 16, axis=0), options, grad_rows,
+            np.full((2, 3), 1 / 255, np.float32), self.tiles,
+            np.repeat(self.background, 16, axis=0), options, grad_rows,
             np.zeros((16 * len(self.tiles), 3), np.float32), touched,
             np.zeros((self.workers, 1), np.float32), losses)
         grad = grad_rows.sum(0).reshape(count + 1, self.width)[:count]

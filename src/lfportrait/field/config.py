@@ -17,11 +17,11 @@ class ReconstructConfig:
 
     resolutions: tuple[int, ...] = ()
     """Lattice points to two world units (the cube's edge), coarse to fine; by default 96 192 256
-    for photos with mattes, 64 128 192 for photos of a room."""
+    for photos with mattes, 96 192 for photos of a room."""
     rays: tuple[float, ...] = ()
-    """Training rays of each level in millions; by default 2 5 8, and 2.5 3 5 for a room."""
+    """Training rays of each level in millions; by default 2 5 8, and 2 6 for a room."""
     batch: tuple[int, ...] = ()
-    """Rays per step of each level; by default 24576, and 4096 6144 12288 for a room."""
+    """Rays per step of each level; by default 24576, and 6144 12288 for a room."""
     sh_degree: int = 2
     """Degree of the spherical harmonics: 0 (matt), 1 or 2."""
     step_size: float = -1.0
@@ -29,13 +29,11 @@ class ReconstructConfig:
     stop_thresh: float = 1e-2
     """A ray ends where its transmittance falls below this."""
     lr_sigma: float = -1.0
-    """Learning rate of the density at the start; by default 30, and 0.3 for a room, where wrong
-    matter near the cameras would hide the rest."""
-    lr_sigma_final: float = 1.0
-    """Learning rate of the density at the end."""
-    lr_sh: float = -1.0
-    """Learning rate of the colour coefficients at the start; by default 0.02, and 0.01 for a room.
-    """
+    """Learning rate of the density at the start; by default 30, and 15 for a room."""
+    lr_sigma_final: float = -1.0
+    """Learning rate of the density at the end; by default 1, and 2 for a room."""
+    lr_sh: float = 2e-2
+    """Learning rate of the colour coefficients at the start."""
     lr_sh_final: float = 1e-3
     """Learning rate of the colour coefficients at the end."""
     rms_beta: float = 0.95
@@ -46,10 +44,10 @@ class ReconstructConfig:
     """Learning rate of the background's colour at the start; falls like the colour's."""
     lambda_tv: float = -1.0
     """Weight of total variation on the density, halved at each finer level; by default 1e-5, and
-    0.02 for a room."""
+    1e-3 for a room."""
     lambda_tv_sh: float = -1.0
     """Weight of total variation on the colour, a tenth at the finest level; by default 1e-3, and
-    0.02 for a room."""
+    5e-3 for a room."""
     tv_sparsity: float = 0.03
     """Share of the lattice points that total variation visits at each step."""
     lambda_sparsity: float = 0.0
@@ -68,14 +66,18 @@ class ReconstructConfig:
     """Grey level behind photos without mattes, and behind test views."""
     background_nlayers: int = -1
     """Spheres behind the lattice; 0: none; -1: 32 for photos without mattes, else none."""
-    background_reso: int = 512
+    background_reso: int = 256
     """Rows of the spheres' maps; they have twice as many columns."""
     near_clip: float = -1.0
     """Rays start this far from the camera, in world units (the head is about 2 high); by default 0,
-    and a third of the nearest camera's distance for a room."""
-    reach: float = -1.0
-    """Half edge of the lattice's box for a room; by default three quarters of the nearest camera's
-    distance, 1 to 2."""
+    and a quarter of the nearest camera's distance for a room."""
+    reach: float = 3.0
+    """How far the lattice's box may reach from the origin in a room, in world units."""
+    exposure: bool = True
+    """Even out the exposure of photos of a room, one gain a photo and channel; held-out photos are
+    compared at theirs."""
+    sweep: bool = True
+    """Start a room from the surfaces that a plane sweep of small photos finds, not from haze."""
     time_budget: float = 0.0
     """Seconds that the reconstruction may take; 0 follows the rays given above."""
     seed: tyro.conf.Suppress[int] = 0
@@ -96,12 +98,12 @@ class ReconstructConfig:
         UserError
             If levels do not fit together or a value makes no sense.
         """
-        resolutions = self.resolutions or ((64, 128, 192) if room else (96, 192, 256))
+        resolutions = self.resolutions or ((96, 192) if room else (96, 192, 256))
         levels = len(resolutions)
-        rays = self.rays or ((2.5, 3.0, 5.0) if room else (2.0, 5.0, 8.0))
+        rays = self.rays or ((2.0, 6.0) if room else (2.0, 5.0, 8.0))
         if len(rays) != levels:
             raise UserError("give as many --rays as --resolutions, one a level")
-        batch = self.batch or ((4096, 6144, 12288) if room else (24576,))
+        batch = self.batch or ((6144, 12288) if room else (24576,))
         if len(batch) not in (1, levels) and self.batch:
             raise UserError("give one --batch, or as many as --resolutions")
         if self.sh_degree not in (0, 1, 2):
@@ -114,11 +116,11 @@ class ReconstructConfig:
         return replace(
             self, resolutions=resolutions, rays=rays,
             batch=tuple(batch[min(level, len(batch) - 1)] for level in range(levels)),
-            lr_sigma=chosen(self.lr_sigma, 30.0, 0.3), lr_sh=chosen(self.lr_sh, 2e-2, 1e-2),
-            lambda_tv=chosen(self.lambda_tv, 1e-5, 2e-2),
-            lambda_tv_sh=chosen(self.lambda_tv_sh, 1e-3, 2e-2),
+            lr_sigma=chosen(self.lr_sigma, 30.0, 15.0),
+            lr_sigma_final=chosen(self.lr_sigma_final, 1.0, 2.0),
+            lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
+            lambda_tv_sh=chosen(self.lambda_tv_sh, 1e-3, 5e-3),
             lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),
             step_size=chosen(self.step_size, 0.5, 1.0),
             background_nlayers=(32 if room else 0) if layers < 0 else layers,
-            near_clip=chosen(self.near_clip, 0.0, distance / 3.0),
-            reach=chosen(self.reach, 1.0, min(2.0, max(1.0, 0.75 * distance))))
+            near_clip=chosen(self.near_clip, 0.0, distance / 4.0))

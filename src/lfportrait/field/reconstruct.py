@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..capture import Capture
 from ..metrics import psnr, ssim
@@ -79,7 +80,10 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         "voxels": len(field.density), "resolution": config.resolutions[-1],
         "levels": trainer.log, "device": "cpu"}
     if len(capture.testing()):
-        figures["test"] = held_out_quality(field, capture, config.background)
+        figures["test"] = held_out_quality(field, capture, config.background, trainer.test_gains)
+        if not np.allclose(trainer.test_gains, 1.0):
+            plain = held_out_quality(field, capture, config.background)
+            figures["test"]["psnr_without_exposure"] = plain["psnr"]
     figures["seconds"] = {"train": round(trained, 3),
                           "test": round(time.perf_counter() - start - trained, 3)}
     if progress is not None and "test" in figures:
@@ -88,11 +92,17 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
 
 
 def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.0,
-                     ) -> dict[str, float]:
-    """Mean PSNR (dB) and SSIM of the held-out views, composited on ``background``."""
+                     gains: NDArray[np.float64] | None = None) -> dict[str, float]:
+    """Mean PSNR (dB) and SSIM of the held-out views, composited on ``background``.
+
+    Renders are multiplied by ``gains`` [V, 3], the photos' exposures, before they are compared.
+    """
     scores = []
-    for view in capture.testing():
-        image = np.clip(field.render(capture.cameras, view, background=background).color, 0, 1)
+    for index, view in enumerate(capture.testing()):
+        image = field.render(capture.cameras, view, background=background).color
+        if gains is not None:
+            image = image * gains[index].astype(np.float32)
+        image = np.clip(image, 0, 1)
         truth = capture.image_float(view, background)
         scores.append((psnr(image, truth), ssim(image, truth)))
     means = np.mean(scores, axis=0)

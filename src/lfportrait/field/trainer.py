@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,12 @@ from ..kernels.train import train_kernel
 from ..progress import Progress
 from .background import Background, BackgroundTrainer
 from .config import ReconstructConfig
+from .exposure import exposure_gains
 from .grid import VoxelField
 from .hull import hull_box, visual_hull
 from .lattice import Lattice, box_shape
 from .pixels import TrainingPixels
+from .sweep import fuse, scene_box, small_view, sweep_depth
 
 __all__ = ["Trainer"]
 
@@ -48,6 +51,14 @@ class Trainer:
         self.log: list[dict[str, Any]] = []
         self.lattice: Lattice | None = None
         self.background: Background | None = None
+        # Exposures: what photos are divided by; held-out photos have theirs, too.
+        self.gains = np.ones((len(self.views), 3))
+        self.test_gains = np.ones((len(capture.testing()), 3))
+
+    @property
+    def scale(self) -> NDArray[np.float32]:
+        """What the kernel multiplies 8-bit colours of each view with, [V, 3]."""
+        return (1.0 / (255.0 * self.gains)).astype(np.float32)
 
     # -- state ------------------------------------------------------------------------------------
 
@@ -70,7 +81,7 @@ class Trainer:
             np.savez(stream, level=self.level, rays=self.rays_done, links=self.lattice.links,
                      density=self.lattice.density, rows=self.lattice.rows,
                      center=self.lattice.center, radius=self.lattice.radius, key=self._key(),
-                     **behind)
+                     gains=self.gains, test_gains=self.test_gains, **behind)
 
     def restore(self, path: Path | None) -> None:
         """Go on from a checkpoint of the same capture and parameters, if there is one."""
@@ -84,6 +95,7 @@ class Trainer:
                     if "background_links" in data:
                         self.background = Background(data["background_links"],
                                                      data["background_data"])
+                    self.gains, self.test_gains = data["gains"], data["test_gains"]
                     self.level, self.rays_done = int(data["level"]), int(data["rays"])
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return
@@ -119,16 +131,7 @@ class Trainer:
         center, radius = np.zeros(3), np.ones(3)
         alphas = self.capture.alphas
         if alphas is None:
-            radius = radius * self.config.reach
-            points = np.ones(box_shape(resolution, radius), bool)
-            layers = self.config.background_nlayers
-            if layers:
-                coarse = max(16, self.config.background_reso >> (len(self.config.resolutions) - 1))
-                self.background = Background.seen(
-                    [self.data.cube_rays(self.data.tiles[part::16], center, radius)
-                     for part in range(4)], coarse, layers, 1.0)
-            # Rays see through most of the cube at first.
-            return Lattice.filled(points, 0.1, self.width, center, radius)
+            return self._first_room(resolution)
         cameras, mattes = self.capture.cameras[self.views], [alphas[view] for view in self.views]
         center, radius = hull_box(cameras, mattes)
         points = visual_hull(cameras, mattes, box_shape(resolution, radius), center, radius)
@@ -137,6 +140,38 @@ class Trainer:
                             "portrait frame; check the cameras and the mattes")
         # Opacity of about 0.1 a voxel: a ray sees through the first few voxels.
         return Lattice.filled(points, 0.05 * resolution, self.width, center, radius)
+
+    def _first_room(self, resolution: int) -> Lattice:
+        """Without mattes: the surfaces that a plane sweep finds, or else a cube of haze."""
+        config = self.config
+        maps = sweep_depth(self.capture, self.views) if config.sweep else []
+        box = scene_box(maps, 1.0, config.reach) if maps else None
+        if box is not None and config.exposure:
+            held_out = [small_view(self.capture, int(view)) for view in self.capture.testing()]
+            self.gains, self.test_gains = exposure_gains(maps, held_out)
+        if box is None:
+            center, radius = np.zeros(3), np.ones(3)
+            # Rays see through most of the cube at first, and the density must grow slowly: wrong
+            # matter near the cameras would hide the rest.
+            if config.sweep:
+                self.config = config = replace(config, lr_sigma=min(config.lr_sigma, 0.3))
+            lattice = Lattice.filled(np.ones(box_shape(resolution, radius), bool), 0.1, self.width,
+                                     center, radius)
+        else:
+            center, radius = box
+            surfaces = fuse(maps, resolution, center, radius)
+            lattice = Lattice.filled(surfaces.keep, 0.01 * resolution, self.width, center, radius)
+            rows = lattice.links[surfaces.solid]
+            lattice.density[rows] = 0.15 * resolution
+            for channel in range(3):
+                lattice.rows[rows, channel * self.basis] = surfaces.color[surfaces.solid, channel]
+        layers = config.background_nlayers
+        if layers:
+            coarse = max(16, config.background_reso >> (len(config.resolutions) - 1))
+            self.background = Background.seen(
+                [self.data.cube_rays(self.data.tiles[part::16], center, radius)
+                 for part in range(4)], coarse, layers, 1.0)
+        return lattice
 
     def _refined(self, resolution: int) -> Lattice:
         """Prune what no training ray sees, and interpolate the rest on a finer lattice."""
@@ -174,9 +209,10 @@ class Trainer:
         one = np.zeros((self.workers, 1), np.float32)
         train_kernel(self.width)(
             table, links, lattice.density, lattice.rows.ravel(), geometry, self.basis,
-            self.data.cameras, self.data.sizes, self.data.starts, self.data.pixels, tiles,
-            np.zeros((16 * len(tiles), 3), np.float32), options, one, np.zeros((1, 3), np.float32),
-            np.zeros((self.workers, 1), np.uint8), seen, np.zeros((self.workers, 2)))
+            self.data.cameras, self.data.sizes, self.data.starts, self.data.pixels, self.scale,
+            tiles, np.zeros((16 * len(tiles), 3), np.float32), options, one,
+            np.zeros((1, 3), np.float32), np.zeros((self.workers, 1), np.uint8), seen,
+            np.zeros((self.workers, 2)))
         return np.asarray(seen.max(axis=0))
 
     # -- optimisation -----------------------------------------------------------------------------
@@ -231,8 +267,8 @@ class Trainer:
             slopes = np.empty_like(ground)
             losses[:] = 0.0
             kernel(table, links, density, flat, geometry, self.basis, data.cameras, data.sizes,
-                   data.starts, data.pixels, tiles, ground, options, gradients, slopes, touched,
-                   unused, losses)
+                   data.starts, data.pixels, self.scale, tiles, ground, options, gradients,
+                   slopes, touched, unused, losses)
             first = int(batches.generator.integers(0, max(1, count)))
             run = max(1, int(config.tv_sparsity * count))
             last = min(count, first + run)

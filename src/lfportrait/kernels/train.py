@@ -43,11 +43,12 @@ def train_kernel(width: int) -> Callable[..., Any]:
     Returns
     -------
     train
-        ``train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, tiles,
-        background, options, grad_rows, grad_background, touched, weight, losses)``; ``tiles`` int32
-        [T, 3] (view, first row, first column) in blocks of 4x4 pixels, ``cameras`` float64 [V, 16],
-        ``sizes`` int64 [V, 2] (width, height), ``starts`` int64 [V] first pixel of each view in
-        ``pixels`` uint8 [P, 4] (colour composited by the kernel, alpha), ``background`` float32
+        ``train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, gains,
+        tiles, background, options, grad_rows, grad_background, touched, weight, losses)``;
+        ``tiles`` int32 [T, 3] (view, first row, first column) in blocks of 4x4 pixels,
+        ``cameras`` float64 [V, 16], ``sizes`` int64 [V, 2] (width, height), ``starts`` int64 [V]
+        first pixel of each view in ``pixels`` uint8 [P, 4] (colour composited by the kernel, alpha),
+        ``gains`` float32 [V, 3] what a view's colour is multiplied with (1 / 255 at least), ``background`` float32
         [16 T, 3] and its gradient, written; ``options`` float64: step, threshold, stop, alpha
         weight, sparsity, distortion, 1 to record the largest weight only, distance from the camera
         that rays start at (world units). Gradients are added
@@ -301,8 +302,8 @@ def train_kernel(width: int) -> Callable[..., Any]:
 
     @identified("train", width)
     @njit(cache=True, parallel=True)
-    def train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, tiles,
-              background, options, grad_rows, grad_background, touched, weight_seen, losses):
+    def train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, gains,
+              tiles, background, options, grad_rows, grad_background, touched, weight_seen, losses):
         workers = len(losses)
         step, threshold, stop = (np.float32(options[0]), np.float32(options[1]),
                                  np.float32(options[2]))
@@ -343,7 +344,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
                     end = out[48 + i]
                     for channel in range(3):
                         ground = background[16 * tile + i, channel]
-                        truth = (np.float32(pixels[pixel, channel]) / np.float32(255.0) * opacity
+                        truth = (np.float32(pixels[pixel, channel]) * gains[view, channel] * opacity
                                  + (one - opacity) * ground)
                         error = out[16 * channel + i] + end * ground - truth
                         squared += error * error

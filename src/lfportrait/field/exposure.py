@@ -1,0 +1,87 @@
+"""How bright each photo is beside the others: gains from what several photos show of one surface.
+
+A phone meters every photo anew. Colours of points that a plane sweep found are compared between
+neighbouring photos; the medians of their log ratios, pair by pair, are solved for one gain a photo
+and channel (least squares, mean zero). A gain in linear light is one in sRGB's power law, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .sweep import DepthMap
+
+__all__ = ["exposure_gains"]
+
+_DARK, _FEW, _NEAREST = 0.03, 150, 8
+
+
+def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
+                   ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gains of photos.
+
+    Parameters
+    ----------
+    maps
+        Photos with depth, which fix each other's gains.
+    others
+        Further photos (without depth), each compared with the former.
+
+    Returns
+    -------
+    gains, other_gains
+        float64 [V, 3] and [W, 3]: photo = gain * colour of the scene at the mean exposure. One
+        where a photo shares nothing with the others.
+    """
+    position = np.stack([item.camera.position[0] for item in maps])
+    points = [item.points() for item in maps]
+    colors = [item.image[np.isfinite(item.depth)] for item in maps]
+    rows: list[NDArray[np.float64]] = []
+    ratios: list[NDArray[np.float64]] = []
+    for a in range(len(maps)):
+        away = np.linalg.norm(position - position[a], axis=1)
+        for b in np.argsort(away)[1:_NEAREST + 1]:
+            ratio = _ratio(points[a], colors[a], maps[b])
+            if ratio is not None:
+                row = np.zeros(len(maps))
+                row[a], row[b] = -1.0, 1.0
+                rows.append(row)
+                ratios.append(ratio)
+    gains = np.zeros((len(maps), 3))
+    if rows:
+        # A weak pull to one settles what no pair tells.
+        matrix = np.concatenate([np.array(rows), 0.01 * np.eye(len(maps))])
+        gains = np.linalg.lstsq(matrix, np.concatenate([np.array(ratios), gains]), rcond=None)[0]
+        gains -= gains.mean(axis=0)
+    found = np.zeros((len(others), 3))
+    for index, item in enumerate(others):
+        away = np.linalg.norm(position - item.camera.position[0], axis=1)
+        votes = [ratio + gains[a] for a in np.argsort(away)[:_NEAREST]
+                 if (ratio := _ratio(points[a], colors[a], item)) is not None]
+        if votes:
+            found[index] = np.median(votes, axis=0)
+    return np.exp(gains), np.exp(found)
+
+
+def _ratio(points: NDArray[np.float64], colors: NDArray[np.float32], other: DepthMap,
+           ) -> NDArray[np.float64] | None:
+    """Median log ratio [3] of another photo's colours to those of points; None if few are seen."""
+    pixels, along = other.camera.project(points)
+    height, width = other.depth.shape
+    x, y = (np.floor(np.nan_to_num(pixels[0, :, axis], nan=-1.0)).astype(int) for axis in (0, 1))
+    inside = np.flatnonzero((along[0] > 0) & (x >= 0) & (y >= 0) & (x < width) & (y < height))
+    if len(inside) < _FEW:
+        return None
+    place, depth = y[inside] * width + x[inside], along[0, inside]
+    # Only the front of what falls on a pixel is seen there.
+    front = np.full(height * width, np.inf)
+    np.minimum.at(front, place, depth)
+    measured = other.depth.ravel()
+    known = np.isfinite(measured)
+    front[known] = np.minimum(front[known], measured[known])
+    seen = inside[depth < 1.02 * front[place]]
+    if len(seen) < _FEW:
+        return None
+    there = other.image[y[seen], x[seen]]
+    return np.asarray(np.median(np.log((there + _DARK) / (colors[seen] + _DARK)), axis=0))

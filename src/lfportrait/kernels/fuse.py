@@ -1,0 +1,56 @@
+"""Votes of depth maps on the points of a lattice: empty, surface, or unknown."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+__all__ = ["fuse_depth"]
+
+
+@njit(cache=True, parallel=True)
+def fuse_depth(x, y, z, camera, depth, sure, image, margin, slack, empty, solid, unsure, color):
+    """Add one view's votes.
+
+    Parameters
+    ----------
+    x, y, z
+        float64, coordinates of the lattice's planes in the world.
+    camera
+        float64 [16], pose row by row, focal, principal point of the depth map.
+    depth, sure, image
+        float32 [h, w], distance along the optical axis; bool [h, w], whether it was measured or
+        only guessed; float32 [h, w, 3].
+    margin, slack
+        Half thickness of a measured surface in world units, of a guessed one in parts of its depth.
+    empty, solid, unsure
+        int16 [Z, Y, X]: views that look through the point, that see a surface there, that guess one
+        there.
+    color
+        float32 [Z, Y, X, 3], sum of the colours of those that see a surface.
+    """
+    height, width = depth.shape
+    for k in prange(len(z)):
+        for j in range(len(y)):
+            for i in range(len(x)):
+                dx, dy, dz = x[i] - camera[3], y[j] - camera[7], z[k] - camera[11]
+                along = camera[2] * dx + camera[6] * dy + camera[10] * dz
+                if along <= 1e-6:
+                    continue
+                u = (camera[0] * dx + camera[4] * dy + camera[8] * dz) / along
+                v = (camera[1] * dx + camera[5] * dy + camera[9] * dz) / along
+                column = int(np.floor(u * camera[12] + camera[14]))
+                row = int(np.floor(v * camera[13] + camera[15]))
+                if not (0 <= column < width and 0 <= row < height):
+                    continue
+                there = depth[row, column]
+                thick = margin if sure[row, column] else max(margin, slack * there)
+                if along < there - thick:
+                    empty[k, j, i] += 1
+                elif along < there + thick:
+                    if sure[row, column]:
+                        solid[k, j, i] += 1
+                        for channel in range(3):
+                            color[k, j, i, channel] += image[row, column, channel]
+                    else:
+                        unsure[k, j, i] += 1
