@@ -47,12 +47,12 @@ def train_kernel(width: int) -> Callable[..., Any]:
         tiles, background, options, grad_rows, grad_background, touched, weight, losses)``;
         ``tiles`` int32 [T, 3] (view, first row, first column) in blocks of 4x4 pixels,
         ``cameras`` float64 [V, 16], ``sizes`` int64 [V, 2] (width, height), ``starts`` int64 [V]
-        first pixel of each view in ``pixels`` uint8 [P, 4] (colour composited by the kernel, alpha),
-        ``gains`` float32 [V, 3] what a view's colour is multiplied with (1 / 255 at least), ``background`` float32
-        [16 T, 3] and its gradient, written; ``options`` float64: step, threshold, stop, alpha
-        weight, sparsity, distortion, 1 to record the largest weight only, distance from the camera
-        that rays start at (world units). Gradients are added
-        to ``grad_rows``, the density's in the last value of its row; ``grad_rows``, ``touched``,
+        first pixel of each view in ``pixels`` uint8 [P, 4] (colour, composited by the kernel, and
+        alpha), ``gains`` float32 [V, 3] what a view's 8-bit colours are multiplied with,
+        ``background`` float32 [16 T, 3] and its gradient, written; ``options`` float64: step,
+        threshold, stop, alpha weight, sparsity, distortion, 1 to record the largest weight only,
+        distance from the camera that rays start at (world units). Gradients are added to
+        ``grad_rows``, the density's in the last value of its row; ``grad_rows``, ``touched``,
         ``weight`` and ``losses`` carry a leading axis of workers.
     """
     locate = make_locate(LANES)
