@@ -7,7 +7,7 @@ import pytest
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.errors import UserError
-from lfportrait.field import ReconstructConfig, VoxelField, reconstruct_with_figures
+from lfportrait.field import ReconstructConfig, VoxelField, reconstruct, reconstruct_with_figures
 from lfportrait.field.hull import hull_box, visual_hull
 
 from .fields import shell_field
@@ -204,3 +204,13 @@ def test_bad_parameters_and_captures_are_the_users_mistake():
         alpha[:] = 0
     with pytest.raises(UserError, match="mattes"):
         reconstruct_with_figures(capture)
+
+
+def test_a_saved_field_renders_the_same_bytes(tmp_path):
+    capture = ball_capture(count=8, size=32)
+    field = reconstruct(capture, ReconstructConfig(resolutions=(24,), rays=(0.05,), batch=(2048,),
+                                                   sh_degree=0))
+    field.save(tmp_path / "field.npz")
+    again = VoxelField.load(tmp_path / "field.npz")
+    assert np.array_equal(field.render(capture.cameras, 1).color,
+                          again.render(capture.cameras, 1).color)

@@ -57,7 +57,9 @@ class Lattice:
         links[points] = np.arange(count, dtype=np.int32)
         values = np.full(count + 1, density, np.float32)
         values[-1] = 0.0
-        return Lattice(links, values, np.zeros((count + 1, width), np.float32), center, radius)
+        # The box as the field's file keeps it, so that a field is the same once it was saved.
+        box = [np.asarray(side, np.float32).astype(np.float64) for side in (center, radius)]
+        return Lattice(links, values, np.zeros((count + 1, width), np.float32), *box)
 
     @property
     def count(self) -> int:
