@@ -138,8 +138,12 @@ def sweep_squared(keys, weight_x, weight_y, weight_a):
 
 @numba.njit(cache=True, parallel=True)
 def extract_indices(keys, indices):
-    """Pixel index of every cell: ``indices`` int32 [A, Y, X] from ``keys``."""
-    for a in numba.prange(keys.shape[0]):
-        for y in range(keys.shape[1]):
+    """Pixel index of every cell: ``indices`` int32 [Y, X, A] from ``keys`` [A, Y, X].
+
+    The appearance is innermost: a pixel's look-up then lies beside those of its neighbours, whose
+    place is the same but for a pixel and whose appearance is not.
+    """
+    for y in numba.prange(keys.shape[1]):
+        for a in range(keys.shape[0]):
             for x in range(keys.shape[2]):
-                indices[a, y, x] = np.int32(keys[a, y, x] & _MASK)
+                indices[y, x, a] = np.int32(keys[a, y, x] & _MASK)
