@@ -18,7 +18,7 @@ from lfportrait.example import (
     transfer,
 )
 from lfportrait.example.guides import pixel_centres
-from lfportrait.example.styleblit import _seeds
+from lfportrait.example.styleblit import plant
 
 from .portraits import HEAD_LANDMARKS, ball_head, drawn_face
 from .reference import styleblit as reference
@@ -50,7 +50,7 @@ def test_equals_the_plain_form(scale):
     config = BlitConfig(threshold=60.0, radius=0, levels=4)
     made = synthesise(guides, weights, 0.0, style_appearance, style_labels, table, picture,
                       config, seed=5, scale=scale)
-    stored = _seeds(guides.anchor, 4, 5, scale)
+    stored = plant(guides.anchor, 4, 5, scale)
     seeds = {}
     for level in range(1, 5):
         begin = stored.starts[level]
@@ -156,7 +156,8 @@ def test_transfer_paints_the_whole_picture_in_the_exemplar_s_colours(tmp_path):
     photo = drawn_face(220, 200, seed=1)
     result = transfer(photo.image, style, landmarks=photo.landmarks)
     assert result.image.shape == photo.image.shape and result.image.dtype == np.float32
-    assert set(result.seconds) == {"table_seconds", "guides_seconds", "synthesis_seconds"}
+    assert set(result.seconds) == {"table_seconds", "regions_seconds", "guides_seconds",
+                                   "synthesis_seconds"}
     points = photo.landmarks
     cheek = (points[2] + points[31]) / 2
     crown = points[27] + 1.15 * (points[27] - points[57])

@@ -27,7 +27,8 @@ def _check(appearance, config, unit, cells):
     random = np.random.default_rng(0)
     for _ in range(cells):
         query = [int(random.integers(n)) for n in table.indices.shape]
-        cost = best_cost(level, config.cell, position, look, config.form, query)
+        cost = best_cost(level, config.cell, position, look, config.form,
+                         (query[2], query[0], query[1]))
         chosen = int(table.indices[tuple(query)])
         assert cost.ravel()[chosen] == cost.min()
 
@@ -52,14 +53,14 @@ def test_equal_costs_go_to_the_first_pixel():
     appearance[0, 0] = appearance[0, 8] = 0.5
     config = TableConfig(cell=1, levels=9, position_weight=1.0, appearance_weight=4.0)
     table = build_table(appearance, config, 1.0)
-    assert table.indices[8, 0, 4] == 0
-    assert table.indices[8, 0, 5] == 8
+    assert table.indices[0, 4, 8] == 0
+    assert table.indices[0, 5, 8] == 8
 
 
 def test_a_cell_prefers_the_pixel_in_its_middle():
     table = build_table(np.zeros((9, 9), np.float32), TableConfig(cell=3, levels=8), 3.0)
     empty = np.rint(0 - table.low) / table.step
-    assert table.indices[round(-table.low / table.step), 1, 1] == 4 * 9 + 4
+    assert table.indices[1, 1, round(-table.low / table.step)] == 4 * 9 + 4
     assert np.isfinite(empty)
 
 
@@ -67,7 +68,7 @@ def test_without_appearance_the_place_decides():
     appearance = _appearance(3, 30, 30)
     table = build_table(appearance, TableConfig(appearance_weight=0.0, cell=1, levels=8), 3.0)
     expected = np.arange(900).reshape(30, 30)
-    assert all(np.array_equal(plane, expected) for plane in table.indices)
+    assert (table.indices == expected[..., None]).all()
 
 
 def test_cache_returns_the_same_table(tmp_path):

@@ -2,7 +2,8 @@
 
 from .exemplar import Exemplar, face_size
 from .guides import Guides, appearance_guide, position_guide
-from .regions import LABELS, Regions, find_regions
+from .labels import LABELS
+from .regions import Regions, find_regions
 from .styleblit import BlitConfig, Synthesis, synthesise
 from .surface import SurfaceGuide, surface_position_guide
 from .table import LookUpTable, TableConfig, build_table

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import write_image
-from .regions import LABELS
+from .labels import LABELS
 
 if TYPE_CHECKING:
     from .transfer import TransferResult

@@ -13,12 +13,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.example_guides import blur_rows, mls_points, resample_grid
+from ..kernels.example_guides import (
+    blur_difference,
+    blur_rows,
+    count_values,
+    enlarge,
+    fold_points,
+    map_values,
+    mls_points,
+    resample_fold,
+    resample_grid,
+    shrink,
+)
+from ..kernels.example_labels import luma
 
 __all__ = [
-    "Guides", "anchor_scale", "appearance_guide", "fold_inside", "gaussian_blur", "grey",
-    "match_histogram", "mls_similarity", "pixel_centres", "position_guide", "relative_stretch",
-    "sample_labels",
+    "Distribution", "Guides", "anchor_scale", "appearance_guide", "broad_blur", "fold_inside",
+    "folded_position_guide", "gaussian_blur", "grey", "match_histogram", "mls_similarity",
+    "pixel_centres", "position_guide", "relative_stretch", "sample_labels", "shrunk",
 ]
 
 Float32 = NDArray[np.float32]
@@ -103,15 +115,45 @@ def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating
     known = np.isfinite(target_landmarks).all(axis=1) & np.isfinite(exemplar_landmarks).all(axis=1)
     importance = np.ones(len(known)) if weights is None else np.asarray(weights)
     soft = np.zeros(len(known)) if softness is None else np.asarray(softness)
+    nodes = _nodes(shape, target_landmarks[known], exemplar_landmarks[known], importance[known],
+                   soft[known], grid)
+    out = np.empty((*shape[:2], 2), np.float32)
+    resample_grid(nodes, grid, out)
+    return out
+
+
+def _nodes(shape: tuple[int, ...], sources: NDArray[np.floating], targets: NDArray[np.floating],
+           weights: NDArray[np.floating], softness: NDArray[np.floating], grid: int) -> Float32:
+    """The map at every ``grid``-th pixel of a picture, float32 [h, w, 2]."""
     height, width = shape[:2]
     columns, rows = -(-(width - 1) // grid) + 1, -(-(height - 1) // grid) + 1
     x, y = np.meshgrid(np.arange(max(columns, 2)) * grid + 0.5,
                        np.arange(max(rows, 2)) * grid + 0.5)
-    nodes = mls_similarity(np.stack([x.ravel(), y.ravel()], axis=1), target_landmarks[known],
-                           exemplar_landmarks[known], importance[known], soft[known])
-    out = np.empty((height, width, 2), np.float32)
-    resample_grid(nodes.reshape(*x.shape, 2).astype(np.float32), grid, out)
+    nodes = mls_similarity(np.stack([x.ravel(), y.ravel()], axis=1), sources, targets, weights,
+                           softness)
+    return nodes.reshape(*x.shape, 2).astype(np.float32)
+
+
+def folded_position_guide(cover: Float32, target: NDArray[np.floating],
+                          exemplar: NDArray[np.floating], weights: NDArray[np.floating],
+                          softness: NDArray[np.floating], shape: tuple[int, ...],
+                          inner: tuple[float, float, float, float], grid: int = 4) -> Float32:
+    """`position_guide` and `fold_inside` in one pass, NaN where ``cover`` [H, W] is 0."""
+    known = np.isfinite(target).all(axis=1) & np.isfinite(exemplar).all(axis=1)
+    nodes = _nodes(cover.shape, target[known], exemplar[known], weights[known], softness[known],
+                   grid)
+    out = np.empty((*cover.shape, 2), np.float32)
+    resample_fold(nodes, grid, cover, *_strips(shape, inner), out)
     return out
+
+
+def _strips(shape: tuple[int, ...], inner: tuple[float, float, float, float],
+            ) -> tuple[Float32, Float32, Float32]:
+    """Size of the exemplar (x, y), and the strips before and after the head's box."""
+    size = np.array([shape[1], shape[0]], np.float32)
+    before = np.clip(np.array(inner[:2]), 6.0, size / 2)
+    after = np.clip(size - np.array(inner[2:]), 6.0, size / 2)
+    return size, before.astype(np.float32), after.astype(np.float32)
 
 
 def fold_inside(position: Float32, shape: tuple[int, ...],
@@ -131,39 +173,59 @@ def fold_inside(position: Float32, shape: tuple[int, ...],
     inner
         (left, top, right, bottom): the head's box in the exemplar.
     """
-    out = np.array(position, np.float32)
-    for axis, length in enumerate((shape[1], shape[0])):
-        value = out[..., axis]
-        before = np.float32(np.clip(inner[axis], 6.0, length / 2))
-        after = np.float32(np.clip(length - inner[axis + 2], 6.0, length / 2))
-        last = np.float32(length - 0.01)
-        with np.errstate(invalid="ignore"):
-            beyond = np.mod(-value, 2 * before)
-            value = np.where(value < 0, np.minimum(beyond, 2 * before - beyond), value)
-            beyond = np.mod(value - last, 2 * after)
-            value = np.where(value > last, last - np.minimum(beyond, 2 * after - beyond), value)
-        out[..., axis] = value
+    out = np.array(position, np.float32, order="C")
+    fold_points(out.reshape(-1, 2), *_strips(shape, inner))
     return out
 
 
 def grey(image: NDArray[np.generic]) -> Float32:
     """Luma (Rec. 601) in [0, 1] of a picture, uint8 or float in [0, 1], [H, W, 3]."""
-    scale = 1 / 255 if image.dtype == np.uint8 else 1.0
-    weights = np.array([0.299, 0.587, 0.114], np.float32) * np.float32(scale)
-    return np.asarray(np.asarray(image[..., :3], np.float32) @ weights, np.float32)
+    out = np.empty(image.shape[:2], np.float32)
+    luma(image, np.float32(1 / 255 if image.dtype == np.uint8 else 1), out)
+    return out
+
+
+def _taps(sigma: float) -> Float32:
+    """Gaussian of unit sum, cut at 3 sigma."""
+    radius = max(1, int(np.ceil(3 * sigma)))
+    taps = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
+    return np.asarray(taps / taps.sum(), np.float32)
 
 
 def gaussian_blur(image: Float32, sigma: float) -> Float32:
     """Gaussian blur of [H, W] with mirrored borders; kernel cut at 3 sigma."""
-    radius = max(1, int(np.ceil(3 * sigma)))
-    taps = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
-    taps = (taps / taps.sum()).astype(np.float32)
+    taps = _taps(sigma)
     rows = np.empty_like(image)
     blur_rows(np.ascontiguousarray(image), taps, rows)
     turned = np.ascontiguousarray(rows.T)
     columns = np.empty_like(turned)
     blur_rows(turned, taps, columns)
     return np.ascontiguousarray(columns.T)
+
+
+def shrunk(image: Float32, factor: int) -> Float32:
+    """Means of blocks of ``factor`` x ``factor`` pixels, float32 [ceil(H / f), ceil(W / f)]."""
+    if factor == 1:
+        return image
+    out = np.empty((-(-image.shape[0] // factor), -(-image.shape[1] // factor)), np.float32)
+    shrink(np.ascontiguousarray(image, np.float32), factor, out)
+    return out
+
+
+def broad_blur(image: Float32, sigma: float) -> Float32:
+    """`gaussian_blur` for wide kernels: on block means, and bilinear between.
+
+    The blocks are at most half of ``sigma`` wide, so the result is within a hundredth of the
+    largest step in the picture.
+    """
+    factor = int(sigma / 2)
+    if factor < 2:
+        return gaussian_blur(image, sigma)
+    # Block means and the interpolation blur, too.
+    rest = np.sqrt(max(sigma ** 2 - factor ** 2 / 4, 0.25)) / factor
+    out = np.empty(image.shape, np.float32)
+    enlarge(gaussian_blur(shrunk(image, factor), rest), factor, out)
+    return out
 
 
 def appearance_guide(image: NDArray[np.generic], sigma: float, grain: float = 0.0) -> Float32:
@@ -179,37 +241,65 @@ def appearance_guide(image: NDArray[np.generic], sigma: float, grain: float = 0.
         Sigma in pixels of a blur of the guide itself; 0 keeps the finest detail.
     """
     luma = grey(image)
-    guide = luma - gaussian_blur(luma, sigma)
-    return gaussian_blur(guide, grain) if grain > 0.3 else guide
+    out = np.empty_like(luma)
+    if grain > 0.3:
+        # Two Gaussians one after the other are one of the summed variances.
+        blur_difference(luma, _taps(grain), _taps(float(np.hypot(sigma, grain))), out)
+    else:
+        blur_difference(luma, np.ones(1, np.float32), _taps(sigma), out)
+    return out
 
 
-def match_histogram(values: Float32, reference: NDArray[np.float32], inside: NDArray[np.bool_],
-                    bins: int = 1024) -> Float32:
+@dataclass(frozen=True)
+class Distribution:
+    """Distribution of an appearance guide's values over [-1, 1].
+
+    Attributes
+    ----------
+    share
+        float64 [bins + 1], share of the values below each of the bins' borders.
+    """
+
+    share: NDArray[np.float64]
+
+    @staticmethod
+    def of(values: Float32, inside: NDArray[np.generic] | None = None,
+           bins: int = 4096) -> Distribution:
+        """Distribution of ``values`` [H, W] where ``inside`` [H, W] exceeds one half."""
+        if inside is None:
+            values = np.ascontiguousarray(values, np.float32).reshape(1, -1)
+            inside = np.ones(values.shape, np.float32)
+        counts = np.zeros((8, bins), np.int64)
+        count_values(values, np.asarray(inside, np.float32), np.float32(0.5), np.float32(1), counts)
+        total = counts.sum(axis=0)
+        if total.sum() == 0:
+            return Distribution.of(values, None, bins)
+        return Distribution(np.concatenate([[0], np.cumsum(total)]) / total.sum())
+
+
+def match_histogram(values: Float32, reference: Float32 | Distribution,
+                    inside: NDArray[np.generic]) -> Float32:
     """Map ``values`` so that those ``inside`` are distributed as ``reference`` (Fig. 4 g).
 
     Parameters
     ----------
     values
-        float32 [H, W].
+        float32 [H, W] in [-1, 1].
     reference
-        float32, any shape: the wanted distribution.
+        The wanted distribution, or values in [-1, 1] that have it.
     inside
-        bool [H, W]: the values that count; all values are mapped.
-    bins
-        Resolution of the cumulative distributions; the map is linear between bins.
+        [H, W]: values where it exceeds one half count; all values are mapped.
     """
-    sample = values[inside] if inside.any() else values.ravel()
-    reach = float(max(np.abs(sample).max(), np.abs(reference).max(), 1e-6))
-    edges = np.linspace(-reach, reach, bins + 1)
-    own = np.concatenate([[0], np.cumsum(np.histogram(sample, edges)[0])]) / sample.size
-    wanted = np.concatenate([[0], np.cumsum(np.histogram(reference, edges)[0])]) / reference.size
+    if not isinstance(reference, Distribution):
+        reference = Distribution.of(reference)
+    wanted = reference.share
+    own = Distribution.of(values, inside, len(wanted) - 1).share
     # A little slope everywhere makes both distributions invertible where they have gaps.
-    ramp = np.linspace(0, 1e-6, bins + 1)
-    mapping = np.interp(own + ramp, wanted + ramp, edges)
-    index = np.clip((values + np.float32(reach)) * np.float32(bins / (2 * reach)), 0, bins)
-    low = np.minimum(index.astype(np.int32), bins - 1)
-    table = mapping.astype(np.float32)
-    return table[low] + (index - low) * (table[low + 1] - table[low])
+    ramp = np.linspace(0, 1e-6, len(wanted))
+    table = np.interp(own + ramp, wanted + ramp, np.linspace(-1, 1, len(wanted)))
+    out = values.copy()
+    map_values(out, table.astype(np.float32), np.float32(1))
+    return out
 
 
 def pixel_centres(shape: tuple[int, ...]) -> Float32:

@@ -1,10 +1,10 @@
-"""Soft regions of a portrait, and the control points that they add to the landmarks.
+"""Regions of a portrait: the person and its hair, and where rays from the face meet their edges.
 
 The 68 landmarks end at the brows: without more, moving least squares extrapolates hair, ears and
 neck from the face, and the exemplar's hairline lands wherever it may. So the person and its hair
 are segmented in both pictures, and rays from the middle of the face meet the hairline and the
-outline of the head at points that correspond. The soft labels of all regions are compared during
-the synthesis, so that skin is not painted with hair.
+outline of the head at points that correspond (`correspond`). The soft labels of all regions are
+compared during the synthesis (`labels`), so that skin is not painted with hair.
 """
 
 from __future__ import annotations
@@ -13,74 +13,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
 from scipy.ndimage import map_coordinates
 
-from .guides import gaussian_blur, mls_similarity
+from .frame import FaceFrame
+from .labels import LABELS, polygon, region_labels
 from .segment import overlap, separate
 
-__all__ = ["LABELS", "FaceFrame", "Regions", "find_regions", "match_regions",
-           "substitute"]
+__all__ = ["LABELS", "RAYS", "FaceFrame", "Regions", "find_regions"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
-LABELS = ("brows", "eyes", "nose", "lips", "skin", "hair", "body", "background")
-"""Channels of the soft region labels; ears belong to the skin, neck and clothes to the body."""
-
 RAYS = np.radians(np.arange(-75, 76, 15.0))
 """Directions of the rays to hairline and outline: from straight up, clockwise."""
-
-
-@dataclass(frozen=True)
-class FaceFrame:
-    """The upright frame of a face: origin between the eyes' height and the brows, unit = chin.
-
-    Attributes
-    ----------
-    origin
-        [2], middle of the brows.
-    right, down
-        [2] each, the face's axes in the picture, orthonormal.
-    height
-        Distance from the brows to the chin in pixels.
-    width
-        Distance of the jaw's ends in pixels.
-    """
-
-    origin: Float64
-    right: Float64
-    down: Float64
-    height: float
-    width: float
-
-    @staticmethod
-    def of(landmarks: NDArray[np.floating]) -> FaceFrame:
-        """Frame of 68 landmarks; roll is taken out by the line of eyes and chin."""
-        points = np.asarray(landmarks, np.float64)
-        brows = np.nanmean(points[17:27], axis=0)
-        eyes = np.nanmean(points[42:48], axis=0) - np.nanmean(points[36:42], axis=0)
-        chin = points[8] - brows
-        # The chin alone would lean with the yaw, the eyes alone vanish in profile.
-        down = chin / np.linalg.norm(chin) + np.array([-eyes[1], eyes[0]]) / max(
-            float(np.linalg.norm(chin)), 1e-9)
-        down /= np.linalg.norm(down)
-        right = np.array([down[1], -down[0]])
-        extent = points[[0, 16]] @ right
-        return FaceFrame(brows, right, down, float(chin @ down), float(abs(extent[1] - extent[0])))
-
-    def local(self, shape: tuple[int, ...]) -> tuple[Float32, Float32]:
-        """Coordinates of all pixels of a picture in units of ``height``: (right, down)."""
-        y, x = np.mgrid[:shape[0], :shape[1]].astype(np.float32)
-        x, y = x + 0.5 - np.float32(self.origin[0]), y + 0.5 - np.float32(self.origin[1])
-        unit = np.float32(1 / self.height)
-        return ((x * np.float32(self.right[0]) + y * np.float32(self.right[1])) * unit,
-                (x * np.float32(self.down[0]) + y * np.float32(self.down[1])) * unit)
-
-    def point(self, right: NDArray[np.floating], down: NDArray[np.floating]) -> Float64:
-        """Picture coordinates [N, 2] of local ones."""
-        return np.asarray(self.origin + self.height * (
-            np.multiply.outer(right, self.right) + np.multiply.outer(down, self.down)), np.float64)
 
 
 @dataclass
@@ -177,54 +122,9 @@ class Regions:
         low, high = points.min(axis=0), points.max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
-    def labels(self) -> NDArray[np.uint8]:
-        """Soft labels, uint8 [H, W, len(LABELS)], diffused between neighbouring regions."""
-        shape = self.person.shape
-        points, frame = self.landmarks, self.frame
-        blur = 0.03 * frame.height
-        features = [
-            np.maximum(_polygon(shape, _thicken(points[17:22], frame)),
-                       _polygon(shape, _thicken(points[22:27], frame))),
-            np.maximum(_polygon(shape, points[36:42]), _polygon(shape, points[42:48])),
-            _polygon(shape, np.concatenate([points[27:28], points[31:36]])),
-            _polygon(shape, points[48:60])]
-        rest = np.ones(shape, np.float32)
-        planes = []
-        for feature in features:
-            soft = gaussian_blur(feature, blur)
-            planes.append(soft * rest)
-            rest = rest * (1 - soft)
-        hair = self.hair if self.hair is not None else np.zeros(shape, np.float32)
-        body = gaussian_blur(_below_jaw(shape, points, frame), 1.5 * blur)
-        skin = self.person * (1 - hair)
-        planes += [skin * (1 - body) * rest, self.person * hair * rest, skin * body * rest,
-                   (1 - self.person) * rest]
-        return np.stack([np.asarray(plane * 255 + 0.5, np.uint8) for plane in planes], axis=-1)
-
-
-def _polygon(shape: tuple[int, ...], points: NDArray[np.floating]) -> Float32:
-    """Filled polygon, float32 [H, W]."""
-    picture = Image.new("L", (shape[1], shape[0]))
-    if np.isfinite(points).all():
-        ImageDraw.Draw(picture).polygon([(float(x), float(y)) for x, y in points - 0.5], fill=1)
-    return np.asarray(picture, np.float32)
-
-
-def _thicken(brow: Float64, frame: FaceFrame) -> Float64:
-    """A brow's line of landmarks as a strip."""
-    half = 0.035 * frame.height * frame.down
-    return np.concatenate([brow - half, (brow + 1.6 * half)[::-1]])
-
-
-def _below_jaw(shape: tuple[int, ...], points: Float64, frame: FaceFrame) -> Float32:
-    """Everything below the jaw line: neck, shoulders and whatever is beside them."""
-    jaw = points[3:14]
-    far = 6.0 * max(shape)
-    left, right = jaw[0], jaw[-1]
-    border = [left - far * frame.right, left, *jaw[1:-1], right, right + far * frame.right,
-              right + far * frame.right + far * frame.down,
-              left - far * frame.right + far * frame.down]
-    return _polygon(shape, np.array(border))
+    def labels(self, like: frozenset[str] = frozenset()) -> NDArray[np.uint8]:
+        """Soft labels, uint8 [H, W, len(LABELS)]; see `labels.region_labels`."""
+        return region_labels(self.person, self.hair, self.landmarks, self.frame, like)
 
 
 def _person_prior(frame: FaceFrame, shape: tuple[int, ...], points: Float64) -> Float32:
@@ -236,7 +136,7 @@ def _person_prior(frame: FaceFrame, shape: tuple[int, ...], points: Float64) -> 
     away = np.where(down > 0.8, np.minimum(head, np.where(down > 1.0, neck, 2.0)), head)
     prior = 1 / (1 + np.exp((away - 1.0) / 0.12))
     prior = np.where(away > 1.5, 0.0, prior)
-    face = np.maximum(_polygon(shape, points[:27][[*range(17), 26, 25, 24, 19, 18, 17]]),
+    face = np.maximum(polygon(shape, points[:27][[*range(17), 26, 25, 24, 19, 18, 17]]),
                       (np.hypot(right / (half * 0.7), (down + 0.1) / 0.45) < 1))
     return np.asarray(np.where(face > 0, 1.0, prior), np.float32)
 
@@ -250,29 +150,30 @@ def _hair_prior(frame: FaceFrame, person: Float32, points: Float64) -> Float32:
     inner = np.hypot(right / (half * 1.02), np.where(down < 0, down / 0.8, down / 1.5))
     prior = 1 / (1 + np.exp(-(inner - 0.9) / 0.10))
     prior = prior * np.clip((0.6 - down) / 0.4, 0.05, 1.0)
-    face = _polygon(shape, points[[*range(17), 26, 25, 24, 19, 18, 17]])
+    face = polygon(shape, points[[*range(17), 26, 25, 24, 19, 18, 17]])
     forehead = np.hypot(right / (half * 0.75), down / 0.38) < 1
     prior = np.where((face > 0) | forehead | (down > 1.0), 0.0, prior)
     return np.asarray(np.clip(prior, 0, 0.97) * person, np.float32)
 
 
-def _networks(image: NDArray[np.uint8]) -> tuple[Float32 | None, Float32 | None]:
+def _networks(image: NDArray[np.uint8], quick: bool) -> tuple[Float32 | None, Float32 | None]:
     """Person and hair from the segmentation networks, None where their weights are missing."""
-    person = hair = None
+    size = 256 if quick else 512
     try:
         from .. import face, models
 
-        if models.available("person-segmentation"):
-            person = np.asarray(face.person_matte(image), np.float32)
-        if models.available("hair-segmentation"):
-            hair = np.asarray(face.hair_mask(image), np.float32)
-    except (ImportError, AttributeError):
-        return person, hair
-    return person, hair
+        known = models.available("person-segmentation"), models.available("hair-segmentation")
+        if all(known):
+            return face.mattes(image, size=size)
+        return (face.person_matte(image) if known[0] else None,
+                face.hair_mask(image, size=size) if known[1] else None)
+    except ImportError:
+        return None, None
 
 
 def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
-                 mask: Float32 | None = None, networks: bool = True) -> Regions:
+                 mask: Float32 | None = None, networks: bool = True,
+                 quick: bool = False) -> Regions:
     """Segment a portrait.
 
     Parameters
@@ -285,109 +186,78 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
         float32 [H, W], the person where it is known.
     networks
         Use the segmentation networks where their weights are at hand and the result is plausible.
+    quick
+        Let the network of the hair see a picture of half the size: for photos and videos.
     """
     points = np.asarray(landmarks, np.float64)
     frame = FaceFrame.of(points)
-    colours = np.asarray(image[..., :3], np.float32) / np.float32(
-        255 if image.dtype == np.uint8 else 1)
+    picture = np.asarray(image[..., :3])
     person_net = hair_net = None
     if networks:
-        picture = np.asarray(colours * 255 + 0.5, np.uint8)
-        person_net, hair_net = _networks(picture)
-    prior = _person_prior(frame, colours.shape, points)
+        eight = picture if picture.dtype == np.uint8 else np.asarray(
+            np.clip(picture, 0, 1) * 255 + 0.5, np.uint8)
+        person_net, hair_net = _networks(eight, quick)
+    check = _Plausibility(points, picture.shape)
     if mask is not None:
         person = np.asarray(mask, np.float32)
-    elif person_net is not None and _plausible(person_net, prior, frame):
+    elif person_net is not None and check.person(person_net):
         person = person_net
     else:
-        person = separate(colours, prior)
-    hair_guess = _hair_prior(frame, person, points)
-    if hair_net is not None and _plausible_hair(hair_net, person, frame):
+        person = separate(_unit_colours(picture), _person_prior(frame, picture.shape, points))
+    if hair_net is not None and check.hair(hair_net, person):
         hair = np.minimum(hair_net, person)
-        if hair_net[prior >= 1.0].mean() > 0.1:
+        if check.drawn(hair_net):
             # In drawings the network takes hatching on the face for hair.
-            hair = hair * np.clip(hair_guess * 10, 0, 1)
+            hair = hair * np.clip(_hair_prior(frame, person, points) * 10, 0, 1)
         return Regions(points, person, np.asarray(hair, np.float32))
-    hair = separate(colours, hair_guess, smoothness=4.0, blur=1.2)
+    return Regions(points, person, _hair_by_colour(picture, person, frame, points))
+
+
+def _unit_colours(image: NDArray[np.generic]) -> Float32:
+    """Colours in [0, 1]."""
+    return np.asarray(image, np.float32) / np.float32(255 if image.dtype == np.uint8 else 1)
+
+
+def _hair_by_colour(image: NDArray[np.generic], person: Float32, frame: FaceFrame,
+                    points: Float64) -> Float32 | None:
+    """Hair by prior and colours, or None where it has the colours of the skin (a statue)."""
+    colours = _unit_colours(image)
+    hair = separate(colours, _hair_prior(frame, person, points), smoothness=4.0, blur=1.2)
     crown = np.asarray(hair * person, np.float32)
-    skin = np.asarray((prior >= 1.0) & (hair < 0.5), np.float32)
+    face = _person_prior(frame, person.shape, points) >= 1.0
+    skin = np.asarray(face & (hair < 0.5), np.float32)
     if crown.sum() < 0.05 * frame.height ** 2 or overlap(colours, crown, skin) > 0.85:
-        return Regions(points, person, None)
-    return Regions(points, person, crown)
+        return None
+    return crown
 
 
-def substitute(labels: NDArray[np.uint8], style: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Give regions that the exemplar has not to those that stand in for them.
+class _Plausibility:
+    """Tests whether networks' masks suit the landmarks, on every n-th pixel."""
 
-    Hair of an exemplar whose hair can't be told from its skin (a statue) is skin, a body that it
-    does not show is background. Both arguments are uint8 [..., len(LABELS)].
-    """
-    out = labels.copy()
-    for name, stand_in in (("hair", "skin"), ("body", "background")):
-        missing, other = LABELS.index(name), LABELS.index(stand_in)
-        if style[..., missing].mean() < 0.5:
-            total = out[..., other].astype(np.int32) + out[..., missing]
-            out[..., other] = np.minimum(total, 255).astype(np.uint8)
-            out[..., missing] = 0
-    return out
+    def __init__(self, points: Float64, shape: tuple[int, ...]) -> None:
+        step = max(1, int(FaceFrame.of(points).height / 50))
+        self.every = slice(step // 2, None, step), slice(step // 2, None, step)
+        rows, columns = (len(range(step // 2, n, step)) for n in shape[:2])
+        small = (points - step // 2) / step
+        frame = FaceFrame.of(small)
+        self.prior = _person_prior(frame, (rows, columns), small)
+        self.right, self.down = frame.local((rows, columns))
 
+    def person(self, person: Float32) -> bool:
+        """Whether the person covers the face and leaves the background beside the head."""
+        mask = person[self.every]
+        inside, outside = mask[self.prior >= 1.0], mask[(self.prior <= 0.0) & (self.down < 0.6)]
+        return bool(inside.size == 0 or inside.mean() > 0.9) and bool(
+            outside.size == 0 or outside.mean() < 0.4)
 
-def _plausible(person: Float32, prior: Float32, frame: FaceFrame) -> bool:
-    """Whether a network's person covers the face and leaves the background beside the head."""
-    _, down = frame.local(person.shape)
-    inside, outside = person[prior >= 1.0], person[(prior <= 0.0) & (down < 0.6)]
-    return bool(inside.size == 0 or inside.mean() > 0.9) and bool(
-        outside.size == 0 or outside.mean() < 0.4)
+    def hair(self, hair: Float32, person: Float32) -> bool:
+        """Whether hair covers a good part of the head above the brows, and not the face."""
+        mask = hair[self.every]
+        crown = (np.abs(self.right) < 0.5) & (self.down < -0.55) & (person[self.every] > 0.5)
+        face = (np.abs(self.right) < 0.3) & (self.down > 0.1) & (self.down < 0.8)
+        return bool(crown.any() and mask[crown].mean() > 0.35 and mask[face].mean() < 0.4)
 
-
-def _plausible_hair(hair: Float32, person: Float32, frame: FaceFrame) -> bool:
-    """Whether a network's hair covers a good part of the head above the brows, and not the face."""
-    right, down = frame.local(hair.shape)
-    crown = (np.abs(right) < 0.5) & (down < -0.55) & (person > 0.5)
-    face = (np.abs(right) < 0.3) & (down > 0.1) & (down < 0.8)
-    return bool(crown.any() and hair[crown].mean() > 0.35 and hair[face].mean() < 0.4)
-
-
-def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64,
-                  style_regions: Regions,
-                  contours: bool = True) -> tuple[Float64, Float64, Float64, Float64]:
-    """Control points of the position guide: landmarks, hairline and outline.
-
-    Returns
-    -------
-    sources, targets
-        [M, 2] in the target and in the exemplar; only points known on both sides count.
-    weights, softness
-        [M], see `guides.mls_similarity`.
-    """
-    sources, targets = [landmarks], [style_landmarks]
-    weights = [np.ones(68)]
-    if contours:
-        for name, weight in (("outline", 2.0), ("hairline", 1.0)):
-            sources.append(getattr(regions, name)())
-            targets.append(getattr(style_regions, name)())
-            weights.append(np.full(len(RAYS), weight))
-        foot, style_foot = _foot(landmarks, regions, style_landmarks, style_regions)
-        sources.append(foot)
-        targets.append(style_foot)
-        weights.append(np.full(len(foot), 2.0))
-    source = np.concatenate(sources)
-    softness = np.full(len(source), 0.05 * regions.frame.height)
-    softness[:68] = 0.0
-    return source, np.concatenate(targets), np.concatenate(weights), softness
-
-
-def _foot(landmarks: Float64, regions: Regions, style_landmarks: Float64,
-          style_regions: Regions) -> tuple[Float64, Float64]:
-    """Points on the target's lower border, pinned to the exemplar's where it shows less body.
-
-    Without them a photo that shows more of the chest than the exemplar does would run off its lower
-    border. Where the exemplar shows enough there are none.
-    """
-    height, width = regions.person.shape
-    style_height = style_regions.person.shape[0]
-    foot = np.array([[0.0, height], [width / 2, height], [float(width), height]])
-    style_foot = mls_similarity(foot, landmarks[:27], style_landmarks[:27])
-    beyond = style_foot[:, 1] > style_height - 1
-    style_foot[:, 1] = style_height - 1
-    return foot[beyond], style_foot[beyond]
+    def drawn(self, hair: Float32) -> bool:
+        """Whether there is hair on the face."""
+        face = self.prior >= 1.0
+        return bool(face.any() and hair[self.every][face].mean() > 0.1)

@@ -13,19 +13,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.example_blit import (
-    blit,
-    elect,
-    look_up,
-    seed_points,
-    seed_regular,
-    seed_splat,
-    vote,
-)
+from ..kernels.example_blit import blit, look_up
+from ..kernels.example_seeds import finite_range, seed_points, seed_regular, seed_splat
+from ..kernels.example_vote import elect, vote
 from .guides import Guides
 from .table import LookUpTable
 
-__all__ = ["BlitConfig", "Synthesis", "synthesise"]
+__all__ = ["BlitConfig", "Seeds", "Synthesis", "plant", "synthesise"]
+
+NOTHING = np.full(2, np.nan, np.float32).view(np.int64)[0]
+"""The packed shift of a pixel that has none."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +69,8 @@ class Synthesis:
 
 
 @dataclass
-class _Seeds:
-    """Seeds of all levels, one level after the other."""
+class Seeds:
+    """Seeds of all levels, one level after the other (`kernels.example_seeds`)."""
 
     points: NDArray[np.float32]
     pixels: NDArray[np.int32]
@@ -82,42 +79,62 @@ class _Seeds:
     shapes: NDArray[np.int64]
 
 
-def _seeds(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None) -> _Seeds:
-    """Seeds for the anchor plane; ``scale`` is set where the anchor is that times the pixel."""
+def _extent(anchor: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and largest finite place of an anchor plane, [2] each; 0 where there is none."""
+    low, high = (np.empty((anchor.shape[0], 2), np.float32) for _ in range(2))
+    finite_range(anchor, low, high)
+    ends = np.array([low.min(axis=0), high.max(axis=0)], np.float64)
+    ends[~np.isfinite(ends)] = 0
+    return ends[0], ends[1]
+
+
+def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None) -> Seeds:
+    """Seeds of levels 1 to ``top`` for an anchor plane [H, W, 2].
+
+    ``scale`` is set where the anchor is that times the pixel; then the seeds depend on the size of
+    the picture alone and serve all pictures of that size.
+    """
     height, width = anchor.shape[:2]
-    if scale is not None:
-        low, high = np.zeros(2), np.array([width, height]) * scale
-    elif np.isfinite(anchor[..., 0]).any():
-        low = np.nanmin(anchor.reshape(-1, 2), axis=0)
-        high = np.nanmax(anchor.reshape(-1, 2), axis=0)
-    else:
-        low = high = np.zeros(2)
+    low, high = (_extent(anchor) if scale is None
+                 else (np.zeros(2), np.array([width, height]) * scale))
     starts, firsts, shapes = (np.zeros(shape, np.int64)
                               for shape in ((top + 1,), (top + 1, 2), (top + 1, 2)))
     points, pixels, total = [], [], 0
     for level in range(1, top + 1):
-        first = np.floor(low / 2 ** level).astype(np.int64)
-        last = np.floor(high / 2 ** level).astype(np.int64)
+        # One cell more all around, so that every pixel has neighbours on all sides.
+        first = np.floor(low / 2 ** level).astype(np.int64) - 1
+        last = np.floor(high / 2 ** level).astype(np.int64) + 1
         columns, rows = (int(n) for n in last - first + 1)
         point = np.empty((rows, columns, 2), np.float32)
         seed_points(seed, level, first[0], first[1], point)
         pixel = np.full((rows, columns), -1, np.int32)
         if scale is not None:
             seed_regular(point, np.float32(scale), height, width, pixel)
-        else:
-            seed_splat(point, anchor, level, first[0], first[1],
-                       np.full((rows, columns), np.inf, np.float32), pixel)
         starts[level], firsts[level], shapes[level] = total, first, (rows, columns)
         total += rows * columns
         points.append(point.reshape(-1, 2))
         pixels.append(pixel.ravel())
-    return _Seeds(np.concatenate(points), np.concatenate(pixels), starts, firsts, shapes)
+    seeds = Seeds(np.concatenate(points), np.concatenate(pixels), starts, firsts, shapes)
+    if scale is None:
+        seed_splat(anchor, firsts, starts, shapes, seeds.points, seeds.pixels)
+    return seeds
+
+
+def _words(labels: NDArray[np.uint8]) -> NDArray[np.uint64]:
+    """Up to eight labels [H, W, K] of a pixel as the bytes of one word, [H, W]."""
+    height, width, count = labels.shape
+    if count > 8:
+        raise ValueError(f"at most 8 labels, not {count}")
+    if count < 8:
+        labels = np.concatenate([labels, np.zeros((height, width, 8 - count), np.uint8)], axis=-1)
+    return np.ascontiguousarray(labels).view(np.uint64).reshape(height, width)
 
 
 def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float,
                style_appearance: NDArray[np.float32], style_labels: NDArray[np.uint8],
                table: LookUpTable, picture: NDArray[np.float32], config: BlitConfig, *,
-               seed: int = 0, scale: float | None = None) -> Synthesis:
+               seed: int = 0, scale: float | None = None,
+               seeds: Seeds | None = None) -> Synthesis:
     """Synthesise a picture from an exemplar.
 
     Parameters
@@ -140,28 +157,32 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
         Of the jitter; the same seed gives the same bytes.
     scale
         Set where the anchor is ``scale`` times the pixel (a photo); None for free anchors.
+    seeds
+        Of an earlier picture of the same size and ``scale`` (`plant`); None plants new ones.
     """
     height, width = guides.appearance.shape
     exact = scale == 1.0
-    labels = np.ascontiguousarray(guides.labels.reshape(height * width, -1))
+    words, style_words = _words(guides.labels), _words(style_labels)
     per_label = np.float32(label_weight / 255)
     own_shift = np.empty((height, width, 2), np.float32)
     error = np.empty((height, width), np.float32)
-    look_up(guides.position, guides.appearance, guides.anchor, weights, labels, per_label,
+    look_up(guides.position, guides.appearance, guides.anchor, weights, words, per_label,
             table.indices, table.cell, np.float32(table.low), np.float32(table.step),
-            style_appearance, style_labels, np.float32(config.gain), exact, own_shift, error)
-    seeds = _seeds(guides.anchor, config.levels, seed, scale)
+            style_appearance, style_words, np.float32(config.gain), exact, own_shift, error)
+    if seeds is None:
+        seeds = plant(guides.anchor, config.levels, seed, scale)
     shift = np.empty_like(own_shift)
     level = np.empty((height, width), np.uint8)
-    blit(guides.position, guides.appearance, guides.anchor, weights, labels, per_label,
-         style_appearance, style_labels, own_shift, error, config.levels, seeds.points,
+    blit(guides.position, guides.appearance, guides.anchor, weights, words, per_label,
+         style_appearance, style_words, own_shift, error, config.levels, seeds.points,
          seeds.pixels, seeds.starts, seeds.firsts, seeds.shapes, np.float32(config.threshold),
          np.float32(config.slack), shift, level)
+    packed = shift.view(np.int64)[..., 0]
     if config.radius > 0 and config.voting in ("mode", "both"):
-        elected = np.empty_like(shift)
-        elect(shift, config.radius, elected)
-        shift = elected
+        elected = np.empty((height, width), np.int64)
+        elect(packed, NOTHING, config.radius, elected)
+        packed, shift = elected, elected[..., None].view(np.float32)
     image = np.empty((height, width, 3), np.float32)
     radius = config.radius if config.voting in ("mean", "both") else 0
-    vote(picture, guides.anchor, shift, radius, exact, image)
+    vote(picture, guides.anchor, shift, packed, radius, exact, image)
     return Synthesis(image, shift, level, error)

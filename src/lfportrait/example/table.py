@@ -60,7 +60,7 @@ class LookUpTable:
     Attributes
     ----------
     indices
-        int32 [levels, rows, columns], flat pixel index y * width + x.
+        int32 [rows, columns, levels], flat pixel index y * width + x.
     cell
         Side of a cell in exemplar pixels.
     low, step
@@ -119,7 +119,7 @@ def build_table(appearance: NDArray[np.float32], config: TableConfig, unit: floa
     position, look = integer_costs(config, unit, step)
     sweep = sweep_squared if config.form == "squared" else sweep_linear
     sweep(keys, position, position, look)
-    indices = np.empty(shape, np.int32)
+    indices = np.empty((*shape[1:], shape[0]), np.int32)
     extract_indices(keys, indices)
     return LookUpTable(indices, config.cell, low, step)
 
@@ -130,7 +130,7 @@ def cached_table(appearance: NDArray[np.float32], config: TableConfig, unit: flo
     if cache is None:
         return build_table(appearance, config, unit)
     digest = hashlib.sha256(np.ascontiguousarray(appearance).tobytes())
-    digest.update(repr((appearance.shape, config, round(unit, 6), "table 1")).encode())
+    digest.update(repr((appearance.shape, config, round(unit, 6), "table 2")).encode())
     path = Path(cache) / f"table-{digest.hexdigest()[:24]}.npz"
     if path.exists():
         try:

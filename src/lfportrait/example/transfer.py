@@ -12,21 +12,27 @@ import tyro
 from numpy.typing import NDArray
 
 from ..errors import UserError
+from ..kernels.example_labels import pixel_weights
+from ..kernels.example_vote import blend
+from .correspond import match_regions
 from .exemplar import Exemplar, face_size
 from .guides import (
+    Distribution,
     Guides,
     anchor_scale,
     appearance_guide,
-    fold_inside,
+    broad_blur,
+    folded_position_guide,
     gaussian_blur,
     match_histogram,
     pixel_centres,
-    position_guide,
     relative_stretch,
     sample_labels,
+    shrunk,
 )
-from .regions import LABELS, Regions, find_regions, match_regions, substitute
-from .styleblit import BlitConfig, Synthesis, synthesise
+from .labels import missing_labels
+from .regions import Regions, find_regions
+from .styleblit import BlitConfig, Seeds, Synthesis, plant, synthesise
 from .table import TableConfig, cached_table
 
 __all__ = ["Transfer", "TransferConfig", "TransferResult", "transfer"]
@@ -85,7 +91,9 @@ class TransferResult:
     synthesis
         Chunk shifts, levels and table error.
     seconds
-        ``table_seconds``, ``guides_seconds``, ``synthesis_seconds``.
+        ``table_seconds`` and ``regions_seconds`` (segmentation by networks): pre-calculation of
+        the style and of the photo; ``guides_seconds``, ``synthesis_seconds`` (with voting and
+        blending).
     """
 
     image: Float32
@@ -130,12 +138,16 @@ class Transfer:
         self.table = cached_table(self.appearance, self.config.table, self.unit,
                                   Path(cache) if cache is not None else None)
         self.table_seconds = time.perf_counter() - start
+        self._distribution = Distribution.of(self.appearance, self.regions.person)
+        self._box = self.regions.box()
+        self._like = missing_labels(self.labels)
+        self._plan: tuple[Any, Float32, Seeds] | None = None
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
         self._filtered: dict[float, Float32] = {1.0: self._picture}
 
     def apply(self, image: NDArray[np.generic], landmarks: NDArray[np.floating], *,
               position: Float32 | None = None, seeds_anchor: Float32 | None = None,
-              mask: Float32 | None = None) -> TransferResult:
+              mask: Float32 | None = None, regions: Regions | None = None) -> TransferResult:
         """Stylise one picture.
 
         Parameters
@@ -151,49 +163,68 @@ class Transfer:
             float32 [H, W, 2], place of each pixel in the plane of the seeds, in exemplar pixels.
         mask
             float32 [H, W], the person against the background (a capture's alpha); None = found.
+        regions
+            Of the picture where they are known (`find_regions`): the networks are not asked.
 
         Returns
         -------
         TransferResult; where ``position`` is NaN the image is the given one.
         """
-        start = time.perf_counter()
         config = self.config
         points = np.asarray(landmarks, np.float64)
         photo = np.asarray(image[..., :3])
-        if position is None:
+        start = time.perf_counter()
+        if position is None and regions is None:
             regions = find_regions(photo, points, mask)
-            position = self._flat_guide(photo, points, regions)
-            labels = substitute(regions.labels(), self.labels)
+        guided = time.perf_counter()
+        if position is None:
+            assert regions is not None
             person = regions.person
+            cover = self._cover(photo, points, person)
+            position = self._flat_guide(cover, points, regions)
+            labels = regions.labels(self._like)
         else:
             # The place in the exemplar says what a surface point is, alike in every view.
+            position = np.ascontiguousarray(position, np.float32)
             labels = sample_labels(self.labels, position)
             person = np.isfinite(position[..., 0]).astype(np.float32)
             if mask is not None:
                 person = person * mask
-        scale = self._scale(points) if seeds_anchor is None else anchor_scale(seeds_anchor)
-        regular = seeds_anchor is None
+            cover = np.where(np.isfinite(position[..., 0]), self._cover(photo, points, person),
+                             np.float32(0))
         if seeds_anchor is None:
-            seeds_anchor = np.float32(scale) * pixel_centres(photo.shape)
-        appearance = self._appearance(photo, scale, person, position)
-        guides = Guides(np.ascontiguousarray(position, np.float32), appearance, labels,
-                        np.ascontiguousarray(seeds_anchor, np.float32))
+            scale = self._scale(points)
+            anchor, seeds = self._photo_anchor(photo.shape, scale)
+        else:
+            anchor, seeds = np.ascontiguousarray(seeds_anchor, np.float32), None
+            scale = anchor_scale(anchor)
+        appearance = self._appearance(photo, scale, person)
+        guides = Guides(position, appearance, labels, anchor)
         weights = self._weights(person, labels, scale)
-        if not regular:
+        if seeds is None:
             weights[..., 0] *= relative_stretch(guides.position, guides.anchor)
-        guides_seconds = time.perf_counter() - start
-        start = time.perf_counter()
+        synthesising = time.perf_counter()
         synthesis = synthesise(
             guides, weights, config.label_weight, self.appearance, self.labels, self.table,
             self._colours(scale), config.blit, seed=config.seed,
-            scale=scale if regular else None)
-        cover = self._cover(photo, points, person, guides)
-        base = photo.astype(np.float32) / np.float32(255) if photo.dtype == np.uint8 else photo
-        result = base + (synthesis.image - base) * cover[..., None]
-        seconds = {"table_seconds": self.table_seconds, "guides_seconds": guides_seconds,
-                   "synthesis_seconds": time.perf_counter() - start}
-        return TransferResult(np.asarray(result, np.float32), guides, cover, synthesis, seconds,
+            scale=scale if seeds is not None else None, seeds=seeds)
+        result = np.empty(photo.shape, np.float32)
+        blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), synthesis.image, cover,
+              result)
+        seconds = {"table_seconds": self.table_seconds, "regions_seconds": guided - start,
+                   "guides_seconds": synthesising - guided,
+                   "synthesis_seconds": time.perf_counter() - synthesising}
+        return TransferResult(result, guides, cover, synthesis, seconds,
                               self.exemplar.image.shape[:2], self.appearance)
+
+    def _photo_anchor(self, shape: tuple[int, ...], scale: float) -> tuple[Float32, Seeds]:
+        """Anchor plane and seeds of a photo: the same for all of one size."""
+        key = shape[:2], round(scale, 6)
+        if self._plan is None or self._plan[0] != key:
+            anchor = np.float32(scale) * pixel_centres(shape)
+            self._plan = key, anchor, plant(anchor, self.config.blit.levels, self.config.seed,
+                                            scale)
+        return self._plan[1:]
 
     def _scale(self, landmarks: NDArray[np.float64]) -> float:
         """Exemplar pixels per target pixel; 1 (exact copies) where the faces are alike in size."""
@@ -212,41 +243,40 @@ class Transfer:
                  for c in range(3)], axis=-1)
         return self._filtered[key]
 
-    def _flat_guide(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
+    def _flat_guide(self, cover: Float32, landmarks: NDArray[np.float64],
                     regions: Regions) -> Float32:
-        """Position guide of a photo from its landmarks and contours."""
+        """Position guide of a photo from its landmarks and contours; NaN where not covered."""
         sources, targets, weights, softness = match_regions(
             landmarks, regions, self.exemplar.landmarks, self.regions, self.config.contours)
-        position = position_guide(photo.shape, sources, targets, weights=weights,
-                                  softness=softness, grid=self.config.grid)
-        return fold_inside(position, self.exemplar.image.shape, self.regions.box())
+        return folded_position_guide(cover, sources, targets, weights, softness,
+                                     self.exemplar.image.shape, self._box, self.config.grid)
 
-    def _appearance(self, photo: NDArray[np.generic], scale: float, person: Float32,
-                    position: Float32) -> Float32:
+    def _appearance(self, photo: NDArray[np.generic], scale: float, person: Float32) -> Float32:
         """Appearance guide of the target, matched to the exemplar's inside the person."""
         sigma = self.config.blur * self.exemplar.size / scale
         # Grain of the photo has no counterpart in paint: smooth what is finer than a stroke.
         appearance = appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
-        return match_histogram(appearance, self.appearance[self.regions.person > 0.5],
-                               (person > 0.5) & np.isfinite(position[..., 0]))
+        return match_histogram(appearance, self._distribution, person)
 
     def _weights(self, person: Float32, labels: NDArray[np.uint8], scale: float) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
         config = self.config
-        place = config.background_position + (1 - config.background_position) * person
         # Along the outline a chunk that is off shows as a step.
-        soft = gaussian_blur(person, 2.5 * self.unit / scale)
-        place = place + np.float32(4 * config.outline) * soft * (1 - soft)
-        hair, body = (labels[..., LABELS.index(name)].astype(np.float32) / 255
-                      for name in ("hair", "body"))
-        look = config.background_appearance + (1 - config.background_appearance) * person
-        look = look * (1 - np.float32(1 - config.hair_appearance) * hair
-                       - np.float32(1 - config.body_appearance) * body)
-        return np.stack([place * np.float32(config.table.position_weight / self.unit),
-                         look * np.float32(config.table.appearance_weight * 255)], axis=-1)
+        sigma = 2.5 * self.unit / scale
+        factor = max(1, int(sigma / 2))
+        soft = gaussian_blur(shrunk(person, factor), sigma / factor)
+        place = np.float32(config.table.position_weight / self.unit)
+        look = np.float32(config.table.appearance_weight * 255)
+        out = np.empty((*person.shape, 2), np.float32)
+        pixel_weights(np.ascontiguousarray(person, np.float32), labels, soft, factor,
+                      place * np.array([config.background_position, 1], np.float32),
+                      place * np.float32(config.outline),
+                      look * np.array([config.background_appearance, 1], np.float32),
+                      np.float32(config.hair_appearance), np.float32(config.body_appearance), out)
+        return out
 
-    def _cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64], person: Float32,
-               guides: Guides) -> Float32:
+    def _cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
+               person: Float32) -> Float32:
         """Weight of the synthesis against the photo."""
         config = self.config
         if config.region == "face":
@@ -255,13 +285,14 @@ class Transfer:
             colours = np.asarray(photo, np.float32) * (1 if photo.dtype == np.uint8 else 255)
             picture = (np.clip(colours, 0, 255) + 0.5).astype(np.uint8)
             mask = face_mask(picture, landmarks)
-            cover = gaussian_blur(np.asarray(mask, np.float32), 0.06 * face_size(landmarks))
+            cover = broad_blur(np.asarray(mask, np.float32), 0.06 * face_size(landmarks))
         elif config.region == "head":
             cover = person
         else:
             cover = np.ones(photo.shape[:2], np.float32)
-        cover = cover * np.float32(config.strength)
-        return np.where(np.isfinite(guides.position[..., 0]), cover, np.float32(0))
+        # Fainter than a grey level is not worth painting.
+        cover = np.where(cover > np.float32(0.002), cover, np.float32(0))
+        return np.asarray(cover * np.float32(config.strength), np.float32)
 
 
 def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferConfig | None = None,

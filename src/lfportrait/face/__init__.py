@@ -14,7 +14,7 @@ from .points import read_landmarks, write_landmarks
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
 __all__ = ["detect_landmarks", "face_mask", "face_yaw", "frontal_order", "hair_mask",
-           "landmarks_of_capture", "person_matte", "read_landmarks", "triangulate",
+           "landmarks_of_capture", "mattes", "person_matte", "read_landmarks", "triangulate",
            "write_landmarks"]
 
 
@@ -25,8 +25,17 @@ def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> ND
     return run(image, up)
 
 
-def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:
+def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
+              ) -> NDArray[np.float32]:
     """How much of each pixel is hair (`lfportrait.face.segmentation.hair_mask`)."""
     from .segmentation import hair_mask as run
 
-    return run(image, up)
+    return run(image, up, size)
+
+
+def mattes(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
+           ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Person and hair at the same time (`lfportrait.face.segmentation.mattes`)."""
+    from .segmentation import mattes as run
+
+    return run(image, up, size)

@@ -8,6 +8,9 @@ the picture is turned upright first, and the result turned back.
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -21,7 +24,7 @@ from .. import models
 from ..errors import UserError
 from ..files import read_json
 
-__all__ = ["hair_mask", "person_matte"]
+__all__ = ["hair_mask", "mattes", "person_matte"]
 
 
 @functools.lru_cache(maxsize=2)
@@ -30,7 +33,31 @@ def _network(name: str) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
     graph = path.with_name(path.stem + ".graph.json")
     if not graph.is_file():
         raise UserError(f"{path.name} needs its list of operations, {graph.name}, beside it")
-    return read_json(graph), load_file(str(path))
+    steps = read_json(graph)
+    weights = {key: value.float() for key, value in load_file(str(path)).items()}
+    # Convolutions want [out, in, height, width]; once, not at every picture.
+    order = {"CONV_2D": (0, 3, 1, 2), "DEPTHWISE_CONV_2D": (3, 0, 1, 2),
+             "Convolution2DTransposeBias": (3, 0, 1, 2)}
+    for step in steps["ops"]:
+        if step["op"] in order:
+            key = f"t{step['in'][1]}"
+            weights[key] = weights[key].permute(order[step["op"]]).contiguous()
+    return steps, weights
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Let torch compute on the calling thread alone.
+
+    The networks are hundreds of tiny steps: handing each out to several threads takes longer than
+    doing it, twice as long on two idle cores and many times on busy ones.
+    """
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _padded(x: torch.Tensor, kernel: tuple[int, int], stride: int) -> torch.Tensor:
@@ -49,19 +76,17 @@ def _activated(x: torch.Tensor, kind: int) -> torch.Tensor:
 def _convolution(step: dict[str, Any], x: torch.Tensor, weight: torch.Tensor,
                  bias: torch.Tensor | None) -> torch.Tensor:
     depthwise = step["op"] == "DEPTHWISE_CONV_2D"
-    kernel = weight.permute(3, 0, 1, 2) if depthwise else weight.permute(0, 3, 1, 2)
     dilation = int(step.get("dilation", 1))
-    reach = tuple((k - 1) * dilation + 1 for k in kernel.shape[-2:])
+    reach = tuple((k - 1) * dilation + 1 for k in weight.shape[-2:])
     if step["padding"] == "SAME":
         x = _padded(x, (reach[0], reach[1]), step["stride"])
-    x = functional.conv2d(x, kernel, bias, stride=step["stride"], dilation=dilation,
+    x = functional.conv2d(x, weight, bias, stride=step["stride"], dilation=dilation,
                           groups=x.shape[1] if depthwise else 1)
     return _activated(x, step.get("act", 0))
 
 
 def _transposed(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
-    kernel = weight.permute(3, 0, 1, 2)
-    full = functional.conv_transpose2d(x, kernel, stride=2)
+    full = functional.conv_transpose2d(x, weight, stride=2)
     return full[..., :2 * x.shape[-2], :2 * x.shape[-1]] + bias[None, :, None, None]
 
 
@@ -72,7 +97,7 @@ def _run(name: str, frame: torch.Tensor) -> torch.Tensor:
     values: dict[int, torch.Tensor] = {graph["input"]["tensor"]: frame}
 
     def tensor(number: int) -> torch.Tensor:
-        return values[number] if number in values else weights[f"t{number}"].float()
+        return values[number] if number in values else weights[f"t{number}"]
 
     for step in graph["ops"]:
         kind, inputs, outputs = step["op"], step["in"], step["out"]
@@ -124,7 +149,9 @@ def _quarter_turns(up: NDArray[Any] | None) -> int:
 
 
 def _resized(image: NDArray[np.uint8], size: int) -> torch.Tensor:
-    picture = Image.fromarray(image).resize((size, size), Image.Resampling.BILINEAR)
+    # Whole blocks of pixels first, where there are some: as good, and several times faster.
+    picture = Image.fromarray(image).resize((size, size), Image.Resampling.BILINEAR,
+                                            reducing_gap=1.0)
     return torch.from_numpy(np.asarray(picture, np.float32) / 255.0).permute(2, 0, 1)[None]
 
 
@@ -154,16 +181,40 @@ def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> ND
     UserError
         If the network's weights are missing.
     """
+    with _one_thread():
+        return _person(image, _quarter_turns(up))
+
+
+def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
+              ) -> NDArray[np.float32]:
+    """How much of each pixel is hair: float32 [H, W] in [0, 1]; arguments as `person_matte`.
+
+    ``size`` is the side of the picture that the network sees, a multiple of 32. It was trained on
+    512; on photos 256 takes a third of the time and differs in less than one pixel of a hundred,
+    paintings want 512.
+    """
+    with _one_thread():
+        return _hair(image, _quarter_turns(up), size)
+
+
+def mattes(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
+           ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """`person_matte` and `hair_mask` at the same time, on two threads."""
     turns = _quarter_turns(up)
+    with _one_thread(), ThreadPoolExecutor(1) as other:
+        person = other.submit(_person, image, turns)
+        hair = _hair(image, turns, size)
+        return person.result(), hair
+
+
+def _person(image: NDArray[np.uint8], turns: int) -> NDArray[np.float32]:
     upright = np.ascontiguousarray(np.rot90(image, turns))
     mask = _run("person-segmentation", _resized(upright, 256))
     return _full_size(mask, upright.shape[:2], turns)
 
 
-def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:
-    """How much of each pixel is hair: float32 [H, W] in [0, 1]; arguments as `person_matte`."""
-    turns = _quarter_turns(up)
+def _hair(image: NDArray[np.uint8], turns: int, size: int) -> NDArray[np.float32]:
     upright = np.ascontiguousarray(np.rot90(image, turns))
-    frame = torch.cat([_resized(upright, 512), torch.zeros(1, 1, 512, 512)], dim=1)
+    frame = torch.cat([_resized(upright, size), torch.zeros(1, 1, size, size)], dim=1)
     mask = torch.softmax(_run("hair-segmentation", frame), dim=1)[:, 1:]
     return _full_size(mask, upright.shape[:2], turns)

@@ -1,9 +1,11 @@
-"""Hot loops of the guides: moving least squares and the Gaussian blur of the appearance guide.
+"""Hot loops of the guides: moving least squares, folding, blurs, histograms.
 
 Moving least squares with similarities (Schaefer et al. 2006) in complex numbers: for a point v, the
 map f(z) = a (z - p*) + q* that minimises sum_i |f(p_i) - q_i|^2 / |p_i - v|^2 has
 a = sum w conj(p_i - p*) (q_i - q*) / sum w |p_i - p*|^2, with p*, q* the weighted means. It is read
 off five weighted sums, so a point costs one pass over the control points.
+
+All loops over a row of pixels are free of branches, so that they vectorise.
 """
 
 from __future__ import annotations
@@ -11,30 +13,32 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["blur_rows", "mls_points", "resample_grid"]
+__all__ = ["blur_difference", "blur_rows", "count_values", "enlarge", "fold_points", "map_values",
+           "mls_points", "resample_fold", "resample_grid", "shrink"]
+
+_ORDER_FREE = {"reassoc", "contract", "arcp", "nsz"}
+"""Sums may be taken in any order; NaN and infinity keep their meaning."""
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, fastmath=_ORDER_FREE)
 def mls_points(points, sources, targets, weights, softness, out):
     """Map ``points`` [N, 2] by moving least squares (similarity) into ``out`` [N, 2], float64.
 
     ``sources`` and ``targets`` [M, 2] are the control points, ``weights`` [M] their importance;
     ``softness`` [M] is added to their squared distance: above 0 they attract but do not pin.
     """
+    source_x, source_y = sources[:, 0].copy(), sources[:, 1].copy()
+    target_x, target_y = targets[:, 0].copy(), targets[:, 1].copy()
     for n in numba.prange(points.shape[0]):
         vx, vy = points[n, 0], points[n, 1]
         total = px = py = qx = qy = square = real = imaginary = 0.0
-        hit = -1
-        for m in range(sources.shape[0]):
+        for m in range(source_x.shape[0]):
             # Coordinates relative to v keep the moments small, hence accurate.
-            ax, ay = sources[m, 0] - vx, sources[m, 1] - vy
-            bx, by = targets[m, 0] - vx, targets[m, 1] - vy
+            ax, ay = source_x[m] - vx, source_y[m] - vy
+            bx, by = target_x[m] - vx, target_y[m] - vy
             distance = ax * ax + ay * ay
-            near = distance + softness[m]
-            if near < 1e-12:
-                hit = m
-                break
-            w = weights[m] / near
+            # A point on a control point gets a weight beside which all others vanish.
+            w = weights[m] / max(distance + softness[m], 1e-12)
             total += w
             px += w * ax
             py += w * ay
@@ -43,9 +47,6 @@ def mls_points(points, sources, targets, weights, softness, out):
             square += w * distance
             real += w * (ax * bx + ay * by)
             imaginary += w * (ax * by - ay * bx)
-        if hit >= 0:
-            out[n, 0], out[n, 1] = targets[hit, 0], targets[hit, 1]
-            continue
         px, py, qx, qy = px / total, py / total, qx / total, qy / total
         spread = square / total - (px * px + py * py)
         if spread > 1e-12:
@@ -55,6 +56,30 @@ def mls_points(points, sources, targets, weights, softness, out):
             real, imaginary = 1.0, 0.0
         out[n, 0] = vx + qx - (real * px - imaginary * py)
         out[n, 1] = vy + qy - (real * py + imaginary * px)
+
+
+@numba.njit(cache=True, inline="always")
+def _fold(value, length, before, after):
+    """Reflect a coordinate to and fro in the strips ``before`` and ``after`` of [0, length)."""
+    if value < 0:
+        beyond = (-value) % (2 * before)
+        return min(beyond, 2 * before - beyond)
+    last = length - np.float32(0.01)
+    if value > last:
+        beyond = (value - last) % (2 * after)
+        return last - min(beyond, 2 * after - beyond)
+    return value
+
+
+@numba.njit(cache=True, parallel=True)
+def fold_points(points, size, before, after):
+    """Fold ``points`` [N, 2] float32 into a picture in place; see `guides.fold_inside`.
+
+    ``size``, ``before`` and ``after`` are float32 [2] (x, y).
+    """
+    for n in numba.prange(points.shape[0]):
+        for c in range(2):
+            points[n, c] = _fold(points[n, c], size[c], before[c], after[c])
 
 
 @numba.njit(cache=True, parallel=True)
@@ -76,6 +101,41 @@ def resample_grid(nodes, spacing, out):
                 out[y, x, c] = top + fy * (low - top)
 
 
+@numba.njit(cache=True, parallel=True)
+def resample_fold(nodes, spacing, cover, size, before, after, out):
+    """Bilinear interpolation of a grid of places, folded into the exemplar; NaN where not covered.
+
+    ``nodes`` float32 [h, w, 2] lie at pixel (i * spacing); ``cover`` float32 [H, W];
+    ``out`` [H, W, 2] float32 is filled; the rest as `fold_points`.
+    """
+    height, width = cover.shape
+    one = np.float32(1)
+    for y in numba.prange(height):
+        j = min(y // spacing, nodes.shape[0] - 2)
+        fy = np.float32((y - j * spacing) / spacing)
+        for i in range(nodes.shape[1] - 1):
+            ax = nodes[j, i, 0] + fy * (nodes[j + 1, i, 0] - nodes[j, i, 0])
+            ay = nodes[j, i, 1] + fy * (nodes[j + 1, i, 1] - nodes[j, i, 1])
+            bx = nodes[j, i + 1, 0] + fy * (nodes[j + 1, i + 1, 0] - nodes[j, i + 1, 0])
+            by = nodes[j, i + 1, 1] + fy * (nodes[j + 1, i + 1, 1] - nodes[j, i + 1, 1])
+            end = width if i == nodes.shape[1] - 2 else min((i + 1) * spacing, width)
+            for x in range(i * spacing, end):
+                if cover[y, x] > 0:
+                    fx = np.float32(x - i * spacing) * (one / np.float32(spacing))
+                    out[y, x, 0] = _fold(ax + fx * (bx - ax), size[0], before[0], after[0])
+                    out[y, x, 1] = _fold(ay + fx * (by - ay), size[1], before[1], after[1])
+                else:
+                    out[y, x, 0] = out[y, x, 1] = np.float32(np.nan)
+
+
+@numba.njit(cache=True, inline="always")
+def _mirrored(index, length):
+    """An index beyond the ends of ``range(length)``, reflected into it."""
+    while index < 0 or index >= length:
+        index = -index - 1 if index < 0 else 2 * length - 1 - index
+    return index
+
+
 @numba.njit(cache=True, parallel=True, fastmath=True)
 def blur_rows(image, taps, out):
     """Convolve the columns of ``image`` [H, W] float32 with the symmetric ``taps`` [2 r + 1].
@@ -87,11 +147,126 @@ def blur_rows(image, taps, out):
     for y in numba.prange(height):
         row = np.zeros(width, np.float32)
         for k in range(-radius, radius + 1):
-            j = y + k
-            while j < 0 or j >= height:
-                j = -j - 1 if j < 0 else 2 * height - 1 - j
+            line = image[_mirrored(y + k, height)]
             weight = taps[k + radius]
             for x in range(width):
-                row[x] += weight * image[j, x]
+                row[x] += weight * line[x]
         for x in range(width):
             out[y, x] = row[x]
+
+
+@numba.njit(cache=True, inline="always")
+def _accumulate_rows(image, y, taps, row):
+    """Sum the rows about ``y`` of ``image`` [H, W], weighted by ``taps``, with a mirrored margin.
+
+    ``row`` [W + 2 r] is filled, r being the radius of the taps.
+    """
+    height, width = image.shape
+    radius = taps.shape[0] // 2
+    for x in range(width):
+        row[radius + x] = 0
+    for k in range(-radius, radius + 1):
+        line = image[_mirrored(y + k, height)]
+        weight = taps[k + radius]
+        for x in range(width):
+            row[radius + x] += weight * line[x]
+    for k in range(radius):
+        row[radius - 1 - k] = row[radius + _mirrored(k, width)]
+        row[radius + width + k] = row[radius + _mirrored(width + k, width)]
+
+
+@numba.njit(cache=True, parallel=True, fastmath=True)
+def blur_difference(image, fine, coarse, out):
+    """Difference of two Gaussian blurs of ``image`` [H, W] float32, borders mirrored.
+
+    ``fine`` and ``coarse`` are symmetric taps of odd length; ``fine`` may be the single tap 1.
+    """
+    height, width = image.shape
+    small, large = fine.shape[0] // 2, coarse.shape[0] // 2
+    for y in numba.prange(height):
+        first = np.empty(width + 2 * small, np.float32)
+        second = np.empty(width + 2 * large, np.float32)
+        _accumulate_rows(image, y, fine, first)
+        _accumulate_rows(image, y, coarse, second)
+        line = out[y]
+        for x in range(width):
+            line[x] = 0
+        for k in range(fine.shape[0]):
+            weight = fine[k]
+            for x in range(width):
+                line[x] += weight * first[x + k]
+        for k in range(coarse.shape[0]):
+            weight = coarse[k]
+            for x in range(width):
+                line[x] -= weight * second[x + k]
+
+
+@numba.njit(cache=True, parallel=True)
+def shrink(image, factor, out):
+    """Means of the blocks of ``factor`` x ``factor`` pixels of ``image`` into ``out`` [h, w].
+
+    ``out`` has ceil(H / factor) rows and ceil(W / factor) columns; the last blocks may be smaller.
+    """
+    height, width = image.shape
+    for j in numba.prange(out.shape[0]):
+        bottom = min((j + 1) * factor, height)
+        for i in range(out.shape[1]):
+            right = min((i + 1) * factor, width)
+            total = np.float32(0)
+            for y in range(j * factor, bottom):
+                for x in range(i * factor, right):
+                    total += image[y, x]
+            out[j, i] = total / np.float32((bottom - j * factor) * (right - i * factor))
+
+
+@numba.njit(cache=True, parallel=True)
+def enlarge(small, factor, out):
+    """Bilinear interpolation of ``small`` [h, w], block means of ``factor``, to ``out`` [H, W]."""
+    height, width = out.shape
+    rows, columns = small.shape
+    share = np.float32(1) / np.float32(factor)
+    half = np.float32(0.5)
+    for y in numba.prange(height):
+        v = (np.float32(y) + half) * share - half
+        j = min(max(np.int64(np.floor(v)), 0), max(rows - 2, 0))
+        below = min(j + 1, rows - 1)
+        fy = min(max(v - np.float32(j), np.float32(0)), np.float32(1))
+        line = np.empty(columns, np.float32)
+        for i in range(columns):
+            line[i] = small[j, i] + fy * (small[below, i] - small[j, i])
+        for x in range(width):
+            u = (np.float32(x) + half) * share - half
+            i = min(max(np.int64(np.floor(u)), 0), max(columns - 2, 0))
+            fx = min(max(u - np.float32(i), np.float32(0)), np.float32(1))
+            out[y, x] = line[i] + fx * (line[min(i + 1, columns - 1)] - line[i])
+
+
+@numba.njit(cache=True, parallel=True)
+def count_values(values, inside, level, reach, counts):
+    """Histogram of the ``values`` [H, W] where ``inside`` [H, W] exceeds ``level``.
+
+    ``counts`` int64 [threads, bins] gets one histogram per block of rows, over [-reach, reach].
+    Values beyond count in the outermost bins.
+    """
+    height, width = values.shape
+    blocks, bins = counts.shape
+    scale = np.float32(bins) / (np.float32(2) * reach)
+    for block in numba.prange(blocks):
+        for y in range(block * height // blocks, (block + 1) * height // blocks):
+            for x in range(width):
+                if inside[y, x] > level:
+                    n = np.int64((values[y, x] + reach) * scale)
+                    counts[block, min(max(n, 0), bins - 1)] += 1
+
+
+@numba.njit(cache=True, parallel=True)
+def map_values(values, table, reach):
+    """Replace ``values`` [H, W] in place by the piecewise linear ``table`` over [-reach, reach]."""
+    height, width = values.shape
+    bins = table.shape[0] - 1
+    scale = np.float32(bins) / (np.float32(2) * reach)
+    for y in numba.prange(height):
+        for x in range(width):
+            index = min(max((values[y, x] + reach) * scale, np.float32(0)), np.float32(bins))
+            low = min(np.int64(index), bins - 1)
+            values[y, x] = table[low] + (index - np.float32(low)) * (table[low + 1] - table[low])

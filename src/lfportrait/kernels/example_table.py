@@ -69,6 +69,24 @@ def sweep_linear(keys, step_x, step_y, step_a):
                 keys[a, y, x] = min(keys[a, y, x], keys[a + 1, y, x] + move_a)
 
 
+@numba.njit(cache=True, inline="always")
+def _nearest_squared(row, weight):
+    """Distance transform of a row whose keys cost nothing or are `EMPTY`: the nearer side wins."""
+    last, columns = np.int64(-1), row.shape[0]
+    own = np.int64(0)
+    for x in range(columns):
+        if row[x] < EMPTY:
+            last, own = x, row[x]
+        elif last >= 0:
+            row[x] = own + ((weight * (x - last) * (x - last)) << INDEX_BITS)
+    last = np.int64(-1)
+    for x in range(columns - 1, -1, -1):
+        if row[x] >> INDEX_BITS == 0:
+            last, own = x, row[x]
+        elif last >= 0:
+            row[x] = min(row[x], own + ((weight * (last - x) * (last - x)) << INDEX_BITS))
+
+
 @numba.njit(cache=True)
 def _envelope(line, weight, apex, start, out):
     """Lower envelope of the parabolas (key cost + weight d^2) over a line (Felzenszwalb 2012)."""
@@ -114,32 +132,45 @@ def sweep_squared(keys, weight_x, weight_y, weight_a):
         apex = np.empty(longest, np.int64)
         start = np.empty(longest, np.float64)
         out = np.empty(longest, np.int64)
-        line = np.empty(rows, np.int64)
         for y in range(rows):
-            _envelope(keys[a, y], weight_x, apex, start, out)
-        for x in range(columns):
+            _nearest_squared(keys[a, y], np.int64(weight_x))
+        # Columns in bundles, so that whole cache lines are read and written.
+        lines = np.empty((8, rows), np.int64)
+        for first in range(0, columns, 8):
+            count = min(8, columns - first)
             for y in range(rows):
-                line[y] = keys[a, y, x]
-            _envelope(line, weight_y, apex, start, out)
+                for c in range(count):
+                    lines[c, y] = keys[a, y, first + c]
+            for c in range(count):
+                _envelope(lines[c], weight_y, apex, start, out)
             for y in range(rows):
-                keys[a, y, x] = line[y]
+                for c in range(count):
+                    keys[a, y, first + c] = lines[c, y]
     for y in numba.prange(rows):
         apex = np.empty(longest, np.int64)
         start = np.empty(longest, np.float64)
         out = np.empty(longest, np.int64)
-        line = np.empty(levels, np.int64)
-        for x in range(columns):
+        lines = np.empty((8, levels), np.int64)
+        for first in range(0, columns, 8):
+            count = min(8, columns - first)
             for a in range(levels):
-                line[a] = keys[a, y, x]
-            _envelope(line, weight_a, apex, start, out)
+                for c in range(count):
+                    lines[c, a] = keys[a, y, first + c]
+            for c in range(count):
+                _envelope(lines[c], weight_a, apex, start, out)
             for a in range(levels):
-                keys[a, y, x] = line[a]
+                for c in range(count):
+                    keys[a, y, first + c] = lines[c, a]
 
 
 @numba.njit(cache=True, parallel=True)
 def extract_indices(keys, indices):
-    """Pixel index of every cell: ``indices`` int32 [A, Y, X] from ``keys``."""
-    for a in numba.prange(keys.shape[0]):
-        for y in range(keys.shape[1]):
+    """Pixel index of every cell: ``indices`` int32 [Y, X, A] from ``keys`` [A, Y, X].
+
+    The appearance is innermost: a pixel's look-up then lies beside those of its neighbours, whose
+    place is the same but for a pixel and whose appearance is not.
+    """
+    for y in numba.prange(keys.shape[1]):
+        for a in range(keys.shape[0]):
             for x in range(keys.shape[2]):
-                indices[a, y, x] = np.int32(keys[a, y, x] & _MASK)
+                indices[y, x, a] = np.int32(keys[a, y, x] & _MASK)

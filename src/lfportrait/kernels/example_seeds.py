@@ -1,0 +1,102 @@
+"""Hot loops of the seeds of StyleBlit (Sykora et al. 2019): a jittered grid for every level.
+
+Seeds lie in the anchor plane. Cells of all levels stand one after the other in flat arrays; each
+level has a border of empty cells, and an empty cell's seed lies at infinity, so that the search for
+the nearest seed needs no bounds.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+__all__ = ["finite_range", "seed_points", "seed_regular", "seed_splat"]
+
+_M1, _M2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_K1, _K2, _K3 = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F),
+                 np.uint64(0x165667B19E3779F9))
+_S30, _S27, _S31, _S40 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(40)
+
+
+@numba.njit(cache=True, inline="always")
+def _mix(value):
+    """Finaliser of splitmix64: an integer hash with full avalanche."""
+    value = (value ^ (value >> _S30)) * _M1
+    value = (value ^ (value >> _S27)) * _M2
+    return value ^ (value >> _S31)
+
+
+@numba.njit(cache=True)
+def _jitter(seed, level, i, j, axis):
+    """Uniform number in [0, 1) that depends on the counters alone."""
+    key = _mix(np.uint64(seed) * _K1 + np.uint64(level * 2 + axis))
+    key = _mix(key ^ (np.uint64(i) * _K2))
+    key = _mix(key ^ (np.uint64(j) * _K3))
+    return np.float32(np.float64(key >> _S40) / 16777216.0)
+
+
+@numba.njit(cache=True)
+def seed_points(seed, level, first_x, first_y, points):
+    """Jittered seeds of the cells (first_x + i, first_y + j), side 2^level, into [Y, X, 2]."""
+    side = np.float32(1 << level)
+    for j in range(points.shape[0]):
+        for i in range(points.shape[1]):
+            x, y = np.int64(first_x + i), np.int64(first_y + j)
+            points[j, i, 0] = side * (np.float32(x) + _jitter(seed, level, x, y, 0))
+            points[j, i, 1] = side * (np.float32(y) + _jitter(seed, level, x, y, 1))
+
+
+@numba.njit(cache=True)
+def seed_regular(points, scale, height, width, pixels):
+    """Pixel under each seed where the anchor is ``scale`` times the pixel; -1 outside."""
+    for j in range(points.shape[0]):
+        for i in range(points.shape[1]):
+            x = np.int64(np.floor(points[j, i, 0] / scale))
+            y = np.int64(np.floor(points[j, i, 1] / scale))
+            inside = 0 <= x < width and 0 <= y < height
+            pixels[j, i] = y * width + x if inside else -1
+            if not inside:
+                points[j, i, 0] = points[j, i, 1] = np.float32(np.inf)
+
+
+@numba.njit(cache=True, parallel=True)
+def seed_splat(anchor, firsts, starts, shapes, points, pixels):
+    """Pixel whose anchor is nearest to each seed among those in its cell; -1 for empty cells.
+
+    All levels 1 .. L of the flat arrays at once, a level a thread; in a level the first pixel in
+    scan order wins among equals. Seeds of empty cells move to infinity.
+    """
+    height, width = anchor.shape[0], anchor.shape[1]
+    for level in numba.prange(1, starts.shape[0]):
+        share = np.float32(1) / np.float32(1 << level)
+        start, rows, columns = starts[level], shapes[level, 0], shapes[level, 1]
+        best = np.full(rows * columns, np.inf, np.float32)
+        for y in range(height):
+            for x in range(width):
+                ax, ay = anchor[y, x, 0], anchor[y, x, 1]
+                if not np.isfinite(ax):
+                    continue
+                i = np.int64(np.floor(ax * share)) - firsts[level, 0]
+                j = np.int64(np.floor(ay * share)) - firsts[level, 1]
+                n = j * columns + i
+                dx, dy = ax - points[start + n, 0], ay - points[start + n, 1]
+                distance = dx * dx + dy * dy
+                if distance < best[n]:
+                    best[n] = distance
+                    pixels[start + n] = y * width + x
+        for n in range(rows * columns):
+            if pixels[start + n] < 0:
+                points[start + n, 0] = points[start + n, 1] = np.float32(np.inf)
+
+
+@numba.njit(cache=True, parallel=True)
+def finite_range(values, low, high):
+    """Least and largest finite value of every row: ``values`` [H, W, 2] into [H, 2] each."""
+    for y in numba.prange(values.shape[0]):
+        for c in range(2):
+            least, most = np.float32(np.inf), np.float32(-np.inf)
+            for x in range(values.shape[1]):
+                value = values[y, x, c]
+                if np.isfinite(value):
+                    least, most = min(least, value), max(most, value)
+            low[y, c], high[y, c] = least, most
