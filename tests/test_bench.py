@@ -17,6 +17,7 @@ from lfportrait.evaluate import (
 )
 from lfportrait.field import ReconstructConfig
 from lfportrait.lightfield import Display
+from tests.fields import shell_field
 from tests.test_share_video import ball
 
 
@@ -33,14 +34,14 @@ def small_panels(monkeypatch):
 
 
 def test_encode_reports_every_size_and_the_rivals(small_panels):
-    figures = bench_encode(ball(), repeats=1)
+    figures = bench_encode(shell_field(size=32), repeats=1)
     for size in ("1080p", "4k", "8k", "direct", "view_by_view"):
         row = figures[size]
         assert row["seconds"] > 0 and row["views"] == 8 and row["method"]
     assert figures["8k"]["subpixels"] == 3 * 480 * 270
     for size in ("1080p", "4k", "8k"):
-        # A solid ball in half-voxel steps is near the one in quarter steps, and not equal to it.
-        assert 30 < figures[size]["psnr"] < 99
+        # Samples a voxel apart come near those half a voxel apart, and are not equal to them.
+        assert 25 < figures[size]["psnr"] < 99
     rows = figures["mask"]
     assert [row["resolution"] for row in rows] == ["1k", "2k", "4k", "8k"]
     for row in rows:

@@ -163,7 +163,7 @@ def field():
 
 
 def test_every_sub_pixel_is_the_ray_of_its_view(field):
-    config = EncodeConfig(background=0.2, focus=0.1)
+    config = EncodeConfig(background=0.2, focus=0.1, method="direct")
     image = encode(field, SMALL, config, mask=ViewMask.build(SMALL, cache=False))
     placement = Placement.of(SMALL, config)
     eyes = SMALL.eyes()
@@ -196,7 +196,7 @@ def test_deinterlacing_gives_back_the_rendered_views(order, basis):
 def test_a_rendered_view_is_an_ordinary_off_axis_picture(field):
     """The same view by the pinhole renderer: other kernel, all channels, a camera 3 W wide."""
     for view in (0, 5, 11):
-        direct = render_view(field, SMALL, view, EncodeConfig(background=0.3))
+        direct = render_view(field, SMALL, view, EncodeConfig(background=0.3, method="direct"))
         camera = view_camera(SMALL, EncodeConfig(), SMALL.eyes()[view], width=180, height=40)
         wide = field.render(camera, 0, background=0.3).color.reshape(40, 60, 3, 3)
         picture = np.clip(np.stack([wide[:, :, k, k] for k in range(3)], -1), 0, 1)
@@ -239,7 +239,7 @@ def test_what_lies_on_the_panel_does_not_move():
 
 def test_the_simulated_eye_sees_the_right_view():
     display = Display(1440, 600, views=24, pitch=9.4, slant=math.radians(8), cone=40, distance=4)
-    field = shell_field(basis=1, size=24, density=60.0)
+    field = shell_field(basis=1, size=48, density=60.0)
     # Smooth colours: between its sub-pixels an eye can't see detail of one pixel.
     field.density[:] = 60.0
     points = field.lattice_points()
@@ -278,7 +278,7 @@ def test_coding_is_deterministic_and_tells_its_figures(field):
     assert np.array_equal(image, encode(field, SMALL, mask=ViewMask.build(SMALL, cache=False)))
     assert figures["subpixels"] == 7200
     assert figures["views"] == 12
-    assert figures["method"] == "direct"
+    assert figures["method"] == "slices"
     assert figures["depth_budget"]["sharp_percent"] <= 100
 
 

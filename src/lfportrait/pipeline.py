@@ -149,9 +149,9 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     if capture.alphas is None and not keep_background:
         mattes = _mattes(capture, progress)
         # The network may see no person, or a different one in every photo, as with a sculpture.
-        found = np.mean([float(matte.mean()) / 255 for matte in mattes]) > 0.002
-        figures["mattes"] = "network" if found else "none: no person was found, the room stays"
-        if found:
+        person = np.mean([float(matte.mean()) / 255 for matte in mattes]) > 0.002
+        figures["mattes"] = "network" if person else "none: no person was found, the room stays"
+        if person:
             capture = replace(capture, alphas=mattes)
     figures["views"] = len(capture)
     figures["held_out"] = int(capture.held_out.sum())

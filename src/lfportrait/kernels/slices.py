@@ -7,7 +7,8 @@ line x(k), and a sample on each lattice plane takes two values instead of eight.
 
 A direction in the plane is one angle, phi, so that spherical harmonics of degree 2, nine
 coefficients a channel, are a trigonometric polynomial with five: 1, cos phi, sin phi, sin 2 phi,
-cos 2 phi. They are worked out once for each point of the slice.
+cos 2 phi. Over a view cone cos 2 phi is next to straight in cos phi (to 0.4 % over 40 degrees), so
+four are kept: they are worked out once for each point of the slice, and fetched at once.
 
 Sixteen rays go through the planes together, front to back. Those that do are neighbours: within a
 few lenses the sub-pixels are ordered by their view, so that a packet's rays stay close.
@@ -25,65 +26,33 @@ from numba import njit, prange
 from .encode import eye_of
 from .identity import identified
 from .lanes import LANES
-from .march import sh_basis
-from .shuffles import make_restrict, store_half
+from .plane import least_cosine, plane_matrix
+from .shuffles import gather_quad, largest, make_restrict, smallest, store_half
 
 __all__ = ["slice_kernel"]
 
 _GROUP = 8
 """Planes that are skipped together where nothing of a packet's way lies in them."""
+_POINT = 12
+"""Values of a point of a slice: four coefficients a channel."""
 _WINDOW = 256
 """Neighbouring sub-pixels that are ordered by view."""
 
 
-@identified("slice_matrix")
-@njit(cache=True)
-def slice_matrix(across, along, count, terms, matrix, scratch):
-    """Spherical harmonics in the plane of two unit vectors, as coefficients of its angle.
-
-    A direction is ``cos(phi) along + sin(phi) across``. ``matrix`` float32 [count * 16] is filled
-    as `make_restrict` wants it; ``scratch`` float32 [5 * 16].
-    """
-    root = np.float32(np.sqrt(0.5))
-    for probe in range(5):
-        c = np.float32(1.0 if probe == 0 else (-1.0 if probe == 1 else 0.0))
-        s = np.float32(1.0 if probe == 2 else (-1.0 if probe == 3 else 0.0))
-        if probe == 4:
-            c, s = root, root
-        sh_basis(c * along[0] + s * across[0], c * along[1] + s * across[1],
-                 c * along[2] + s * across[2], scratch, 16 * probe, count)
-    matrix[:] = np.float32(0.0)
-    half = np.float32(0.5)
-    for part in range(count):
-        ahead, back = scratch[part], scratch[16 + part]
-        right, left, oblique = scratch[32 + part], scratch[48 + part], scratch[64 + part]
-        cosine, sine = half * (ahead - back), half * (right - left)
-        constant = np.float32(0.25) * (ahead + back + right + left)
-        double = np.float32(0.25) * (ahead + back - right - left)
-        mixed = oblique - constant - root * (cosine + sine)
-        for channel in range(3):
-            place = 16 * part + terms * channel
-            matrix[place] = constant
-            if terms > 1:
-                matrix[place + 1], matrix[place + 2] = cosine, sine
-            if terms > 3:
-                matrix[place + 3], matrix[place + 4] = mixed, double
-
-
-def _make_build(width: int, count: int, terms: int) -> Callable[..., Any]:
+def _make_build(width: int, count: int) -> Callable[..., Any]:
     """The function that fills one row's slice; returns nothing."""
     floats, ints, iota, where = LANES.floats, LANES.ints, LANES.iota, LANES.where
     gather, gather_pair, bits, lowest = LANES.gather, LANES.gather_pair, LANES.bits, LANES.lowest
-    load_half, store, lane_of = LANES.load_half, LANES.store, LANES.lane
+    load_half, lane_of = LANES.load_half, LANES.lane
     minimum, maximum = LANES.minimum, LANES.maximum
-    restrict = make_restrict(count, terms)
+    restrict = make_restrict(count)
     two = width == 32
     one, zero = np.float32(1.0), np.float32(0.0)
 
-    @identified("slice build", width, count, terms)
+    @identified("slice build", width, count)
     @njit(cache=True)
     def build(table, links, density, rows, bounds, shape, plane, empty, matrix, cells, ids, coefs,
-              low, high, stride):
+              low, high, marks, shift, stride):
         nx, ny, nz = shape[0], shape[1], shape[2]
         pitch = nx + 20
         used = 0
@@ -92,7 +61,7 @@ def _make_build(width: int, count: int, terms: int) -> Callable[..., Any]:
             base = k * pitch + 2
             for i in range(low[k] - 2, high[k] + 19):
                 cells[base + i] = 0
-            low[k], high[k] = nx, -1
+            low[k], high[k], marks[k] = nx, -1, np.uint64(0)
             bz = min(k >> 2, table.shape[0] - 1)
             start_y, step_y = plane[0] + plane[2] * k, plane[1]
             j0 = int(np.floor(min(start_y, start_y + step_y * nx)))
@@ -139,11 +108,11 @@ def _make_build(width: int, count: int, terms: int) -> Callable[..., Any]:
                     if at > before + 1:
                         # Close the last run with an empty point, and open this one with one.
                         if before >= 0:
-                            store(coefs, np.uintp(16 * used), floats(zero))
+                            store_half(coefs, np.uintp(_POINT * used), floats(zero))
                             ids[base + before + 1] = used
                             used += 1
                         if before + 2 != at:
-                            store(coefs, np.uintp(16 * used), floats(zero))
+                            store_half(coefs, np.uintp(_POINT * used), floats(zero))
                             ids[base + at - 1] = used
                             used += 1
                     share = lane_of(part, lane)
@@ -155,53 +124,61 @@ def _make_build(width: int, count: int, terms: int) -> Callable[..., Any]:
                     if two:
                         rest = ((one - share) * load_half(rows, place0 + np.uintp(16))
                                 + share * load_half(rows, place1 + np.uintp(16)))
-                    store(coefs, np.uintp(16 * used), restrict(head, rest, matrix))
+                    store_half(coefs, np.uintp(_POINT * used), restrict(head, rest, matrix))
                     ids[base + at] = used
                     used += 1
                     before = at
                     low[k] = min(low[k], at)
                     high[k] = at
+                    marks[k] |= ((np.uint64(1) << np.uint64(max(at - 1, 0) >> shift))
+                                 | (np.uint64(1) << np.uint64(at >> shift)))
             if before >= 0:
-                store(coefs, np.uintp(16 * used), floats(zero))
+                store_half(coefs, np.uintp(_POINT * used), floats(zero))
                 ids[base + before + 1] = used
                 used += 1
     return build
 
 
-def _make_cast(count: int, terms: int) -> Callable[..., Any]:
+def _make_cast(count: int) -> Callable[..., Any]:
     """The function that sends one packet through a slice; returns colour and transmittance."""
     floats, ints, where, exp = LANES.floats, LANES.ints, LANES.where, LANES.exp
     gather, gather_pair, bits = LANES.gather, LANES.gather_pair, LANES.bits
     minimum, maximum = LANES.minimum, LANES.maximum
     one, zero = np.float32(1.0), np.float32(0.0)
 
-    @identified("slice term", count, terms)
+    @identified("slice color", count)
     @njit(cache=True)
-    def _term(coefs, place, part):
-        first = gather(coefs, place)
-        return first + part * (gather(coefs, place + np.int32(16)) - first)
+    def color_of(coefs, place, cosine, sine, mixed):
+        """A point's colour in the rays' directions."""
+        if count == 1:
+            constant, _ = gather_pair(coefs, place)
+            return constant
+        c0, c1, c2, c3 = gather_quad(coefs, place)
+        return c0 + cosine * c1 + sine * c2 + mixed * c3
 
-    @identified("slice cast", count, terms)
+    @identified("slice cast", count)
     @njit(cache=True)
-    def cast(cells, ids, coefs, low, high, group_low, group_high, planes, pitch, stride, start,
+    def cast(cells, ids, coefs, low, high, marks, group_marks, planes, pitch, shift, stride, start,
              slope, delta, cosine, sine, channel, threshold, stop):
         value, through = floats(zero), floats(one)
         alive = through > zero
-        double_sine = np.float32(2.0) * sine * cosine
-        double_cosine = one - np.float32(2.0) * sine * sine
-        for group in range(len(group_low)):
-            if group_low[group] > group_high[group]:
-                continue
+        mixed = np.float32(2.0) * sine * cosine
+        for group in range(len(group_marks)):
             front = planes - 1 - group * _GROUP * stride
             back = max(front - (_GROUP - 1) * stride, 0)
             at_front = start + slope * np.float32(front)
             at_back = start + slope * np.float32(back)
-            left, right = np.float32(group_low[group] - 1), np.float32(group_high[group] + 1)
-            if bits(alive & (maximum(at_front, at_back) > left)
-                    & (minimum(at_front, at_back) < right)) == 0:
+            # Stripes of the lattice that the packet crosses in this group.
+            left = max(int(smallest(minimum(at_front, at_back))), 0) >> shift
+            right = min(max(int(largest(maximum(at_front, at_back))), 0) >> shift, 63)
+            if left > 63:
+                continue
+            way = ((np.uint64(2) << np.uint64(right)) - np.uint64(1)) & ~(
+                (np.uint64(1) << np.uint64(left)) - np.uint64(1))
+            if group_marks[group] & way == 0:
                 continue
             for k in range(front, back - 1, -stride):
-                if low[k] > high[k]:
+                if marks[k] & way == 0:
                     continue
                 x = maximum(minimum(start + slope * np.float32(k), np.float32(high[k] + 1)),
                             np.float32(low[k] - 1))
@@ -214,21 +191,21 @@ def _make_cast(count: int, terms: int) -> Callable[..., Any]:
                 if bits(shown) == 0:
                     continue
                 fade = where(shown, exp(-(sigma * delta)), one)
-                place = where(shown, gather(ids, cell), np.int32(0)) * np.int32(16) + channel
-                color = _term(coefs, place, part)
-                if terms > 1:
-                    color = color + cosine * _term(coefs, place + np.int32(1), part)
-                    color = color + sine * _term(coefs, place + np.int32(2), part)
-                if terms > 3:
-                    color = color + double_sine * _term(coefs, place + np.int32(3), part)
-                    color = color + double_cosine * _term(coefs, place + np.int32(4), part)
+                place = where(shown, gather(ids, cell), np.int32(0)) * np.int32(_POINT) + channel
+                color = color_of(coefs, place, cosine, sine, mixed)
+                ahead = color_of(coefs, place + np.int32(_POINT), cosine, sine, mixed)
+                color = color + part * (ahead - color)
                 weight = through * (one - fade)
                 value = value + weight * maximum(color + np.float32(0.5), zero)
                 through = through * fade
                 alive = alive & (through > stop)
                 if bits(alive) == 0:
-                    return value, through
-        return value, through
+                    break
+            if bits(alive) == 0:
+                break
+        # Behind the stop lies more of the same surface: its colour is taken to go on.
+        ended = through <= stop
+        return (where(ended, value / (one - through), value), where(ended, zero, through))
 
     return cast
 
@@ -248,8 +225,7 @@ def slice_kernel(width: int, count: int) -> Callable[..., Any]:
         ``axes`` float64 [2, 3] the display's x and z axes in the field's world, ``stride`` is the
         number of lattice planes to a sample and ``workers`` the number of threads.
     """
-    terms = {1: 1, 4: 3, 9: 5}[count]
-    build, cast = _make_build(width, count, terms), _make_cast(count, terms)
+    build, cast = _make_build(width, count), _make_cast(count)
     load, store, floats, ints = LANES.load, LANES.store, LANES.floats, LANES.ints
     sqrt = LANES.sqrt
 
@@ -284,6 +260,9 @@ def slice_kernel(width: int, count: int) -> Callable[..., Any]:
         aspect, eye_y, distance, size = panel[0], panel[1], panel[2], panel[3]
         bgr = panel[8] > 0.5
         pitch = nx + 20
+        shift = 0
+        while (nx >> shift) > 63:
+            shift += 1
         views = len(eyes)
         # Depth and x in the display frame of a point of the slice (i, k).
         det = matrix[0, 0] * matrix[2, 2] - matrix[0, 2] * matrix[2, 0]
@@ -292,14 +271,16 @@ def slice_kernel(width: int, count: int) -> Callable[..., Any]:
         side_i, side_k = matrix[2, 2] / det, -matrix[0, 2] / det
         side_0 = -side_i * matrix[0, 3] - side_k * matrix[2, 3]
         shape = np.array([nx, ny, nz])
+        least = least_cosine(nx, nz, (side_i, side_k, side_0), (depth_i, depth_k, depth_0), eyes,
+                              aspect, distance)
         groups = (nz + _GROUP * stride - 1) // (_GROUP * stride)
         blank = np.uint8(min(max(background, np.float32(0.0)), np.float32(1.0))
                          * np.float32(255.0) + np.float32(0.5))
         for worker in prange(workers):
             cells, ids = np.zeros(nz * pitch + 64, np.uint16), np.zeros(nz * pitch + 64, np.int32)
-            coefs = np.empty(16 * (2 * nx * ((nz + stride - 1) // stride) + 64), np.float32)
+            coefs = np.empty(_POINT * (2 * nx * ((nz + stride - 1) // stride) + 64), np.uint16)
             low, high = np.full(nz, nx), np.full(nz, -1)
-            group_low, group_high = np.zeros(groups, np.int64), np.zeros(groups, np.int64)
+            marks, group_marks = np.zeros(nz, np.uint64), np.zeros(groups, np.uint64)
             basis, scratch = np.zeros(count * 16, np.float32), np.zeros(80, np.float32)
             plane, along = np.zeros(3), np.zeros(3, np.float32)
             side = axes[0].astype(np.float32)
@@ -320,19 +301,18 @@ def slice_kernel(width: int, count: int) -> Callable[..., Any]:
                 for axis in range(3):
                     up = 1.0 if axis == 1 else 0.0
                     along[axis] = np.float32((-rise * up - distance * axes[1, axis]) / norm)
-                slice_matrix(side, along, count, terms, basis, scratch)
+                plane_matrix(side, along, count, least, basis, scratch)
                 build(table, links, density, rows, bounds, shape, plane, empty, basis, cells, ids,
-                      coefs, low, high, stride)
+                      coefs, low, high, marks, shift, stride)
                 # Where the panel shows any of it: between the outermost rays of all eyes.
                 left, right = 1e9, -1e9
                 for group in range(groups):
-                    group_low[group], group_high[group] = nx, -1
+                    group_marks[group] = 0
                     front = nz - 1 - group * _GROUP * stride
                     for k in range(front, max(front - _GROUP * stride, -1), -stride):
                         if low[k] > high[k]:
                             continue
-                        group_low[group] = min(group_low[group], low[k])
-                        group_high[group] = max(group_high[group], high[k])
+                        group_marks[group] |= marks[k]
                         for end in (low[k] - 1, high[k] + 1):
                             depth = (depth_i * end + depth_k * k + depth_0) / distance
                             for eye in (eyes[0], eyes[views - 1]):
@@ -351,7 +331,7 @@ def slice_kernel(width: int, count: int) -> Callable[..., Any]:
                         x_at[entry] = np.float32(aspect * (2.0 * (place + 0.5) / across - 1.0))
                         channel = place % 3
                         channel_at[entry] = np.float32(
-                            terms * (2 - channel if bgr else channel))
+                            4 * (2 - channel if bgr else channel))
                     for entry in range(many, min(many + 16, _WINDOW + 16)):
                         eye_at[entry], x_at[entry] = eye_at[many - 1], x_at[many - 1]
                         channel_at[entry] = channel_at[many - 1]
@@ -368,8 +348,8 @@ def slice_kernel(width: int, count: int) -> Callable[..., Any]:
                                  - slope * at_panel)
                         delta = length * np.float32(stride / size) / deep
                         value, through = cast(
-                            cells, ids, coefs, low, high, group_low, group_high, nz, pitch, stride,
-                            start, slope, delta, np.float32(norm) / length,
+                            cells, ids, coefs, low, high, marks, group_marks, nz, pitch, shift,
+                            stride, start, slope, delta, np.float32(norm) / length,
                             floats(np.float32(0.0)) - sideways / length,
                             ints(load(channel_at, np.uintp(entry))), np.float32(threshold),
                             np.float32(stop))

@@ -29,6 +29,12 @@ __all__ = ["EncodeConfig", "Placement", "encode", "encode_with_figures", "render
            "view_camera"]
 
 
+_FAINTEST = 1e-3
+"""Slices leave out samples that hold back less light than this: a quarter of an 8-bit level."""
+_STOP = 1e-2
+"""Transmittance at which a ray through slices ends; the rest is taken to have the same colour."""
+
+
 @dataclass(frozen=True)
 class EncodeConfig:
     """Parameters of the coding."""
@@ -154,9 +160,11 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     matrix, axes = placement.to_lattice(field.lattice), placement.to_world[:, [0, 2]].T.copy()
     views = mask.reshape(display.height, display.width * 3)
     if _method(field, display, config) == "slices":
+        stride = 2 if config.draft else 1
         slice_kernel(bricks.width, bricks.basis)(
             bricks.table, bricks.links, bricks.density, bricks.rows, bricks.bounds, field.lattice,
-            matrix, axes, views, fixed, display.eyes(), panel, 2 if config.draft else 1, 1e-2, 1e-3,
+            matrix, axes, views, fixed, display.eyes(), panel, stride,
+            _FAINTEST * field.lattice[5] / stride, _STOP,
             np.float32(config.background), numba.get_num_threads(), out)
     else:
         step = max(config.step_size, 1.0) if config.draft else config.step_size

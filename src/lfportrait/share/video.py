@@ -102,5 +102,7 @@ def _stream(container: Any, size: tuple[int, ...], fps: float, quality: int) -> 
     context.thread_count = 1
     context.colorspace = context.color_primaries = context.color_trc = _BT709
     context.color_range = 1  # 16..235
-    stream.options = {"crf": str(quality), "preset": "medium", "threads": "1"}
+    # Without the macroblock tree: for small frames it gives other bytes from run to run.
+    stream.options = {"crf": str(quality), "preset": "medium", "threads": "1",
+                      "x264-params": "mbtree=0"}
     return stream
