@@ -10,8 +10,9 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from ..errors import UserError
-from ..files import read_image, write_image
-from ..lightfield import Display, EncodeConfig
+from ..files import write_image
+from ..lightfield import Display, EncodeConfig, read_coded, write_coded
+from ..lightfield.coded import lossless
 from .common import Common
 
 __all__ = ["DisplayCommand", "Encode", "Simulate"]
@@ -37,8 +38,7 @@ class Encode(Common):
         from ..field import VoxelField
         from ..lightfield import ViewMask, encode_with_figures, quilt_of
 
-        if self.out.suffix.lower() in (".jpg", ".jpeg"):
-            raise UserError("a coded picture must keep every sub-pixel: write it as .png, not .jpg")
+        lossless(self.out)
         panel = Display.resolve(self.display)
         voxels = VoxelField.load(self.field)
         with self.progress("encode") as progress:
@@ -46,7 +46,7 @@ class Encode(Common):
             progress.update(0, f"{panel.width} x {panel.height}, {panel.views} views")
             image, figures = encode_with_figures(voxels, panel, self.config, mask=mask,
                                                  device=self.device)
-        write_image(self.out, image, compress_level=1)
+        write_coded(self.out, image, panel)
         if self.quilt is not None:
             picture, _ = quilt_of(voxels, panel, self.config, name=self.quilt.name)
             write_image(self.quilt, picture)
@@ -74,8 +74,9 @@ class Simulate(Common):
 
         if len(self.eye) not in (1, 2):
             raise UserError("--eye takes X or X Y")
-        image = simulate(read_image(self.lightfield)[..., :3], Display.resolve(self.display),
-                         self.eye, crosstalk=self.crosstalk)
+        panel = Display.resolve(self.display)
+        image = simulate(read_coded(self.lightfield, panel), panel, self.eye,
+                         crosstalk=self.crosstalk)
         write_image(self.out, image)
         return {}
 
@@ -115,5 +116,5 @@ class DisplayCommand(Common):
 
         if self.out is None:
             raise UserError("say where to write the pattern with --out FILE.png")
-        write_image(self.out, pattern(panel, self.kind), compress_level=1)
+        write_coded(self.out, pattern(panel, self.kind), panel)
         return {"display": panel.name, "pattern": self.kind}

@@ -21,13 +21,13 @@ __all__ = ["ViewMask"]
 
 
 @njit(cache=True, parallel=True)
-def _fill(mask, pitch, shift, offset, views, inverted):  # type: ignore[no-untyped-def]
+def _fill(mask, steps, pitch, shift, offset, views, inverted):  # type: ignore[no-untyped-def]
     height, width, _ = mask.shape
     ratio = views / pitch
     for y in prange(height):
         for x in range(width):
             for k in range(3):
-                raw = 3.0 * x + k + y * shift + offset
+                raw = 3.0 * x + steps[y % 4, x % 2, k] + y * shift + offset
                 phase = raw - pitch * np.floor(raw / pitch)
                 if phase >= pitch:
                     phase = 0.0
@@ -49,7 +49,7 @@ class ViewMask:
     Attributes
     ----------
     views
-        uint8 (uint16 above 256 views) [H, W, 3], sub-pixels from the left to the right.
+        uint8 (uint16 above 256 views) [H, W, 3], sub-pixels as `Display.phase` counts them.
     display
         Hash of the display that it was computed for.
     seconds
@@ -88,7 +88,8 @@ class ViewMask:
             except (OSError, ValueError, EOFError):
                 pass
         views = np.empty(shape, kind)
-        _fill(views, display.pitch, display.shift, display.offset, display.views, display.inverted)
+        _fill(views, display.steps(), display.pitch, display.shift, display.offset, display.views,
+              display.inverted)
         if file is not None:
             try:
                 with atomic_write(file) as stream:

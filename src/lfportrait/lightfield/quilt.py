@@ -109,7 +109,7 @@ def interlace(views: NDArray[np.uint8], display: Display) -> NDArray[np.uint8]:
     source_row = np.minimum((rows + 0.5) * height / display.height, height - 1).astype(np.intp)
     image = np.empty((display.height, display.width, 3), np.uint8)
     for place in range(3):
-        channel = 2 - place if display.subpixels == "BGR" else place
+        channel = display.channel(place)
         view = display.view_of(rows, columns, place) * (count / display.views)
         index = np.minimum(view.astype(np.intp), count - 1)
         source_column = np.minimum((columns + (place + 0.5) / 3) * width / display.width,

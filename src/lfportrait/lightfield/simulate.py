@@ -15,22 +15,12 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..errors import UserError
+from .coded import check_size
 from .display import Display
 
 __all__ = ["deinterlace", "pattern", "simulate"]
 
 PATTERNS = ("views", "slant", "fringe", "depth")
-
-
-def _check(image: NDArray[np.uint8], display: Display) -> None:
-    if image.shape[:2] != (display.height, display.width):
-        raise UserError(f"the picture is {image.shape[1]} x {image.shape[0]} pixels, but the "
-                        f"display {display.name} has {display.width} x {display.height}: a coded "
-                        "picture must not be scaled")
-
-
-def _channel(display: Display, place: int) -> int:
-    return 2 - place if display.subpixels == "BGR" else place
 
 
 def deinterlace(image: NDArray[np.uint8], display: Display, view: int,
@@ -51,14 +41,14 @@ def deinterlace(image: NDArray[np.uint8], display: Display, view: int,
     picture, owned
         uint8 [H, W, 3], zero where the view owns nothing, and bool [H, W, 3].
     """
-    _check(image, display)
+    check_size(image, display)
     if not 0 <= view < display.views:
         raise UserError(f"the display has views 0 to {display.views - 1}, not {view}")
     rows, columns = np.ogrid[:display.height, :display.width]
     owned = np.zeros(image.shape, bool)
     for place in range(3):
         index = display.view_of(rows, columns, place).astype(np.int64)
-        owned[..., _channel(display, place)] = index == view
+        owned[..., display.channel(place)] = index == view
     return np.where(owned, image, 0).astype(np.uint8), owned
 
 
@@ -85,7 +75,7 @@ def simulate(image: NDArray[np.uint8], display: Display, eye: Sequence[float] = 
     picture
         float32 [H, W, 3] in [0, 1].
     """
-    _check(image, display)
+    check_size(image, display)
     far = display.distance if distance is None else distance
     x = display.aspect * (2.0 * (np.arange(display.width * 3) + 0.5) / (3 * display.width) - 1.0)
     # Where the line from each place through the eye meets the eye line, as a view.
@@ -95,14 +85,15 @@ def simulate(image: NDArray[np.uint8], display: Display, eye: Sequence[float] = 
     # One sub-pixel per lens and row lies within half of this of the wanted view.
     aperture = display.views / display.pitch
     picture = np.empty(image.shape, np.float32)
-    order = np.array([_channel(display, place) for place in range(3)])
-    _collect(np.ascontiguousarray(image), wanted, order, display.pitch, display.shift,
-             display.offset, display.views, display.inverted, aperture, float(crosstalk), picture)
+    order = np.array([display.channel(place) for place in range(3)])
+    _collect(np.ascontiguousarray(image), wanted, order, display.steps(), display.pitch,
+             display.shift, display.offset, display.views, display.inverted, aperture,
+             float(crosstalk), picture)
     return picture
 
 
 @njit(cache=True, parallel=True)
-def _collect(image, wanted, order, pitch, shift, offset, views, inverted,  # type: ignore[no-untyped-def]
+def _collect(image, wanted, order, steps, pitch, shift, offset, views, inverted,  # type: ignore[no-untyped-def]
              aperture, crosstalk, out):
     """Weigh every sub-pixel by how nearly it is aimed at the eye, and fill in along the rows."""
     height, width, _ = image.shape
@@ -116,7 +107,7 @@ def _collect(image, wanted, order, pitch, shift, offset, views, inverted,  # typ
         for place in range(3):
             channel = order[place]
             for x in range(width):
-                raw = 3.0 * x + place + y * shift + offset
+                raw = 3.0 * x + steps[y % 4, x % 2, place] + y * shift + offset
                 phase = raw - pitch * np.floor(raw / pitch)
                 if phase >= pitch:
                     phase = 0.0
@@ -164,7 +155,7 @@ def pattern(display: Display, kind: str = "views") -> NDArray[np.uint8]:
     image = np.empty((display.height, display.width, 3), np.uint8)
     eyes = display.eyes()
     for place in range(3):
-        channel = _channel(display, place)
+        channel = display.channel(place)
         view = np.floor(display.view_of(rows, columns, place)).astype(np.int64)
         if kind == "views":
             level = view / max(1, display.views - 1)
