@@ -12,7 +12,14 @@ from hypothesis import strategies as st
 from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.files import read_image
-from lfportrait.lightfield import Display, ViewMask, interlace, read_coded, write_coded
+from lfportrait.lightfield import (
+    Display,
+    InterlaceConfig,
+    ViewMask,
+    interlace,
+    read_coded,
+    write_coded,
+)
 from lfportrait.lightfield.lookingglass import calibration_of, display_of
 
 # Three panels as their makers describe them: a published 8.9 inch one, a portrait one whose slope
@@ -180,7 +187,7 @@ def test_a_mirroring_panel_gets_its_picture_mirrored(tmp_path, flip_x, flip_y):
     display = Display(30, 20, 6, 7.3, 0.1, flip_x=flip_x, flip_y=flip_y)
     views = np.zeros((6, 20, 30, 3), np.uint8)
     views[:, :10, :15] = 200  # upper left as seen
-    image = interlace(views, display)
+    image = interlace(views, display, InterlaceConfig(sample="nearest"))
     assert image[:10, :15].min() == 200
     write_coded(tmp_path / "coded.png", image, display)
     sent = read_image(tmp_path / "coded.png")

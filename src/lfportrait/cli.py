@@ -30,6 +30,8 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "styles": ("stylization", "Styles", "list the built-in exemplars"),
     "render": ("reconstruction", "Render", "field -> pictures or a video"),
     "encode": ("display", "Encode", "field -> coded light-field picture for a display"),
+    "interlace": ("panel", "Interlace", "quilt or folder of views -> coded picture for a display"),
+    "deinterlace": ("panel", "Deinterlace", "coded picture -> quilt or folder of views"),
     "simulate": ("display", "Simulate", "what an eye in front of the display sees"),
     "display": ("display", "DisplayCommand", "list, show and import displays; test patterns"),
     "evaluate": ("tools", "Evaluate", "metrics of a finished job or of two folders of pictures"),

@@ -1,6 +1,7 @@
 """Displays, mask guide, coding, quilts, simulation, patterns (Shen et al. 2023, 2.3, Eq. 8)."""
 
 from .coded import read_coded, write_coded
+from .deinterlacing import deinterlace, each_view
 from .display import Display
 from .encode import (
     EncodeConfig,
@@ -11,10 +12,19 @@ from .encode import (
     render_view,
     view_camera,
 )
+from .interlacing import (
+    InterlaceConfig,
+    QuiltLayout,
+    assemble_quilt,
+    interlace,
+    quilt_tiles,
+    read_views,
+)
 from .mask import ViewMask
-from .quilt import QuiltLayout, interlace, quilt_of, quilt_tiles
-from .simulate import deinterlace, pattern, simulate
+from .quilt import quilt_of
+from .simulate import pattern, simulate
 
-__all__ = ["Display", "EncodeConfig", "Placement", "QuiltLayout", "ViewMask", "deinterlace",
-           "depth_budget", "encode", "encode_with_figures", "interlace", "pattern", "quilt_of",
-           "quilt_tiles", "read_coded", "render_view", "simulate", "view_camera", "write_coded"]
+__all__ = ["Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout", "ViewMask",
+           "assemble_quilt", "deinterlace", "depth_budget", "each_view", "encode",
+           "encode_with_figures", "interlace", "pattern", "quilt_of", "quilt_tiles", "read_coded",
+           "read_views", "render_view", "simulate", "view_camera", "write_coded"]

@@ -217,14 +217,19 @@ class Display:
         view = self.phase(rows, columns, channels) * (self.views / self.pitch)
         return np.minimum(view, np.nextafter(self.views, 0))
 
+    @property
+    def eye_reach(self) -> float:
+        """X of the cone's right edge at the viewing distance, in half panel heights."""
+        return self.distance * math.tan(math.radians(self.cone) / 2)
+
     def eyes(self) -> NDArray[np.float64]:
         """X of each view's eye point, float64 [V_n], in half panel heights."""
         share = 2.0 * (np.arange(self.views) + 0.5) / self.views - 1.0
-        return self.distance * math.tan(math.radians(self.cone) / 2) * share
+        return self.eye_reach * share
 
     def view_at(self, x: float) -> float:
         """Fractional view that an eye at ``x`` on the eye line receives (v + 1/2 in the middle)."""
-        share = x / (self.distance * math.tan(math.radians(self.cone) / 2))
+        share = x / self.eye_reach
         return 0.5 * (share + 1.0) * self.views
 
     def channel(self, place: int) -> int:

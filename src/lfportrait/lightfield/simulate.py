@@ -11,45 +11,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..errors import UserError
+from ..kernels.panel import lens_of, see_panel
 from .coded import check_size
 from .display import Display
 
-__all__ = ["deinterlace", "pattern", "simulate"]
+__all__ = ["pattern", "simulate"]
 
 PATTERNS = ("views", "slant", "fringe", "depth")
-
-
-def deinterlace(image: NDArray[np.uint8], display: Display, view: int,
-                ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """The sub-pixels of a coded picture that one view owns.
-
-    Parameters
-    ----------
-    image
-        uint8 [H, W, 3], coded for ``display``.
-    display
-        The panel.
-    view
-        0 to V_n - 1.
-
-    Returns
-    -------
-    picture, owned
-        uint8 [H, W, 3], zero where the view owns nothing, and bool [H, W, 3].
-    """
-    check_size(image, display)
-    if not 0 <= view < display.views:
-        raise UserError(f"the display has views 0 to {display.views - 1}, not {view}")
-    rows, columns = np.ogrid[:display.height, :display.width]
-    owned = np.zeros(image.shape, bool)
-    for place in range(3):
-        index = display.view_of(rows, columns, place).astype(np.int64)
-        owned[..., display.channel(place)] = index == view
-    return np.where(owned, image, 0).astype(np.uint8), owned
 
 
 def simulate(image: NDArray[np.uint8], display: Display, eye: Sequence[float] = (0.0,), *,
@@ -80,55 +51,13 @@ def simulate(image: NDArray[np.uint8], display: Display, eye: Sequence[float] = 
     x = display.aspect * (2.0 * (np.arange(display.width * 3) + 0.5) / (3 * display.width) - 1.0)
     # Where the line from each place through the eye meets the eye line, as a view.
     received = x + (float(eye[0]) - x) * display.distance / far
-    reach = display.distance * np.tan(np.radians(display.cone) / 2)
-    wanted = 0.5 * (received / reach + 1.0) * display.views
-    # One sub-pixel per lens and row lies within half of this of the wanted view.
-    aperture = display.views / display.pitch
+    wanted = 0.5 * (received / display.eye_reach + 1.0) * display.views
     picture = np.empty(image.shape, np.float32)
     order = np.array([display.channel(place) for place in range(3)])
-    _collect(np.ascontiguousarray(image), wanted, order, display.steps(), display.pitch,
-             display.shift, display.offset, display.views, display.inverted, aperture,
-             float(crosstalk), picture)
-    return picture
-
-
-@njit(cache=True, parallel=True)
-def _collect(image, wanted, order, steps, pitch, shift, offset, views, inverted,  # type: ignore[no-untyped-def]
-             aperture, crosstalk, out):
-    """Weigh every sub-pixel by how nearly it is aimed at the eye, and fill in along the rows."""
-    height, width, _ = image.shape
-    reach = max(1, int(np.ceil(pitch / 1.5)))
-    sigma = np.hypot(crosstalk, 0.5 * aperture)
-    window = np.empty(2 * reach + 1)
-    for i in range(2 * reach + 1):
-        window[i] = np.exp(-0.5 * ((i - reach) / (pitch / 6.0)) ** 2)
-    for y in prange(height):
-        weight, value = np.empty(width), np.empty(width)
-        for place in range(3):
-            channel = order[place]
-            for x in range(width):
-                raw = 3.0 * x + steps[y % 4, x % 2, place] + y * shift + offset
-                phase = raw - pitch * np.floor(raw / pitch)
-                if phase >= pitch:
-                    phase = 0.0
-                if inverted and phase > 0:
-                    phase = pitch - phase
-                # A sub-pixel shows its nearest view, seen as if from the middle of that view.
-                view = np.floor(min(phase * views / pitch, views - 1e-9)) + 0.5
-                away = abs(view - wanted[3 * x + place])
-                if crosstalk <= 0:
-                    sharp = max(0.0, 1.0 - away / (1.5 * aperture))
-                    weight[x] = sharp * sharp
-                else:
-                    weight[x] = np.exp(-0.5 * (away / sigma) ** 2)
-                value[x] = weight[x] * image[y, x, channel] / 255.0
-            for x in range(width):
-                top, mass = 0.0, 1e-12
-                for i in range(max(0, x - reach), min(width, x + reach + 1)):
-                    share = window[i - x + reach]
-                    top += share * value[i]
-                    mass += share * weight[i]
-                out[y, x, channel] = top / mass
+    # Views mix as light, not as stored values.
+    light = ((np.arange(256) / 255.0) ** display.gamma).astype(np.float32)[image]
+    see_panel(light, wanted, order, display.steps(), lens_of(display), float(crosstalk), picture)
+    return np.clip(picture, 0, 1) ** np.float32(1.0 / display.gamma)
 
 
 def pattern(display: Display, kind: str = "views") -> NDArray[np.uint8]:
