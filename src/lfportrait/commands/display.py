@@ -11,7 +11,7 @@ import tyro
 
 from ..errors import UserError
 from ..files import write_image
-from ..lightfield import Display, EncodeConfig, read_coded, write_coded
+from ..lightfield import DepthReport, Display, EncodeConfig, read_coded, write_coded
 from ..lightfield.coded import lossless
 from .common import Common
 
@@ -93,6 +93,10 @@ class DisplayCommand(Common):
     """Pattern: views, slant, fringe or depth."""
     out: Path | None = None
     """File for the pattern (.png) or the imported display (.toml)."""
+    size: float = EncodeConfig.size
+    """show: height of the head over the panel's height, for the depth budget."""
+    focus: float = EncodeConfig.focus
+    """show: how far the head's middle lies in front of the panel, in half panel heights."""
 
     def run(self) -> dict[str, Any]:
         """Do what ``action`` says."""
@@ -110,8 +114,11 @@ class DisplayCommand(Common):
             return {"display": panel.name, "file": target}
         panel = Display.resolve(self.name)
         if self.action == "show":
-            print(panel.to_toml(), end="")
-            return {"display": panel.name}
+            report = DepthReport.of(panel, EncodeConfig(size=self.size, focus=self.focus))
+            print(panel.to_toml() + "\n# Depth budget for a head of size "
+                  f"{self.size:g} at focus {self.focus:g}:")
+            print("\n".join(f"#   {line}" for line in report.lines()))
+            return {"display": panel.name, "depth": report.figures()}
         from ..lightfield import pattern
 
         if self.out is None:

@@ -1,5 +1,6 @@
 """Displays, mask guide, coding, quilts, simulation, patterns (Shen et al. 2023, 2.3, Eq. 8)."""
 
+from .budget import DepthReport
 from .coded import read_coded, write_coded
 from .deinterlacing import deinterlace, each_view
 from .display import Display
@@ -24,7 +25,7 @@ from .mask import ViewMask
 from .quilt import quilt_of
 from .simulate import pattern, simulate
 
-__all__ = ["Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout", "ViewMask",
-           "assemble_quilt", "deinterlace", "depth_budget", "each_view", "encode",
+__all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
+           "ViewMask", "assemble_quilt", "deinterlace", "depth_budget", "each_view", "encode",
            "encode_with_figures", "interlace", "pattern", "quilt_of", "quilt_tiles", "read_coded",
            "read_views", "render_view", "simulate", "view_camera", "write_coded"]
