@@ -33,6 +33,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "interlace": ("panel", "Interlace", "quilt or folder of views -> coded picture for a display"),
     "deinterlace": ("panel", "Deinterlace", "coded picture -> quilt or folder of views"),
     "simulate": ("display", "Simulate", "what an eye in front of the display sees"),
+    "cast": ("devices", "Cast", "show a quilt on a Looking Glass through a running Bridge"),
     "display": ("display", "DisplayCommand", "list, show and import displays; test patterns"),
     "evaluate": ("tools", "Evaluate", "metrics of a finished job or of two folders of pictures"),
     "bench": ("tools", "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),

@@ -1,4 +1,4 @@
-"""Commands for content of any origin and for real panels: ``interlace``, ``deinterlace``."""
+"""Commands for content of any origin: ``interlace``, ``deinterlace``."""
 
 from __future__ import annotations
 
