@@ -34,6 +34,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "deinterlace": ("panel", "Deinterlace", "coded picture -> quilt or folder of views"),
     "simulate": ("display", "Simulate", "what an eye in front of the display sees"),
     "cast": ("devices", "Cast", "show a quilt on a Looking Glass through a running Bridge"),
+    "show": ("devices", "Show", "show a coded picture full screen on an attached panel, unscaled"),
     "display": ("display", "DisplayCommand", "list, show and import displays; test patterns"),
     "evaluate": ("tools", "Evaluate", "metrics of a finished job or of two folders of pictures"),
     "bench": ("tools", "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),

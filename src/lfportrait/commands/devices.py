@@ -1,7 +1,8 @@
-"""Commands for displays that are plugged in: ``cast``."""
+"""Commands for displays that are plugged in: ``cast``, ``show``."""
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
@@ -11,11 +12,11 @@ import tyro
 
 from ..errors import UserError
 from ..files import write_image
-from ..lightfield import EncodeConfig, QuiltLayout, quilt_of
+from ..lightfield import Display, EncodeConfig, QuiltLayout, quilt_of, read_coded
 from ..lightfield.bridge import URL, Bridge, DepthPicture, Device
 from .common import Common
 
-__all__ = ["Cast"]
+__all__ = ["Cast", "Show"]
 
 
 @dataclass
@@ -130,3 +131,43 @@ class Cast(Common):
         out = out.with_name(f"{out.name}{layout.suffix()}.png").resolve()
         write_image(out, quilt)
         return str(out), layout
+
+
+@dataclass
+class Show(Common):
+    """Show coded pictures full screen on an attached panel, unscaled; Esc closes."""
+
+    lightfields: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """Coded pictures; the arrow keys leaf through several."""
+    display: str = "generic-4k"
+    """The display that they were coded for."""
+    screen: int = -1
+    """Number of the screen (see --list); by default the one that has the display's pixels."""
+    seconds: float = 0.0
+    """Time for each picture; 0 = until a key is pressed."""
+    list: bool = False
+    """Only list the attached screens."""
+
+    def run(self) -> dict[str, Any]:
+        """Show until closed."""
+        from ..lightfield.show import PygameDriver, show
+
+        if self.list:
+            driver = PygameDriver()
+            screens = driver.screens()
+            driver.close()
+            for number, (width, height) in enumerate(screens):
+                print(f"{number:3}  {width} x {height}")
+            return {"screens": screens}
+        if not self.lightfields:
+            raise UserError("name the coded picture to show: lfportrait show lightfield.png")
+        if not 0 <= self.seconds < 1e6:
+            raise UserError(f"--seconds must be 0 or more, not {self.seconds:g}")
+        panel = Display.resolve(self.display)
+        images = [read_coded(path, panel) for path in self.lightfields]
+        if not panel.calibrated:
+            warnings.warn(f"the display {panel.name} is not calibrated: expect blur and jumps; see "
+                          "`lfportrait display import` and `lfportrait cast --save-display`",
+                          UserWarning, stacklevel=1)
+        screen = show(images, panel, screen=self.screen, seconds=self.seconds)
+        return {"screen": screen, "display": panel.name, "pictures": len(images)}
