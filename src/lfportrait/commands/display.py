@@ -90,7 +90,8 @@ class DisplayCommand(Common):
     name: tyro.conf.Positional[str] = ""
     """Display preset or file (show, pattern); calibration file (import)."""
     kind: str = "views"
-    """Pattern: views, slant, fringe or depth."""
+    """Pattern: views (each view's number), slant (pitch, slant and offset), fringe (order of the
+    sub-pixels) or depth (grids at five depths)."""
     out: Path | None = None
     """File for the pattern (.png) or the imported display (.toml)."""
     size: float = EncodeConfig.size
@@ -123,5 +124,6 @@ class DisplayCommand(Common):
 
         if self.out is None:
             raise UserError("say where to write the pattern with --out FILE.png")
+        lossless(self.out)
         write_coded(self.out, pattern(panel, self.kind), panel)
         return {"display": panel.name, "pattern": self.kind}

@@ -192,12 +192,14 @@ def see_panel(light, wanted, order, steps, lens, crosstalk, out):
                 away = abs(view - wanted[3 * x + place])
                 if crosstalk <= 0:
                     sharp = max(0.0, 1.0 - away / (1.5 * aperture))
-                    weight[x] = sharp * sharp
+                    # Next to nothing, so that a place without any near sub-pixel is not black.
+                    weight[x] = sharp * sharp + 1e-6 * np.exp(-0.5 * (away / aperture) ** 2)
                 else:
+                    away = min(away, lens[3] - away)
                     weight[x] = np.exp(-0.5 * (away / sigma) ** 2)
                 value[x] = weight[x] * light[y, x, channel]
             for x in range(width):
-                top, mass = 0.0, 1e-12
+                top, mass = 0.0, 1e-30
                 for i in range(max(0, x - reach), min(width, x + reach + 1)):
                     share = window[i - x + reach]
                     top += share * value[i]

@@ -22,8 +22,9 @@ from .interlacing import (
     read_views,
 )
 from .mask import ViewMask
+from .patterns import pattern
 from .quilt import quilt_of
-from .simulate import pattern, simulate
+from .simulate import simulate
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
            "ViewMask", "assemble_quilt", "deinterlace", "depth_budget", "each_view", "encode",
