@@ -316,10 +316,11 @@ class Display:
 
     def hash(self) -> str:
         """Hash of all that decides which view a sub-pixel shows, 24 hex digits."""
-        key = [self.width, self.height, self.views, self.pitch.hex(), self.slant.hex(),
-               self.offset.hex(), self.subpixels, self.inverted]
+        numbers = [float(number).hex() for number in (self.pitch, self.slant, self.offset)]
+        key = [self.width, self.height, self.views, *numbers, self.subpixels, self.inverted]
         if self.cells:
-            key += [self.cell_pattern, [[value.hex() for value in cell] for cell in self.cells]]
+            key += [self.cell_pattern, [[float(value).hex() for value in cell]
+                                        for cell in self.cells]]
         return hashlib.sha256(json.dumps(key).encode()).hexdigest()[:24]
 
     def scaled(self, width: int, height: int) -> Display:
