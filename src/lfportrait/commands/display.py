@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
@@ -11,7 +12,15 @@ import tyro
 
 from ..errors import UserError
 from ..files import write_image
-from ..lightfield import DepthReport, Display, EncodeConfig, read_coded, write_coded
+from ..lightfield import (
+    DepthReport,
+    Display,
+    EncodeConfig,
+    SequenceConfig,
+    read_coded,
+    write_coded,
+    write_sequence,
+)
 from ..lightfield.coded import lossless
 from .common import Common
 
@@ -20,24 +29,31 @@ __all__ = ["DisplayCommand", "Encode", "Simulate"]
 
 @dataclass
 class Encode(Common):
-    """Code a field's light field for a display, one ray per sub-pixel."""
+    """Code a field's light field for a display, one ray per sub-pixel; still or moving."""
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
     out: Path = Path("lightfield.png")
-    """File for the coded picture; a name ending in .png keeps every sub-pixel."""
+    """File for the coded picture; a name ending in .png keeps every sub-pixel. With --frames a
+    video (.mp4, .mov, .mkv) or a folder for pictures, which is gone on with after an interruption.
+    """
     quilt: Path | None = None
     """Also write a quilt; a name such as portrait_qs8x6a0.75.png tells columns, rows, aspect."""
     config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
     """Coding."""
+    sequence: Annotated[SequenceConfig, tyro.conf.arg(name="")] = option(
+        default_factory=SequenceConfig)
+    """Motion."""
 
     def run(self) -> dict[str, Any]:
         """Code and write."""
         from ..field import VoxelField
         from ..lightfield import ViewMask, encode_with_figures, quilt_of
 
+        if self.sequence.frames:
+            return self._moving()
         lossless(self.out)
         panel = Display.resolve(self.display)
         voxels = VoxelField.load(self.field)
@@ -51,6 +67,21 @@ class Encode(Common):
             picture, _ = quilt_of(voxels, panel, self.config, name=self.quilt.name)
             write_image(self.quilt, picture)
         return figures
+
+    def _moving(self) -> dict[str, Any]:
+        from ..field import VoxelField
+
+        if self.quilt is not None:
+            raise UserError("--quilt is for pictures that stand still; leave out --frames")
+        panel = Display.resolve(self.display)
+        voxels = VoxelField.load(self.field)
+        start = time.perf_counter()
+        with self.progress("encode", self.sequence.frames) as progress:
+            figures = write_sequence(voxels, panel, self.config, self.sequence, self.out,
+                                     progress.step)
+        figures["seconds"] = {"sequence": round(time.perf_counter() - start, 3)}
+        return figures | {"display": panel.name, "views": panel.views,
+                          "subpixels": 3 * panel.width * panel.height}
 
 
 @dataclass

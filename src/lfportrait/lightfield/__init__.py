@@ -24,9 +24,11 @@ from .interlacing import (
 from .mask import ViewMask
 from .patterns import pattern
 from .quilt import quilt_of
+from .sequence import SequenceConfig, each_frame, write_sequence
 from .simulate import simulate
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
-           "ViewMask", "assemble_quilt", "deinterlace", "depth_budget", "each_view", "encode",
-           "encode_with_figures", "interlace", "pattern", "quilt_of", "quilt_tiles", "read_coded",
-           "read_views", "render_view", "simulate", "view_camera", "write_coded"]
+           "SequenceConfig", "ViewMask", "assemble_quilt", "deinterlace", "depth_budget",
+           "each_frame", "each_view", "encode", "encode_with_figures", "interlace", "pattern",
+           "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "simulate",
+           "view_camera", "write_coded", "write_sequence"]
