@@ -16,7 +16,7 @@ from pathlib import Path
 from lfportrait.capture import CalibrateConfig
 from lfportrait.example import BlitConfig, TableConfig, TransferConfig
 from lfportrait.field import ReconstructConfig
-from lfportrait.lightfield import Display, EncodeConfig
+from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig, SequenceConfig
 from lfportrait.pipeline import MakeConfig
 from lfportrait.stylize import StylizeConfig
 
@@ -33,6 +33,8 @@ SECTIONS = [
     ("Look-up table", TableConfig, "In `transfer`: `--table.NAME`."),
     ("Synthesis (StyleBlit)", BlitConfig, "In `transfer`: `--blit.NAME`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
+    ("Encode with motion", SequenceConfig, "`lfportrait encode --frames N`."),
+    ("Interlace", InterlaceConfig, "`lfportrait interlace`."),
     ("Make", MakeConfig, "`lfportrait make`, besides the stages' own."),
 ]
 

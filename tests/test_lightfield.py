@@ -22,7 +22,6 @@ from lfportrait.lightfield import (
     encode,
     encode_with_figures,
     interlace,
-    pattern,
     quilt_of,
     quilt_tiles,
     render_view,
@@ -294,7 +293,7 @@ def test_depth_budget_shrinks_with_fewer_views():
     assert few["sharp_depth"] < many["sharp_depth"]
 
 
-# -- quilts, interlacing, patterns ----------------------------------------------------------------
+# -- quilts, interlacing ---------------------------------------------------------------------------
 
 
 def test_quilt_names_tell_their_layout():
@@ -322,26 +321,6 @@ def test_interlacing_gives_each_view_its_sub_pixels():
     views[:] = (np.arange(12) * 20)[:, None, None, None]
     image = interlace(views, SMALL)
     assert np.array_equal(image, grid(SMALL).astype(int) * 20)
-
-
-@pytest.mark.parametrize("kind", ["views", "slant", "fringe", "depth"])
-def test_patterns_are_seen_as_they_are_meant(kind):
-    display = Display(360, 200, views=24, pitch=9.4, slant=math.radians(8), cone=40, distance=4)
-    image = pattern(display, kind)
-    assert image.shape == (200, 360, 3)
-    left, right = (simulate(image, display, (display.eyes()[v],)) for v in (2, 21))
-    if kind == "views":
-        assert left.mean() < 0.25 < 0.75 < right.mean()
-    elif kind == "slant":
-        center = simulate(image, display, (display.eyes()[12],))
-        assert center.mean() > 3 * max(left.mean(), right.mean(), 1e-3)
-    elif kind == "fringe":
-        assert left[..., 0].mean() > 0.8 > 0.2 > left[..., 2].mean()
-        assert right[..., 2].mean() > 0.8 > 0.2 > right[..., 0].mean()
-    else:
-        assert np.abs(left - right)[90:110].mean() < np.abs(left - right)[10:30].mean()
-    with pytest.raises(UserError, match="slant"):
-        pattern(display, "moire")
 
 
 def test_scaled_pictures_are_refused():

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
-from .encode import eye_of
+from .encode import eye_of, side_of
 from .identity import identified
 from .lanes import LANES
 from .plane import least_cosine, plane_matrix
@@ -328,7 +328,7 @@ def slice_kernel(width: int, count: int) -> Callable[..., Any]:
                     _order(mask[y], begin, many, fixed, eyes, y, panel, tally, place_at, eye_at)
                     for entry in range(many):
                         place = place_at[entry]
-                        x_at[entry] = np.float32(aspect * (2.0 * (place + 0.5) / across - 1.0))
+                        x_at[entry] = np.float32(side_of(place, y, across, panel))
                         channel = place % 3
                         channel_at[entry] = np.float32(
                             4 * (2 - channel if bgr else channel))

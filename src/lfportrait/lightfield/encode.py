@@ -129,10 +129,14 @@ def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
 
 def _panel(display: Display, config: EncodeConfig, placement: Placement) -> NDArray[np.float64]:
     """The numbers of a panel as the kernels take them (see `encode_kernel`)."""
-    return np.array([display.aspect, display.eye_height, display.distance, placement.scale, 0.0,
-                     0.0, float(config.blend == "continuous"), 0.0,
-                     float(display.subpixels == "BGR"), display.pitch, display.shift,
-                     display.offset, float(display.inverted)])
+    # Cells move sub-pixels; their height within a row is left out, so that a row stays a plane.
+    thirds = np.arange(3) + 0.5
+    moved = 3.0 * display.places()[..., 0] - thirds if display.cells else np.zeros((4, 2, 3))
+    return np.concatenate([
+        [display.aspect, display.eye_height, display.distance, placement.scale, 0.0, 0.0,
+         float(config.blend == "continuous"), 0.0, float(display.subpixels == "BGR"),
+         display.pitch, display.shift, display.offset, float(display.inverted)],
+        display.steps().ravel(), moved.ravel()])
 
 
 def _method(field: VoxelField, display: Display, config: EncodeConfig) -> str:
