@@ -14,7 +14,7 @@ import textwrap
 from pathlib import Path
 
 from lfportrait.capture import CalibrateConfig
-from lfportrait.example import BlitConfig, TableConfig, TransferConfig
+from lfportrait.example import BlitConfig, FaceBlitConfig, TableConfig, TransferConfig
 from lfportrait.field import ReconstructConfig
 from lfportrait.lightfield import Display, EncodeConfig
 from lfportrait.pipeline import MakeConfig
@@ -32,6 +32,7 @@ SECTIONS = [
      "`--stylize.transfer.NAME`."),
     ("Look-up table", TableConfig, "In `transfer`: `--table.NAME`."),
     ("Synthesis (StyleBlit)", BlitConfig, "In `transfer`: `--blit.NAME`."),
+    ("FaceBlit", FaceBlitConfig, "`lfportrait transfer --method faceblit`: `--faceblit.NAME`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
     ("Make", MakeConfig, "`lfportrait make`, besides the stages' own."),
 ]

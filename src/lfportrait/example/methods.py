@@ -1,0 +1,65 @@
+"""The methods of transfer by name: ours, and the paper's rivals for Fig. 6 and for quality."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .exemplar import Exemplar
+from .faceblit import FaceBlit, FaceBlitConfig
+from .painted import Painted
+from .transfer import Transfer, TransferConfig, TransferResult, face_landmarks
+
+__all__ = ["METHODS", "Method", "MethodConfig", "paint", "prepare"]
+
+Method = Literal["styleblit", "faceblit"]
+METHODS: tuple[Method, ...] = ("styleblit", "faceblit")
+
+MethodConfig = TransferConfig | FaceBlitConfig
+
+
+def prepare(exemplar: Exemplar, config: MethodConfig) -> Any:
+    """An exemplar prepared for one method, to be applied to many photos.
+
+    Parameters
+    ----------
+    exemplar
+        The painting.
+    config
+        Of the method that is wanted.
+
+    Returns
+    -------
+    prepared
+        Its ``apply(image, landmarks)`` gives a picture with ``image``, ``seconds`` and ``dump``.
+    """
+    if isinstance(config, FaceBlitConfig):
+        return FaceBlit(exemplar, config)
+    return Transfer(exemplar, config)
+
+
+def paint(image: NDArray[np.uint8], exemplar: Exemplar, config: MethodConfig,
+          landmarks: NDArray[np.floating] | None = None) -> TransferResult | Painted:
+    """Stylise one photo by the method of ``config``.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3].
+    exemplar
+        The painting.
+    config
+        Of the method that is wanted.
+    landmarks
+        [68, 2] in pixels; detected if None.
+
+    Raises
+    ------
+    UserError
+        If no face is found.
+    """
+    points = face_landmarks(image) if landmarks is None else landmarks
+    result: TransferResult | Painted = prepare(exemplar, config).apply(image, points)
+    return result
