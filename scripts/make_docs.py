@@ -14,7 +14,13 @@ import textwrap
 from pathlib import Path
 
 from lfportrait.capture import CalibrateConfig
-from lfportrait.example import BlitConfig, FaceBlitConfig, TableConfig, TransferConfig
+from lfportrait.example import (
+    BlitConfig,
+    FaceBlitConfig,
+    FaceStyleConfig,
+    TableConfig,
+    TransferConfig,
+)
 from lfportrait.field import ReconstructConfig
 from lfportrait.lightfield import Display, EncodeConfig
 from lfportrait.pipeline import MakeConfig
@@ -33,6 +39,7 @@ SECTIONS = [
     ("Look-up table", TableConfig, "In `transfer`: `--table.NAME`."),
     ("Synthesis (StyleBlit)", BlitConfig, "In `transfer`: `--blit.NAME`."),
     ("FaceBlit", FaceBlitConfig, "`lfportrait transfer --method faceblit`: `--faceblit.NAME`."),
+    ("FaceStyle", FaceStyleConfig, "`lfportrait transfer --method facestyle`: `--facestyle.NAME`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
     ("Make", MakeConfig, "`lfportrait make`, besides the stages' own."),
 ]

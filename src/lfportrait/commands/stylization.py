@@ -9,7 +9,14 @@ from typing import Annotated, Any
 
 import tyro
 
-from ..example import Exemplar, FaceBlitConfig, Method, MethodConfig, TransferConfig
+from ..example import (
+    Exemplar,
+    FaceBlitConfig,
+    FaceStyleConfig,
+    Method,
+    MethodConfig,
+    TransferConfig,
+)
 from ..files import read_image, write_image
 from ..stylize import StylizeConfig
 from .common import Common
@@ -31,9 +38,12 @@ class TransferPhoto(Common):
         default_factory=TransferConfig)
     """Transfer by StyleBlit."""
     method: Method = "styleblit"
-    """styleblit: ours; faceblit: window-searched table and flood fill, as published."""
+    """styleblit: ours; faceblit: window-searched table and flood fill, as published; facestyle:
+    guided patch synthesis, seconds a picture."""
     faceblit: FaceBlitConfig = option(default_factory=FaceBlitConfig)
     """FaceBlit."""
+    facestyle: FaceStyleConfig = option(default_factory=FaceStyleConfig)
+    """FaceStyle."""
     dump: Path | None = None
     """Folder for pictures of every intermediate: guides, labels, table error, chunks, mask."""
 
@@ -53,6 +63,8 @@ class TransferPhoto(Common):
         """The configuration of the chosen method."""
         if self.method == "faceblit":
             return self.faceblit
+        if self.method == "facestyle":
+            return replace(self.facestyle, seed=self.seed)
         return replace(self.config, seed=self.seed)
 
 

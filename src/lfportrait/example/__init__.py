@@ -2,6 +2,7 @@
 
 from .exemplar import Exemplar, face_size
 from .faceblit import FaceBlit, FaceBlitConfig
+from .facestyle import FaceStyle, FaceStyleConfig
 from .guides import Guides, appearance_guide, position_guide
 from .labels import LABELS
 from .methods import METHODS, Method, MethodConfig, paint, prepare
@@ -13,9 +14,9 @@ from .table import LookUpTable, TableConfig, build_table
 from .transfer import Transfer, TransferConfig, TransferResult, transfer
 
 __all__ = [
-    "LABELS", "METHODS", "BlitConfig", "Exemplar", "FaceBlit", "FaceBlitConfig", "Guides",
-    "LookUpTable", "Method", "MethodConfig", "Painted", "Regions", "SurfaceGuide", "Synthesis",
-    "TableConfig", "Transfer", "TransferConfig", "TransferResult", "appearance_guide",
-    "build_table", "face_size", "find_regions", "paint", "position_guide", "prepare",
-    "surface_position_guide", "synthesise", "transfer",
+    "LABELS", "METHODS", "BlitConfig", "Exemplar", "FaceBlit", "FaceBlitConfig", "FaceStyle",
+    "FaceStyleConfig", "Guides", "LookUpTable", "Method", "MethodConfig", "Painted", "Regions",
+    "SurfaceGuide", "Synthesis", "TableConfig", "Transfer", "TransferConfig", "TransferResult",
+    "appearance_guide", "build_table", "face_size", "find_regions", "paint", "position_guide",
+    "prepare", "surface_position_guide", "synthesise", "transfer",
 ]

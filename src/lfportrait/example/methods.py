@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 
 from .exemplar import Exemplar
 from .faceblit import FaceBlit, FaceBlitConfig
+from .facestyle import FaceStyle, FaceStyleConfig
 from .painted import Painted
 from .transfer import Transfer, TransferConfig, TransferResult, face_landmarks
 
 __all__ = ["METHODS", "Method", "MethodConfig", "paint", "prepare"]
 
-Method = Literal["styleblit", "faceblit"]
-METHODS: tuple[Method, ...] = ("styleblit", "faceblit")
+Method = Literal["styleblit", "faceblit", "facestyle"]
+METHODS: tuple[Method, ...] = ("styleblit", "faceblit", "facestyle")
 
-MethodConfig = TransferConfig | FaceBlitConfig
+MethodConfig = TransferConfig | FaceBlitConfig | FaceStyleConfig
 
 
 def prepare(exemplar: Exemplar, config: MethodConfig) -> Any:
@@ -37,6 +38,8 @@ def prepare(exemplar: Exemplar, config: MethodConfig) -> Any:
     """
     if isinstance(config, FaceBlitConfig):
         return FaceBlit(exemplar, config)
+    if isinstance(config, FaceStyleConfig):
+        return FaceStyle(exemplar, config)
     return Transfer(exemplar, config)
 
 
