@@ -18,6 +18,7 @@ from lfportrait.example import (
     BlitConfig,
     FaceBlitConfig,
     FaceStyleConfig,
+    NetworkConfig,
     TableConfig,
     TransferConfig,
 )
@@ -40,6 +41,7 @@ SECTIONS = [
     ("Synthesis (StyleBlit)", BlitConfig, "In `transfer`: `--blit.NAME`."),
     ("FaceBlit", FaceBlitConfig, "`lfportrait transfer --method faceblit`: `--faceblit.NAME`."),
     ("FaceStyle", FaceStyleConfig, "`lfportrait transfer --method facestyle`: `--facestyle.NAME`."),
+    ("Network", NetworkConfig, "`lfportrait transfer --method network`: `--network.NAME`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
     ("Make", MakeConfig, "`lfportrait make`, besides the stages' own."),
 ]

@@ -15,6 +15,7 @@ from ..example import (
     FaceStyleConfig,
     Method,
     MethodConfig,
+    NetworkConfig,
     TransferConfig,
 )
 from ..files import read_image, write_image
@@ -39,11 +40,13 @@ class TransferPhoto(Common):
     """Transfer by StyleBlit."""
     method: Method = "styleblit"
     """styleblit: ours; faceblit: window-searched table and flood fill, as published; facestyle:
-    guided patch synthesis, seconds a picture."""
+    guided patch synthesis, seconds a picture; network: trained on the paintings of one style."""
     faceblit: FaceBlitConfig = option(default_factory=FaceBlitConfig)
     """FaceBlit."""
     facestyle: FaceStyleConfig = option(default_factory=FaceStyleConfig)
     """FaceStyle."""
+    network: NetworkConfig = option(default_factory=NetworkConfig)
+    """Network."""
     dump: Path | None = None
     """Folder for pictures of every intermediate: guides, labels, table error, chunks, mask."""
 
@@ -65,6 +68,8 @@ class TransferPhoto(Common):
             return self.faceblit
         if self.method == "facestyle":
             return replace(self.facestyle, seed=self.seed)
+        if self.method == "network":
+            return replace(self.network, seed=self.seed)
         return replace(self.config, seed=self.seed)
 
 

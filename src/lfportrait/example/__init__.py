@@ -6,6 +6,7 @@ from .facestyle import FaceStyle, FaceStyleConfig
 from .guides import Guides, appearance_guide, position_guide
 from .labels import LABELS
 from .methods import METHODS, Method, MethodConfig, paint, prepare
+from .network import NetworkConfig, StyleNetwork
 from .painted import Painted
 from .regions import Regions, find_regions
 from .styleblit import BlitConfig, Synthesis, synthesise
@@ -15,8 +16,9 @@ from .transfer import Transfer, TransferConfig, TransferResult, transfer
 
 __all__ = [
     "LABELS", "METHODS", "BlitConfig", "Exemplar", "FaceBlit", "FaceBlitConfig", "FaceStyle",
-    "FaceStyleConfig", "Guides", "LookUpTable", "Method", "MethodConfig", "Painted", "Regions",
-    "SurfaceGuide", "Synthesis", "TableConfig", "Transfer", "TransferConfig", "TransferResult",
-    "appearance_guide", "build_table", "face_size", "find_regions", "paint", "position_guide",
-    "prepare", "surface_position_guide", "synthesise", "transfer",
+    "FaceStyleConfig", "Guides", "LookUpTable", "Method", "MethodConfig", "NetworkConfig",
+    "Painted", "Regions", "StyleNetwork", "SurfaceGuide", "Synthesis", "TableConfig", "Transfer",
+    "TransferConfig", "TransferResult", "appearance_guide", "build_table", "face_size",
+    "find_regions", "paint", "position_guide", "prepare", "surface_position_guide", "synthesise",
+    "transfer",
 ]

@@ -44,6 +44,8 @@ Int32 = NDArray[np.int32]
 
 FIXED = 4.0
 """Colours and guides are whole numbers of 1 / FIXED grey levels, times the root of a weight."""
+STEP = np.log(1.1)
+"""The exemplar is resized to sizes that are this far apart (logarithm), so that few are made."""
 CODES = np.array([[200, 60], [255, 150], [150, 215], [255, 255], [150, 150], [255, 0], [0, 200],
                   [0, 0]], np.float32)
 """Segmentation guide: a place in the plane for each of `LABELS`, far apart where they must not
@@ -157,7 +159,7 @@ class FaceStyle:
         photo = np.ascontiguousarray(image[..., :3])
         points = np.asarray(landmarks, np.float64)
         ratio = self.exemplar.size / face_size(points)
-        source = self._source(1.0 if 0.75 < ratio < 4 / 3 else round(1 / ratio, 2))
+        source = self._source(1.0 if 0.75 < ratio < 4 / 3 else 1.1 ** -round(np.log(ratio) / STEP))
         regions = find_regions(photo, points)
         position = folded_position_guide(
             np.ones(photo.shape[:2], np.float32),

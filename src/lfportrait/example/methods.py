@@ -10,18 +10,20 @@ from numpy.typing import NDArray
 from .exemplar import Exemplar
 from .faceblit import FaceBlit, FaceBlitConfig
 from .facestyle import FaceStyle, FaceStyleConfig
+from .network import NetworkConfig, StyleNetwork
 from .painted import Painted
+from .sitters import Sitting
 from .transfer import Transfer, TransferConfig, TransferResult, face_landmarks
 
 __all__ = ["METHODS", "Method", "MethodConfig", "paint", "prepare"]
 
-Method = Literal["styleblit", "faceblit", "facestyle"]
-METHODS: tuple[Method, ...] = ("styleblit", "faceblit", "facestyle")
+Method = Literal["styleblit", "faceblit", "facestyle", "network"]
+METHODS: tuple[Method, ...] = ("styleblit", "faceblit", "facestyle", "network")
 
-MethodConfig = TransferConfig | FaceBlitConfig | FaceStyleConfig
+MethodConfig = TransferConfig | FaceBlitConfig | FaceStyleConfig | NetworkConfig
 
 
-def prepare(exemplar: Exemplar, config: MethodConfig) -> Any:
+def prepare(exemplar: Exemplar, config: MethodConfig, own: list[Sitting] | None = None) -> Any:
     """An exemplar prepared for one method, to be applied to many photos.
 
     Parameters
@@ -30,6 +32,8 @@ def prepare(exemplar: Exemplar, config: MethodConfig) -> Any:
         The painting.
     config
         Of the method that is wanted.
+    own
+        Photos with landmarks that a network also trains on.
 
     Returns
     -------
@@ -40,6 +44,8 @@ def prepare(exemplar: Exemplar, config: MethodConfig) -> Any:
         return FaceBlit(exemplar, config)
     if isinstance(config, FaceStyleConfig):
         return FaceStyle(exemplar, config)
+    if isinstance(config, NetworkConfig):
+        return StyleNetwork(exemplar, config, own)
     return Transfer(exemplar, config)
 
 
@@ -63,6 +69,7 @@ def paint(image: NDArray[np.uint8], exemplar: Exemplar, config: MethodConfig,
     UserError
         If no face is found.
     """
-    points = face_landmarks(image) if landmarks is None else landmarks
-    result: TransferResult | Painted = prepare(exemplar, config).apply(image, points)
+    points = np.asarray(face_landmarks(image) if landmarks is None else landmarks, np.float64)
+    prepared = prepare(exemplar, config, own=[(image, points)])
+    result: TransferResult | Painted = prepared.apply(image, points)
     return result
