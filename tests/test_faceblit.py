@@ -29,7 +29,7 @@ def test_the_table_holds_the_first_best_pixel_of_the_window():
     table = np.empty((16, 16, 16), np.int32)
     sweep_windows(red, green, appearance, 10, 2, 4, table)
     exhaustive = np.empty_like(table)
-    search_windows(red, green, appearance, 10, 2, 4, 16, exhaustive)
+    search_windows(red, green, appearance, 10, 2, 4, 0, 16, exhaustive)
     assert np.array_equal(table, exhaustive)
     for g, r, a in ((0, 0, 0), (3, 7, 11), (15, 15, 2), (9, 0, 15)):
         top, left = max(g * 40 // 16 - 4, 0), max(r * 30 // 16 - 4, 0)

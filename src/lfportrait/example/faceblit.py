@@ -104,17 +104,18 @@ def warped_gradient(places: Float32, length: int) -> Int32:
     return value.astype(np.int32)
 
 
-def published_table(appearance: Int32, config: FaceBlitConfig, rows: int = STEPS) -> Int32:
+def published_table(appearance: Int32, config: FaceBlitConfig,
+                    rows: range = range(STEPS)) -> Int32:
     """The table of an exemplar, int32 [256, 256, 256] (y step, x step, appearance): flat indices.
 
-    ``rows`` limits how many rows of cells an exhaustive search fills (to measure its speed).
+    ``rows`` limits which rows of cells an exhaustive search fills (to measure its speed).
     """
     height, width = appearance.shape
     table = np.empty((STEPS, STEPS, STEPS), np.int32)
     arguments = (gradient(width), gradient(height), appearance, config.position_weight,
                  config.appearance_weight, config.window)
     if config.table == "exhaustive":
-        search_windows(*arguments, rows, table)
+        search_windows(*arguments, rows.start, rows.stop, table)
     else:
         sweep_windows(*arguments, table)
     return table

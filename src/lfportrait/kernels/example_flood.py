@@ -27,15 +27,15 @@ def _window(cell, cells, length, reach):
 
 
 @numba.njit(cache=True, parallel=True)
-def search_windows(red, green, appearance, place, look, reach, rows, table):
+def search_windows(red, green, appearance, place, look, reach, first, last, table):
     """Fill ``table`` [G, R, A] int32 by visiting the whole window for every cell, as published.
 
     ``red`` [W] and ``green`` [H] are the position guide of the exemplar's columns and rows,
-    ``appearance`` [H, W]; all int32. Only the first ``rows`` rows of cells are filled.
+    ``appearance`` [H, W]; all int32. Only the rows of cells ``first`` .. ``last`` - 1 are filled.
     """
     height, width = appearance.shape
     greens, reds, levels = table.shape
-    for g in numba.prange(rows):
+    for g in numba.prange(first, last):
         top, bottom = _window(g, greens, height, reach)
         for r in range(reds):
             left, right = _window(r, reds, width, reach)
