@@ -14,7 +14,14 @@ import textwrap
 from pathlib import Path
 
 from lfportrait.capture import CalibrateConfig
-from lfportrait.example import BlitConfig, TableConfig, TransferConfig
+from lfportrait.example import (
+    BlitConfig,
+    FaceBlitConfig,
+    FaceStyleConfig,
+    NetworkConfig,
+    TableConfig,
+    TransferConfig,
+)
 from lfportrait.field import ReconstructConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig, SequenceConfig
 from lfportrait.pipeline import MakeConfig
@@ -32,6 +39,9 @@ SECTIONS = [
      "`--stylize.transfer.NAME`."),
     ("Look-up table", TableConfig, "In `transfer`: `--table.NAME`."),
     ("Synthesis (StyleBlit)", BlitConfig, "In `transfer`: `--blit.NAME`."),
+    ("FaceBlit", FaceBlitConfig, "`lfportrait transfer --method faceblit`: `--faceblit.NAME`."),
+    ("FaceStyle", FaceStyleConfig, "`lfportrait transfer --method facestyle`: `--facestyle.NAME`."),
+    ("Network", NetworkConfig, "`lfportrait transfer --method network`: `--network.NAME`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
     ("Encode with motion", SequenceConfig, "`lfportrait encode --frames N`."),
     ("Interlace", InterlaceConfig, "`lfportrait interlace`."),

@@ -14,7 +14,9 @@ from lfportrait.evaluate import (
     bench_reconstruct,
     bench_stylize,
     bench_transfer,
+    transfer_table,
 )
+from lfportrait.example import METHODS, NetworkConfig
 from lfportrait.field import ReconstructConfig
 from lfportrait.lightfield import Display
 from tests.fields import shell_field
@@ -76,12 +78,23 @@ def test_transfer_reports_preparation_and_synthesis_apart():
     camera = Camera.arc(np.array([5.0]), distance=4.4, width=120, height=160, focal=220.0)
     photo = np.ascontiguousarray(photograph(SITTER, camera).image[..., :3])
     points = camera.project(landmarks(SITTER))[0][0]
-    figures = bench_transfer(photo, points, demo_exemplar(width=144, height=192), repeats=1)
-    row = figures["styleblit"]
+    tiny = NetworkConfig(teacher="styleblit", pairs=2, steps=1, size=64, width=4)
+    figures = bench_transfer(photo, points, demo_exemplar(width=144, height=192), repeats=1,
+                             network=tiny)
     assert figures["size"] == [120, 160]
-    assert row["guides_seconds"] + row["synthesis_seconds"] <= row["frame_seconds"]
-    assert row["frames_per_second"] == pytest.approx(1 / row["frame_seconds"])
-    assert 0 < row["patch_fidelity"] < 40
+    for method in METHODS:
+        row = figures[method]
+        assert row["precalculation_seconds"] > 0
+        assert row["guides_seconds"] + row["synthesis_seconds"] <= row["frame_seconds"]
+        assert row["frames_per_second"] == pytest.approx(1 / row["frame_seconds"])
+        assert 0 < row["patch_fidelity"] < 40
+    # The patches of the guided synthesis are the exemplar's own, a network of one step has none.
+    assert figures["facestyle"]["patch_fidelity"] < figures["network"]["patch_fidelity"]
+    published = figures["faceblit"]["published_table_seconds"]
+    assert published > figures["faceblit"]["precalculation_seconds"]
+    assert figures["network"]["pairs"] == 2 and figures["network"]["steps"] == 1
+    table = transfer_table(figures).splitlines()
+    assert [line.split()[0] for line in table[1:-1] if line[0] != " "] == list(METHODS)
 
 
 def test_stylize_reports_its_parts():

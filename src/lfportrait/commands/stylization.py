@@ -9,7 +9,15 @@ from typing import Annotated, Any
 
 import tyro
 
-from ..example import Exemplar, TransferConfig
+from ..example import (
+    Exemplar,
+    FaceBlitConfig,
+    FaceStyleConfig,
+    Method,
+    MethodConfig,
+    NetworkConfig,
+    TransferConfig,
+)
 from ..files import read_image, write_image
 from ..stylize import StylizeConfig
 from .common import Common
@@ -19,7 +27,7 @@ __all__ = ["Styles", "Stylize", "TransferPhoto"]
 
 @dataclass
 class TransferPhoto(Common):
-    """Stylise one photo by example: guides, look-up table, StyleBlit."""
+    """Stylise one photo by example: guides, look-up table, StyleBlit; or one of its rivals."""
 
     photo: tyro.conf.Positional[Path]
     """Photo of a face."""
@@ -29,21 +37,40 @@ class TransferPhoto(Common):
     """File for the stylised picture."""
     config: Annotated[TransferConfig, tyro.conf.arg(name="")] = option(
         default_factory=TransferConfig)
-    """Transfer."""
+    """Transfer by StyleBlit."""
+    method: Method = "styleblit"
+    """styleblit: ours; faceblit: window-searched table and flood fill, as published; facestyle:
+    guided patch synthesis, seconds a picture; network: trained on the paintings of one style."""
+    faceblit: FaceBlitConfig = option(default_factory=FaceBlitConfig)
+    """FaceBlit."""
+    facestyle: FaceStyleConfig = option(default_factory=FaceStyleConfig)
+    """FaceStyle."""
+    network: NetworkConfig = option(default_factory=NetworkConfig)
+    """Network."""
     dump: Path | None = None
     """Folder for pictures of every intermediate: guides, labels, table error, chunks, mask."""
 
     def run(self) -> dict[str, Any]:
         """Transfer and write."""
-        from ..example import transfer
+        from ..example import paint
 
         exemplar = Exemplar.load(self.style)
         photo = read_image(self.photo)[..., :3]
-        result = transfer(photo, exemplar, replace(self.config, seed=self.seed))
+        result = paint(photo, exemplar, self._config())
         write_image(self.out, result.image)
         if self.dump is not None:
             result.dump(self.dump)
-        return dict(result.seconds)
+        return {"method": self.method, **result.seconds}
+
+    def _config(self) -> MethodConfig:
+        """The configuration of the chosen method."""
+        if self.method == "faceblit":
+            return self.faceblit
+        if self.method == "facestyle":
+            return replace(self.facestyle, seed=self.seed)
+        if self.method == "network":
+            return replace(self.network, seed=self.seed)
+        return replace(self.config, seed=self.seed)
 
 
 @dataclass

@@ -49,12 +49,14 @@ class Bench(Common):
 
     def run(self) -> dict[str, Any]:
         """Measure and print."""
-        from ..evaluate import bench
+        from ..evaluate import bench, transfer_table
 
         with self.progress("bench") as progress:
             figures = bench(self.what, field=self.field, capture=self.capture, progress=progress)
         for name, value in _flat(figures).items():
             print(f"{name:<44} {value:.4g}" if isinstance(value, float) else f"{name:<44} {value}")
+        if self.what in ("transfer", "all"):
+            print(transfer_table(figures if self.what == "transfer" else figures["transfer"]))
         return figures
 
 

@@ -1,6 +1,7 @@
 """Metrics of a finished job, consistency between views, and speed side by side."""
 
-from .bench import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize, bench_transfer
+from .bench import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize
+from .bench_transfer import bench_transfer, transfer_table
 from .consistency import consistency, pair_error, view_pairs, warp
 from .features import (
     feature_distance,
@@ -16,4 +17,5 @@ __all__ = ["BENCHES", "bench", "bench_encode", "bench_reconstruct", "bench_styli
            "bench_transfer", "consistency", "contour_correlation", "evaluate_field",
            "evaluate_job", "feature_distance", "frechet_distance", "identity",
            "inception_features", "kernel_distance", "landmark_error", "pair_error",
-           "patch_fidelity", "style_distance", "view_pairs", "warp"]
+           "patch_fidelity", "style_distance",
+           "transfer_table", "view_pairs", "warp"]

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..capture import Camera, Capture
-from ..example import Exemplar, Transfer
+from ..example import Exemplar
 from ..field import ReconstructConfig, VoxelField, reconstruct_with_figures
 from ..lightfield import (
     Display,
@@ -30,6 +28,7 @@ from ..lightfield import (
 from ..measure import machine, peak_memory_bytes
 from ..metrics import psnr
 from ..progress import Progress
+from .bench_transfer import bench_transfer, say, timed
 
 __all__ = ["BENCHES", "bench", "bench_encode", "bench_reconstruct", "bench_stylize",
            "bench_transfer"]
@@ -42,21 +41,6 @@ SHORT = ReconstructConfig(resolutions=(64, 128), rays=(0.5, 1.0), batch=(16384,)
 """A reconstruction that takes seconds, for a field to measure on."""
 
 
-def _timed(function: Callable[[], Any], repeats: int) -> tuple[float, Any]:
-    """Shortest of several runs in seconds, and the last result."""
-    best, result = float("inf"), None
-    for _ in range(repeats):
-        start = time.perf_counter()
-        result = function()
-        best = min(best, time.perf_counter() - start)
-    return best, result
-
-
-def _say(progress: Progress | None, text: str) -> None:
-    if progress is not None:
-        progress.update(progress.done, text)
-
-
 def _embedded_capture(size: int = 256, views: int = 36) -> Capture:
     from ..demo import demo_capture
 
@@ -67,7 +51,7 @@ def _field(path: Path | None, progress: Progress | None) -> VoxelField:
     """The field to measure: a file, or the embedded head, reconstructed in seconds."""
     if path is not None:
         return VoxelField.load(path)
-    _say(progress, "reconstructing the embedded head")
+    say(progress, "reconstructing the embedded head")
     return reconstruct_with_figures(_embedded_capture(), SHORT)[0]
 
 
@@ -104,22 +88,22 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
     config = config or EncodeConfig()
     figures: dict[str, Any] = {}
     for size in sizes:
-        _say(progress, f"coding {size}")
+        say(progress, f"coding {size}")
         # An 8K picture takes long enough for one run to tell.
         figures[size] = _coded(field, Display.preset(PANELS[size]), config,
                                1 if size == "8k" else repeats)
     first = Display.preset(PANELS[sizes[0]])
-    _say(progress, "direct casting")
+    say(progress, "direct casting")
     direct = replace(config, step_size=0.5, draft=False)
     figures["direct"] = {**_coded(field, first, direct, repeats), "step_size": 0.5,
                          "resolution": sizes[0]}
-    _say(progress, f"all {first.views} views, then interlacing")
+    say(progress, f"all {first.views} views, then interlacing")
     figures["view_by_view"] = {**_view_by_view(field, first, config), "resolution": sizes[0]}
     figures["view_by_view"]["times_slower"] = (
         figures["view_by_view"]["seconds"] / figures[sizes[0]]["seconds"])
     figures["mask"] = []
     for size in masks:
-        _say(progress, f"mask guide, {size}")
+        say(progress, f"mask guide, {size}")
         figures["mask"].append({"resolution": size, **_mask(
             field, Display.preset(MASKS[size]), config, repeats)})
     return figures
@@ -129,7 +113,7 @@ def _coded(field: VoxelField, display: Display, config: EncodeConfig, repeats: i
            ) -> dict[str, Any]:
     mask = ViewMask.build(display, cache=False)
     encode_with_figures(field, replace(display, width=64, height=8), config)
-    seconds, (image, run) = _timed(
+    seconds, (image, run) = timed(
         lambda: encode_with_figures(field, display, config, mask=mask), repeats)
     fine = replace(config, step_size=0.25, draft=False)
     reference, _ = encode_with_figures(field, display, fine, mask=mask)
@@ -162,16 +146,16 @@ def _mask(field: VoxelField, display: Display, config: EncodeConfig, repeats: in
     """One row of Table 1: time and memory with and without the stored mask guide."""
     ViewMask.build(replace(display, width=32, height=8), cache=False)
     with tempfile.TemporaryDirectory() as name:
-        build, mask = _timed(lambda: ViewMask.build(display, cache=False), repeats)
+        build, mask = timed(lambda: ViewMask.build(display, cache=False), repeats)
         ViewMask.build(display, cache=Path(name))
-        load, _ = _timed(lambda: ViewMask.build(display, cache=Path(name)), repeats)
+        load, _ = timed(lambda: ViewMask.build(display, cache=Path(name)), repeats)
 
         def code(cache: bool | Path) -> None:
             encode_with_figures(field, display, config,
                                 mask=ViewMask.build(display, cache=cache))
 
-        stored, _ = _timed(lambda: code(Path(name)), 1)
-        fresh, _ = _timed(lambda: code(False), 1)
+        stored, _ = timed(lambda: code(Path(name)), 1)
+        fresh, _ = timed(lambda: code(False), 1)
     return {"build_seconds": build, "load_seconds": load, "with_seconds": stored,
             "without_seconds": fresh, "bytes": mask.nbytes}
 
@@ -204,78 +188,19 @@ def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None,
     # A miniature run compiles the kernels before the clock starts.
     reconstruct_with_figures(capture, replace(config, resolutions=(24,), rays=(0.02,),
                                               batch=(4096,)))
-    _say(progress, "reconstructing")
+    say(progress, "reconstructing")
     start = time.perf_counter()
     field, run = reconstruct_with_figures(capture, config, progress)
     seconds = time.perf_counter() - start
     front = Camera.arc(np.zeros(1), distance=4.0, width=render_size, height=render_size,
                        focal=1.7 * render_size)
     field.render(front, 0)
-    shortest, _ = _timed(lambda: field.render(front, 0), repeats)
+    shortest, _ = timed(lambda: field.render(front, 0), repeats)
     return {"seconds": seconds, "train_rays": run["train"]["rays"],
             "train_rays_per_second": run["train"]["rays_per_second"],
             "render_rays_per_second": render_size ** 2 / shortest, "test": run.get("test", {}),
             "voxels": run["voxels"], "levels": run.get("levels", []),
             "peak_memory_bytes": peak_memory_bytes()}
-
-
-def bench_transfer(image: NDArray[np.uint8] | None = None,
-                   landmarks: NDArray[np.floating] | None = None,
-                   exemplar: Exemplar | None = None, *, repeats: int = 3,
-                   progress: Progress | None = None) -> dict[str, Any]:
-    """Example-based transfer, pre-calculation and synthesis apart (Shen et al. 2023, Fig. 6).
-
-    Parameters
-    ----------
-    image, landmarks
-        uint8 [H, W, 3] and its [68, 2] landmarks; by default the embedded head, 768 x 1024.
-    exemplar
-        The painting; the embedded one by default.
-    repeats
-        The fastest of so many runs counts.
-    progress
-        Progress line.
-
-    Returns
-    -------
-    figures
-        ``styleblit``: ``table_seconds`` (once per style), ``guides_seconds``,
-        ``synthesis_seconds``, ``frame_seconds``, ``frames_per_second``, ``patch_fidelity``;
-        ``size``: width and height.
-    """
-    from .likeness import patch_fidelity
-
-    if image is None:
-        image, landmarks = _embedded_photo()
-    if exemplar is None:
-        from ..demo import demo_exemplar
-
-        exemplar = demo_exemplar()
-    assert landmarks is not None
-    points = np.asarray(landmarks, np.float64)
-    picture = image
-    _say(progress, "transfer by example")
-    Transfer(exemplar).apply(picture, points)
-    prepared, transfer = _timed(lambda: Transfer(exemplar), repeats)
-    frame, result = _timed(lambda: transfer.apply(picture, points), repeats)
-    return {"styleblit": {
-        "table_seconds": result.seconds["table_seconds"], "prepare_seconds": prepared,
-        "guides_seconds": result.seconds["guides_seconds"],
-        "synthesis_seconds": result.seconds["synthesis_seconds"], "frame_seconds": frame,
-        "frames_per_second": 1.0 / frame,
-        "patch_fidelity": patch_fidelity(result.image, exemplar.image, samples=200)},
-        "size": [image.shape[1], image.shape[0]]}
-
-
-def _embedded_photo() -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """A frontal photo of the embedded head, 768 x 1024, and its landmarks."""
-    from ..demo import SITTER, landmarks, photograph
-
-    camera = Camera.arc(np.array([8.0]), distance=4.4, width=768, height=1024, focal=1500.0)
-    shot = photograph(SITTER, camera, 0).image
-    alpha = shot[..., 3:].astype(np.float32) / 255.0
-    image = (shot[..., :3] * alpha + 225.0 * (1.0 - alpha) + 0.5).astype(np.uint8)
-    return image, camera.project(landmarks(SITTER))[0][0]
 
 
 def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None = None, *,
@@ -309,7 +234,7 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
     config = StylizeConfig(size=size, views=views, pitches=(8.0,), steps=steps)
     # A miniature run compiles the kernels and loads the networks before the clock starts.
     stylize_with_figures(field, capture, exemplar, replace(config, size=96, views=1, steps=1))
-    _say(progress, "stylising")
+    say(progress, "stylising")
     _, run = stylize_with_figures(field, capture, exemplar, config, progress)
     seconds = run["seconds"]
     return {"seconds": seconds, "size": size, "views": run["views"], "steps": steps,

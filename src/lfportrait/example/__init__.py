@@ -1,8 +1,13 @@
 """Example-based transfer: one painted portrait -> any portrait photo in its manner (Paper 2.2)."""
 
 from .exemplar import Exemplar, face_size
+from .faceblit import FaceBlit, FaceBlitConfig
+from .facestyle import FaceStyle, FaceStyleConfig
 from .guides import Guides, appearance_guide, position_guide
 from .labels import LABELS
+from .methods import METHODS, Method, MethodConfig, paint, prepare
+from .network import NetworkConfig, StyleNetwork
+from .painted import Painted
 from .regions import Regions, find_regions
 from .styleblit import BlitConfig, Synthesis, synthesise
 from .surface import SurfaceGuide, surface_position_guide
@@ -10,8 +15,10 @@ from .table import LookUpTable, TableConfig, build_table
 from .transfer import Transfer, TransferConfig, TransferResult, transfer
 
 __all__ = [
-    "LABELS", "BlitConfig", "Exemplar", "Guides", "LookUpTable", "Regions", "SurfaceGuide",
-    "Synthesis", "TableConfig", "Transfer", "TransferConfig", "TransferResult", "appearance_guide",
-    "build_table", "face_size", "find_regions", "position_guide", "surface_position_guide",
-    "synthesise", "transfer",
+    "LABELS", "METHODS", "BlitConfig", "Exemplar", "FaceBlit", "FaceBlitConfig", "FaceStyle",
+    "FaceStyleConfig", "Guides", "LookUpTable", "Method", "MethodConfig", "NetworkConfig",
+    "Painted", "Regions", "StyleNetwork", "SurfaceGuide", "Synthesis", "TableConfig", "Transfer",
+    "TransferConfig", "TransferResult", "appearance_guide", "build_table", "face_size",
+    "find_regions", "paint", "position_guide", "prepare", "surface_position_guide", "synthesise",
+    "transfer",
 ]

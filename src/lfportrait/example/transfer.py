@@ -35,7 +35,7 @@ from .regions import Regions, find_regions
 from .styleblit import BlitConfig, Seeds, Synthesis, plant, synthesise
 from .table import TableConfig, cached_table
 
-__all__ = ["Transfer", "TransferConfig", "TransferResult", "transfer"]
+__all__ = ["Transfer", "TransferConfig", "TransferResult", "face_landmarks", "transfer"]
 
 Float32 = NDArray[np.float32]
 
@@ -317,11 +317,22 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
     UserError
         If no face is found.
     """
-    if landmarks is None:
-        from ..face import detect_landmarks
+    points = face_landmarks(image) if landmarks is None else landmarks
+    return Transfer(exemplar, config).apply(image, points, **options)
 
-        landmarks = detect_landmarks(np.asarray(image, np.uint8))
-        if landmarks is None:
-            raise UserError("no face found in the photo; give a picture in which one face is seen "
-                            "from the front, larger than about 60 pixels")
-    return Transfer(exemplar, config).apply(image, landmarks, **options)
+
+def face_landmarks(image: NDArray[np.generic]) -> NDArray[np.float64]:
+    """Landmarks [68, 2] of the face in a photo, uint8 [H, W, 3].
+
+    Raises
+    ------
+    UserError
+        If no face is found.
+    """
+    from ..face import detect_landmarks
+
+    landmarks = detect_landmarks(np.asarray(image, np.uint8))
+    if landmarks is None:
+        raise UserError("no face found in the photo; give a picture in which one face is seen "
+                        "from the front, larger than about 60 pixels")
+    return landmarks

@@ -1,0 +1,73 @@
+"""Print the quality of our transfers beside FaceBlit's published results, by the same figures.
+
+Patches: mean distance (delta E) of 7 x 7 patches to the exemplar's nearest, searched exactly for a
+random sample of the result's; over the face, and over the whole picture. Landmarks: error against
+the photo over the distance of the outer eye corners. Lower is better.
+
+python scripts/compare_transfer.py DATA --methods styleblit faceblit facestyle --out results
+
+DATA holds faceblit_reference/ and styles/; without them the script says so and does nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from lfportrait.evaluate.transfer_quality import compare_with_references, quality_table, references
+from lfportrait.example import (
+    METHODS,
+    FaceBlitConfig,
+    FaceStyleConfig,
+    MethodConfig,
+    NetworkConfig,
+    TransferConfig,
+    paint,
+)
+from lfportrait.face import detect_landmarks
+from lfportrait.files import write_image, write_json
+
+CONFIGS: dict[str, MethodConfig] = {
+    "styleblit": TransferConfig(), "faceblit": FaceBlitConfig(), "facestyle": FaceStyleConfig(),
+    "network": NetworkConfig()}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("data", type=Path, help="folder with faceblit_reference/ and styles/")
+    parser.add_argument("--methods", nargs="+", choices=METHODS,
+                        default=["styleblit", "faceblit", "facestyle"])
+    parser.add_argument("--styles", nargs="+", help="only these of the five")
+    parser.add_argument("--samples", type=int, default=600, help="patches looked up in a region")
+    parser.add_argument("--out", type=Path, help="folder for the results and figures.json")
+    options = parser.parse_args(arguments)
+    found = references(options.data)
+    if isinstance(found, str):
+        print(found)
+        return 0
+    photo, published = found
+    if options.styles:
+        unknown = sorted(set(options.styles) - set(published))
+        if unknown:
+            parser.error(f"no published result for {', '.join(unknown)}")
+        published = {style: published[style] for style in options.styles}
+
+    def by(method: str) -> Any:
+        return lambda image, exemplar, points: paint(image, exemplar, CONFIGS[method],
+                                                     points).image
+
+    def keep(style: str, method: str, image: Any) -> None:
+        if options.out is not None:
+            write_image(options.out / f"{style}_{method}.png", image)
+
+    rows = compare_with_references(photo, published, {name: by(name) for name in options.methods},
+                                   detect_landmarks, samples=options.samples, keep=keep)
+    print(quality_table(rows))
+    if options.out is not None:
+        write_json(options.out / "figures.json", rows)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
