@@ -16,6 +16,7 @@ from pathlib import Path
 from lfportrait.capture import CalibrateConfig
 from lfportrait.example import BlitConfig, TableConfig, TransferConfig
 from lfportrait.field import ReconstructConfig
+from lfportrait.field.export import ExportConfig
 from lfportrait.lightfield import Display, EncodeConfig
 from lfportrait.pipeline import MakeConfig
 from lfportrait.stylize import StylizeConfig
@@ -32,6 +33,7 @@ SECTIONS = [
      "`--stylize.transfer.NAME`."),
     ("Look-up table", TableConfig, "In `transfer`: `--table.NAME`."),
     ("Synthesis (StyleBlit)", BlitConfig, "In `transfer`: `--blit.NAME`."),
+    ("Export", ExportConfig, "`lfportrait export`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
     ("Make", MakeConfig, "`lfportrait make`, besides the stages' own."),
 ]
