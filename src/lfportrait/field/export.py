@@ -46,7 +46,7 @@ class ExportConfig:
     the latter for a field with a background."""
     level: float | None = None
     """Mesh: opacity at the surface, 0 to 1; by default 0.5 of all that light passes on its way from
-    outside, or 0.2 of a step of one voxel (surface density)."""
+    outside, or 0.1 of a step of one voxel (surface density)."""
     smooth: float = 1.5
     """Mesh: the opacity is smoothed first by this many voxels (standard deviation)."""
     least_piece: float = 0.05

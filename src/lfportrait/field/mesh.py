@@ -175,7 +175,7 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
         The field.
     level
         Opacity at the surface, 0 to 1: of all that light passes on its way there from outside
-        (``"outer"``; 0.5 by default), or of a step of one voxel (``"density"``; 0.2 by default).
+        (``"outer"``; 0.5 by default), or of a step of one voxel (``"density"``; 0.1 by default).
     surface
         ``"outer"``: the surface as seen from outside, closed, nothing within. ``"density"``: of the
         density itself, inner walls included. ``"auto"``: the latter for a field with a background,
@@ -195,7 +195,7 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
     if surface == "auto":
         surface = "outer" if field.background is None else "density"
     if level is None:
-        level = 0.5 if surface == "outer" else 0.2
+        level = 0.5 if surface == "outer" else 0.1
     if not 0.0 < level < 1.0 or smooth < 0.0:
         raise UserError(f"--level must lie between 0 and 1 and --smooth not below 0, not at "
                         f"{level:g} and {smooth:g}")
