@@ -1,6 +1,8 @@
 """Coding by slices: against its plain twin, against direct casting, and its parts one by one."""
 
 import dataclasses
+import functools
+import importlib
 import math
 
 import numpy as np
@@ -9,7 +11,9 @@ from numba import njit
 
 from lfportrait.errors import UserError
 from lfportrait.kernels import lanes, shuffles
+from lfportrait.kernels.bricks import build_bricks
 from lfportrait.kernels.plane import plane_matrix
+from lfportrait.kernels.slices import slice_kernel
 from lfportrait.lightfield import (
     Display,
     EncodeConfig,
@@ -25,6 +29,8 @@ from .fields import shell_field
 from .reference.raycast import sh_basis
 from .reference.slices import cast
 
+# The package exports a function of the module's name.
+encode_module = importlib.import_module("lfportrait.lightfield.encode")
 SMALL = Display(60, 40, views=12, pitch=7.3, slant=math.radians(9), offset=2.1, cone=50, distance=3,
                 name="small")
 
@@ -37,7 +43,7 @@ def coded(field, display, **options):
 CASES = [
     ({}, {}, {}),
     ({"basis": 4, "size": 17}, {"subpixels": "BGR"}, {"focus": 0.3}),
-    ({"basis": 1, "shape": (9, 14, 31)}, {"eye_height": 0.7}, {"background": 0.2}),
+    ({"basis": 1, "shape": (20, 14, 31)}, {"eye_height": 0.7}, {"background": 0.2}),
     ({"box": (0.8, 1.1, 0.9), "center": (0.1, -0.05, 0.2)}, {}, {"turn": 25.0}),
     ({"basis": 4, "size": 30}, {"eye_height": -0.5, "inverted": True}, {"turn": -30.0}),
     ({"size": 40}, {}, {"draft": True}),
@@ -77,6 +83,24 @@ def test_every_sub_pixel_equals_the_twin(field, panel, options):
     # One sample in a thousand lies so near a threshold that the twin decides otherwise.
     assert np.max(away) < 4
     assert lit > 20 or field.links.size < 200
+
+
+def test_reading_by_gathers_codes_the_same(monkeypatch):
+    field = shell_field(size=24, basis=9)
+    image = coded(field, SMALL)
+    gathering = functools.partial(slice_kernel, permutes=False)
+    monkeypatch.setattr(encode_module, "slice_kernel", gathering)
+    assert np.abs(coded(field, SMALL).astype(int) - image).max() <= 1
+
+
+def test_wide_packets_go_in_parts():
+    """A wide cone on a small panel: neighbours by view are far apart in the lattice."""
+    field = smooth_field(4, 160)
+    display = Display(90, 60, views=6, pitch=31.3, cone=100, distance=4)
+    mask = ViewMask.build(display, cache=False)
+    direct = encode(field, display, EncodeConfig(method="direct", step_size=0.25), mask=mask)
+    image = encode(field, display, EncodeConfig(method="slices"), mask=mask)
+    assert psnr(image / 255.0, direct / 255.0) > 44
 
 
 def smooth_field(basis, size=64):
@@ -165,24 +189,52 @@ def test_harmonics_in_a_plane(count, tolerance):
         assert np.abs(table[:, :4] @ terms - sh_basis(direction, count)).max() < tolerance
 
 
-@njit
-def fetch(array, places, out):
-    index = lanes.ints(lanes.load(places, 0))
-    a, b, c, d = shuffles.gather_quad(array, index)
-    lanes.store(out, 0, a)
-    lanes.store(out, 16, b)
-    lanes.store(out, 32, c)
-    lanes.store(out, 48, d)
+@pytest.mark.parametrize("permutes", [None, False])
+def test_neighbours_are_looked_up(permutes):
+    look_up = shuffles.make_look_up(permutes)
 
-
-def test_four_halves_are_gathered_at_once():
+    @njit
+    def fetch(array, start, places, out):
+        a, b = look_up(array, np.uintp(start), lanes.ints(lanes.load(places, 0)))
+        lanes.store(out, 0, a)
+        lanes.store(out, 16, b)
     random = np.random.default_rng(1)
-    values = random.standard_normal(200).astype(np.float16)
-    places = random.integers(0, 197, 16)
-    places[:2] = 0, 196
-    out = np.zeros(64, np.float32)
-    fetch(values.view(np.uint16), places.astype(np.float32), out)
-    assert np.array_equal(out.reshape(4, 16), values[places[None] + np.arange(4)[:, None]])
+    values = random.standard_normal(100).astype(np.float16)
+    places = random.integers(0, 63, 16)
+    places[:3] = 0, 62, 31
+    for start in (0, 5, 36):
+        out = np.zeros(32, np.float32)
+        fetch(values.view(np.uint16), start, places.astype(np.float32), out)
+        assert np.array_equal(out, values[start + np.concatenate([places, places + 1])])
+
+
+@pytest.mark.parametrize("count", [12, 16])
+def test_columns_are_stored_as_rows(count):
+    store_columns = shuffles.make_store_columns(count)
+
+    @njit
+    def turn(target, source):
+        store_columns(target, np.uintp(3), np.uintp(21), source)
+    source = np.arange(1, 257).astype(np.uint16)
+    target = np.zeros(3 + 21 * 16, np.uint16)
+    turn(target, source)
+    wanted = np.zeros_like(target)
+    wanted[3:].reshape(16, 21)[:count, :16] = source.reshape(16, 16).T[:count]
+    assert np.array_equal(target, wanted)
+
+
+@pytest.mark.parametrize(("wide", "columns"), [(17, []), (33, [0, 16, 32]), (129, [3, 70, 128])])
+def test_blocks_tell_which_columns_have_bricks(wide, columns):
+    links = np.full((9, 9, wide), -1, np.int32)
+    links[4, 4, columns] = np.arange(len(columns))
+    bricks = build_bricks(links, np.ones(len(columns), np.float32),
+                          np.zeros((len(columns), 3, 1), np.float32))
+    for bz, by in np.ndindex(bricks.table.shape[:2]):
+        for column in range(wide):
+            brick = bricks.table[bz, by, min(column // 4, bricks.table.shape[2] - 1)]
+            if brick >= 0:
+                assert bricks.blocks[bz, by] >> np.uint64(column // 16) & np.uint64(1)
+    assert bricks.blocks.any() == bool(columns)
 
 
 @njit

@@ -145,10 +145,13 @@ def _method(field: VoxelField, display: Display, config: EncodeConfig) -> str:
         return "direct"
     placement = Placement.of(display, config)
     # Slices follow the lattice's planes z = k. Rays must cross them, at 60 degrees at most, and
-    # the whole field must lie behind the eyes.
+    # the whole field must lie behind the eyes. The kernel reads 63 columns at a time, of at most
+    # 1024, and a ray may not leave them within 16 planes.
     oblique = abs(math.degrees(placement.turn)) + display.cone / 2
     corners = np.abs(field.radius[[0, 2]] * placement.scale).sum() + abs(placement.shift[2])
-    fits = oblique <= 60 and corners < 0.9 * display.distance
+    lattice = field.lattice
+    fits = bool(oblique <= 60 and corners < 0.9 * display.distance and lattice[0] <= 1024
+                and 16 * math.tan(math.radians(60)) * lattice[3] / lattice[5] < 60)
     if config.method == "slices" and not fits:
         raise UserError("slices need a head that faces the panel (turn and half the cone within 60 "
                         "degrees) and lies before the eyes; use --method direct or auto")
@@ -166,7 +169,7 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     if _method(field, display, config) == "slices":
         stride = 2 if config.draft else 1
         slice_kernel(bricks.width, bricks.basis)(
-            bricks.table, bricks.links, bricks.density, bricks.rows, bricks.bounds, field.lattice,
+            bricks.table, bricks.links, bricks.density, bricks.rows, bricks.blocks, field.lattice,
             matrix, axes, views, fixed, display.eyes(), panel, stride,
             _FAINTEST * field.lattice[5] / stride, _STOP,
             np.float32(config.background), numba.get_num_threads(), out)
