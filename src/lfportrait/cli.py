@@ -29,6 +29,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "stylize": ("stylization", "Stylize", "radiance field + exemplar -> stylised field"),
     "styles": ("stylization", "Styles", "list the built-in exemplars"),
     "render": ("reconstruction", "Render", "field -> pictures or a video"),
+    "export": ("export", "Export", "field -> point cloud, coloured mesh or svox2 checkpoint"),
     "encode": ("display", "Encode", "field -> coded light-field picture for a display"),
     "interlace": ("panel", "Interlace", "quilt or folder of views -> coded picture for a display"),
     "deinterlace": ("panel", "Deinterlace", "coded picture -> quilt or folder of views"),
