@@ -129,6 +129,8 @@ class DisplayCommand(Common):
     """show: height of the head over the panel's height, for the depth budget."""
     focus: float = EncodeConfig.focus
     """show: how far the head's middle lies in front of the panel, in half panel heights."""
+    depth_scale: float = EncodeConfig.depth_scale
+    """show: depth of the head over its true depth."""
 
     def run(self) -> dict[str, Any]:
         """Do what ``action`` says."""
@@ -146,7 +148,8 @@ class DisplayCommand(Common):
             return {"display": panel.name, "file": target}
         panel = Display.resolve(self.name)
         if self.action == "show":
-            report = DepthReport.of(panel, EncodeConfig(size=self.size, focus=self.focus))
+            report = DepthReport.of(panel, EncodeConfig(
+                size=self.size, focus=self.focus, depth_scale=self.depth_scale))
             print(panel.to_toml() + "\n# Depth budget for a head of size "
                   f"{self.size:g} at focus {self.focus:g}:")
             print("\n".join(f"#   {line}" for line in report.lines()))

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-__all__ = ["gather_views", "interlace_views", "lens_of", "mask_views", "see_panel"]
+__all__ = ["gather_views", "interlace_views", "lens_of", "mask_views", "mix_light", "see_panel"]
 
 
 def lens_of(display: Any) -> NDArray[np.float64]:
@@ -43,6 +43,30 @@ def mask_views(mask, steps, lens):
         for x in range(width):
             for k in range(3):
                 mask[y, x, k] = min(int(_view(y, x, k, steps, lens)), last)
+
+
+@njit(cache=True, parallel=True)
+def mix_light(pictures, light, gamma):
+    """The mean of pictures as light, in place of the first one.
+
+    Parameters
+    ----------
+    pictures
+        uint8 [n, h, w].
+    light, gamma
+        float64 [256], light of each stored value: (value / 255) ** gamma.
+    """
+    count, height, width = pictures.shape
+    for y in prange(height):
+        for x in range(width):
+            first = pictures[0, y, x]
+            total, same = light[first], True
+            for n in range(1, count):
+                same = same and pictures[n, y, x] == first
+                total += light[pictures[n, y, x]]
+            if not same:
+                mean = (total / count) ** (1.0 / gamma)
+                pictures[0, y, x] = np.uint8(mean * 255.0 + 0.5)
 
 
 @njit(cache=True)

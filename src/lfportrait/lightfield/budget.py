@@ -38,6 +38,8 @@ class DepthReport:
         ``focus`` with which most of the head is sharp.
     sharp_size
         Largest ``size`` of a head that is sharp from front to back at that focus.
+    sharp_depth_scale
+        Largest ``depth_scale`` with which the head is sharp from front to back at that focus.
     millimetres
         Millimetres in half a panel height; 0 = not known.
     """
@@ -51,6 +53,7 @@ class DepthReport:
     back_blur: float
     best_focus: float
     sharp_size: float
+    sharp_depth_scale: float
     millimetres: float
 
     @staticmethod
@@ -62,20 +65,21 @@ class DepthReport:
         lens = 2.0 * display.pitch / (3.0 * display.height)
         front = lens * display.distance / (step + lens)
         back = -lens * display.distance / (step - lens) if step > lens else -math.inf
-        head_front = placement.shift[2] + placement.scale
-        head_back = placement.shift[2] - placement.scale
+        half = placement.scale * placement.depth
+        head_front, head_back = placement.shift[2] + half, placement.shift[2] - half
         inside = max(0.0, min(front, head_front) - max(back, head_back))
         # No eye sees what lies at its own distance or behind it.
         blurs = [step * abs(z) / max(display.distance - z, 1e-3) / lens
                  for z in (head_front, head_back)]
-        best = max(0.5 * (front + back), front - placement.scale)
-        if 2.0 * placement.scale <= front - back:
+        best = max(0.5 * (front + back), front - half)
+        if 2.0 * half <= front - back:
             # All of it fits: as near to the middle of the panel as it goes.
-            best = min(max(0.0, back + placement.scale), front - placement.scale)
+            best = min(max(0.0, back + half), front - half)
         sharp = 0.5 * (front - back) if math.isfinite(back) else 10.0
         return DepthReport(
-            front, back, head_front, head_back, 50.0 * inside / placement.scale, blurs[0], blurs[1],
-            best, min(sharp * config.size / placement.scale, 10.0),
+            front, back, head_front, head_back, 50.0 * inside / half, blurs[0], blurs[1],
+            best, min(sharp * config.size / half, 10.0),
+            min(sharp / placement.scale, 1.0),
             display.panel_height / 2 * 1000.0)
 
     def figures(self) -> dict[str, Any]:
@@ -118,5 +122,6 @@ class DepthReport:
         lines.append("blurs: " + ("; ".join(blurred) if blurred else "nothing"))
         if blurred:
             lines.append(f"best focus: {self.best_focus:.3f}; all of a head is sharp up to size "
-                         f"{self.sharp_size:.3f} there (--focus, --size)")
+                         f"{self.sharp_size:.3f}, or with its depth scaled by "
+                         f"{self.sharp_depth_scale:.2f}, there (--focus, --size, --depth-scale)")
         return lines

@@ -9,8 +9,8 @@ views
     must grow, else the views are inverted.
 slant
     The middle views are white, those to the left of them red, those to the right blue: from the
-    middle all of the panel is white. Upright red and blue bands tell a wrong pitch, leaning ones a
-    wrong slant, one colour all over a wrong offset.
+    middle all of the panel is white. Red and blue bands along the lenses, almost upright, tell a
+    wrong pitch, level ones a wrong slant, one colour all over a wrong offset.
 fringe
     Above, the left, middle and right third of the views are red, green and blue and must not mix.
     Below, black and white bars lie a little behind the panel: their edges must have no colour.
