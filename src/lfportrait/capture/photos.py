@@ -20,7 +20,7 @@ from scipy import ndimage
 
 from ..errors import UserError
 
-__all__ = ["Photo", "load_photos", "read_photos", "read_video"]
+__all__ = ["Photo", "is_video", "load_photos", "read_photos", "read_video", "video_frames"]
 
 _PICTURES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp"}
 _HEIC = {".heic", ".heif", ".avif"}
@@ -187,6 +187,36 @@ def _frames(path: Path) -> Iterator[tuple[float, NDArray[np.uint8]]]:
         for index, frame in enumerate(container.decode(stream)):
             turns = round(getattr(frame, "rotation", 0) / 90) % 4
             yield index / max(total, 1), np.rot90(frame.to_ndarray(format="rgb24"), turns)
+
+
+def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
+    """Frames per second of a video, and its upright frames (uint8 [H, W, 3]) one at a time.
+
+    Raises
+    ------
+    UserError
+        If the file is missing or is no video; while the frames are taken, if it is damaged.
+    """
+    import av
+
+    if not path.is_file():
+        raise UserError(f"there is no video {path}")
+    try:
+        with av.open(str(path)) as container:
+            if not container.streams.video:
+                raise UserError(f"{path} has no pictures in it")
+            rate = float(container.streams.video[0].average_rate or 30)
+    except (av.error.FFmpegError, OSError) as error:
+        raise UserError(f"the video {path} can't be read: {error}") from error
+
+    def frames() -> Iterator[NDArray[np.uint8]]:
+        try:
+            for _, frame in _frames(path):
+                yield np.ascontiguousarray(frame)
+        except (av.error.FFmpegError, OSError) as error:
+            raise UserError(f"the video {path} can't be read to its end: {error}") from error
+
+    return rate, frames()
 
 
 def read_video(path: Path, count: int = 80, max_side: int = 0) -> list[Photo]:

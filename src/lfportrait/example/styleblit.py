@@ -34,7 +34,7 @@ class BlitConfig:
     100 the exemplar's own face is copied."""
     slack: float = 8.0
     """A chunk is also kept if its error exceeds the pixel's own look-up by less than this."""
-    gain: float = 10.0
+    gain: float = 14.0
     """A look-up must improve on the guided place by this error to be used, 0 to 50: high values
     keep noise of the photo from scattering pixels."""
     levels: int = 6

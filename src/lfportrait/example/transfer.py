@@ -69,7 +69,7 @@ class TransferConfig:
     """Error of copying from a wrong region (hair for skin, lips for skin, ...), 0 to 200."""
     contours: bool = True
     """Let hairline and outline of the head join the landmarks in the position guide."""
-    steadiness: float = 4.0
+    steadiness: float = 3.0
     """Factor of `blit.gain` in the views of a capture, 1 to 20: there a look-up that only one view
     makes is a stroke that jumps."""
     table: TableConfig = field(default_factory=TableConfig)
@@ -199,7 +199,7 @@ class Transfer:
             cover = np.where(np.isfinite(position[..., 0]), self._cover(photo, points, person),
                              np.float32(0))
         if seeds_anchor is None:
-            scale = self._scale(points)
+            scale = self.scale(points)
             anchor, seeds = self._photo_anchor(photo.shape, scale)
         else:
             anchor, seeds = np.ascontiguousarray(seeds_anchor, np.float32), None
@@ -234,7 +234,7 @@ class Transfer:
                                             scale)
         return self._plan[1:]
 
-    def _scale(self, landmarks: NDArray[np.float64]) -> float:
+    def scale(self, landmarks: NDArray[np.float64]) -> float:
         """Exemplar pixels per target pixel; 1 (exact copies) where the faces are alike in size."""
         if self.config.stroke_scale > 0:
             return self.config.stroke_scale
