@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
+from ..errors import UserError
 from ..example import (
     Exemplar,
     FaceBlitConfig,
@@ -17,8 +18,9 @@ from ..example import (
     MethodConfig,
     NetworkConfig,
     TransferConfig,
+    read_region,
 )
-from ..files import read_image, write_image
+from ..files import write_image
 from ..stylize import StylizeConfig
 from .common import Common
 
@@ -27,14 +29,18 @@ __all__ = ["Styles", "Stylize", "TransferPhoto"]
 
 @dataclass
 class TransferPhoto(Common):
-    """Stylise one photo by example: guides, look-up table, StyleBlit; or one of its rivals."""
+    """Stylise photos or a video by example: guides, look-up table, StyleBlit; or a rival."""
 
     photo: tyro.conf.Positional[Path]
-    """Photo of a face."""
+    """Photo of a face, a folder of photos, or a video."""
     style: str
     """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
     out: Path = Path("out.png")
-    """File for the stylised picture."""
+    """File for the stylised picture; for a folder of photos a folder, for a video a .mp4."""
+    regions: list[str] = option(default_factory=list)
+    """Regions painted in their own way: REGION=STYLE:STRENGTH, REGION=STRENGTH or REGION=off, e.g.
+    hair=other.png:0.5 lips=0.3; regions are brows, eyes, nose, lips, skin, hair, body,
+    background."""
     config: Annotated[TransferConfig, tyro.conf.arg(name="")] = option(
         default_factory=TransferConfig)
     """Transfer by StyleBlit."""
@@ -52,15 +58,24 @@ class TransferPhoto(Common):
 
     def run(self) -> dict[str, Any]:
         """Transfer and write."""
-        from ..example import paint
+        from ..capture import is_video
+        from .transfers import transfer_folder, transfer_photo, transfer_video
 
         exemplar = Exemplar.load(self.style)
-        photo = read_image(self.photo)[..., :3]
-        result = paint(photo, exemplar, self._config())
-        write_image(self.out, result.image)
-        if self.dump is not None:
-            result.dump(self.dump)
-        return {"method": self.method, **result.seconds}
+        choices = [read_region(text) for text in self.regions]
+        if is_video(self.photo):
+            if self.method != "styleblit" or choices:
+                raise UserError("a video is painted by --method styleblit, without --regions")
+            with self.progress("transfer") as progress:
+                return transfer_video(self.photo, self.out, exemplar,
+                                      replace(self.config, seed=self.seed), progress)
+        if self.photo.is_dir():
+            with self.progress("transfer") as progress:
+                return transfer_folder(self.photo, self.out, exemplar, self._config(), choices,
+                                       progress)
+        seconds = transfer_photo(self.photo, self.out, exemplar, self._config(), choices,
+                                 self.dump)
+        return {"method": self.method, **seconds}
 
     def _config(self) -> MethodConfig:
         """The configuration of the chosen method."""
@@ -111,19 +126,29 @@ class Stylize(Common):
 
 @dataclass
 class Styles(Common):
-    """List the built-in exemplars; write one as a picture with its landmarks."""
+    """List the built-in exemplars; write one with its landmarks; prepare a painting of your own."""
 
+    action: tyro.conf.Positional[Literal["list", "add"]] = "list"
+    """list: the built-in exemplars; add IMAGE: find the landmarks of a painting, write them beside
+    it (NAME.landmarks.txt, one x y a line: correct it where it is off) and draw them
+    (NAME.landmarks.png). Where the file is there already it is read and drawn again."""
+    image: tyro.conf.Positional[Path | None] = None
+    """Painting to add."""
     name: str = ""
     """Style to write with --out."""
     out: Path | None = None
     """Picture file; the landmarks go beside it."""
 
     def run(self) -> dict[str, Any]:
-        """List or write."""
+        """List, write or add."""
         from ..demo import demo_exemplar, demo_styles
-        from ..errors import UserError
         from ..face import write_landmarks
+        from .transfers import add_style
 
+        if self.action == "add":
+            if self.image is None:
+                raise UserError("say which painting: lfportrait styles add IMAGE")
+            return add_style(self.image)
         names = demo_styles()
         if self.out is not None:
             exemplar = demo_exemplar(self.name or names[0])

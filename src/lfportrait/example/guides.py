@@ -8,6 +8,7 @@ pixel coordinates: the middle of the first pixel is (0.5, 0.5).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,11 +138,17 @@ def _nodes(shape: tuple[int, ...], sources: NDArray[np.floating], targets: NDArr
 def folded_position_guide(cover: Float32, target: NDArray[np.floating],
                           exemplar: NDArray[np.floating], weights: NDArray[np.floating],
                           softness: NDArray[np.floating], shape: tuple[int, ...],
-                          inner: tuple[float, float, float, float], grid: int = 4) -> Float32:
-    """`position_guide` and `fold_inside` in one pass, NaN where ``cover`` [H, W] is 0."""
+                          inner: tuple[float, float, float, float], grid: int = 4,
+                          move: Callable[[Float32], None] | None = None) -> Float32:
+    """`position_guide` and `fold_inside` in one pass, NaN where ``cover`` [H, W] is 0.
+
+    ``move`` may change the places [h, w, 2] of every ``grid``-th pixel before the fold.
+    """
     known = np.isfinite(target).all(axis=1) & np.isfinite(exemplar).all(axis=1)
     nodes = _nodes(cover.shape, target[known], exemplar[known], weights[known], softness[known],
                    grid)
+    if move is not None:
+        move(nodes)
     out = np.empty((*cover.shape, 2), np.float32)
     resample_fold(nodes, grid, cover, *_strips(shape, inner), out)
     return out

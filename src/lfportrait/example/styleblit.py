@@ -29,12 +29,12 @@ NOTHING = np.full(2, np.nan, np.float32).view(np.int64)[0]
 class BlitConfig:
     """Chunks and voting."""
 
-    threshold: float = 50.0
-    """Largest guide error of a chunk, 0 to 200: 24 is smooth and steady, 50 keeps strokes, above
+    threshold: float = 45.0
+    """Largest guide error of a chunk, 0 to 200: 24 is smooth and steady, 45 keeps strokes, above
     100 the exemplar's own face is copied."""
     slack: float = 8.0
     """A chunk is also kept if its error exceeds the pixel's own look-up by less than this."""
-    gain: float = 12.0
+    gain: float = 14.0
     """A look-up must improve on the guided place by this error to be used, 0 to 50: high values
     keep noise of the photo from scattering pixels."""
     levels: int = 6

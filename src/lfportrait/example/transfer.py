@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -30,7 +30,8 @@ from .guides import (
     sample_labels,
     shrunk,
 )
-from .labels import missing_labels
+from .labels import LABELS, missing_labels
+from .outline import EdgeMatch
 from .regions import Regions, find_regions
 from .styleblit import BlitConfig, Seeds, Synthesis, plant, synthesise
 from .table import TableConfig, cached_table
@@ -48,26 +49,29 @@ class TransferConfig:
     """What is painted: the whole picture, the person, or the face alone (the paper)."""
     strength: float = 1.0
     """0 leaves the photo, 1 gives the painting."""
-    blur: float = 0.03
+    blur: float = 0.06
     """Sigma of the appearance guide's Gaussian blur over the face's size (`face_size`)."""
     grid: int = 4
     """The position guide is evaluated every so many pixels, bilinear between; 1 = everywhere."""
     stroke_scale: float = 0.0
     """Exemplar pixels per target pixel; 0 = from the sizes of the faces, 1 if nearly alike."""
-    background_appearance: float = 0.15
+    background_appearance: float = 0.05
     """Weight of the appearance guide outside the person, against 1 on the face."""
-    hair_appearance: float = 0.6
+    hair_appearance: float = 0.4
     """Weight of the appearance guide in the hair."""
-    body_appearance: float = 0.3
+    body_appearance: float = 0.1
     """Weight of the appearance guide on neck and clothes."""
     background_position: float = 0.4
     """Weight of the position guide outside the person, against 1 on the face."""
-    outline: float = 3.0
+    outline: float = 2.0
     """Added weight of the position guide along the outline of the person, 0 to 10."""
     label_weight: float = 60.0
     """Error of copying from a wrong region (hair for skin, lips for skin, ...), 0 to 200."""
     contours: bool = True
     """Let hairline and outline of the head join the landmarks in the position guide."""
+    steadiness: float = 3.0
+    """Factor of `blit.gain` in the views of a capture, 1 to 20: there a look-up that only one view
+    makes is a stroke that jumps."""
     table: TableConfig = field(default_factory=TableConfig)
     """Look-up table."""
     blit: BlitConfig = field(default_factory=BlitConfig)
@@ -141,6 +145,8 @@ class Transfer:
         self._distribution = Distribution.of(self.appearance, self.regions.person)
         self._box = self.regions.box()
         self._like = missing_labels(self.labels)
+        self._edges = (EdgeMatch.of(_solid(self.labels), 8 * self.unit, 6 * self.unit),
+                       EdgeMatch.of(_hair(self.labels), 4 * self.unit, 5 * self.unit))
         self._plan: tuple[Any, Float32, Seeds] | None = None
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
         self._filtered: dict[float, Float32] = {1.0: self._picture}
@@ -181,8 +187,8 @@ class Transfer:
             assert regions is not None
             person = regions.person
             cover = self._cover(photo, points, person)
-            position = self._flat_guide(cover, points, regions)
             labels = regions.labels(self._like)
+            position = self._flat_guide(cover, points, regions, labels)
         else:
             # The place in the exemplar says what a surface point is, alike in every view.
             position = np.ascontiguousarray(position, np.float32)
@@ -193,7 +199,7 @@ class Transfer:
             cover = np.where(np.isfinite(position[..., 0]), self._cover(photo, points, person),
                              np.float32(0))
         if seeds_anchor is None:
-            scale = self._scale(points)
+            scale = self.scale(points)
             anchor, seeds = self._photo_anchor(photo.shape, scale)
         else:
             anchor, seeds = np.ascontiguousarray(seeds_anchor, np.float32), None
@@ -201,12 +207,14 @@ class Transfer:
         appearance = self._appearance(photo, scale, person)
         guides = Guides(position, appearance, labels, anchor)
         weights = self._weights(person, labels, scale)
+        blit = config.blit
         if seeds is None:
+            blit = replace(blit, gain=config.steadiness * blit.gain)
             weights[..., 0] *= relative_stretch(guides.position, guides.anchor)
         synthesising = time.perf_counter()
         synthesis = synthesise(
             guides, weights, config.label_weight, self.appearance, self.labels, self.table,
-            self._colours(scale), config.blit, seed=config.seed,
+            self._colours(scale), blit, seed=config.seed,
             scale=scale if seeds is not None else None, seeds=seeds)
         result = np.empty(photo.shape, np.float32)
         blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), synthesis.image, cover,
@@ -226,7 +234,7 @@ class Transfer:
                                             scale)
         return self._plan[1:]
 
-    def _scale(self, landmarks: NDArray[np.float64]) -> float:
+    def scale(self, landmarks: NDArray[np.float64]) -> float:
         """Exemplar pixels per target pixel; 1 (exact copies) where the faces are alike in size."""
         if self.config.stroke_scale > 0:
             return self.config.stroke_scale
@@ -244,12 +252,20 @@ class Transfer:
         return self._filtered[key]
 
     def _flat_guide(self, cover: Float32, landmarks: NDArray[np.float64],
-                    regions: Regions) -> Float32:
+                    regions: Regions, labels: NDArray[np.uint8]) -> Float32:
         """Position guide of a photo from its landmarks and contours; NaN where not covered."""
         sources, targets, weights, softness = match_regions(
             landmarks, regions, self.exemplar.landmarks, self.regions, self.config.contours)
+        grid, scale = self.config.grid, self.exemplar.size / face_size(landmarks)
+
+        def meet(nodes: Float32) -> None:
+            for match, region in zip(self._edges, (_solid, _hair)):
+                if match is not None:
+                    match.move(nodes, region(labels), grid, scale)
+
         return folded_position_guide(cover, sources, targets, weights, softness,
-                                     self.exemplar.image.shape, self._box, self.config.grid)
+                                     self.exemplar.image.shape, self._box, grid,
+                                     meet if self.config.contours else None)
 
     def _appearance(self, photo: NDArray[np.generic], scale: float, person: Float32) -> Float32:
         """Appearance guide of the target, matched to the exemplar's inside the person."""
@@ -293,6 +309,20 @@ class Transfer:
         # Fainter than a grey level is not worth painting.
         cover = np.where(cover > np.float32(0.002), cover, np.float32(0))
         return np.asarray(cover * np.float32(config.strength), np.float32)
+
+
+def _solid(labels: NDArray[np.uint8]) -> Float32:
+    """All that is not background, float32 [H, W] in [0, 1]."""
+    return np.float32(1) - _label(labels, "background")
+
+
+def _hair(labels: NDArray[np.uint8]) -> Float32:
+    return _label(labels, "hair")
+
+
+def _label(labels: NDArray[np.uint8], name: str) -> Float32:
+    """One label of [H, W, len(LABELS)], float32 [H, W] in [0, 1]."""
+    return labels[..., LABELS.index(name)].astype(np.float32) * np.float32(1 / 255)
 
 
 def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferConfig | None = None,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import models
-from .points import FROM_MEDIAPIPE
+from .points import FROM_MEDIAPIPE, centred
 
 __all__ = ["detect_landmarks", "face_yaw"]
 
@@ -94,7 +94,7 @@ def _second_opinion(image: NDArray[np.uint8], points: NDArray[np.float64],
     other = landmarks_in_box(np.ascontiguousarray(image), box)
     eyes = float(np.linalg.norm(points[36] - points[45]))
     apart = np.linalg.norm(other - points, axis=1)
-    return 0.5 * (points + other) if apart.mean() < 0.15 * eyes else points
+    return centred(0.5 * (points + other)) if apart.mean() < 0.15 * eyes else points
 
 
 def detect_landmarks(image: NDArray[np.uint8], *, turns: tuple[int, ...] = (0,),

@@ -32,6 +32,32 @@ to the landmarks of 14 painted and sculpted portraits. The jaw's are all on the 
 """
 
 
+_LEAN = {
+    17: (1.2, -5.0), 18: (0.1, -1.2), 19: (-2.9, -0.6), 20: (-4.0, -1.6), 21: (-4.5, -4.9),  # brow
+    28: (0.0, 2.5), 29: (0.0, 2.9),  # nose
+    36: (2.2, -1.2), 40: (0.9, -2.0), 41: (1.0, -2.0),  # eye
+    49: (-1.9, 0.2), 59: (-1.9, -1.5),  # lips
+}
+_MIRROR = {17: 26, 18: 25, 19: 24, 20: 23, 21: 22, 36: 45, 40: 47, 41: 46, 49: 53, 59: 55}
+
+
+def centred(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Landmarks [68, 2] that both networks found, without the lean that their mean has.
+
+    Where the networks put brows, lids and bridge differs from where people put them. The table
+    holds the median differences over 13 painted and sculpted portraits, made symmetric, in
+    hundredths of the distance of the outer eye corners along the line of the eyes and across. On a
+    portrait left out of the medians the inner landmarks' mean error falls from 2.8 to 2.5 of these.
+    """
+    lean = np.zeros((68, 2))
+    for k, (along, across) in _LEAN.items():
+        lean[k] = along, across
+        if k in _MIRROR:
+            lean[_MIRROR[k]] = -along, across
+    x, y = 0.01 * (points[45] - points[36])
+    return np.asarray(points - lean @ np.array([[x, y], [-y, x]]), np.float64)
+
+
 def read_landmarks(path: str | Path) -> NDArray[np.float64]:
     """Read 68 landmarks, ``x y`` a line, in pixels.
 
