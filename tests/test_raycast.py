@@ -279,6 +279,9 @@ def test_rmsprop_equals_numpy():
     touched = np.zeros((2, rows), np.uint8)
     touched[0, 1] = touched[1, 3] = touched[0, 6] = 1
     gradients[0, 3 * width:4 * width] = gradients[1, width:2 * width] = 0.0
+    padding = np.arange(rows * width).reshape(rows, width)[:, used:-1].ravel()
+    values[padding], square[padding], gradients[:, padding] = 0.0, 0.0, 0.0
+    values[width - 1::width] = 7.0  # no parameter: stays
     expected, expected_square, expected_density = values.copy(), square.copy(), density.copy()
     for row in (1, 3):  # the last row is the empty one, which never changes
         part = np.r_[row * width:row * width + used, (row + 1) * width - 1]
@@ -287,7 +290,7 @@ def test_rmsprop_equals_numpy():
         change = gradient / (np.sqrt(expected_square[part]) + 1e-8)
         expected[part[:-1]] -= 0.5 * change[:-1]
         expected_density[row] = max(density[row] - 0.3 * change[-1], 0.1)
-    rmsprop(density, values, width, used, gradients, touched, square, np.float32(0.3),
+    rmsprop(density, values, width, gradients, touched, square, np.float32(0.3),
             np.float32(0.5), np.float32(0.9), np.float32(1e-8), np.float32(0.1))
     assert np.allclose(values, expected, atol=1e-6)
     assert np.allclose(density, expected_density, atol=1e-6)
@@ -318,15 +321,30 @@ def test_total_variation_equals_finite_differences():
         return 0.3 * np.sqrt(sum((1.7 * (v[neighbours[:, a]] - v)) ** 2 for a in range(3))
                              + 1e-9).sum()
 
-    gradient, touched = np.zeros(61, np.float32), np.zeros(61, np.uint8)
-    total_variation(neighbours, 0, 60, np.append(values, 0).astype(np.float32), 1, 1, 0.3, 1.7,
-                    gradient, 1, 0, touched)
-    for place in range(60):
-        up, down = values.copy(), values.copy()
-        up[place] += 1e-5
-        down[place] -= 1e-5
-        assert abs((loss(up) - loss(down)) / 2e-5 - gradient[place]) < 2e-3
+    def slopes(v):
+        found = np.zeros(60)
+        for place in range(60):
+            up, down = v.copy(), v.copy()
+            up[place] += 1e-5
+            down[place] -= 1e-5
+            found[place] = (loss(up) - loss(down)) / 2e-5
+        return found
+
+    width = 32
+    gradient, touched = np.zeros(61 * width, np.float32), np.zeros(61, np.uint8)
+    total_variation(neighbours, 0, 60, np.append(values, 0).astype(np.float32), width, 0.3, 1.7,
+                    gradient, touched)
+    found = gradient.reshape(61, width)
+    assert np.abs(slopes(values) - found[:60, -1]).max() < 2e-3
+    assert not found[:, :-1].any()
     assert touched[:60].all()
+    colors = np.zeros((61, width), np.float32)
+    colors[:60, [0, 15, 16, 26]] = random.standard_normal((60, 4))
+    gradient[:] = 0
+    total_variation(neighbours, 0, 60, colors.ravel(), width, 0.3, 1.7, gradient, touched)
+    for column in (0, 15, 16, 26):
+        assert np.abs(slopes(colors[:60, column].astype(float)) - found[:60, column]).max() < 2e-3
+    assert not found[:, [1, 14, 17, 27, 31]].any()
 
 
 def test_bricks_store_what_they_are_given():

@@ -147,8 +147,12 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
             raise UserError(f"no face was found in the photos of {photos}; a portrait needs a few "
                             "photos that show the face from the front, upright and in focus")
     if capture.alphas is None and not keep_background:
-        capture = replace(capture, alphas=_mattes(capture, progress))
-        figures["mattes"] = "network"
+        mattes = _mattes(capture, progress)
+        # The network may see no person, or a different one in every photo, as with a sculpture.
+        found = np.mean([float(matte.mean()) / 255 for matte in mattes]) > 0.002
+        figures["mattes"] = "network" if found else "none: no person was found, the room stays"
+        if found:
+            capture = replace(capture, alphas=mattes)
     figures["views"] = len(capture)
     figures["held_out"] = int(capture.held_out.sum())
     return capture, figures

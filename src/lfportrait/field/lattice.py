@@ -14,6 +14,7 @@ from scipy import ndimage
 
 from ..kernels.bricks import brick_table
 from ..kernels.march import lattice_of_world
+from ..kernels.refine import refine_rows
 
 __all__ = ["Lattice", "box_shape"]
 
@@ -140,24 +141,12 @@ class Lattice:
         fine = np.zeros(shape, bool)
         for corner in corners:
             fine |= keep[np.ix_(*(plane + step for plane, step in zip(low, corner)))]
-        place_of = np.nonzero(fine)
-        count = len(place_of[0])
-        density = np.zeros(count + 1, np.float32)
-        rows = np.zeros((count + 1, self.rows.shape[1]), np.float32)
-        mass = np.zeros((count, 1), np.float32)
-        for corner in corners:
-            weight = np.ones(count, np.float32)
-            for share, index, step in zip(part, place_of, corner):
-                weight *= share[index] if step else 1 - share[index]
-            row = self.links[tuple(plane[index] + step for plane, index, step
-                                   in zip(low, place_of, corner))]
-            there = row >= 0
-            density[:count] += weight * np.where(there, self.density[row], 0.0)
-            # Colour is not mixed with that of empty points, which have none.
-            column = (weight * there)[:, None]
-            rows[:count] += column * self.rows[row]
-            mass += column
-        rows[:count] /= np.maximum(mass, 1e-6)
+        places = np.argwhere(fine)
+        longest = max(shape)
+        density, rows = refine_rows(
+            self.links, self.density, self.rows, places,
+            np.stack([np.resize(plane, longest) for plane in low]),
+            np.stack([np.resize(plane, longest) for plane in part]))
         links = np.full(fine.shape, -1, np.int32)
-        links[place_of] = np.arange(count, dtype=np.int32)
+        links[fine] = np.arange(len(places), dtype=np.int32)
         return Lattice(links, density, rows, self.center, self.radius)

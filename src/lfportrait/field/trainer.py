@@ -198,14 +198,16 @@ class Trainer:
         self.lattice = self.lattice.kept(keep)
 
     def _largest_weights(self) -> NDArray[np.float32]:
-        """The largest weight of each row on a quarter of the training tiles."""
+        """The largest weight of each row on an eighth of the training tiles."""
         assert self.lattice is not None
         lattice = self.lattice
         table, links, geometry = lattice.geometry()
         seen = np.zeros((self.workers, len(lattice.density)), np.float32)
-        tiles = self.data.tiles[self.level % 4::4]
-        options = np.array([self.config.step_size, 1e-8, 1e-3, 0.0, 0.0, 0.0, 1.0,
-                            self.config.near_clip])
+        tiles = self.data.tiles[self.level % 8::8]
+        # Behind a transmittance of ``prune`` no weight is larger than that: a ray may end there.
+        step = self.config.step_size
+        options = np.array([step, 1e-4 / (step * lattice.voxel), self.config.prune, 0.0, 0.0, 0.0,
+                            1.0, self.config.near_clip])
         one = np.zeros((self.workers, 1), np.float32)
         train_kernel(self.width)(
             table, links, lattice.density, lattice.rows.ravel(), geometry, self.basis,
@@ -274,18 +276,18 @@ class Trainer:
             last = min(count, first + run)
             scale = resolution / 256.0
             if tv > 0:
-                total_variation(neighbours, first, last, density, 1, 1, tv / run, scale,
-                                gradients[0], self.width, self.width - 1, touched[0])
+                total_variation(neighbours, first, last, density, self.width, tv / run, scale,
+                                gradients[0], touched[0])
             if tv_sh > 0:
-                total_variation(neighbours, first, last, flat, self.width, 3 * self.basis,
-                                tv_sh / run, scale, gradients[0], self.width, 0, touched[0])
+                total_variation(neighbours, first, last, flat, self.width, tv_sh / run, scale,
+                                gradients[0], touched[0])
             done = before + share * (step + 1) / steps
             rate = self._rate(config.lr_sigma, config.lr_sigma_final, done)
             rate_sh = self._rate(config.lr_sh, config.lr_sh_final, done)
             if not data.has_alpha and self.level == 0:
                 rate *= np.float32(min(1.0, 0.01 + step / 100.0))
-            rmsprop(density, flat, self.width, 3 * self.basis, gradients, touched, mean_square,
-                    rate, rate_sh, np.float32(config.rms_beta), np.float32(1e-8), lowest)
+            rmsprop(density, flat, self.width, gradients, touched, mean_square, rate, rate_sh,
+                    np.float32(config.rms_beta), np.float32(1e-8), lowest)
             gradients[:, -self.width:] = 0.0
             if behind is not None and rays is not None:
                 fall = rate / config.lr_sigma

@@ -12,6 +12,7 @@ a row is loaded as one or two vectors; the last row is zero and stands for empty
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,6 +63,15 @@ class Bricks:
     width: int
     basis: int
     shape: tuple[int, int, int]
+
+    @functools.cached_property
+    def bounds(self) -> NDArray[np.int32]:
+        """First and last brick along x of each row of the table, int32 [BZ, BY, 2]."""
+        occupied = self.table >= 0
+        wide = self.table.shape[2]
+        first = np.where(occupied.any(2), occupied.argmax(2), wide)
+        last = np.where(occupied.any(2), wide - 1 - occupied[..., ::-1].argmax(2), -1)
+        return np.stack([first, last], -1).astype(np.int32)
 
     @property
     def nbytes(self) -> int:

@@ -13,7 +13,20 @@ from .identity import identified
 from .lanes import LANES
 from .march import enter_box, make_channel_shade, make_march, sh_basis
 
-__all__ = ["encode_kernel"]
+__all__ = ["encode_kernel", "eye_of"]
+
+
+@identified("eye_of")
+@njit(cache=True)
+def eye_of(place, y, eyes, panel):
+    """Eye of sub-pixel ``place`` of row ``y`` at its own phase, between two views."""
+    raw = place + y * panel[10] + panel[11]
+    phase = raw - panel[9] * np.floor(raw / panel[9])
+    if panel[12] > 0.5:
+        phase = panel[9] - phase
+    last = len(eyes) - 1
+    at = min(max(phase / panel[9] * len(eyes) - 0.5, 0.0), float(last))
+    return eyes[0] + (eyes[last] - eyes[0]) * at / max(last, 1)
 
 
 @functools.cache
@@ -23,21 +36,22 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
     Returns
     -------
     encode
-        ``encode(table, links, density, rows, lattice, mask, fixed, eyes, panel, step, threshold,
-        stop, background, out)``. ``mask`` [H, W * 3] holds each sub-pixel's view; ``fixed`` >= 0
+        ``encode(table, links, density, rows, lattice, matrix, axes, mask, fixed, eyes, panel, step,
+        threshold, stop, background, out)``. ``matrix`` float64 [3, 4] takes the display frame to
+        lattice coordinates, ``axes`` float64 [2, 3] are its x and z axes in the field's world (y is
+        up in both). ``mask`` [H, W * 3] holds each sub-pixel's view; ``fixed`` >= 0
         overrides it with one view; where ``eyes`` has one entry a sub-pixel phase instead
         (``panel[6]`` > 0), the view is continuous. ``panel`` float64: half width over half height,
-        eye height, distance, placement scale and shift (x, y, z) packed as
-        [aspect, eye_y, distance, scale, shift_x, shift_y, continuous, shift_z, bgr, pitch, shift,
-        offset, inverted]; ``out`` uint8 [H, W * 3].
+        eye height, distance and placement scale, packed as [aspect, eye_y, distance, scale, 0, 0,
+        continuous, 0, bgr, pitch, shift, offset, inverted]; ``out`` uint8 [H, W * 3].
     """
     march = make_march(LANES, make_channel_shade(width, count))
     load, store = LANES.load, LANES.store
 
     @identified("encode", width, count)
     @njit(cache=True, parallel=True)
-    def encode(table, links, density, rows, lattice, mask, fixed, eyes, panel, step, threshold,
-               stop, background, out):
+    def encode(table, links, density, rows, lattice, matrix, axes, mask, fixed, eyes, panel, step,
+               threshold, stop, background, out):
         height, across = mask.shape
         nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
         aspect, eye_y, distance, size = panel[0], panel[1], panel[2], panel[3]
@@ -54,13 +68,7 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
                     if fixed >= 0:
                         ex = eyes[fixed]
                     elif continuous:
-                        raw = place + y * panel[10] + panel[11]
-                        phase = raw - panel[9] * np.floor(raw / panel[9])
-                        if panel[12] > 0.5:
-                            phase = panel[9] - phase
-                        last = len(eyes) - 1
-                        at = min(max(phase / panel[9] * len(eyes) - 0.5, 0.0), float(last))
-                        ex = eyes[0] + (eyes[last] - eyes[0]) * at / max(last, 1)
+                        ex = eye_of(place, y, eyes, panel)
                     else:
                         ex = eyes[mask[y, place]]
                     px = aspect * (2.0 * (place + 0.5) / across - 1.0)
@@ -68,16 +76,19 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
                     scale = 1.0 / np.sqrt(wx * wx + wy * wy + wz * wz)
                     wx, wy, wz = wx * scale, wy * scale, wz * scale
                     if count > 1:
-                        sh_basis(np.float32(wx), np.float32(wy), np.float32(wz), scratch, 0, count)
+                        sh_basis(np.float32(wx * axes[0, 0] + wz * axes[1, 0]), np.float32(wy),
+                                 np.float32(wx * axes[0, 2] + wz * axes[1, 2]), scratch, 0, count)
                         for j in range(count):
                             basis[64 * i + j] = scratch[j]
                     else:
                         basis[64 * i] = np.float32(0.28209479177387814)
-                    # Display frame to the field's world to its lattice.
-                    ox = (ex - panel[4]) / size * lattice[3] + lattice[6]
-                    oy = (eye_y - panel[5]) / size * lattice[4] + lattice[7]
-                    oz = (distance - panel[7]) / size * lattice[5] + lattice[8]
-                    gx, gy, gz = wx * lattice[3], wy * lattice[4], wz * lattice[5]
+                    # Display frame to the field's lattice.
+                    ox = matrix[0, 0] * ex + matrix[0, 2] * distance + matrix[0, 3]
+                    oy = matrix[1, 1] * eye_y + matrix[1, 3]
+                    oz = matrix[2, 0] * ex + matrix[2, 2] * distance + matrix[2, 3]
+                    gx = matrix[0, 0] * wx + matrix[0, 2] * wz
+                    gy = matrix[1, 1] * wy
+                    gz = matrix[2, 0] * wx + matrix[2, 2] * wz
                     norm = np.sqrt(gx * gx + gy * gy + gz * gz)
                     dx, dy, dz = np.float32(gx / norm), np.float32(gy / norm), np.float32(gz / norm)
                     start, end = enter_box(np.float32(ox), np.float32(oy), np.float32(oz), dx, dy,
@@ -85,7 +96,7 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
                     ray[0, i], ray[1, i], ray[2, i] = ox, oy, oz
                     ray[3, i], ray[4, i], ray[5, i] = dx, dy, dz
                     ray[6, i], ray[7, i] = start, end
-                    ray[8, i] = np.float32(step / norm)
+                    ray[8, i] = np.float32(step / (norm * size))
                     channel = place % 3
                     ray[9, i] = np.float32(2 - channel if bgr else channel)
                 value, _, _, through, _ = march(

@@ -13,6 +13,7 @@ import time
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +21,7 @@ from ..capture import Camera
 from ..errors import UserError
 from ..field import VoxelField
 from ..kernels.encode import encode_kernel
+from ..kernels.slices import slice_kernel
 from .display import Display
 from .mask import ViewMask
 
@@ -39,6 +41,11 @@ class EncodeConfig:
     """Moves the head up, in half panel heights."""
     focus: float = 0.0
     """Moves the head towards the viewer, in half panel heights; what lies on the panel is sharp."""
+    turn: float = 0.0
+    """Turns the head to its left about the vertical axis, in degrees."""
+    method: Literal["auto", "slices", "direct"] = "auto"
+    """slices: one slice of the field a row of the panel; direct: a ray through the lattice for each
+    sub-pixel; auto: slices, unless the head is turned far."""
     blend: Literal["nearest", "continuous"] = "nearest"
     """nearest: a sub-pixel shows its nearest view; continuous: its own place between two views."""
     step_size: float = 0.5
@@ -59,10 +66,13 @@ class Placement:
         Half panel heights per world unit.
     shift
         (x, y, z) of the world's origin in the display frame.
+    turn
+        Angle about the vertical axis in radians; positive turns the face to the panel's right.
     """
 
     scale: float
     shift: tuple[float, float, float]
+    turn: float = 0.0
 
     @staticmethod
     def of(display: Display, config: EncodeConfig) -> Placement:
@@ -71,7 +81,21 @@ class Placement:
             raise UserError(f"the size of the head must lie between 0.01 and 10 panel heights, "
                             f"not {config.size}")
         scale = min(config.size, config.size * display.aspect * 1.15)
-        return Placement(scale, (config.shift_x, config.shift_y, config.focus))
+        if not -180 <= config.turn <= 180:
+            raise UserError(f"the head can be turned by -180 to 180 degrees, not {config.turn}")
+        return Placement(scale, (config.shift_x, config.shift_y, config.focus),
+                         math.radians(config.turn))
+
+    @property
+    def to_world(self) -> NDArray[np.float64]:
+        """Rotation [3, 3] from the display frame to the field's world."""
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+
+    def to_lattice(self, lattice: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrix [3, 4] from the display frame to lattice coordinates (`VoxelField.lattice`)."""
+        linear = lattice[3:6, None] * self.to_world / self.scale
+        return np.column_stack([linear, lattice[6:9] - linear @ np.array(self.shift)])
 
 
 def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
@@ -97,20 +121,49 @@ def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
     return figures
 
 
+def _panel(display: Display, config: EncodeConfig, placement: Placement) -> NDArray[np.float64]:
+    """The numbers of a panel as the kernels take them (see `encode_kernel`)."""
+    return np.array([display.aspect, display.eye_height, display.distance, placement.scale, 0.0,
+                     0.0, float(config.blend == "continuous"), 0.0,
+                     float(display.subpixels == "BGR"), display.pitch, display.shift,
+                     display.offset, float(display.inverted)])
+
+
+def _method(field: VoxelField, display: Display, config: EncodeConfig) -> str:
+    """``"slices"`` or ``"direct"``, as asked or as fits."""
+    if config.method == "direct":
+        return "direct"
+    placement = Placement.of(display, config)
+    # Slices follow the lattice's planes z = k. Rays must cross them, at 60 degrees at most, and
+    # the whole field must lie behind the eyes.
+    oblique = abs(math.degrees(placement.turn)) + display.cone / 2
+    corners = np.abs(field.radius[[0, 2]] * placement.scale).sum() + abs(placement.shift[2])
+    fits = oblique <= 60 and corners < 0.9 * display.distance
+    if config.method == "slices" and not fits:
+        raise UserError("slices need a head that faces the panel (turn and half the cone within 60 "
+                        "degrees) and lies before the eyes; use --method direct or auto")
+    return "slices" if fits else "direct"
+
+
 def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any],
           fixed: int) -> NDArray[np.uint8]:
     bricks = field.bricks
     placement = Placement.of(display, config)
-    x, y, z = placement.shift
-    panel = np.array([display.aspect, display.eye_height, display.distance, placement.scale, x, y,
-                      float(config.blend == "continuous"), z, float(display.subpixels == "BGR"),
-                      display.pitch, display.shift, display.offset, float(display.inverted)])
+    panel = _panel(display, config, placement)
     out = np.empty((display.height, display.width * 3), np.uint8)
-    step = max(config.step_size, 1.0) if config.draft else config.step_size
-    encode_kernel(bricks.width, bricks.basis)(
-        bricks.table, bricks.links, bricks.density, bricks.rows, field.lattice,
-        mask.reshape(display.height, display.width * 3), fixed, display.eyes(), panel, step,
-        1e-2, 1e-3, np.float32(config.background), out)
+    matrix, axes = placement.to_lattice(field.lattice), placement.to_world[:, [0, 2]].T.copy()
+    views = mask.reshape(display.height, display.width * 3)
+    if _method(field, display, config) == "slices":
+        slice_kernel(bricks.width, bricks.basis)(
+            bricks.table, bricks.links, bricks.density, bricks.rows, bricks.bounds, field.lattice,
+            matrix, axes, views, fixed, display.eyes(), panel, 2 if config.draft else 1, 1e-2, 1e-3,
+            np.float32(config.background), numba.get_num_threads(), out)
+    else:
+        step = max(config.step_size, 1.0) if config.draft else config.step_size
+        encode_kernel(bricks.width, bricks.basis)(
+            bricks.table, bricks.links, bricks.density, bricks.rows, field.lattice, matrix, axes,
+            views, fixed, display.eyes(), panel, step, 1e-2, 1e-3, np.float32(config.background),
+            out)
     image = out.reshape(display.height, display.width, 3)
     return image[..., ::-1].copy() if display.subpixels == "BGR" else image
 
@@ -131,7 +184,7 @@ def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfi
     image = _cast(field, display, config, views, -1)
     end = time.perf_counter()
     figures = {
-        "method": "direct", "subpixels": 3 * display.width * display.height,
+        "method": _method(field, display, config), "subpixels": 3 * display.width * display.height,
         "views": display.views, "display": display.name, "device": "cpu",
         "seconds": {"mask": round(mask.seconds, 4), "cast": round(end - laid_out, 4),
                     "total": round(end - start + mask.seconds, 4)},
@@ -212,7 +265,9 @@ def view_camera(display: Display, config: EncodeConfig | None, eye: float, *, wi
     pixel = np.array([2.0 * display.aspect / width, 2.0 / height])
     pose = np.eye(4)
     pose[1, 1] = pose[2, 2] = -1.0
-    pose[:3, 3] = (np.array([eye, y, display.distance]) - placement.shift) / placement.scale
+    pose[:3, :3] = placement.to_world @ pose[:3, :3]
+    pose[:3, 3] = placement.to_world @ (
+        np.array([eye, y, display.distance]) - placement.shift) / placement.scale
     return Camera(pose[None], (display.distance / pixel)[None],
                   np.array([[(eye + display.aspect) / pixel[0], (1.0 - y) / pixel[1]]]),
                   np.array([width]), np.array([height]))
