@@ -149,9 +149,9 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     if capture.alphas is None and not keep_background:
         mattes = _mattes(capture, progress)
         # The network may see no person, or a different one in every photo, as with a sculpture.
-        found = np.mean([float(matte.mean()) / 255 for matte in mattes]) > 0.002
-        figures["mattes"] = "network" if found else "none: no person was found, the room stays"
-        if found:
+        shown = np.mean([float(matte.mean()) / 255 for matte in mattes]) > 0.002
+        figures["mattes"] = "network" if shown else "none: no person was found, the room stays"
+        if shown:
             capture = replace(capture, alphas=mattes)
     figures["views"] = len(capture)
     figures["held_out"] = int(capture.held_out.sum())
@@ -274,10 +274,13 @@ class _Job:
 
     def _reconstruct(self) -> dict[str, Any]:
         checkpoint = self.stages.scratch("reconstruct.npz")
+        config = replace(self.config.reconstruct, seed=self.seed)
+        if not config.finest:
+            # A display's views have a few hundred rows; all later stages pay for each voxel.
+            config = replace(config, finest=256)
         with self._progress("reconstruct") as progress:
             result, figures = reconstruct_with_figures(
-                Capture.load(self.out / "capture"),
-                replace(self.config.reconstruct, seed=self.seed), progress, checkpoint=checkpoint)
+                Capture.load(self.out / "capture"), config, progress, checkpoint=checkpoint)
         result.save(self.out / "field.npz")
         self.stages.remove_scratch("reconstruct.npz")
         return {**figures, "peak_memory_bytes": peak_memory_bytes()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import tyro
 
 from ..errors import UserError
@@ -16,10 +17,14 @@ class ReconstructConfig:
     """Parameters of the reconstruction (svox2's names where it has them)."""
 
     resolutions: tuple[int, ...] = ()
-    """Lattice points to two world units (the cube's edge), coarse to fine; by default 96 192 256
-    for photos with mattes, 96 192 for photos of a room."""
+    """Lattice points to two world units (the cube's edge), coarse to fine; by default 3/8, 3/4 and
+    all of --finest for photos with mattes, 96 192 for photos of a room."""
+    finest: int = 0
+    """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
+    about two pixels, but at least 256 points and at most 512 (`make` takes 256)."""
     rays: tuple[float, ...] = ()
-    """Training rays of each level in millions; by default 2 5 8, and 2 6 for a room."""
+    """Training rays of each level in millions; by default 2 5 8, more above 256 points, and 2 6 for
+    a room. With a time budget the last level takes what time is left."""
     batch: tuple[int, ...] = ()
     """Rays per step of each level; by default 24576, and 6144 12288 for a room."""
     sh_degree: int = 2
@@ -79,11 +84,19 @@ class ReconstructConfig:
     sweep: bool = True
     """Start a room from the surfaces that a plane sweep of small photos finds, not from haze."""
     time_budget: float = 0.0
-    """Seconds that the reconstruction may take; 0 follows the rays given above."""
+    """Seconds that the reconstruction takes; 0 follows the rays. The learning rates fall so that
+    they arrive with the time."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the rays."""
 
-    def resolved(self, room: bool, distance: float) -> ReconstructConfig:
+    def shares(self) -> tuple[float, ...]:
+        """Each level's share of the schedule, adding up to one."""
+        rays = list(self.rays)
+        if np.isinf(rays[-1]):
+            rays[-1] = 1.15 * sum(rays[:-1]) or 1.0
+        return tuple(count / sum(rays) for count in rays)
+
+    def resolved(self, room: bool, distance: float, pixel: float = 0.0) -> ReconstructConfig:
         """The same with every default put in.
 
         Parameters
@@ -92,15 +105,26 @@ class ReconstructConfig:
             Whether the photos show a room rather than a person with a matte.
         distance
             Distance of the nearest camera from the origin, in world units.
+        pixel
+            Size of a pixel at the origin, in world units.
 
         Raises
         ------
         UserError
             If levels do not fit together or a value makes no sense.
         """
-        resolutions = self.resolutions or ((96, 192) if room else (96, 192, 256))
+        finest = self.finest or int(np.clip(32 * round(1.04 / max(pixel, 1e-3) / 32), 256, 512))
+        if finest < 16:
+            raise UserError(f"--finest must be at least 16, not {finest}")
+        usual = (96, 192) if room else (3 * finest // 8, 3 * finest // 4, finest)
+        resolutions = self.resolutions or usual
         levels = len(resolutions)
-        rays = self.rays or ((2.0, 6.0) if room else (2.0, 5.0, 8.0))
+        rays = self.rays
+        if not rays:
+            more = max(1.0, (resolutions[-1] / 256.0) ** 2)
+            rays = (2.0, 6.0) if room else (2.0 * more, 5.0 * more, 8.0 * more)
+            if len(rays) == levels and self.time_budget > 0:
+                rays = (*rays[:-1], float("inf"))
         if len(rays) != levels:
             raise UserError("give as many --rays as --resolutions, one a level")
         batch = self.batch or ((6144, 12288) if room else (24576,))

@@ -94,10 +94,11 @@ class Lattice:
         return found
 
     def attached(self) -> NDArray[np.bool_]:
-        """Lattice points within two steps of the largest connected piece of solid matter.
+        """Lattice points within two steps of the large connected pieces of solid matter.
 
-        A person is one piece; what floats beside it comes from slivers of the mattes. Solid is
-        what takes a twentieth of the light along one voxel.
+        Crumbs that float beside them come from slivers of the mattes. Solid is what takes a
+        twentieth of the light along one voxel; a piece is large with a five-hundredth of the
+        largest one's points.
         """
         solid = np.zeros(self.links.shape, bool)
         filled = self.links >= 0
@@ -106,7 +107,7 @@ class Lattice:
         if count > 1:
             sizes = np.bincount(pieces.ravel())
             sizes[0] = 0
-            solid = pieces == int(sizes.argmax())
+            solid = (sizes >= max(1, sizes.max() // 500))[pieces] & solid
         if not count:
             return filled
         return np.asarray(ndimage.binary_dilation(solid, _CUBE, iterations=2))
