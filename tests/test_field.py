@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Camera, Capture
+from lfportrait.commands.reconstruction import Reconstruct
 from lfportrait.errors import UserError
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct, reconstruct_with_figures
 from lfportrait.field.hull import hull_box, visual_hull
+from lfportrait.field.lattice import Lattice
 from lfportrait.field.trainer import Trainer
 
 from .fields import shell_field
@@ -136,6 +138,47 @@ def test_the_hull_holds_the_ball_and_little_more():
     assert (center + box > 0.6).all()
     assert (center - box < -0.6).all()
     assert np.prod(box) < 1.0
+
+
+def test_large_pieces_stay_and_crumbs_go():
+    solid = np.zeros((40, 40, 40), bool)
+    solid[4:16, 4:16, 4:16] = True  # 1728 points
+    solid[28:32, 28:32, 28:32] = True  # 64 points, another object
+    solid[30:31, 4:6, 4:5] = True  # two points: a crumb
+    lattice = Lattice.filled(solid, 10.0, 16, np.zeros(3), np.ones(3))
+    kept = lattice.attached() & solid
+    assert kept[4:16, 4:16, 4:16].all()
+    assert kept[28:32, 28:32, 28:32].all()
+    assert not kept[30, 4:6, 4].any()
+
+
+def test_a_cropped_lattice_has_its_points_where_they_were():
+    there = np.zeros((20, 30, 40), bool)
+    there[8:12, 3:9, 21:35] = True
+    center, radius = np.array([0.1, -0.2, 0.3]), np.array([1.0, 0.8, 0.4])
+    lattice = Lattice.filled(there, 1.0, 16, center, radius)
+    lattice.density[:-1] = np.arange(lattice.count)
+    small, keep = lattice.cropped(there)
+    assert small.links.shape == (8, 10, 18)
+    assert keep.sum() == there.sum()
+
+    def places(of):
+        field = VoxelField(of.links, of.density[:-1], np.zeros((of.count, 3, 1), np.float32),
+                           of.center, of.radius)
+        return field.lattice_points()
+
+    assert np.allclose(places(small), places(lattice), atol=1e-6)
+    fine = small.refined((16, 20, 36), keep)
+    assert 4 * there.sum() < fine.count < 14 * there.sum()
+
+
+def test_the_room_can_be_kept(tmp_path):
+    ball_capture(count=6, size=24).save(tmp_path / "capture")
+    figures = Reconstruct(tmp_path / "capture", tmp_path / "field.npz", keep_background=True,
+                          quiet=True, config=ReconstructConfig(
+                              resolutions=(16,), rays=(0.01,), sh_degree=0, sweep=False)).run()
+    assert figures["voxels"] > 0
+    assert VoxelField.load(tmp_path / "field.npz").background is not None
 
 
 def test_a_ball_is_reconstructed():

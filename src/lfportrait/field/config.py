@@ -33,6 +33,8 @@ class ReconstructConfig:
     """Distance between samples in voxels; by default 0.5, and 1 for a room."""
     stop_thresh: float = 1e-2
     """A ray ends where its transmittance falls below this."""
+    init_opacity: float = 0.1
+    """Share of the light that a voxel of the mattes' visual hull takes at the start."""
     lr_sigma: float = -1.0
     """Learning rate of the density at the start; by default 30, and 15 for a room."""
     lr_sigma_final: float = -1.0
@@ -64,7 +66,7 @@ class ReconstructConfig:
     """Weight of the squared opacity error where the photos have mattes."""
     prune: float = 0.02
     """Lattice points whose largest weight on any training ray is below this are dropped."""
-    max_voxels: float = 12.0
+    max_voxels: float = 8.0
     """Millions of lattice points at most: before they are more, the weakest are dropped. A million
     takes about 0.55 GB while training (two threads, degree 2)."""
     background: float = 1.0
@@ -121,7 +123,7 @@ class ReconstructConfig:
         levels = len(resolutions)
         rays = self.rays
         if not rays:
-            more = max(1.0, (resolutions[-1] / 256.0) ** 2)
+            more = float(np.clip((resolutions[-1] / 256.0) ** 3, 1.0, 5.0))
             rays = (2.0, 6.0) if room else (2.0 * more, 5.0 * more, 8.0 * more)
             if len(rays) == levels and self.time_budget > 0:
                 rays = (*rays[:-1], float("inf"))

@@ -43,8 +43,9 @@ class Start:
     haze: bool = False
 
 
-def start_person(capture: Capture, views: NDArray[np.int64], resolution: int, width: int) -> Start:
-    """The visual hull of the mattes.
+def start_person(capture: Capture, views: NDArray[np.int64], resolution: int, width: int,
+                 opacity: float) -> Start:
+    """The visual hull of the mattes, each voxel of which takes ``opacity`` of the light.
 
     Raises
     ------
@@ -58,8 +59,7 @@ def start_person(capture: Capture, views: NDArray[np.int64], resolution: int, wi
     if not points.any():
         raise UserError("the mattes of the photos have no common volume inside the "
                         "portrait frame; check the cameras and the mattes")
-    # Opacity of about 0.1 a voxel: a ray sees through the first few voxels.
-    lattice = Lattice.filled(points, 0.05 * resolution, width, center, radius)
+    lattice = Lattice.filled(points, 0.5 * opacity * resolution, width, center, radius)
     return Start(lattice, None, np.ones((len(views), 3)), np.ones((len(capture.testing()), 3)))
 
 

@@ -166,7 +166,8 @@ class Trainer:
     def _first(self, resolution: int) -> None:
         """The lattice to start from."""
         if self.data.has_alpha:
-            start = start_person(self.capture, self.views, resolution, self.width)
+            start = start_person(self.capture, self.views, resolution, self.width,
+                                 self.config.init_opacity)
         else:
             start = start_room(self.capture, self.views, self.data, self.config, resolution,
                                self.width)
@@ -182,18 +183,21 @@ class Trainer:
         assert self.lattice is not None
         if self.data.has_alpha and self.config.exposure:
             self._expose(self.field())
-        shape = box_shape(resolution, self.lattice.radius)
-        growth = float(np.prod(shape)) / self.lattice.links.size
+        spacing = 2.0 * self.lattice.radius / self.lattice.links.shape[::-1]
+        growth = float(np.prod(0.5 * resolution * spacing))
         weights, least = self._largest_weights(), self.config.prune
         keep = self.lattice.seen(weights, least)
         while keep.sum() * growth > 1e6 * self.config.max_voxels and least < 1.0:
             least *= 1.5
             keep = self.lattice.seen(weights, least)
+        lattice = self.lattice
         if self.data.has_alpha:
-            keep &= self.lattice.attached()
+            keep &= lattice.attached()
+            # The hull reaches far behind what no camera looks behind.
+            lattice, keep = lattice.cropped(keep)
         if self.background is not None:
             self.background = self.background.upsampled()
-        self.lattice = self.lattice.refined(shape, keep)
+        self.lattice = lattice.refined(box_shape(resolution, lattice.radius), keep)
 
     def _expose(self, field: VoxelField) -> None:
         """Exposures of photos with mattes, from a field that is trained roughly."""
