@@ -36,7 +36,7 @@ class ReconstructConfig:
     init_opacity: float = 0.1
     """Share of the light that a voxel of the mattes' visual hull takes at the start."""
     lr_sigma: float = -1.0
-    """Learning rate of the density at the start; by default 30, and 15 for a room."""
+    """Learning rate of the density at the start; by default 10, and 15 for a room."""
     lr_sigma_final: float = -1.0
     """Learning rate of the density at the end; by default 1, and 2 for a room."""
     lr_sh: float = 2e-2
@@ -142,7 +142,7 @@ class ReconstructConfig:
         return replace(
             self, resolutions=resolutions, rays=rays,
             batch=tuple(batch[min(level, len(batch) - 1)] for level in range(levels)),
-            lr_sigma=chosen(self.lr_sigma, 30.0, 15.0),
+            lr_sigma=chosen(self.lr_sigma, 10.0, 15.0),
             lr_sigma_final=chosen(self.lr_sigma_final, 1.0, 2.0),
             lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
             lambda_tv_sh=chosen(self.lambda_tv_sh, 1e-3, 5e-3),
