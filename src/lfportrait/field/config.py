@@ -26,7 +26,8 @@ class ReconstructConfig:
     """Training rays of each level in millions; by default 2 5 8, more above 256 points, and 2 6 for
     a room. With a time budget the last level takes what time is left."""
     batch: tuple[int, ...] = ()
-    """Rays per step of each level; by default 24576, and 6144 12288 for a room."""
+    """Rays per step of each level; by default 24576, above 256 points 8192 16384 24576, and
+    6144 12288 for a room."""
     sh_degree: int = 2
     """Degree of the spherical harmonics: 0 (matt), 1 or 2."""
     step_size: float = -1.0
@@ -129,7 +130,8 @@ class ReconstructConfig:
                 rays = (*rays[:-1], float("inf"))
         if len(rays) != levels:
             raise UserError("give as many --rays as --resolutions, one a level")
-        batch = self.batch or ((6144, 12288) if room else (24576,))
+        usual_batch = (8192, 16384, 24576) if resolutions[-1] > 256 else (24576,)
+        batch = self.batch or ((6144, 12288) if room else usual_batch)
         if len(batch) not in (1, levels) and self.batch:
             raise UserError("give one --batch, or as many as --resolutions")
         if self.sh_degree not in (0, 1, 2):
