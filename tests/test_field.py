@@ -1,16 +1,21 @@
 """The field's file, the visual hull, and reconstruction of a coloured ball from its pictures."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from lfportrait.capture import Camera, Capture
+from lfportrait.commands.reconstruction import Reconstruct
 from lfportrait.errors import UserError
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct, reconstruct_with_figures
 from lfportrait.field.hull import hull_box, visual_hull
+from lfportrait.field.lattice import Lattice
+from lfportrait.field.trainer import Trainer
 
 from .fields import shell_field
+from .test_event_log import scalars
 
 
 def test_a_field_survives_the_disk(tmp_path):
@@ -135,6 +140,47 @@ def test_the_hull_holds_the_ball_and_little_more():
     assert np.prod(box) < 1.0
 
 
+def test_large_pieces_stay_and_crumbs_go():
+    solid = np.zeros((40, 40, 40), bool)
+    solid[4:16, 4:16, 4:16] = True  # 1728 points
+    solid[28:32, 28:32, 28:32] = True  # 64 points, another object
+    solid[30:31, 4:6, 4:5] = True  # two points: a crumb
+    lattice = Lattice.filled(solid, 10.0, 16, np.zeros(3), np.ones(3))
+    kept = lattice.attached() & solid
+    assert kept[4:16, 4:16, 4:16].all()
+    assert kept[28:32, 28:32, 28:32].all()
+    assert not kept[30, 4:6, 4].any()
+
+
+def test_a_cropped_lattice_has_its_points_where_they_were():
+    there = np.zeros((20, 30, 40), bool)
+    there[8:12, 3:9, 21:35] = True
+    center, radius = np.array([0.1, -0.2, 0.3]), np.array([1.0, 0.8, 0.4])
+    lattice = Lattice.filled(there, 1.0, 16, center, radius)
+    lattice.density[:-1] = np.arange(lattice.count)
+    small, keep = lattice.cropped(there)
+    assert small.links.shape == (8, 10, 18)
+    assert keep.sum() == there.sum()
+
+    def places(of):
+        field = VoxelField(of.links, of.density[:-1], np.zeros((of.count, 3, 1), np.float32),
+                           of.center, of.radius)
+        return field.lattice_points()
+
+    assert np.allclose(places(small), places(lattice), atol=1e-6)
+    fine = small.refined((16, 20, 36), keep)
+    assert 4 * there.sum() < fine.count < 14 * there.sum()
+
+
+def test_the_room_can_be_kept(tmp_path):
+    ball_capture(count=6, size=24).save(tmp_path / "capture")
+    figures = Reconstruct(tmp_path / "capture", tmp_path / "field.npz", keep_background=True,
+                          quiet=True, config=ReconstructConfig(
+                              resolutions=(16,), rays=(0.01,), sh_degree=0, sweep=False)).run()
+    assert figures["voxels"] > 0
+    assert VoxelField.load(tmp_path / "field.npz").background is not None
+
+
 def test_a_ball_is_reconstructed():
     capture = ball_capture()
     field, figures = reconstruct_with_figures(capture, TINY)
@@ -184,6 +230,92 @@ def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path)
     assert np.array_equal(first.density, second.density)
     assert np.array_equal(first.sh, second.sh)
     assert figures["train"]["rays"] == 2048 * (round(0.03e6 / 2048) + round(0.05e6 / 2048))
+
+
+def test_a_run_stopped_in_the_middle_of_a_level_goes_on_from_there(tmp_path, monkeypatch):
+    capture = ball_capture(count=8, size=32)
+    config = ReconstructConfig(resolutions=(16, 24), rays=(0.03, 0.05), batch=(2048,), sh_degree=0)
+    first, _ = reconstruct_with_figures(capture, config)
+    checkpoint = tmp_path / "state.npz"
+    steps = []
+
+    def stop(trainer):
+        trainer.save()
+        steps.append((trainer.level, trainer.step))
+        if trainer.level == 1 and trainer.step == 10:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, "_save_now_and_then", stop)
+        with pytest.raises(KeyboardInterrupt):
+            reconstruct_with_figures(capture, config, checkpoint=checkpoint)
+    trained = []
+    monkeypatch.setattr(Trainer, "_save_now_and_then",
+                        lambda trainer: trained.append((trainer.level, trainer.step)))
+    second, figures = reconstruct_with_figures(capture, config, checkpoint=checkpoint)
+    assert steps[-1] == (1, 10)
+    assert trained[0] == (1, 11)
+    assert np.array_equal(first.links, second.links)
+    assert np.array_equal(first.density, second.density)
+    assert np.array_equal(first.sh, second.sh)
+    assert figures["train"]["rays"] == 2048 * (round(0.03e6 / 2048) + round(0.05e6 / 2048))
+
+
+def test_curves_are_measured_and_logged(tmp_path):
+    _, figures = reconstruct_with_figures(ball_capture(), TINY, log=tmp_path, measure_every=0.3)
+    curve = figures["curve"]
+    assert len(curve) >= 2
+    for before, after in itertools.pairwise(curve[:-1]):
+        assert after["seconds"] > before["seconds"]
+        assert after["rays"] > before["rays"]
+        assert after["rays_per_second"] == pytest.approx(
+            (after["rays"] - before["rays"]) / (after["seconds"] - before["seconds"]), rel=0.01)
+    assert curve[0]["psnr"] < curve[-1]["psnr"]
+    assert curve[-1]["held_out_psnr"] == figures["test"]["psnr"]
+    points = scalars(next(tmp_path.iterdir()))
+    logged = {tag: value for tag, value, _ in points}
+    assert logged["train/psnr"] == pytest.approx(curve[-1]["psnr"], abs=1e-3)
+    assert logged["test/psnr"] == pytest.approx(figures["test"]["psnr"], abs=1e-3)
+    assert {"train/loss", "train/rays_per_second", "train/voxels"} <= set(logged)
+    assert points[-1][2] == figures["train"]["rays"]
+
+
+def test_exposures_of_photos_with_mattes_are_found():
+    capture = ball_capture(count=28)
+    _, plain = reconstruct_with_figures(capture, TINY)
+    assert "psnr_without_exposure" not in plain["test"]
+    gains = np.exp(np.random.default_rng(1).normal(0, 0.15, (28, 1))) * np.ones(3)
+    photos = [np.uint8(np.clip(image * gain, 0, 255) + 0.5)
+              for image, gain in zip(capture.images, gains / gains.max())]
+    spread = replace(capture, images=photos)
+    _, without = reconstruct_with_figures(spread, replace(TINY, exposure=False))
+    _, found = reconstruct_with_figures(spread, TINY)
+    assert found["test"]["psnr"] > without["test"]["psnr"] + 3
+    assert found["test"]["psnr"] > plain["test"]["psnr"] - 1.5
+    assert found["test"]["psnr_without_exposure"] < found["test"]["psnr"]
+
+
+def test_the_finest_level_follows_the_pixels():
+    config = ReconstructConfig()
+    assert config.resolved(False, 4.0, 0.0041).resolutions == (96, 192, 256)
+    assert config.resolved(False, 4.0, 0.0025).resolutions == (156, 312, 416)
+    assert config.resolved(False, 4.0, 0.0001).resolutions[-1] == 512
+    assert config.resolved(True, 4.0, 0.0001).resolutions == (96, 192)
+    own = replace(config, finest=128, time_budget=60.0).resolved(False, 4.0, 0.0001)
+    assert own.resolutions == (48, 96, 128)
+    assert np.isinf(own.rays[-1])
+    assert sum(own.shares()) == pytest.approx(1.0)
+    assert own.shares() == pytest.approx((2 / 15, 5 / 15, 8 / 15), abs=0.01)
+    with pytest.raises(UserError, match="--finest"):
+        replace(config, finest=3).resolved(False, 4.0, 0.0041)
+
+
+def test_a_time_budget_without_rays_is_used_up():
+    config = ReconstructConfig(resolutions=(24, 32, 40), batch=(4096,), sh_degree=0)
+    reconstruct(ball_capture(), replace(config, rays=(0.01, 0.01, 0.01)))  # compiles the kernels
+    _, figures = reconstruct_with_figures(ball_capture(), replace(config, time_budget=5.0))
+    assert figures["test"]["psnr"] > 22
+    assert 4.0 < figures["seconds"]["train"] < 30
 
 
 def test_a_time_budget_ends_with_a_usable_field():

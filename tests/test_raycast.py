@@ -185,7 +185,7 @@ class Training:
         rows[:count, :3 * self.basis] = sh.reshape(count, -1)
         grad_rows = np.zeros((self.workers, rows.size), np.float32)
         touched = np.zeros((self.workers, count + 1), np.uint8)
-        losses = np.zeros((self.workers, 2))
+        losses = np.zeros((self.workers, 3))
         options = np.array([0.5, 1e-9, 1e-7, 0.4, sparsity, distortion, 0.0, 0.0])
         train_kernel(self.width)(
             self.table, self.links, np.append(density, np.float32(0)), rows.ravel(), self.lattice,

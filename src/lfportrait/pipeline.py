@@ -281,10 +281,13 @@ class _Job:
 
     def _reconstruct(self) -> dict[str, Any]:
         checkpoint = self.stages.scratch("reconstruct.npz")
+        config = replace(self.config.reconstruct, seed=self.seed)
+        if not config.finest:
+            # A display's views have a few hundred rows; all later stages pay for each voxel.
+            config = replace(config, finest=256)
         with self._progress("reconstruct") as progress:
             result, figures = reconstruct_with_figures(
-                Capture.load(self.out / "capture"),
-                replace(self.config.reconstruct, seed=self.seed), progress, checkpoint=checkpoint)
+                Capture.load(self.out / "capture"), config, progress, checkpoint=checkpoint)
         result.save(self.out / "field.npz")
         self.stages.remove_scratch("reconstruct.npz")
         return {**figures, "peak_memory_bytes": peak_memory_bytes()}

@@ -56,16 +56,23 @@ class Reconstruct(Common):
     config: Annotated[ReconstructConfig, tyro.conf.arg(name="")] = option(
         default_factory=ReconstructConfig)
     """Reconstruction."""
+    keep_background: bool = False
+    """Reconstruct the room, too, although the photos have mattes."""
+    log: Path | None = None
+    """Folder for curves that TensorBoard shows: PSNR so far, loss, rays a second, voxels."""
 
     def run(self) -> dict[str, Any]:
         """Reconstruct and save."""
         from ..field import reconstruct_with_figures
 
         capture = Capture.load(self.capture)
+        if self.keep_background:
+            capture = replace(capture, alphas=None)
         checkpoint = self.out.with_name(f".{self.out.stem}.checkpoint.npz")
         with self.progress("reconstruct") as progress:
             result, figures = reconstruct_with_figures(
-                capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint)
+                capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint,
+                log=self.log)
         result.save(self.out)
         checkpoint.unlink(missing_ok=True)
         return figures

@@ -46,14 +46,21 @@ class Bench(Common):
     """Field file to code and render; without it, the embedded head is reconstructed first."""
     capture: Path | None = None
     """Capture to reconstruct and stylise; the embedded one by default."""
+    full: bool = False
+    """Reconstruct by the default schedule, which takes minutes, instead of a short one."""
+    plot: Path | None = None
+    """Write the reconstruction's PSNR over time as a picture to this file."""
 
     def run(self) -> dict[str, Any]:
         """Measure and print."""
         from ..evaluate import bench, transfer_table
 
         with self.progress("bench") as progress:
-            figures = bench(self.what, field=self.field, capture=self.capture, progress=progress)
+            figures = bench(self.what, field=self.field, capture=self.capture, plot=self.plot,
+                            full=self.full, progress=progress)
         for name, value in _flat(figures).items():
+            if ".curve." in f".{name}":  # for --json and the plot
+                continue
             print(f"{name:<44} {value:.4g}" if isinstance(value, float) else f"{name:<44} {value}")
         if self.what in ("transfer", "all"):
             print(transfer_table(figures if self.what == "transfer" else figures["transfer"]))

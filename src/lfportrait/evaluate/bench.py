@@ -6,20 +6,23 @@ Times depend on the machine and on what else runs on it: compare the ratios of o
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..capture import Camera, Capture
 from ..example import Exemplar
 from ..field import ReconstructConfig, VoxelField, reconstruct_with_figures
+from ..files import write_image
 from ..measure import machine, peak_memory_bytes
 from ..progress import Progress
 from .bench_encode import bench_encode
 from .bench_transfer import bench_transfer, say, timed
+from .floor import machine_rates, training_floor
+from .plot import line_plot
 
 __all__ = ["BENCHES", "bench", "bench_encode", "bench_reconstruct", "bench_stylize",
            "bench_transfer"]
@@ -43,8 +46,8 @@ def _field(path: Path | None, progress: Progress | None) -> VoxelField:
 
 
 def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None, *,
-                      render_size: int = 512, repeats: int = 3, progress: Progress | None = None,
-                      ) -> dict[str, Any]:
+                      render_size: int = 512, repeats: int = 3, plot: Path | None = None,
+                      progress: Progress | None = None) -> dict[str, Any]:
     """Reconstruction and rendering of a capture.
 
     Parameters
@@ -57,32 +60,55 @@ def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None,
         Width and height of the view that the rendering speed is measured on.
     repeats
         The fastest of so many renders counts.
+    plot
+        File for a picture of the PSNR over time.
     progress
         Progress line.
 
     Returns
     -------
     figures
-        ``seconds``, ``train_rays_per_second``, ``render_rays_per_second``, ``test`` (PSNR, SSIM),
-        ``voxels``, ``levels`` (progress over time), ``peak_memory_bytes``.
+        ``seconds``, ``train_rays_per_second`` with everything, ``kernel_rays_per_second`` of
+        casting forward and backward alone on the finest lattice, ``floor`` (`training_floor`) for
+        the latter, ``render_rays_per_second``, ``test`` (PSNR, SSIM), ``voxels``, ``levels``,
+        ``curve`` (progress over time), ``peak_memory_bytes``.
     """
     config = config or SHORT
     # A miniature run compiles the kernels before the clock starts.
     reconstruct_with_figures(capture, replace(config, resolutions=(24,), rays=(0.02,),
                                               batch=(4096,)))
     say(progress, "reconstructing")
-    start = time.perf_counter()
-    field, run = reconstruct_with_figures(capture, config, progress)
-    seconds = time.perf_counter() - start
+    field, run = reconstruct_with_figures(capture, config, progress, measure_every=1.0)
+    peak = peak_memory_bytes()
+    if plot is not None:
+        write_image(plot, _curve_plot(run["curve"]))
+    say(progress, "what the machine can do")
+    casting = run["train"]["casting"]
+    floor = training_floor(machine_rates(), casting["samples_per_ray"], casting["rows_per_ray"],
+                           casting["row_width"])
     front = Camera.arc(np.zeros(1), distance=4.0, width=render_size, height=render_size,
                        focal=1.7 * render_size)
     field.render(front, 0)
     shortest, _ = timed(lambda: field.render(front, 0), repeats)
-    return {"seconds": seconds, "train_rays": run["train"]["rays"],
+    return {"seconds": run["seconds"]["train"], "train_rays": run["train"]["rays"],
             "train_rays_per_second": run["train"]["rays_per_second"],
+            "kernel_rays_per_second": casting["rays_per_second"], "floor": floor,
+            "times_above_floor": floor["rays_per_second"] / casting["rays_per_second"],
             "render_rays_per_second": render_size ** 2 / shortest, "test": run.get("test", {}),
-            "voxels": run["voxels"], "levels": run.get("levels", []),
-            "peak_memory_bytes": peak_memory_bytes()}
+            "voxels": run["voxels"], "levels": run.get("levels", []), "curve": run["curve"],
+            "peak_memory_bytes": peak}
+
+
+def _curve_plot(curve: list[dict[str, Any]]) -> NDArray[np.uint8]:
+    """PSNR of training rays and of held-out views over time, uint8 [H, W, 3]."""
+    trained = [(point["seconds"], point["psnr"]) for point in curve]
+    held_out = [(point["seconds"], point["held_out_psnr"]) for point in curve
+                if point["held_out_psnr"] is not None]
+    return line_plot({name: ([x for x, _ in points], [y for _, y in points])
+                      for name, points in (("training rays", trained),
+                                           ("held-out views", held_out)) if points},
+                     across="seconds", up="PSNR in dB",
+                     title=f"{curve[-1]['rays'] / 1e6:.1f} million rays")
 
 
 def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None = None, *,
@@ -131,6 +157,7 @@ BENCHES = ("encode", "reconstruct", "transfer", "stylize")
 
 
 def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
+          plot: Path | None = None, full: bool = False,
           progress: Progress | None = None) -> dict[str, Any]:
     """Run one measurement, or all.
 
@@ -142,6 +169,10 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
         Field file; without it, the embedded head is reconstructed first.
     capture
         Capture to reconstruct and stylise; the embedded one by default.
+    plot
+        File for a picture of the reconstruction's PSNR over time.
+    full
+        Reconstruct by the default schedule instead of in seconds.
     progress
         Progress line.
 
@@ -158,7 +189,8 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
             return bench_transfer(progress=progress)
         photos = Capture.load(capture) if capture is not None else _embedded_capture()
         if name == "reconstruct":
-            return bench_reconstruct(photos, progress=progress)
+            return bench_reconstruct(photos, ReconstructConfig() if full else SHORT, plot=plot,
+                                     progress=progress)
         voxels = (VoxelField.load(field) if field is not None
                   else reconstruct_with_figures(photos, SHORT, progress)[0])
         return bench_stylize(voxels, photos, progress=progress)

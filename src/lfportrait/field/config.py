@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import tyro
 
 from ..errors import UserError
@@ -16,20 +17,27 @@ class ReconstructConfig:
     """Parameters of the reconstruction (svox2's names where it has them)."""
 
     resolutions: tuple[int, ...] = ()
-    """Lattice points to two world units (the cube's edge), coarse to fine; by default 96 192 256
-    for photos with mattes, 96 192 for photos of a room."""
+    """Lattice points to two world units (the cube's edge), coarse to fine; by default 3/8, 3/4 and
+    all of --finest for photos with mattes, 96 192 for photos of a room."""
+    finest: int = 0
+    """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
+    about two pixels, but at least 256 points and at most 512 (`make` takes 256)."""
     rays: tuple[float, ...] = ()
-    """Training rays of each level in millions; by default 2 5 8, and 2 6 for a room."""
+    """Training rays of each level in millions; by default 2 5 8, more above 256 points, and 2 6 for
+    a room. With a time budget the last level takes what time is left."""
     batch: tuple[int, ...] = ()
-    """Rays per step of each level; by default 24576, and 6144 12288 for a room."""
+    """Rays per step of each level; by default 24576, above 256 points 8192 16384 24576, and
+    6144 12288 for a room."""
     sh_degree: int = 2
     """Degree of the spherical harmonics: 0 (matt), 1 or 2."""
     step_size: float = -1.0
     """Distance between samples in voxels; by default 0.5, and 1 for a room."""
     stop_thresh: float = 1e-2
     """A ray ends where its transmittance falls below this."""
+    init_opacity: float = 0.1
+    """Share of the light that a voxel of the mattes' visual hull takes at the start."""
     lr_sigma: float = -1.0
-    """Learning rate of the density at the start; by default 30, and 15 for a room."""
+    """Learning rate of the density at the start; by default 10, and 15 for a room."""
     lr_sigma_final: float = -1.0
     """Learning rate of the density at the end; by default 1, and 2 for a room."""
     lr_sh: float = 2e-2
@@ -59,7 +67,7 @@ class ReconstructConfig:
     """Weight of the squared opacity error where the photos have mattes."""
     prune: float = 0.02
     """Lattice points whose largest weight on any training ray is below this are dropped."""
-    max_voxels: float = 12.0
+    max_voxels: float = 8.0
     """Millions of lattice points at most: before they are more, the weakest are dropped. A million
     takes about 0.55 GB while training (two threads, degree 2)."""
     background: float = 1.0
@@ -79,11 +87,19 @@ class ReconstructConfig:
     sweep: bool = True
     """Start a room from the surfaces that a plane sweep of small photos finds, not from haze."""
     time_budget: float = 0.0
-    """Seconds that the reconstruction may take; 0 follows the rays given above."""
+    """Seconds that the reconstruction takes; 0 follows the rays. The learning rates fall so that
+    they arrive with the time."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the rays."""
 
-    def resolved(self, room: bool, distance: float) -> ReconstructConfig:
+    def shares(self) -> tuple[float, ...]:
+        """Each level's share of the schedule, adding up to one."""
+        rays = list(self.rays)
+        if np.isinf(rays[-1]):
+            rays[-1] = 1.15 * sum(rays[:-1]) or 1.0
+        return tuple(count / sum(rays) for count in rays)
+
+    def resolved(self, room: bool, distance: float, pixel: float = 0.0) -> ReconstructConfig:
         """The same with every default put in.
 
         Parameters
@@ -92,18 +108,30 @@ class ReconstructConfig:
             Whether the photos show a room rather than a person with a matte.
         distance
             Distance of the nearest camera from the origin, in world units.
+        pixel
+            Size of a pixel at the origin, in world units.
 
         Raises
         ------
         UserError
             If levels do not fit together or a value makes no sense.
         """
-        resolutions = self.resolutions or ((96, 192) if room else (96, 192, 256))
+        finest = self.finest or int(np.clip(32 * round(1.04 / max(pixel, 1e-3) / 32), 256, 512))
+        if finest < 16:
+            raise UserError(f"--finest must be at least 16, not {finest}")
+        usual = (96, 192) if room else (3 * finest // 8, 3 * finest // 4, finest)
+        resolutions = self.resolutions or usual
         levels = len(resolutions)
-        rays = self.rays or ((2.0, 6.0) if room else (2.0, 5.0, 8.0))
+        rays = self.rays
+        if not rays:
+            more = float(np.clip((resolutions[-1] / 256.0) ** 3, 1.0, 5.0))
+            rays = (2.0, 6.0) if room else (2.0 * more, 5.0 * more, 8.0 * more)
+            if len(rays) == levels and self.time_budget > 0:
+                rays = (*rays[:-1], float("inf"))
         if len(rays) != levels:
             raise UserError("give as many --rays as --resolutions, one a level")
-        batch = self.batch or ((6144, 12288) if room else (24576,))
+        usual_batch = (8192, 16384, 24576) if resolutions[-1] > 256 else (24576,)
+        batch = self.batch or ((6144, 12288) if room else usual_batch)
         if len(batch) not in (1, levels) and self.batch:
             raise UserError("give one --batch, or as many as --resolutions")
         if self.sh_degree not in (0, 1, 2):
@@ -116,7 +144,7 @@ class ReconstructConfig:
         return replace(
             self, resolutions=resolutions, rays=rays,
             batch=tuple(batch[min(level, len(batch) - 1)] for level in range(levels)),
-            lr_sigma=chosen(self.lr_sigma, 30.0, 15.0),
+            lr_sigma=chosen(self.lr_sigma, 10.0, 15.0),
             lr_sigma_final=chosen(self.lr_sigma_final, 1.0, 2.0),
             lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
             lambda_tv_sh=chosen(self.lambda_tv_sh, 1e-3, 5e-3),

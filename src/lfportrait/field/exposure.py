@@ -3,16 +3,20 @@
 A phone meters every photo anew. Colours of points that a plane sweep found are compared between
 neighbouring photos; the medians of their log ratios, pair by pair, are solved for one gain a photo
 and channel (least squares, mean zero). A gain in linear light is one in sRGB's power law, too.
+Photos with mattes are compared with a field that was trained roughly instead.
 """
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..capture import Capture
+from .grid import VoxelField
 from .sweep import DepthMap
 
-__all__ = ["exposure_gains"]
+__all__ = ["exposure_gains", "matte_gains"]
 
 _DARK, _FEW, _NEAREST = 0.03, 150, 8
 
@@ -85,3 +89,42 @@ def _ratio(points: NDArray[np.float64], colors: NDArray[np.float32], other: Dept
         return None
     there = other.image[y[seen], x[seen]]
     return np.asarray(np.median(np.log((there + _DARK) / (colors[seen] + _DARK)), axis=0))
+
+
+def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
+                least: float = 0.02, size: int = 160) -> NDArray[np.float64] | None:
+    """Gains of photos with mattes by comparison with a field.
+
+    Parameters
+    ----------
+    field, capture
+        The field, and the capture that it is being trained on.
+    views
+        The photos.
+    least
+        Where the gains' standard deviation is below this, the photos are taken as exposed alike.
+    size
+        Height or width of the small copies that are compared.
+
+    Returns
+    -------
+    gains
+        float64 [V, 3]: photo = gain * colour of the field; None for photos exposed alike.
+    """
+    assert capture.alphas is not None
+    gains = np.zeros((len(views), 3))
+    for index, view in enumerate(views):
+        camera = capture.cameras[int(view)]
+        camera = camera.scaled(min(1.0, size / float(max(camera.width[0], camera.height[0]))))
+        shot = field.render(camera, 0, background=0.0)
+        high, wide = shot.alpha.shape
+        photo = cv2.resize(capture.images[view], (wide, high), interpolation=cv2.INTER_AREA)
+        matte = cv2.resize(capture.alphas[view], (wide, high), interpolation=cv2.INTER_AREA)
+        # Well inside the person, where neither matte nor field mixes in what is behind.
+        opaque = ((matte > 250) & (shot.alpha > 0.98)).astype(np.uint8)
+        inside = cv2.erode(opaque, np.ones((3, 3), np.uint8)) > 0
+        if inside.sum() < _FEW:
+            continue
+        gains[index] = np.median(np.log((photo[inside] / 255.0 + _DARK)
+                                        / (np.maximum(shot.color[inside], 0.0) + _DARK)), axis=0)
+    return np.exp(gains) if gains.mean(axis=1).std() >= least else None

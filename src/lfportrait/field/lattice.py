@@ -94,10 +94,11 @@ class Lattice:
         return found
 
     def attached(self) -> NDArray[np.bool_]:
-        """Lattice points within two steps of the largest connected piece of solid matter.
+        """Lattice points within two steps of the large connected pieces of solid matter.
 
-        A person is one piece; what floats beside it comes from slivers of the mattes. Solid is
-        what takes a twentieth of the light along one voxel.
+        Crumbs that float beside them come from slivers of the mattes. Solid is what takes a
+        twentieth of the light along one voxel; a piece is large if it has a five-hundredth of the
+        largest one's points, and three at least.
         """
         solid = np.zeros(self.links.shape, bool)
         filled = self.links >= 0
@@ -106,7 +107,7 @@ class Lattice:
         if count > 1:
             sizes = np.bincount(pieces.ravel())
             sizes[0] = 0
-            solid = pieces == int(sizes.argmax())
+            solid = (sizes >= max(3, sizes.max() // 500))[pieces] & solid
         if not count:
             return filled
         return np.asarray(ndimage.binary_dilation(solid, _CUBE, iterations=2))
@@ -127,6 +128,30 @@ class Lattice:
         links = np.where(keep, place[self.links], -1).astype(np.int32)
         rows = np.append(order, self.count)
         return Lattice(links, self.density[rows], self.rows[rows], self.center, self.radius)
+
+    def cropped(self, keep: NDArray[np.bool_], margin: int = 2,
+                ) -> tuple[Lattice, NDArray[np.bool_]]:
+        """The same lattice in a box about the points in ``keep``, and ``keep`` in that box.
+
+        Rows of points outside stay, without a link.
+        """
+        if not keep.any():
+            return self, keep
+        part, low, size = [], np.zeros(3), np.zeros(3)
+        for axis in range(3):
+            others = tuple(other for other in range(3) if other != axis)
+            along = np.flatnonzero(keep.any(axis=others))
+            first = max(0, int(along[0]) - margin)
+            end = min(keep.shape[axis], int(along[-1]) + 1 + margin)
+            part.append(slice(first, end))
+            low[2 - axis], size[2 - axis] = first, end - first
+        spacing = 2.0 * self.radius / self.links.shape[::-1]
+        radius = 0.5 * spacing * size
+        center = self.center - self.radius + spacing * low + radius
+        box = [side.astype(np.float32).astype(np.float64) for side in (center, radius)]
+        inside = (part[0], part[1], part[2])
+        links = np.ascontiguousarray(self.links[inside])
+        return Lattice(links, self.density, self.rows, *box), keep[inside]
 
     def refined(self, shape: tuple[int, int, int], keep: NDArray[np.bool_]) -> Lattice:
         """Trilinear interpolation on a lattice of ``shape`` points, where ``keep`` holds here."""

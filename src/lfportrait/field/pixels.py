@@ -9,7 +9,7 @@ from scipy import ndimage
 from ..capture import Capture
 from .grid import camera_row
 
-__all__ = ["TrainingPixels"]
+__all__ = ["Batches", "TrainingPixels"]
 
 
 class TrainingPixels:
@@ -62,3 +62,42 @@ class TrainingPixels:
             shown = ndimage.binary_dilation(shown, iterations=3)
         rows, columns = np.nonzero(shown)
         return np.stack([np.full(len(rows), view), 4 * rows, 4 * columns], 1).astype(np.int32)
+
+
+class Batches:
+    """Tiles in random order, each as often as the others; a function of the step's number.
+
+    Nothing but the number of the step need be kept to go on from any step.
+
+    Parameters
+    ----------
+    data
+        The pixels.
+    size
+        Tiles a step.
+    seed, level
+        What the order follows from.
+    """
+
+    def __init__(self, data: TrainingPixels, size: int, seed: int, level: int) -> None:
+        self.data, self.size = data, max(1, min(size, len(data.tiles)))
+        self.seed, self.level = seed, level
+        self._epoch = -1
+        self._order = np.zeros(0, np.int64)
+
+    def generator(self, kind: int, number: int) -> np.random.Generator:
+        """Random numbers of one step (``kind`` 0) or one pass over the tiles (``kind`` 1)."""
+        return np.random.Generator(np.random.Philox(
+            key=[self.seed, self.level], counter=[0, 0, kind, number]))
+
+    def step(self, number: int) -> NDArray[np.int32]:
+        """The tiles of a step: those of one view side by side, so that neighbours share the cache.
+
+        int32 [T, 3].
+        """
+        epoch, place = divmod(number, len(self.data.tiles) // self.size)
+        if epoch != self._epoch:
+            self._epoch = epoch
+            self._order = self.generator(1, epoch).permutation(len(self.data.tiles))
+        tiles = self.data.tiles[self._order[place * self.size:(place + 1) * self.size]]
+        return np.asarray(tiles[np.lexsort((tiles[:, 2], tiles[:, 1], tiles[:, 0]))])

@@ -20,10 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
+from ..measure import peak_memory_bytes
 from ..metrics import psnr, ssim
 from ..progress import Progress
+from .casting import casting_figures
 from .config import ReconstructConfig
+from .event_log import EventLog
 from .grid import VoxelField
+from .meter import Meter
 from .trainer import Trainer
 
 __all__ = ["ReconstructConfig", "held_out_quality", "reconstruct", "reconstruct_with_figures"]
@@ -37,6 +41,7 @@ def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
 
 def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None = None,
                              progress: Progress | None = None, checkpoint: Path | None = None,
+                             log: Path | None = None, measure_every: float = 0.0,
                              ) -> tuple[VoxelField, dict[str, Any]]:
     """Reconstruct a radiance field from a capture.
 
@@ -49,59 +54,97 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     progress
         Progress line.
     checkpoint
-        File that the state is written to after each level; a run that finds one there goes on
+        File that the state is written to every 20 seconds; a run that finds one there goes on
         from it to the same field.
+    log
+        Folder for the curves (PSNR so far, loss, rays a second, lattice points against rays), in a
+        form that TensorBoard shows.
+    measure_every
+        Seconds between measurements on held-out views for the curves; 0 measures at the end alone.
 
     Returns
     -------
     field, figures
         The field and the figures for ``--json``: ``test.psnr`` (dB) and ``test.ssim`` over the
-        held-out views, ``train.rays``, ``train.rays_per_second``, ``voxels``, ``seconds``.
+        held-out views, ``train.rays``, ``train.rays_per_second``, ``voxels``, ``seconds``; with
+        ``measure_every`` also ``curve``, a list of `CurvePoint`.
 
     Raises
     ------
     UserError
         If nothing is left to train on.
     """
-    nearest = float(np.linalg.norm(capture.cameras.position, axis=1).min())
-    config = (config or ReconstructConfig()).resolved(capture.alphas is None, nearest)
+    distance = np.linalg.norm(capture.cameras.position, axis=1)
+    pixel = float(np.median(distance / capture.cameras.focal.mean(axis=1)))
+    config = (config or ReconstructConfig()).resolved(capture.alphas is None,
+                                                      float(distance.min()), pixel)
+    events = EventLog(log) if log is not None else None
+    meter = (Meter(events, measure_every=measure_every)
+             if events is not None or measure_every > 0 else None)
+    try:
+        return _reconstruct(capture, config, progress, checkpoint, meter)
+    finally:
+        if events is not None:
+            events.close()
+
+
+def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress | None,
+                 checkpoint: Path | None, meter: Meter | None,
+                 ) -> tuple[VoxelField, dict[str, Any]]:
+    """The same with parameters put in; the field and the figures."""
+    trainer = Trainer(capture, config, progress, checkpoint, meter)
+    trainer.restore()
+    first_rays = trainer.rays_done
     start = time.perf_counter()
-    trainer = Trainer(capture, config, progress)
-    trainer.restore(checkpoint)
+    if meter is not None:
+        meter.start(first_rays)
     while trainer.level < len(config.resolutions):
-        trainer.run_level(start)
-        trainer.save(checkpoint)
+        trainer.run_level()
     trainer.finish()
-    trained = time.perf_counter() - start
+    trained = meter.seconds if meter is not None else time.perf_counter() - start
     field = trainer.field()
+    begun = time.perf_counter()
     figures: dict[str, Any] = {
         "train": {"rays": trainer.rays_done, "views": len(trainer.views),
-                  "rays_per_second": trainer.rays_done / max(trained, 1e-9)},
+                  "rays_per_second": (trainer.rays_done - first_rays) / max(trained, 1e-9)},
         "voxels": len(field.density), "resolution": config.resolutions[-1],
-        "levels": trainer.log, "device": "cpu"}
+        "levels": trainer.log, "device": "cpu", "peak_memory_bytes": peak_memory_bytes()}
     if len(capture.testing()):
         figures["test"] = held_out_quality(field, capture, config.background, trainer.test_gains)
         if not np.allclose(trainer.test_gains, 1.0):
             plain = held_out_quality(field, capture, config.background)
             figures["test"]["psnr_without_exposure"] = plain["psnr"]
+        if meter is not None:
+            meter.finish(trainer.rays_done, trained, figures["test"]["psnr"])
+    if meter is not None and meter.measure_every > 0:
+        figures["curve"] = meter.points
+        figures["train"]["casting"] = casting_figures(trainer)
     figures["seconds"] = {"train": round(trained, 3),
-                          "test": round(time.perf_counter() - start - trained, 3)}
+                          "test": round(time.perf_counter() - begun, 3)}
     if progress is not None and "test" in figures:
         progress.update(progress.total, f"held-out views {figures['test']['psnr']:.2f} dB")
     return field, figures
 
 
 def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.0,
-                     gains: NDArray[np.float64] | None = None) -> dict[str, float]:
+                     gains: NDArray[np.float64] | None = None,
+                     some: NDArray[np.int64] | None = None) -> dict[str, float]:
     """Mean PSNR (dB) and SSIM of the held-out views, composited on ``background``.
 
     Renders are multiplied by ``gains`` [V, 3], the photos' exposures, before they are compared.
+    ``some`` are numbers of held-out views, from 0; by default all count.
     """
     scores = []
-    for index, view in enumerate(capture.testing()):
-        image = field.render(capture.cameras, view, background=background).color
+    tests = capture.testing()
+    for index in range(len(tests)) if some is None else some:
+        view = int(tests[index])
+        shot = field.render(capture.cameras, view, background=background)
+        image = shot.color
         if gains is not None:
-            image = image * gains[index].astype(np.float32)
+            gain = gains[index].astype(np.float32)
+            # Behind a person with a matte stands the same grey whatever the exposure.
+            behind = background * (1.0 - shot.alpha[..., None]) if capture.alphas is not None else 0
+            image = (image - behind) * gain + behind
         image = np.clip(image, 0, 1)
         truth = capture.image_float(view, background)
         scores.append((psnr(image, truth), ssim(image, truth)))

@@ -51,8 +51,9 @@ def train_kernel(width: int) -> Callable[..., Any]:
         alpha), ``gains`` float32 [V, 3] what a view's 8-bit colours are multiplied with,
         ``background`` float32 [16 T, 3] and its gradient, written; ``options`` float64: step,
         threshold, stop, alpha weight, sparsity, distortion, 1 to record the largest weight only,
-        distance from the camera that rays start at (world units). Gradients are added to
-        ``grad_rows``, the density's in the last value of its row; ``grad_rows``, ``touched``,
+        distance from the camera that rays start at (world units). ``losses`` float64 [W, 3] is
+        written: squared errors, rays, samples. Gradients are added to ``grad_rows``, the density's
+        in the last value of its row; ``grad_rows``, ``touched``,
         ``weight`` and ``losses`` carry a leading axis of workers.
     """
     locate = make_locate(LANES)
@@ -322,7 +323,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
             grads = np.zeros(7 * 16, np.float32)
             places, words = np.zeros(16 * samples, np.int32), np.zeros(samples, np.uint32)
             record = np.zeros(samples * _STEP, np.float32)
-            squared, used = 0.0, 0
+            squared, used, visible = 0.0, 0, 0
             for tile in range(worker, len(tiles), workers):
                 view = tiles[tile, 0]
                 wide, high = sizes[view, 0], sizes[view, 1]
@@ -355,7 +356,12 @@ def train_kernel(width: int) -> Callable[..., Any]:
                     grads[96 + i] = (np.float32(2.0) * alpha_weight * (one - end - opacity) * share
                                      * end)
                 used += 16
+                for entry in range(found):
+                    word = words[entry]
+                    while word != 0:
+                        visible += 1
+                        word &= word - np.uint32(1)
                 backward(links, found, flat, grads, out, sparsity * share, narrow * share, step,
                          basis, places, words, record, grad_rows[worker], touched[worker])
-            losses[worker, 0], losses[worker, 1] = squared, used
+            losses[worker, 0], losses[worker, 1], losses[worker, 2] = squared, used, visible
     return train
