@@ -23,7 +23,8 @@ from lfportrait.example import (
     TransferConfig,
 )
 from lfportrait.field import ReconstructConfig
-from lfportrait.lightfield import Display, EncodeConfig
+from lfportrait.field.export import ExportConfig
+from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig, SequenceConfig
 from lfportrait.pipeline import MakeConfig
 from lfportrait.stylize import StylizeConfig
 
@@ -42,7 +43,10 @@ SECTIONS = [
     ("FaceBlit", FaceBlitConfig, "`lfportrait transfer --method faceblit`: `--faceblit.NAME`."),
     ("FaceStyle", FaceStyleConfig, "`lfportrait transfer --method facestyle`: `--facestyle.NAME`."),
     ("Network", NetworkConfig, "`lfportrait transfer --method network`: `--network.NAME`."),
+    ("Export", ExportConfig, "`lfportrait export`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
+    ("Encode with motion", SequenceConfig, "`lfportrait encode --frames N`."),
+    ("Interlace", InterlaceConfig, "`lfportrait interlace`."),
     ("Make", MakeConfig, "`lfportrait make`, besides the stages' own."),
 ]
 

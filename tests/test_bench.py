@@ -19,6 +19,8 @@ from lfportrait.evaluate import (
 from lfportrait.example import METHODS, NetworkConfig
 from lfportrait.field import ReconstructConfig
 from lfportrait.lightfield import Display
+from lfportrait.measure import memory_of
+from tests.fields import shell_field
 from tests.test_share_video import ball
 
 
@@ -29,26 +31,39 @@ def small_panels(monkeypatch):
 
     def small(name: str) -> Display:
         panel = preset(name)
-        return replace(panel, width=panel.width // 16, height=panel.height // 16, views=8)
+        return replace(panel, width=panel.width // 16, height=panel.height // 16)
 
     monkeypatch.setattr(Display, "preset", staticmethod(small))
 
 
 def test_encode_reports_every_size_and_the_rivals(small_panels):
-    figures = bench_encode(ball(), repeats=1)
+    figures = bench_encode(shell_field(size=32), repeats=1)
     for size in ("1080p", "4k", "8k", "direct", "view_by_view"):
         row = figures[size]
-        assert row["seconds"] > 0 and row["views"] == 8 and row["method"]
+        assert row["seconds"] > 0 and row["views"] == 96 and row["method"]
     assert figures["8k"]["subpixels"] == 3 * 480 * 270
     for size in ("1080p", "4k", "8k"):
-        # A solid ball in half-voxel steps is near the one in quarter steps, and not equal to it.
-        assert 30 < figures[size]["psnr"] < 99
+        # Samples a voxel apart come near those half a voxel apart, and are not equal to them.
+        assert 25 < figures[size]["psnr"] < 99
+        assert 20 < figures[size]["draft_psnr"] < figures[size]["psnr"]
+        assert 0 <= figures[size]["memory_bytes"] < 1 << 30
+    assert list(figures["views"]) == ["32", "64", "96", "160"]
+    assert list(figures["cones"]) == ["20", "40", "60"]
+    assert figures["view_by_view"]["times_slower"] > 1
     rows = figures["mask"]
     assert [row["resolution"] for row in rows] == ["1k", "2k", "4k", "8k"]
     for row in rows:
         assert min(row[name] for name in ("build_seconds", "load_seconds", "with_seconds",
                                           "without_seconds")) > 0
     assert rows[3]["bytes"] == 3 * 480 * 270
+
+
+def test_memory_of_a_call():
+    memory, result = memory_of(lambda: np.ones(1 << 26, np.uint8).sum())
+    assert result == 1 << 26
+    assert 0.9 * (1 << 26) < memory < 2 * (1 << 26)
+    again, _ = memory_of(lambda: 1)
+    assert again < 1 << 23
 
 
 def ball_capture(size=40, views=12) -> Capture:

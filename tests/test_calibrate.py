@@ -3,6 +3,7 @@
 import json
 import shutil
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from PIL import Image
 from scipy import ndimage
 
 from lfportrait.capture import CalibrateConfig, Camera, calibrate, load_photos
-from lfportrait.capture.photos import read_photos, read_video
+from lfportrait.capture.photos import read_photos
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
 
@@ -107,7 +108,8 @@ def test_a_stranger_among_the_photos_is_left_out(room: tuple[Path, Camera],
     write_image(tmp_path / "photos" / "a_stranger.png", texture(99)[:270, :360])
     (tmp_path / "photos" / "broken.jpg").write_bytes(b"\xff\xd8\xff\xe0 no more")
     with pytest.warns(UserWarning) as caught:
-        capture = calibrate(tmp_path / "photos", FAST)
+        # A quite different picture may look blurred beside the others; here it is to be tried.
+        capture = calibrate(tmp_path / "photos", replace(FAST, blur_threshold=0))
     messages = " ".join(str(warning.message) for warning in caught)
     assert "broken.jpg can't be read" in messages
     assert "a_stranger.png" in messages
@@ -177,32 +179,6 @@ def test_equal_stems_stay_apart(tmp_path: Path) -> None:
         write_image(tmp_path / f"a.{suffix}", texture(1, 32))
     names = [photo.name for photo in read_photos(tmp_path)]
     assert len({Path(name).stem for name in names}) == 2
-
-
-def test_video_frames_are_the_sharp_ones_at_even_spacing(tmp_path: Path) -> None:
-    av = pytest.importorskip("av")
-    path = tmp_path / "turn.mp4"
-    pattern = texture(3, 160)
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("mpeg4", rate=24)
-        stream.width = stream.height = 128
-        stream.bit_rate = 4_000_000
-        for index in range(24):
-            frame = np.roll(pattern, index, axis=1)[:128, :128]
-            if index % 6 != 2:
-                frame = ndimage.gaussian_filter(frame, (3, 3, 0))
-            picture = av.VideoFrame.from_ndarray(np.uint8(frame * 255), format="rgb24")
-            container.mux(stream.encode(picture))
-        container.mux(stream.encode())
-    photos = read_video(path, count=4)
-    assert len(photos) == 4
-    for span, photo in enumerate(photos):
-        wanted = np.roll(pattern, 6 * span + 2, axis=1)[:128, :128] * 255
-        assert np.abs(photo.image - wanted).mean() < 12
-    assert len(load_photos(path)) == 24
-    (tmp_path / "bad.mp4").write_bytes(b"no video at all")
-    with pytest.raises(UserError, match="can't be read"):
-        calibrate(tmp_path / "bad.mp4")
 
 
 @pytest.mark.data

@@ -217,6 +217,10 @@ LENSES = {
     "SIMPLE_PINHOLE": (110, 41, 29), "PINHOLE": (110, 112, 41, 29),
     "SIMPLE_RADIAL": (110, 41, 29, -0.12), "RADIAL": (110, 41, 29, -0.12, 0.05),
     "SIMPLE_RADIAL_FISHEYE": (110, 41, 29, -0.05), "RADIAL_FISHEYE": (110, 41, 29, -0.05, 0.02),
+    "THIN_PRISM_FISHEYE": (110, 112, 41, 29, -0.05, 0.02, 0.004, -0.006, 0.01, -0.004, 0.003,
+                           -0.002),
+    "FOV": (110, 112, 41, 29, 0.7), "SIMPLE_FISHEYE": (110, 41, 29),
+    "FISHEYE": (110, 112, 41, 29),
 }
 
 
@@ -232,7 +236,8 @@ def test_lens_models_agree_with_colmap(model: str, x: float, y: float) -> None:
     assert np.allclose(found, wanted, atol=1e-8)
 
 
-@pytest.mark.parametrize("model", ["OPENCV", "FULL_OPENCV", "OPENCV_FISHEYE", "RADIAL"])
+@pytest.mark.parametrize("model", ["OPENCV", "FULL_OPENCV", "OPENCV_FISHEYE", "RADIAL",
+                                   "THIN_PRISM_FISHEYE"])
 def test_undistorted_pictures_show_points_where_the_pinhole_sees_them(model: str) -> None:
     lens = lens_of(model, 240, 180, [3 * p if i < (3 if model == "RADIAL" else 4) else p
                                      for i, p in enumerate(LENSES[model])])
@@ -245,7 +250,7 @@ def test_undistorted_pictures_show_points_where_the_pinhole_sees_them(model: str
         flat, inside = undistort(photo, lens)
         weight = flat[..., 0].astype(float)
         found = np.array([(weight * columns).sum(), (weight * rows).sum()]) / weight.sum()
-        assert np.allclose(found, point * lens.focal + lens.center, atol=0.3)
+        assert np.allclose(found, point * lens.pinhole().focal + lens.center, atol=0.3)
         assert inside[int(found[1]), int(found[0])]
 
 
@@ -307,7 +312,9 @@ def test_damaged_colmap_models_are_the_users_errors(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="missing"):
         Capture.load(tmp_path / "a")
     with pytest.raises(UserError, match="not supported"):
-        lens_of("FOV", 80, 60, (1, 1, 1, 1, 1))
+        lens_of("EUCM", 80, 60, (1, 1, 1, 1, 1, 1))
+    with pytest.raises(UserError, match="instead of 8"):
+        lens_of("OPENCV", 80, 60, (1, 1, 1, 1, 1))
 
 
 def test_llff_axes_and_reduced_pictures(tmp_path: Path) -> None:
@@ -351,8 +358,9 @@ def test_distorted_photos_are_undistorted_on_load(shared_data: Path) -> None:
                 (data["k1"], data["k2"]), (data["p1"], data["p2"]))
     photo = read_image(shared_data / "fox" / "images" / capture.names[0])
     # A pixel of the pinhole picture has the colour of the place where the lens put it.
-    corner = np.array([60.5, 80.5])
-    place = lens.distort((corner - lens.center) / lens.focal) * lens.focal + lens.center
+    corner = np.array([10.5, 945.5])
+    flat = (corner - lens.center) / capture.cameras.focal[0]
+    place = lens.distort(flat) * lens.focal + lens.center
     assert np.linalg.norm(place - corner) > 1.5
     near = photo[int(place[1]) - 1:int(place[1]) + 2, int(place[0]) - 1:int(place[0]) + 2]
-    assert np.abs(capture.images[0][80, 60] - near.mean((0, 1))).max() < 15
+    assert np.abs(capture.images[0][945, 10] - near.mean((0, 1))).max() < 15

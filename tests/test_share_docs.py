@@ -55,7 +55,7 @@ def test_rows_show_default_choices_and_meaning(make_docs):
     assert "| `--quiet` | `no` | Whether. |" in text and "`1e-05`" in text
 
 
-@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "docs/architecture.md"])
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "docs/architecture.md", "docs/displays.md"])
 def test_pages_name_files_that_exist(page):
     """Folders and modules in back quotes, and links, are there."""
     import re

@@ -54,6 +54,26 @@ def test_the_same_frames_give_the_same_bytes(tmp_path):
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
+def test_coded_pictures_keep_their_colours_and_their_odd_sides(tmp_path):
+    """Neighbouring sub-pixels differ freely, as they do where they belong to other views."""
+    frames = list(np.random.default_rng(0).integers(0, 256, (3, 45, 63, 3), np.uint8))
+    error, formats = {}, {}
+    for coding in ("420", "444", "lossless"):
+        path = tmp_path / f"{coding}.mp4"
+        assert write_video(path, frames, 30, quality=0, coding=coding) == 3
+        with av.open(str(path)) as container:
+            formats[coding] = container.streams.video[0].pix_fmt
+            shown = [frame.reformat(format="rgb24", src_colorspace="ITU709").to_ndarray()
+                     if coding != "lossless" else frame.to_ndarray(format="rgb24")
+                     for frame in container.decode(video=0)]
+        assert coding == "420" or shown[0].shape == (45, 63, 3)
+        error[coding] = np.abs(shown[2][:45, :63].astype(float) - frames[2]).mean()
+    assert formats == {"420": "yuv420p", "444": "yuv444p", "lossless": "gbrp"}
+    assert error["lossless"] == 0
+    assert error["444"] < 1.5
+    assert error["420"] > 20
+
+
 @pytest.mark.parametrize(("name", "frames", "fps", "text"), [
     ("a.mp4", [], 30, "no frames"), ("a.avi", [np.zeros((4, 4, 3))], 30, "end the name in .mp4"),
     ("a.mp4", [np.zeros((4, 4, 3))], 0, "frames per second")])

@@ -40,7 +40,14 @@ from .errors import UserError
 from .example import Exemplar
 from .field import ReconstructConfig, VoxelField, reconstruct_with_figures
 from .files import write_image, write_json
-from .lightfield import Display, EncodeConfig, ViewMask, encode_with_figures, quilt_of
+from .lightfield import (
+    Display,
+    EncodeConfig,
+    ViewMask,
+    encode_with_figures,
+    quilt_of,
+    write_coded,
+)
 from .measure import machine, peak_memory_bytes
 from .progress import Progress
 from .stages import StageFolder, fingerprint_files, key_of
@@ -149,9 +156,9 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     if capture.alphas is None and not keep_background:
         mattes = _mattes(capture, progress)
         # The network may see no person, or a different one in every photo, as with a sculpture.
-        found = np.mean([float(matte.mean()) / 255 for matte in mattes]) > 0.002
-        figures["mattes"] = "network" if found else "none: no person was found, the room stays"
-        if found:
+        person = np.mean([float(matte.mean()) / 255 for matte in mattes]) > 0.002
+        figures["mattes"] = "network" if person else "none: no person was found, the room stays"
+        if person:
             capture = replace(capture, alphas=mattes)
     figures["views"] = len(capture)
     figures["held_out"] = int(capture.held_out.sum())
@@ -299,7 +306,7 @@ class _Job:
             mask = ViewMask.build(self.display)
             image, figures = encode_with_figures(styled, self.display, self.config.encode,
                                                  mask=mask, device=self.device)
-        write_image(self.out / "lightfield.png", image, compress_level=1)
+        write_coded(self.out / "lightfield.png", image, self.display)
         picture, name = quilt_of(styled, self.display, self.config.encode)
         for old in self.out.glob("quilt_*.png"):
             old.unlink()

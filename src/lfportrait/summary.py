@@ -19,8 +19,8 @@ from . import __version__
 from .capture import Camera, Capture
 from .example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from .field import VoxelField
-from .files import read_image, write_image
-from .lightfield import Display, EncodeConfig, ViewMask, simulate
+from .files import write_image
+from .lightfield import Display, EncodeConfig, ViewMask, read_coded, simulate
 from .measure import machine
 from .progress import Progress
 from .share import (
@@ -81,7 +81,7 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
     strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)
     hero = np.concatenate(strip[1:4], axis=1)
     write_image(folder / "hero.png", hero)
-    coded = read_image(folder / "lightfield.png")[..., :3]
+    coded = read_coded(folder / "lightfield.png", display)
     report = Report(
         title="A stylised portrait for a light-field display",
         subtitle=f"Exemplar {exemplar.name}, display {display.name}",

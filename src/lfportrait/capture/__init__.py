@@ -7,7 +7,8 @@ from .distortion import Lens, undistort
 from .formats import is_calibrated
 from .frame import looks_normalised, portrait_frame_from_cameras, portrait_frame_from_landmarks
 from .mattes import consistent_mattes, refine_matte
-from .photos import is_video, load_photos, video_frames
+from .photos import is_video, load_photos
+from .video import video_frames
 
 __all__ = [
     "CalibrateConfig", "Camera", "Capture", "Lens", "calibrate", "consistent_mattes",

@@ -31,7 +31,9 @@ from .colmap import lens_of
 from .distortion import Lens
 from .formats import assemble
 from .frame import portrait_frame_from_cameras
-from .photos import Photo, is_video, read_photos, read_video
+from .photos import Photo, is_video, read_photos
+from .sharpness import blurred
+from .video import read_video
 
 __all__ = ["CalibrateConfig", "calibrate"]
 
@@ -57,6 +59,11 @@ class CalibrateConfig:
     """Photos are reduced to this many pixels on their longer side; 0 keeps them."""
     video_frames: int = 80
     """Frames taken from a video."""
+    video_spacing: Literal["parallax", "time"] = "parallax"
+    """Frames are taken where the picture has moved on by equal amounts, or at even time."""
+    blur_threshold: float = 0.4
+    """Photos with less than this part of their neighbours' fine detail, in any direction, are
+    blurred and left out, a quarter of all at most; 0 keeps them."""
     holdout: int = 8
     """Every so many photos one is kept for testing the reconstruction; 0 uses all."""
     seed: tyro.conf.Suppress[int] = 0
@@ -235,8 +242,8 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     capture
         The photos that could be placed, undistorted, in the portrait frame guessed from the cameras
         (`portrait_frame_from_cameras`; `portrait_frame_from_landmarks` is better once the face is
-        known). ``capture.figures``: ``photos``, ``registered``, ``left_out``, ``points``,
-        ``reprojection_error_px``, ``focal_px``.
+        known). ``capture.figures``: ``photos``, ``registered``, ``left_out`` (could not be placed),
+        ``blurred`` (not tried), ``points``, ``reprojection_error_px``, ``focal_px``.
 
     Raises
     ------
@@ -247,8 +254,15 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     path = Path(photos)
     if progress is not None:
         progress.update(0, "reading photos")
-    loaded = (read_video(path, config.video_frames, config.max_side) if is_video(path)
-              else read_photos(path, config.max_side))
+    loaded = (read_video(path, config.video_frames, config.max_side, config.video_spacing)
+              if is_video(path) else read_photos(path, config.max_side))
+    count = len(loaded)
+    soft = [loaded[index].name for index in blurred([photo.image for photo in loaded],
+                                                    config.blur_threshold)]
+    if soft:
+        warnings.warn(f"{len(soft)} of {count} photos are blurred and are left out: "
+                      f"{_listed(soft)} (--blur-threshold 0 keeps them)", stacklevel=2)
+        loaded = [photo for photo in loaded if photo.name not in soft]
     if len(loaded) < 3:
         raise UserError(f"{path} has only {len(loaded)} usable "
                         f"{'photo' if len(loaded) == 1 else 'photos'}; {_ADVICE}")
@@ -261,8 +275,7 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     left_out = [photo.name for photo in loaded if photo.name not in found]
     if left_out:
         warnings.warn(f"{len(left_out)} of {len(loaded)} photos could not be placed and are left "
-                      f"out: {', '.join(left_out[:5])}{', ...' if len(left_out) > 5 else ''}",
-                      stacklevel=2)
+                      f"out: {_listed(left_out)}", stacklevel=2)
     kept = [photo for photo in loaded if photo.name in found]
     lenses = [found[photo.name][1] for photo in kept]
     poses = np.array([found[photo.name][0] for photo in kept])
@@ -271,9 +284,14 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     poses[:, :3, :3] /= np.cbrt(np.linalg.det(similarity[:3, :3]))
     capture = assemble(poses, lenses, [photo.image for photo in kept],
                        [photo.name for photo in kept], None, config.holdout)
-    figures.update(photos=len(loaded), registered=len(kept), left_out=left_out,
+    figures.update(photos=count, registered=len(kept), left_out=left_out, blurred=soft,
                    focal_px=float(np.median([lens.focal[0] for lens in lenses])))
     return replace(capture, frame=capture.frame @ similarity, figures=figures)
+
+
+def _listed(names: list[str]) -> str:
+    """The first few names, for a message of one line."""
+    return f"{', '.join(names[:5])}{', ...' if len(names) > 5 else ''}"
 
 
 def _pinholes(poses: NDArray[np.float64], lenses: list[Lens]) -> Camera:

@@ -30,7 +30,9 @@ Float = NDArray[np.float64]
 _MODELS = (
     ("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8),
     ("OPENCV_FISHEYE", 8), ("FULL_OPENCV", 12), ("FOV", 5), ("SIMPLE_RADIAL_FISHEYE", 4),
-    ("RADIAL_FISHEYE", 5), ("THIN_PRISM_FISHEYE", 12),
+    ("RADIAL_FISHEYE", 5), ("THIN_PRISM_FISHEYE", 12), ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4), ("DIVISION", 5), ("SIMPLE_FISHEYE", 3), ("FISHEYE", 4), ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
 )
 _COUNTS = dict(_MODELS)
 _IMAGE_FOLDERS = ("images", "input", "rgb", "images_2", "images_4", "images_8")
@@ -63,21 +65,28 @@ def lens_of(model: str, width: int, height: int, parameters: Iterable[float]) ->
     Raises
     ------
     UserError
-        If the model is none of SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV,
-        OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE and RADIAL_FISHEYE.
+        If the parameters make no sense, or the model is none of SIMPLE_PINHOLE, PINHOLE,
+        SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, SIMPLE_FISHEYE, FISHEYE, OPENCV_FISHEYE,
+        SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and THIN_PRISM_FISHEYE.
     """
     p = [float(value) for value in parameters]
     if len(p) != _COUNTS.get(model, len(p)):
         raise UserError(f"a COLMAP camera of model {model} has {len(p)} parameters instead of "
                         f"{_COUNTS[model]}; export the model again")
     if model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE",
-                 "RADIAL_FISHEYE"):
+                 "RADIAL_FISHEYE", "SIMPLE_FISHEYE"):
         focal, center, rest = (p[0], p[0]), (p[1], p[2]), p[3:]
-    elif model in ("PINHOLE", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV"):
+    elif model in ("PINHOLE", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV", "FISHEYE",
+                   "THIN_PRISM_FISHEYE"):
         focal, center, rest = (p[0], p[1]), (p[2], p[3]), p[4:]
     else:
         raise UserError(f"COLMAP's camera model {model} is not supported; undistort the pictures "
                         "first (colmap image_undistorter) or calibrate them again")
+    if model == "THIN_PRISM_FISHEYE":
+        return Lens(width, height, focal, center, "thin_prism", (rest[0], rest[1], *rest[4:6]),
+                    (rest[2], rest[3]), (rest[6], rest[7]))
+    if model == "FOV":
+        return Lens(width, height, focal, center, "fov", (rest[0],))
     if model.endswith("FISHEYE"):
         return Lens(width, height, focal, center, "fisheye", tuple(rest))
     if model in ("OPENCV", "FULL_OPENCV"):
@@ -200,6 +209,9 @@ def _photo_folder(model: Path, root: Path, names: list[str]) -> Path:
 def load_colmap(model: Path, root: Path, holdout: int) -> Capture:
     """Read a COLMAP model with its photos as a capture.
 
+    Masks, by COLMAP's custom ``masks/NAME.png`` for the photo ``NAME``, suffix included, become
+    the photos' alpha.
+
     Parameters
     ----------
     model
@@ -214,17 +226,23 @@ def load_colmap(model: Path, root: Path, holdout: int) -> Capture:
     UserError
         If the model is damaged or its photos are not found.
     """
-    from .formats import assemble
+    from .formats import assemble, with_mask
 
     lenses, images = read_model(model)
     folder = _photo_folder(model, root, [image.name for image in images])
     kept, pictures = [], []
     for image in images:
         try:
-            pictures.append(read_image(folder / image.name))
-            kept.append(image)
+            picture = read_image(folder / image.name)
         except UserError as error:
             warnings.warn(f"{error}; left out", stacklevel=2)
+            continue
+        masks = [root / "masks" / name for name in (
+            f"{image.name}.png", str(Path(image.name).with_suffix(".png")))]
+        pictures.append(with_mask(picture, masks))
+        kept.append(image)
+    if not kept:
+        raise UserError(f"none of the photos of the COLMAP model in {model} can be read")
     fitted = [lenses[image.camera].resized(picture.shape[1], picture.shape[0])
               for image, picture in zip(kept, pictures)]
     names = [image.name.replace("/", "_") for image in kept]

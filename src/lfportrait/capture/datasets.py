@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from ..errors import UserError
 from ..files import read_image
@@ -15,11 +16,38 @@ from .distortion import Lens
 __all__ = ["load_llff", "load_nsvf"]
 
 _SUFFIXES = {".png", ".jpg", ".jpeg", ".webp"}
+# Pixels along the longer side beyond which a reduced copy is preferred.
+_LARGEST_SIDE = 1600
 
 
 def _pictures(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir()
                   if path.suffix.lower() in _SUFFIXES and not path.name.startswith("."))
+
+
+def _llff_pictures(folder: Path, count: int) -> list[Path]:
+    """The pictures to read, ``count`` of them: the largest copies that are not too large.
+
+    Photos come at full size in ``images`` and reduced N times in ``images_N``.
+    """
+    best: tuple[float, list[Path]] | None = None
+    for place in (folder / "images", *folder.glob("images_*")):
+        files = _pictures(place) if place.is_dir() else []
+        if len(files) != count:
+            continue
+        try:
+            with Image.open(files[0]) as picture:
+                side = max(picture.size)
+        except OSError:
+            continue
+        # Up to the limit larger is better, beyond it smaller is.
+        rank = float(side) if side <= _LARGEST_SIDE else -float(side)
+        if best is None or rank > best[0]:
+            best = rank, files
+    if best is None:
+        raise UserError(f"{folder / 'poses_bounds.npy'} lists {count} cameras, but "
+                        f"{folder / 'images'} does not hold as many pictures")
+    return best[1]
 
 
 def load_llff(folder: Path, holdout: int) -> Capture:
@@ -34,7 +62,8 @@ def load_llff(folder: Path, holdout: int) -> Capture:
     folder
         The data set.
     holdout
-        Every ``holdout``-th picture becomes a test view; 0 holds out none.
+        Every ``holdout``-th picture, from the first on as is the custom with these data sets,
+        becomes a test view; 0 holds out none.
 
     Raises
     ------
@@ -49,12 +78,10 @@ def load_llff(folder: Path, holdout: int) -> Capture:
         matrices = table[:, :15].reshape(-1, 3, 5)
     except (OSError, ValueError, IndexError) as error:
         raise UserError(f"{source} is no LLFF camera file: {error}") from error
-    folders = [path for path in (folder / "images", *sorted(folder.glob("images_*")))
-               if path.is_dir() and len(_pictures(path)) == len(matrices)]
-    if not folders:
-        raise UserError(f"{source} lists {len(matrices)} cameras, but {folder / 'images'} does not "
-                        "hold as many pictures")
-    files = _pictures(folders[0])
+    if not (len(matrices) and np.isfinite(matrices).all() and (matrices[:, :, 4] > 0).all()):
+        raise UserError(f"{source} is no LLFF camera file: sizes and focal lengths must be "
+                        "positive numbers")
+    files = _llff_pictures(folder, len(matrices))
     poses = np.tile(np.eye(4), (len(matrices), 1, 1))
     poses[:, :3, 0], poses[:, :3, 1] = matrices[:, :, 1], matrices[:, :, 0]
     poses[:, :3, 2], poses[:, :3, 3] = -matrices[:, :, 2], matrices[:, :, 3]
@@ -64,7 +91,8 @@ def load_llff(folder: Path, holdout: int) -> Capture:
         height, width, focal = (float(value) for value in matrix[:, 4])
         lenses.append(Lens(round(width), round(height), (focal, focal), (width / 2, height / 2))
                       .resized(picture.shape[1], picture.shape[0]))
-    return assemble(poses, lenses, pictures, [file.name for file in files], None, holdout)
+    held = np.arange(len(files)) % holdout == 0 if 1 < holdout <= len(files) // 2 else None
+    return assemble(poses, lenses, pictures, [file.name for file in files], held, holdout)
 
 
 def _nsvf_intrinsics(file: Path) -> NDArray[np.float64]:
@@ -79,12 +107,26 @@ def _nsvf_intrinsics(file: Path) -> NDArray[np.float64]:
         raise UserError(f"can't read the camera in {file}: {error}") from error
 
 
+def _nsvf_box(file: Path) -> NDArray[np.float64] | None:
+    """The subject's box [2, 3] from ``bbox.txt``: lowest corner, highest corner, voxel size."""
+    if not file.is_file():
+        return None
+    try:
+        box = np.array([float(value) for value in file.read_text().split()[:6]]).reshape(2, 3)
+    except (OSError, ValueError) as error:
+        raise UserError(f"can't read the box in {file}: {error}") from error
+    if not (np.isfinite(box).all() and (box[1] > box[0]).all()):
+        raise UserError(f"the box in {file} is empty; mend or remove the file")
+    return box
+
+
 def load_nsvf(folder: Path, holdout: int) -> Capture:
     """Read an NSVF data set.
 
     Poses are camera-to-world with OpenCV axes, one text file a picture; the names' prefix says the
     split: ``0_`` training, ``1_`` validation, ``2_`` test. Without such prefixes every
-    ``holdout``-th picture is a test view.
+    ``holdout``-th picture is a test view. ``bbox.txt``, if there is one, tells where the subject
+    is, for a world that is not normalised.
 
     Parameters
     ----------
@@ -98,18 +140,21 @@ def load_nsvf(folder: Path, holdout: int) -> Capture:
     UserError
         If a file is missing or damaged.
     """
-    from .formats import assemble
+    from .formats import assemble, nsvf_folders
 
+    folders = nsvf_folders(folder)
+    if folders is None:
+        raise UserError(f"{folder} is no NSVF data set: it needs the folders rgb and pose")
+    rgb, pose_folder = folders
     fx, fy, cx, cy = _nsvf_intrinsics(folder / "intrinsics.txt")
-    files = [file for file in _pictures(folder / "rgb")
-             if (folder / "pose" / f"{file.stem}.txt").is_file()]
+    box = _nsvf_box(folder / "bbox.txt")
+    files = [file for file in _pictures(rgb) if (pose_folder / f"{file.stem}.txt").is_file()]
     if not files:
-        raise UserError(f"{folder / 'rgb'} has no picture with a file of its name in "
-                        f"{folder / 'pose'}")
+        raise UserError(f"{rgb} has no picture with a file of its name in {pose_folder}")
     poses, lenses, pictures = [], [], []
     for file in files:
         try:
-            pose = np.loadtxt(folder / "pose" / f"{file.stem}.txt").reshape(4, 4)
+            pose = np.loadtxt(pose_folder / f"{file.stem}.txt").reshape(4, 4)
         except (OSError, ValueError) as error:
             raise UserError(f"the pose of {file.name} can't be read: {error}") from error
         picture = read_image(file)
@@ -119,4 +164,5 @@ def load_nsvf(folder: Path, holdout: int) -> Capture:
     prefixes = [file.name.split("_")[0] for file in files]
     split = set(prefixes) <= {"0", "1", "2"} and len(set(prefixes)) > 1
     held = np.array([prefix != "0" for prefix in prefixes]) if split else None
-    return assemble(np.array(poses), lenses, pictures, [file.name for file in files], held, holdout)
+    return assemble(np.array(poses), lenses, pictures, [file.name for file in files], held,
+                    holdout, box)

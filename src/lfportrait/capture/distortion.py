@@ -1,25 +1,36 @@
-"""Lens distortion: the OpenCV models, and pictures resampled as a pinhole would have taken them.
+"""Lens distortion: OpenCV's and COLMAP's models, and pictures resampled as by a pinhole.
 
 With normalised image coordinates (x, y) = (X/Z, Y/Z), r^2 = x^2 + y^2:
 
 - ``opencv``: x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
   + 2 p1 x y + p2 (r^2 + 2 x^2), and y' likewise with p1 and p2 exchanged;
 - ``fisheye``: theta = atan r, theta' = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6
-  + k4 theta^8), (x', y') = theta'/r (x, y).
+  + k4 theta^8), (x', y') = theta'/r (x, y);
+- ``thin_prism``: (u, v) = theta/r (x, y), q = theta; u' = u (1 + k1 q^2 + k2 q^4 + k3 q^6 + k4 q^8)
+  + 2 p1 u v + p2 (q^2 + 2 u^2) + s1 q^2, and v' likewise with p1 and p2 exchanged and s2;
+- ``fov``: r' = atan(2 r tan(w/2)) / w with w = k1, (x', y') = r'/r (x, y).
+
+A straightened picture shows nothing that the photo does not: where a lens pulls the corners inwards
+its focal length is a little longer, so that the photo covers it all.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import functools
+from dataclasses import dataclass, replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 __all__ = ["Lens", "undistort"]
 
 Float = NDArray[np.float64]
+
+
+# A straightened picture may be this much larger than the photo to leave no uncovered corners.
+_LARGEST_ZOOM = 1.5
 
 
 @dataclass(frozen=True)
@@ -33,11 +44,13 @@ class Lens:
     focal, center
         (x, y) in pixels.
     model
-        ``"opencv"`` or ``"fisheye"``.
+        ``"opencv"``, ``"fisheye"``, ``"thin_prism"`` or ``"fov"``.
     k
-        Radial coefficients: up to 6 (opencv) or 4 (fisheye).
+        Radial coefficients: up to 6 (opencv), 4 (fisheye, thin_prism), the angle w (fov).
     p
-        Tangential coefficients p1, p2 (opencv).
+        Tangential coefficients p1, p2 (opencv, thin_prism).
+    s
+        Prism coefficients s1, s2 (thin_prism).
     """
 
     width: int
@@ -47,55 +60,120 @@ class Lens:
     model: str = "opencv"
     k: tuple[float, ...] = ()
     p: tuple[float, float] = (0.0, 0.0)
+    s: tuple[float, float] = (0.0, 0.0)
 
     @property
     def distorts(self) -> bool:
-        """Whether any coefficient differs from zero; a fisheye always bends."""
-        return self.model == "fisheye" or any(self.k) or any(self.p)
+        """Whether the lens bends straight lines; a fisheye always does."""
+        return self.model in ("fisheye", "thin_prism") or any(self.k) or any(self.p)
 
     def resized(self, width: int, height: int) -> Lens:
         """The lens of the same picture at another size, in pixels."""
         ratio = width / self.width, height / self.height
-        return Lens(width, height, (self.focal[0] * ratio[0], self.focal[1] * ratio[1]),
-                    (self.center[0] * ratio[0], self.center[1] * ratio[1]), self.model, self.k,
-                    self.p)
+        return replace(self, width=width, height=height,
+                       focal=(self.focal[0] * ratio[0], self.focal[1] * ratio[1]),
+                       center=(self.center[0] * ratio[0], self.center[1] * ratio[1]))
+
+    def _radial(self, r: Float) -> Float:
+        """Distance from the centre on the sensor over the pinhole's, without the other terms."""
+        if self.model == "fov":
+            angle = self.k[0] if self.k else 0.0
+            if abs(angle) < 1e-6:
+                return np.ones_like(r)
+            reach = 2.0 * np.tan(0.5 * angle)
+            return np.where(r > 1e-9, np.arctan(r * reach) / np.maximum(r * angle, 1e-300),
+                            reach / angle)
+        if self.model == "opencv":
+            k = (*self.k, *([0.0] * 6))[:6]
+            r2 = r * r
+            below = 1 + r2 * (k[3] + r2 * (k[4] + r2 * k[5]))
+            return (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))) / np.where(below == 0, 1e-300, below)
+        k = (*self.k, *([0.0] * 4))[:4]
+        theta = np.arctan(r)
+        t2 = theta * theta
+        bent = theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))))
+        return np.where(r > 1e-12, bent / np.maximum(r, 1e-12), 1.0)
 
     def distort(self, points: Float) -> Float:
         """Normalised pinhole coordinates [..., 2] -> normalised coordinates on the sensor."""
+        r = np.sqrt((points * points).sum(-1))
+        found: Float = points * self._radial(r)[..., None]
+        if self.model == "thin_prism":
+            points = points * np.where(r > 1e-12, np.arctan(r) / np.maximum(r, 1e-12),
+                                       1.0)[..., None]
+        elif self.model != "opencv":
+            return found
+        (p1, p2), (s1, s2) = self.p, self.s
         x, y = points[..., 0], points[..., 1]
         r2 = x * x + y * y
-        if self.model == "fisheye":
-            k = (*self.k, 0.0, 0.0, 0.0, 0.0)[:4]
-            r = np.sqrt(r2)
-            theta = np.arctan(r)
-            t2 = theta * theta
-            bent = theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))))
-            ratio = np.where(r > 1e-12, bent / np.maximum(r, 1e-12), 1.0)
-            return points * ratio[..., None]
-        k = (*self.k, *([0.0] * 6))[:6]
-        radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))) / (
-            1 + r2 * (k[3] + r2 * (k[4] + r2 * k[5])))
-        p1, p2 = self.p
-        return np.stack([x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-                         y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y], axis=-1)
+        return found + np.stack([2 * p1 * x * y + p2 * (r2 + 2 * x * x) + s1 * r2,
+                                 p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + s2 * r2], axis=-1)
+
+    def pinhole(self) -> Lens:
+        """The straightened picture's lens: no distortion, all covered by the photo if possible."""
+        if not self.distorts:
+            return self
+        zoom = _zoom(self)
+        return Lens(self.width, self.height, (self.focal[0] * zoom, self.focal[1] * zoom),
+                    self.center)
 
     def source_pixels(self) -> Float:
-        """For each pixel of the pinhole picture, where it lies in the photo: [H, W, 2] (x, y)."""
+        """For each pixel of the pinhole picture, where it lies in the photo: [H, W, 2] (x, y).
+
+        NaN where the lens' formula folds back, which no photo shows.
+        """
         x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
-        focal, center = np.array(self.focal), np.array(self.center)
-        flat = (np.stack([x, y], -1) - center) / focal
-        return self.distort(flat) * focal + center
+        return _source(self, np.stack([x, y], -1), self.pinhole().focal)
+
+
+def _source(lens: Lens, pixels: Float, focal: tuple[float, float]) -> Float:
+    """Where pixels [..., 2] of a pinhole picture with this focal length lie in the photo."""
+    flat = (pixels - np.array(lens.center)) / np.array(focal)
+    r = np.sqrt((flat * flat).sum(-1))
+    # Up to where the distance on the sensor grows with the angle.
+    ladder = np.linspace(0.0, max(float(r.max()), 1e-9), 1025)
+    falls = np.flatnonzero(np.diff(ladder * lens._radial(ladder)) <= 0)
+    place = lens.distort(flat) * np.array(lens.focal) + np.array(lens.center)
+    if len(falls):
+        place[r > ladder[falls[0]]] = np.nan
+    return place
+
+
+def _covered(lens: Lens, place: Float) -> NDArray[np.bool_]:
+    """Which places [..., 2] lie in the photo; not the unknown ones."""
+    return np.asarray((place[..., 0] >= 0) & (place[..., 0] <= lens.width)
+                      & (place[..., 1] >= 0) & (place[..., 1] <= lens.height))
+
+
+@functools.cache
+def _zoom(lens: Lens) -> float:
+    """By how much longer a focal length leaves no corner uncovered; 1 where none is enough."""
+    x, y = np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5
+    rim = np.concatenate([np.stack([x, np.full_like(x, edge)], -1) for edge in (y[0], y[-1])]
+                         + [np.stack([np.full_like(y, edge), y], -1) for edge in (x[0], x[-1])])
+
+    def fits(zoom: float) -> bool:
+        focal = lens.focal[0] * zoom, lens.focal[1] * zoom
+        return bool(_covered(lens, _source(lens, rim, focal)).all())
+
+    if fits(1.0) or not fits(_LARGEST_ZOOM):
+        return 1.0
+    low, high = 1.0, _LARGEST_ZOOM
+    while high - low > 1e-4:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if fits(middle) else (middle, high)
+    return high
 
 
 def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Resample a photo as the pinhole camera with the same focal length and centre sees it.
+    """Resample a photo as a pinhole camera sees it.
 
     Parameters
     ----------
     image
         uint8 [H, W, C].
     lens
-        The photo's lens.
+        The photo's lens; the pinhole is ``lens.pinhole()``.
 
     Returns
     -------
@@ -104,11 +182,21 @@ def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], NDArray[np
     """
     if not lens.distorts:
         return image, np.ones(image.shape[:2], bool)
+    columns, rows, inside = _map(lens)
+    # Cubic, as a linear blend of pixels would blur the photo.
+    flat = cv2.remap(np.ascontiguousarray(image), columns, rows, cv2.INTER_CUBIC,
+                     borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(flat).reshape(image.shape), inside
+
+
+@functools.lru_cache(maxsize=1)
+def _map(lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """Columns and rows [H, W] of the photo for each pixel, and where the photo covers it.
+
+    Photos of one camera follow each other, so the last one's is kept.
+    """
     place = lens.source_pixels()
-    rows, columns = place[..., 1] - 0.5, place[..., 0] - 0.5
-    inside = ((rows >= -0.5) & (rows <= lens.height - 0.5)
-              & (columns >= -0.5) & (columns <= lens.width - 0.5))
-    planes = [ndimage.map_coordinates(image[..., channel].astype(np.float32), [rows, columns],
-                                      order=1, mode="nearest")
-              for channel in range(image.shape[2])]
-    return np.clip(np.stack(planes, -1) + 0.5, 0, 255).astype(np.uint8), inside
+    inside = _covered(lens, place)
+    place = np.nan_to_num(place, nan=-1.0) - 0.5
+    return (np.ascontiguousarray(place[..., 0], np.float32),
+            np.ascontiguousarray(place[..., 1], np.float32), inside)

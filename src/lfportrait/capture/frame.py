@@ -76,15 +76,18 @@ def looks_normalised(cameras: Camera) -> bool:
     return bool(upright and (away[2] > 0.2 or np.hypot(away[0], away[2]) < 0.25))
 
 
-def portrait_frame_from_cameras(cameras: Camera) -> Float:
+def portrait_frame_from_cameras(cameras: Camera, box: Float | None = None) -> Float:
     """Similarity [4, 4] from the cameras' world to a portrait frame guessed from the cameras.
 
     The origin is the point that the cameras look at (nearest to all optical axes); +y is their mean
     up; +z is the direction to their mean position, made perpendicular to +y. The scale puts what
     the nearest quarter of the cameras see at that point to about the cube's size: their half field
     of view there (the smaller side) becomes 1.
+
+    Where the subject's ``box`` is known, float64 [2, 3] in the cameras' world, its middle is the
+    origin instead, and its longest half edge with a tenth of margin becomes 1.
     """
-    middle = focus_point(cameras)
+    middle = focus_point(cameras) if box is None else np.asarray(box.mean(0))
     up = mean_up(cameras)
     front = cameras.position.mean(0) - middle
     if np.linalg.norm(front) < 1e-9:
@@ -95,6 +98,8 @@ def portrait_frame_from_cameras(cameras: Camera) -> Float:
         z = np.cross(cameras.pose[0, :3, 0], y)
     z /= np.linalg.norm(z)
     rotation = np.stack([np.cross(y, z), y, z])
+    if box is not None:
+        return _similarity(1.0 / (1.1 * 0.5 * float((box[1] - box[0]).max())), rotation, middle)
     distance = np.linalg.norm(cameras.position - middle, axis=1)
     half = 0.5 * np.minimum(cameras.width / cameras.focal[:, 0],
                             cameras.height / cameras.focal[:, 1])

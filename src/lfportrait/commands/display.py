@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
@@ -10,8 +11,17 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from ..errors import UserError
-from ..files import read_image, write_image
-from ..lightfield import Display, EncodeConfig
+from ..files import write_image
+from ..lightfield import (
+    DepthReport,
+    Display,
+    EncodeConfig,
+    SequenceConfig,
+    read_coded,
+    write_coded,
+    write_sequence,
+)
+from ..lightfield.coded import lossless
 from .common import Common
 
 __all__ = ["DisplayCommand", "Encode", "Simulate"]
@@ -19,26 +29,32 @@ __all__ = ["DisplayCommand", "Encode", "Simulate"]
 
 @dataclass
 class Encode(Common):
-    """Code a field's light field for a display, one ray per sub-pixel."""
+    """Code a field's light field for a display, one ray per sub-pixel; still or moving."""
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
     out: Path = Path("lightfield.png")
-    """File for the coded picture; a name ending in .png keeps every sub-pixel."""
+    """File for the coded picture; a name ending in .png keeps every sub-pixel. With --frames a
+    video (.mp4, .mov, .mkv) or a folder for pictures, which is gone on with after an interruption.
+    """
     quilt: Path | None = None
     """Also write a quilt; a name such as portrait_qs8x6a0.75.png tells columns, rows, aspect."""
     config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
     """Coding."""
+    sequence: Annotated[SequenceConfig, tyro.conf.arg(name="")] = option(
+        default_factory=SequenceConfig)
+    """Motion."""
 
     def run(self) -> dict[str, Any]:
         """Code and write."""
         from ..field import VoxelField
         from ..lightfield import ViewMask, encode_with_figures, quilt_of
 
-        if self.out.suffix.lower() in (".jpg", ".jpeg"):
-            raise UserError("a coded picture must keep every sub-pixel: write it as .png, not .jpg")
+        if self.sequence.frames:
+            return self._moving()
+        lossless(self.out)
         panel = Display.resolve(self.display)
         voxels = VoxelField.load(self.field)
         with self.progress("encode") as progress:
@@ -46,11 +62,26 @@ class Encode(Common):
             progress.update(0, f"{panel.width} x {panel.height}, {panel.views} views")
             image, figures = encode_with_figures(voxels, panel, self.config, mask=mask,
                                                  device=self.device)
-        write_image(self.out, image, compress_level=1)
+        write_coded(self.out, image, panel)
         if self.quilt is not None:
             picture, _ = quilt_of(voxels, panel, self.config, name=self.quilt.name)
             write_image(self.quilt, picture)
         return figures
+
+    def _moving(self) -> dict[str, Any]:
+        from ..field import VoxelField
+
+        if self.quilt is not None:
+            raise UserError("--quilt is for pictures that stand still; leave out --frames")
+        panel = Display.resolve(self.display)
+        voxels = VoxelField.load(self.field)
+        start = time.perf_counter()
+        with self.progress("encode", self.sequence.frames) as progress:
+            figures = write_sequence(voxels, panel, self.config, self.sequence, self.out,
+                                     progress.step)
+        figures["seconds"] = {"sequence": round(time.perf_counter() - start, 3)}
+        return figures | {"display": panel.name, "views": panel.views,
+                          "subpixels": 3 * panel.width * panel.height}
 
 
 @dataclass
@@ -74,8 +105,9 @@ class Simulate(Common):
 
         if len(self.eye) not in (1, 2):
             raise UserError("--eye takes X or X Y")
-        image = simulate(read_image(self.lightfield)[..., :3], Display.resolve(self.display),
-                         self.eye, crosstalk=self.crosstalk)
+        panel = Display.resolve(self.display)
+        image = simulate(read_coded(self.lightfield, panel), panel, self.eye,
+                         crosstalk=self.crosstalk)
         write_image(self.out, image)
         return {}
 
@@ -89,9 +121,16 @@ class DisplayCommand(Common):
     name: tyro.conf.Positional[str] = ""
     """Display preset or file (show, pattern); calibration file (import)."""
     kind: str = "views"
-    """Pattern: views, slant, fringe or depth."""
+    """Pattern: views (each view's number), slant (pitch, slant and offset), fringe (order of the
+    sub-pixels) or depth (grids at five depths)."""
     out: Path | None = None
     """File for the pattern (.png) or the imported display (.toml)."""
+    size: float = EncodeConfig.size
+    """show: height of the head over the panel's height, for the depth budget."""
+    focus: float = EncodeConfig.focus
+    """show: how far the head's middle lies in front of the panel, in half panel heights."""
+    depth_scale: float = EncodeConfig.depth_scale
+    """show: depth of the head over its true depth."""
 
     def run(self) -> dict[str, Any]:
         """Do what ``action`` says."""
@@ -109,11 +148,16 @@ class DisplayCommand(Common):
             return {"display": panel.name, "file": target}
         panel = Display.resolve(self.name)
         if self.action == "show":
-            print(panel.to_toml(), end="")
-            return {"display": panel.name}
+            report = DepthReport.of(panel, EncodeConfig(
+                size=self.size, focus=self.focus, depth_scale=self.depth_scale))
+            print(panel.to_toml() + "\n# Depth budget for a head of size "
+                  f"{self.size:g} at focus {self.focus:g}:")
+            print("\n".join(f"#   {line}" for line in report.lines()))
+            return {"display": panel.name, "depth": report.figures()}
         from ..lightfield import pattern
 
         if self.out is None:
             raise UserError("say where to write the pattern with --out FILE.png")
-        write_image(self.out, pattern(panel, self.kind), compress_level=1)
+        lossless(self.out)
+        write_coded(self.out, pattern(panel, self.kind), panel)
         return {"display": panel.name, "pattern": self.kind}

@@ -6,7 +6,6 @@ Times depend on the machine and on what else runs on it: compare the ratios of o
 
 from __future__ import annotations
 
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -17,26 +16,14 @@ import numpy as np
 from ..capture import Camera, Capture
 from ..example import Exemplar
 from ..field import ReconstructConfig, VoxelField, reconstruct_with_figures
-from ..lightfield import (
-    Display,
-    EncodeConfig,
-    ViewMask,
-    encode_with_figures,
-    interlace,
-    view_camera,
-)
 from ..measure import machine, peak_memory_bytes
-from ..metrics import psnr
 from ..progress import Progress
+from .bench_encode import bench_encode
 from .bench_transfer import bench_transfer, say, timed
 
 __all__ = ["BENCHES", "bench", "bench_encode", "bench_reconstruct", "bench_stylize",
            "bench_transfer"]
 
-PANELS = {"1080p": "generic-1080p", "4k": "generic-4k", "8k": "generic-8k"}
-"""Sizes of ``bench encode`` and the presets that have them."""
-MASKS = {"1k": "generic-1k", "2k": "generic-2k", "4k": "generic-4k", "8k": "generic-8k"}
-"""Sizes of the paper's Table 1."""
 SHORT = ReconstructConfig(resolutions=(64, 128), rays=(0.5, 1.0), batch=(16384,))
 """A reconstruction that takes seconds, for a field to measure on."""
 
@@ -53,111 +40,6 @@ def _field(path: Path | None, progress: Progress | None) -> VoxelField:
         return VoxelField.load(path)
     say(progress, "reconstructing the embedded head")
     return reconstruct_with_figures(_embedded_capture(), SHORT)[0]
-
-
-def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", "8k"),
-                 masks: tuple[str, ...] = ("1k", "2k", "4k", "8k"), repeats: int = 2,
-                 config: EncodeConfig | None = None, progress: Progress | None = None,
-                 ) -> dict[str, Any]:
-    """Coding at several panel sizes, beside its quality, the mask's worth and the common way.
-
-    Parameters
-    ----------
-    field
-        The field to code.
-    sizes
-        Of `PANELS`.
-    masks
-        Of `MASKS`: with and without the stored mask guide (Shen et al. 2023, Table 1).
-    repeats
-        The shortest of so many runs counts.
-    config
-        Coding.
-    progress
-        Progress line.
-
-    Returns
-    -------
-    figures
-        Per size ``seconds``, ``subpixels``, ``views``, ``method``, ``psnr`` (dB, against casting
-        in steps of a quarter of a voxel); ``direct``: casting in half-voxel steps at the first
-        size; ``view_by_view``: all views rendered at that size, then interlaced; ``mask``: a list
-        with ``build_seconds``, ``load_seconds``, ``with_seconds`` (load and code),
-        ``without_seconds`` (build and code), ``bytes``.
-    """
-    config = config or EncodeConfig()
-    figures: dict[str, Any] = {}
-    for size in sizes:
-        say(progress, f"coding {size}")
-        # An 8K picture takes long enough for one run to tell.
-        figures[size] = _coded(field, Display.preset(PANELS[size]), config,
-                               1 if size == "8k" else repeats)
-    first = Display.preset(PANELS[sizes[0]])
-    say(progress, "direct casting")
-    direct = replace(config, step_size=0.5, draft=False)
-    figures["direct"] = {**_coded(field, first, direct, repeats), "step_size": 0.5,
-                         "resolution": sizes[0]}
-    say(progress, f"all {first.views} views, then interlacing")
-    figures["view_by_view"] = {**_view_by_view(field, first, config), "resolution": sizes[0]}
-    figures["view_by_view"]["times_slower"] = (
-        figures["view_by_view"]["seconds"] / figures[sizes[0]]["seconds"])
-    figures["mask"] = []
-    for size in masks:
-        say(progress, f"mask guide, {size}")
-        figures["mask"].append({"resolution": size, **_mask(
-            field, Display.preset(MASKS[size]), config, repeats)})
-    return figures
-
-
-def _coded(field: VoxelField, display: Display, config: EncodeConfig, repeats: int,
-           ) -> dict[str, Any]:
-    mask = ViewMask.build(display, cache=False)
-    encode_with_figures(field, replace(display, width=64, height=8), config)
-    seconds, (image, run) = timed(
-        lambda: encode_with_figures(field, display, config, mask=mask), repeats)
-    fine = replace(config, step_size=0.25, draft=False)
-    reference, _ = encode_with_figures(field, display, fine, mask=mask)
-    quality = psnr(image.astype(np.float32) / 255, reference.astype(np.float32) / 255)
-    return {"seconds": seconds, "subpixels": run["subpixels"], "views": run["views"],
-            "method": run["method"], "subpixels_per_second": run["subpixels"] / seconds,
-            "psnr": min(quality, 99.0)}
-
-
-def _view_by_view(field: VoxelField, display: Display, config: EncodeConfig) -> dict[str, Any]:
-    """The common way: every view as a whole picture, then the panel's sub-pixels picked."""
-    start = time.perf_counter()
-    views = np.empty((display.views, display.height, display.width, 3), np.uint8)
-    for view, eye in enumerate(display.eyes()):
-        camera = view_camera(display, config, float(eye), width=display.width,
-                             height=display.height)
-        color = field.render(camera, 0, background=config.background, step=config.step_size).color
-        views[view] = np.clip(color, 0, 1) * 255 + 0.5
-    rendered = time.perf_counter()
-    interlace(views, display)
-    end = time.perf_counter()
-    return {"seconds": end - start, "render_seconds": rendered - start,
-            "interlace_seconds": end - rendered, "views": display.views,
-            "subpixels": 3 * display.width * display.height * display.views,
-            "method": "view by view", "bytes": views.nbytes}
-
-
-def _mask(field: VoxelField, display: Display, config: EncodeConfig, repeats: int,
-          ) -> dict[str, Any]:
-    """One row of Table 1: time and memory with and without the stored mask guide."""
-    ViewMask.build(replace(display, width=32, height=8), cache=False)
-    with tempfile.TemporaryDirectory() as name:
-        build, mask = timed(lambda: ViewMask.build(display, cache=False), repeats)
-        ViewMask.build(display, cache=Path(name))
-        load, _ = timed(lambda: ViewMask.build(display, cache=Path(name)), repeats)
-
-        def code(cache: bool | Path) -> None:
-            encode_with_figures(field, display, config,
-                                mask=ViewMask.build(display, cache=cache))
-
-        stored, _ = timed(lambda: code(Path(name)), 1)
-        fresh, _ = timed(lambda: code(False), 1)
-    return {"build_seconds": build, "load_seconds": load, "with_seconds": stored,
-            "without_seconds": fresh, "bytes": mask.nbytes}
 
 
 def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None, *,

@@ -21,13 +21,22 @@ from ..files import atomic_write
 from .background import Background
 from .grid import VoxelField
 
-__all__ = ["load_field", "save_field"]
+__all__ = ["load_field", "save_checkpoint", "save_field"]
 
-_NEEDED = ("radius", "center", "links", "density_data", "sh_data")
+_NEEDED = ("links", "density_data", "sh_data")
 
 
 def save_field(field: VoxelField, path: Any) -> None:
     """Write a field; coefficients are rounded to float16, as svox2 does."""
+    _save(field, path, frame=field.frame, lfportrait_version=np.str_(__version__))
+
+
+def save_checkpoint(field: VoxelField, path: Any) -> None:
+    """Write a field with svox2's own keys alone, in the order in which svox2 writes them."""
+    _save(field, path)
+
+
+def _save(field: VoxelField, path: Any, **more: Any) -> None:
     if Path(path).suffix != ".npz":
         raise UserError(f"a field is written as .npz, not {Path(path).name}")
     behind: dict[str, Any] = {}
@@ -41,8 +50,7 @@ def save_field(field: VoxelField, path: Any) -> None:
                  density_data=field.density[:, None].astype(np.float32),
                  sh_data=np.clip(field.sh.reshape(len(field.sh), -1), -6e4, 6e4
                                  ).astype(np.float16),
-                 basis_type=np.int64(1), frame=field.frame,
-                 lfportrait_version=np.str_(__version__), **behind)
+                 **behind, basis_type=np.int64(1), **more)
 
 
 def load_field(path: Any) -> VoxelField:
@@ -68,9 +76,13 @@ def load_field(path: Any) -> VoxelField:
     missing = [name for name in _NEEDED if name not in arrays]
     if missing:
         raise UserError(f"{path} is not a field: it has no {', '.join(missing)}")
-    if any(arrays[name].dtype.kind not in "fiu" for name in _NEEDED):
+    # As in svox2, older files that do not tell their cube have the unit cube.
+    arrays.setdefault("radius", np.ones(3))
+    arrays.setdefault("center", np.zeros(3))
+    if any(arrays[name].dtype.kind not in "fiu" for name in (*_NEEDED, "radius", "center")):
         raise UserError(f"{path} is not a field: it holds text where numbers should be")
-    if int(arrays.get("basis_type", 1)) != 1:
+    # Learned bases: the earliest files have them without saying so.
+    if int(arrays.get("basis_type", 4 if "basis_data" in arrays else 1)) != 1:
         raise UserError(f"{path} uses a colour basis other than spherical harmonics, which "
                         "lfportrait does not read")
     links, density, sh = arrays["links"], arrays["density_data"].reshape(-1), arrays["sh_data"]

@@ -65,13 +65,20 @@ class Bricks:
     shape: tuple[int, int, int]
 
     @functools.cached_property
-    def bounds(self) -> NDArray[np.int32]:
-        """First and last brick along x of each row of the table, int32 [BZ, BY, 2]."""
-        occupied = self.table >= 0
-        wide = self.table.shape[2]
-        first = np.where(occupied.any(2), occupied.argmax(2), wide)
-        last = np.where(occupied.any(2), wide - 1 - occupied[..., ::-1].argmax(2), -1)
-        return np.stack([first, last], -1).astype(np.int32)
+    def blocks(self) -> NDArray[np.uint64]:
+        """Where sixteen columns on end have a brick: uint64 [BZ, BY], bit b for columns from 16 b.
+
+        Columns from 1008 on share bit 63.
+        """
+        deep, high, wide = self.table.shape
+        count = -(-self.shape[2] // 16)
+        occupied = np.zeros((deep, high, 4 * count), np.bool_)
+        occupied[..., :wide] = self.table >= 0
+        # A column beyond the last brick belongs to that brick.
+        occupied[..., wide:] = occupied[..., wide - 1:wide]
+        bits = np.uint64(1) << np.minimum(np.arange(count), 63).astype(np.uint64)
+        found = occupied.reshape(deep, high, count, 4).any(-1)
+        return np.bitwise_or.reduce(np.where(found, bits, np.uint64(0)), axis=-1)
 
     @property
     def nbytes(self) -> int:

@@ -13,20 +13,32 @@ from .identity import identified
 from .lanes import LANES
 from .march import enter_box, make_channel_shade, make_march, sh_basis
 
-__all__ = ["encode_kernel", "eye_of"]
+__all__ = ["encode_kernel", "eye_of", "side_of"]
 
 
 @identified("eye_of")
 @njit(cache=True)
 def eye_of(place, y, eyes, panel):
     """Eye of sub-pixel ``place`` of row ``y`` at its own phase, between two views."""
-    raw = place + y * panel[10] + panel[11]
+    column, k = place // 3, place % 3
+    step = panel[13 + 6 * (y % 4) + 3 * (column % 2) + k]
+    raw = 3.0 * column + step + y * panel[10] + panel[11]
     phase = raw - panel[9] * np.floor(raw / panel[9])
-    if panel[12] > 0.5:
+    if phase >= panel[9]:
+        phase = 0.0
+    if panel[12] > 0.5 and phase > 0:
         phase = panel[9] - phase
     last = len(eyes) - 1
     at = min(max(phase / panel[9] * len(eyes) - 0.5, 0.0), float(last))
     return eyes[0] + (eyes[last] - eyes[0]) * at / max(last, 1)
+
+
+@identified("side_of")
+@njit(cache=True)
+def side_of(place, y, across, panel):
+    """X on the panel, in half panel heights, of sub-pixel ``place`` of row ``y``."""
+    moved = panel[37 + 6 * (y % 4) + 3 * (place // 3 % 2) + place % 3]
+    return panel[0] * (2.0 * (place + 0.5 + moved) / across - 1.0)
 
 
 @functools.cache
@@ -41,9 +53,11 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
         lattice coordinates, ``axes`` float64 [2, 3] are its x and z axes in the field's world (y is
         up in both). ``mask`` [H, W * 3] holds each sub-pixel's view; ``fixed`` >= 0
         overrides it with one view; where ``eyes`` has one entry a sub-pixel phase instead
-        (``panel[6]`` > 0), the view is continuous. ``panel`` float64: half width over half height,
-        eye height, distance and placement scale, packed as [aspect, eye_y, distance, scale, 0, 0,
-        continuous, 0, bgr, pitch, shift, offset, inverted]; ``out`` uint8 [H, W * 3].
+        (``panel[6]`` > 0), the view is continuous. ``panel`` float64 [61]: half width over half
+        height, eye height, distance and placement scale, packed as [aspect, eye_y, distance, scale,
+        0, 0, continuous, 0, bgr, pitch, shift, offset, inverted]; then, for each row mod 4, column
+        mod 2 and sub-pixel, its phase in its pixel (`Display.steps`), and how far it lies to the
+        right of its usual third of the pixel, in sub-pixels. ``out`` uint8 [H, W * 3].
     """
     march = make_march(LANES, make_channel_shade(width, count))
     load, store = LANES.load, LANES.store
@@ -54,7 +68,7 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
                threshold, stop, background, out):
         height, across = mask.shape
         nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
-        aspect, eye_y, distance, size = panel[0], panel[1], panel[2], panel[3]
+        eye_y, distance, size = panel[1], panel[2], panel[3]
         continuous, bgr = panel[6] > 0.5, panel[8] > 0.5
         for y in prange(height):
             basis = np.zeros(16 * 64, np.float32)
@@ -71,7 +85,7 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
                         ex = eye_of(place, y, eyes, panel)
                     else:
                         ex = eyes[mask[y, place]]
-                    px = aspect * (2.0 * (place + 0.5) / across - 1.0)
+                    px = side_of(place, y, across, panel)
                     wx, wy, wz = px - ex, py - eye_y, -distance
                     scale = 1.0 / np.sqrt(wx * wx + wy * wy + wz * wz)
                     wx, wy, wz = wx * scale, wy * scale, wz * scale

@@ -1,5 +1,8 @@
 """Displays, mask guide, coding, quilts, simulation, patterns (Shen et al. 2023, 2.3, Eq. 8)."""
 
+from .budget import DepthReport
+from .coded import read_coded, write_coded
+from .deinterlacing import deinterlace, each_view
 from .display import Display
 from .encode import (
     EncodeConfig,
@@ -10,10 +13,22 @@ from .encode import (
     render_view,
     view_camera,
 )
+from .interlacing import (
+    InterlaceConfig,
+    QuiltLayout,
+    assemble_quilt,
+    interlace,
+    quilt_tiles,
+    read_views,
+)
 from .mask import ViewMask
-from .quilt import QuiltLayout, interlace, quilt_of, quilt_tiles
-from .simulate import deinterlace, pattern, simulate
+from .patterns import pattern
+from .quilt import quilt_of
+from .sequence import SequenceConfig, each_frame, write_sequence
+from .simulate import simulate
 
-__all__ = ["Display", "EncodeConfig", "Placement", "QuiltLayout", "ViewMask", "deinterlace",
-           "depth_budget", "encode", "encode_with_figures", "interlace", "pattern", "quilt_of",
-           "quilt_tiles", "render_view", "simulate", "view_camera"]
+__all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
+           "SequenceConfig", "ViewMask", "assemble_quilt", "deinterlace", "depth_budget",
+           "each_frame", "each_view", "encode", "encode_with_figures", "interlace", "pattern",
+           "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "simulate",
+           "view_camera", "write_coded", "write_sequence"]

@@ -7,8 +7,12 @@ in sub-pixels, and the view (Shen et al. 2023, Eq. 8, written for columns from t
     u = (3 x + k + 3 y tan(slant) + offset) mod L_n,     v = u V_n / L_n  in [0, V_n)
 
 The paper's value is v - V_n / 2 of the mirrored column. Looking Glass states the same by ``pitch``,
-``slope`` and ``center`` over the panel from its lower left corner; `from_looking_glass` and
-`looking_glass` convert exactly.
+``slope`` and ``center`` over the panel from its lower left corner; `lookingglass` converts exactly.
+
+Some panels do not have their sub-pixels side by side: ``cells`` then tells where each colour lies
+within its pixel, and 3 (x + dx_k) - 3 tan(slant) dy_k takes the place of 3 x + k. Everything here
+is as the viewer sees the panel; one that shows its picture mirrored (``flip_x``, ``flip_y``) gets
+it mirrored beforehand, by `to_panel`.
 
 View v is seen from the point (x_v, eye_height, distance) on a horizontal line, with
 x_v = distance tan(cone / 2) (2 (v + 1/2) / V_n - 1): view 0 is the leftmost.
@@ -19,8 +23,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import tomllib
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -30,10 +33,13 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..files import atomic_write
+from . import display_file, lookingglass
 
-__all__ = ["Display"]
+__all__ = ["CELL_PATTERNS", "Display"]
 
 _ORDERS = ("RGB", "BGR")
+CELL_PATTERNS = ("single", "checkerboard", "rows", "staggered", "columns")
+"""Which of the cells a pixel has; the places in this list are Looking Glass's numbers."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,7 @@ class Display:
         Angle of the lenses against the vertical in radians; positive shifts the phase to the right
         row by row, by 3 tan(slant) sub-pixels.
     offset
-        Phase of the top left sub-pixel, in sub-pixels.
+        Phase of the top left sub-pixel (with ``cells``: of that pixel's middle), in sub-pixels.
     subpixels
         Order of the colours from left to right, ``"RGB"`` or ``"BGR"``.
     cone
@@ -63,12 +69,26 @@ class Display:
         Height of the eyes above the panel's centre, in half panel heights.
     inverted
         True where the phase grows from the right to the left view.
+    flip_x, flip_y
+        True where the panel shows its picture mirrored left to right, or upside down.
+    cells
+        Up to four rows of six numbers, where a pixel's colours do not lie side by side: x and y of
+        red, green and blue from the pixel's middle, in pixels, x to the right, y up.
+    cell_pattern
+        Which row of ``cells`` a pixel has: ``"single"`` (the first), ``"columns"``, ``"rows"`` (in
+        turn, columns from the left, rows from the bottom), ``"checkerboard"`` or ``"staggered"``
+        (rows in turn, every second column two rows further).
+    gamma
+        Exponent from a stored value to the light that the panel gives; views leak as light.
     panel_height
         Height of the panel in metres; 0 = unknown.
     quilt
         Columns and rows of the customary quilt.
     quilt_size
         Width and height of the customary quilt in pixels.
+    calibrated
+        True where the lens was measured on this very panel. No two panels are alike: with another
+        one's numbers the picture is blurred, doubled or jumps.
     name, note
         For people.
     """
@@ -84,9 +104,15 @@ class Display:
     distance: float = 4.0
     eye_height: float = 0.0
     inverted: bool = False
+    flip_x: bool = False
+    flip_y: bool = False
+    cells: tuple[tuple[float, ...], ...] = ()
+    cell_pattern: str = "single"
+    gamma: float = 2.2
     panel_height: float = 0.0
     quilt: tuple[int, int] = (8, 6)
     quilt_size: tuple[int, int] = (3360, 3360)
+    calibrated: bool = False
     name: str = "display"
     note: str = ""
 
@@ -95,19 +121,40 @@ class Display:
             if not good:
                 raise UserError(f"display {self.name!r}: {text}")
 
+        def between(value: float, low: float, high: float) -> bool:
+            return math.isfinite(value) and low <= value <= high
+
         need(1 <= self.width <= 65536 and 1 <= self.height <= 65536,
              f"width and height must be 1 to 65536 pixels, not {self.width} x {self.height}")
         need(1 <= self.views <= 1024, f"views must be 1 to 1024, not {self.views}")
-        need(math.isfinite(self.pitch) and self.pitch >= 1,
+        need(between(self.pitch, 1, 3 * 65536),
              f"pitch must be at least one sub-pixel, not {self.pitch}")
-        need(math.isfinite(self.slant) and abs(self.slant) < 1.55,
+        need(between(self.slant, -1.55, 1.55),
              f"slant must lie between -1.55 and 1.55 radians, not {self.slant}")
         need(math.isfinite(self.offset), f"offset must be a number, not {self.offset}")
         need(self.subpixels in _ORDERS, f"subpixels must be RGB or BGR, not {self.subpixels!r}")
-        need(0 < self.cone < 170, f"cone must lie between 0 and 170 degrees, not {self.cone}")
-        need(math.isfinite(self.distance) and self.distance > 0.1,
-             f"distance must be above 0.1 half panel heights, not {self.distance}")
-        need(min(*self.quilt, *self.quilt_size) >= 1, "quilt needs at least one tile and pixel")
+        need(between(self.cone, 1e-3, 170),
+             f"cone must lie between 0 and 170 degrees, not {self.cone}")
+        need(between(self.distance, 0.1, 1e4),
+             f"distance must lie between 0.1 and 10000 half panel heights, not {self.distance}")
+        need(between(self.eye_height, -1e4, 1e4),
+             f"eye_height must be a number of half panel heights, not {self.eye_height}")
+        need(between(self.gamma, 0.2, 5), f"gamma must lie between 0.2 and 5, not {self.gamma}")
+        need(between(self.panel_height, 0, 100),
+             f"panel_height must lie between 0 and 100 metres, not {self.panel_height}")
+        need(len(self.quilt) == len(self.quilt_size) == 2
+             and min(self.quilt) >= 1 and max(self.quilt_size) <= 65536
+             and all(map(int.__ge__, self.quilt_size, self.quilt)),
+             f"quilt must be columns and rows, and quilt_size at least one pixel for each, not "
+             f"{list(self.quilt)} and {list(self.quilt_size)}")
+        need(self.cell_pattern in CELL_PATTERNS,
+             f"cell_pattern must be one of {', '.join(CELL_PATTERNS)}, not {self.cell_pattern!r}")
+        need(len(self.cells) <= 4 and all(
+            len(cell) == 6 and all(between(value, -2, 2) for value in cell) for cell in self.cells),
+             "cells must be up to four rows of six numbers between -2 and 2 (x and y of red, green "
+             "and blue)")
+        need(not self.cells or (self.subpixels == "RGB" and not (self.flip_x or self.flip_y)),
+             "cells tell each colour's place: subpixels must be RGB and the picture not flipped")
 
     # -- geometry ---------------------------------------------------------------------------------
 
@@ -121,10 +168,46 @@ class Display:
         """Sub-pixels by which the phase grows from one row to the next below: 3 tan(slant)."""
         return 3.0 * math.tan(self.slant)
 
+    def places(self) -> NDArray[np.float64]:
+        """Where the sub-pixels of a pixel lie, float64 [4, 2, 3, 2].
+
+        For row y mod 4 (rows from the top), column x mod 2 and sub-pixel k: x to the right and y
+        downwards from the pixel's upper left corner, in pixels.
+        """
+        table = np.empty((4, 2, 3, 2))
+        if not self.cells:
+            table[..., 0] = (np.arange(3) + 0.5) / 3
+            table[..., 1] = 0.5
+            return table
+        up, across = np.ogrid[:4, :2]
+        number = {"single": 0 * up + 0 * across, "checkerboard": (up + across) % 2,
+                  "rows": up + 0 * across, "staggered": (up + 2 * across) % 4,
+                  "columns": 0 * up + across}[self.cell_pattern] % len(self.cells)
+        cells = np.asarray(self.cells, np.float64).reshape(-1, 3, 2)[number]
+        # The pattern counts rows from the bottom.
+        cells = cells[(self.height - 1 - np.arange(4)) % 4]
+        table[..., 0] = 0.5 + cells[..., 0]
+        table[..., 1] = 0.5 - cells[..., 1]
+        return table
+
+    def steps(self) -> NDArray[np.float64]:
+        """Phase of each sub-pixel against its pixel's, float64 [4, 2, 3]: row mod 4, column mod 2.
+
+        A sub-pixel's phase is 3 x + steps[y % 4, x % 2, k] + y shift + offset, mod L_n.
+        """
+        if not self.cells:
+            return np.broadcast_to(np.arange(3.0), (4, 2, 3)).copy()
+        place = self.places() - 0.5
+        return 3.0 * place[..., 0] + self.shift * place[..., 1]
+
     def phase(self, rows: Any, columns: Any, channels: Any) -> NDArray[np.float64]:
-        """Phase u in [0, L_n), in sub-pixels, of places (row, column, sub-pixel from the left)."""
-        running = 3.0 * np.asarray(columns, np.float64) + channels
-        raw = running + np.asarray(rows, np.float64) * self.shift + self.offset
+        """Phase u in [0, L_n), in sub-pixels, of places (row, column, sub-pixel).
+
+        Sub-pixels count from the left, or, where the panel has ``cells``, red, green, blue.
+        """
+        rows, columns = np.asarray(rows), np.asarray(columns)
+        step = self.steps()[rows % 4, columns % 2, channels] if self.cells else channels
+        raw = 3.0 * columns.astype(np.float64) + step + rows * self.shift + self.offset
         phase = raw - self.pitch * np.floor(raw / self.pitch)
         phase = np.where(phase >= self.pitch, 0.0, phase)
         return np.where(phase > 0, self.pitch - phase, 0.0) if self.inverted else phase
@@ -134,77 +217,44 @@ class Display:
         view = self.phase(rows, columns, channels) * (self.views / self.pitch)
         return np.minimum(view, np.nextafter(self.views, 0))
 
+    @property
+    def eye_reach(self) -> float:
+        """X of the cone's right edge at the viewing distance, in half panel heights."""
+        return self.distance * math.tan(math.radians(self.cone) / 2)
+
     def eyes(self) -> NDArray[np.float64]:
         """X of each view's eye point, float64 [V_n], in half panel heights."""
         share = 2.0 * (np.arange(self.views) + 0.5) / self.views - 1.0
-        return self.distance * math.tan(math.radians(self.cone) / 2) * share
+        return self.eye_reach * share
 
     def view_at(self, x: float) -> float:
         """Fractional view that an eye at ``x`` on the eye line receives (v + 1/2 in the middle)."""
-        share = x / (self.distance * math.tan(math.radians(self.cone) / 2))
+        share = x / self.eye_reach
         return 0.5 * (share + 1.0) * self.views
+
+    def channel(self, place: int) -> int:
+        """Colour channel (0 red, 1 green, 2 blue) of sub-pixel ``place``."""
+        return 2 - place if self.subpixels == "BGR" else place
+
+    def to_panel(self, image: NDArray[Any]) -> NDArray[Any]:
+        """A picture as seen, [H, W, ...], turned into the one that the panel must be sent.
+
+        The same turns it back; it does nothing to panels that do not mirror.
+        """
+        image = image[:, ::-1] if self.flip_x else image
+        return np.ascontiguousarray(image[::-1] if self.flip_y else image)
 
     # -- Looking Glass ----------------------------------------------------------------------------
 
     @staticmethod
     def from_looking_glass(calibration: dict[str, Any], *, views: int = 0, name: str = "",
                            ) -> Display:
-        """A display from Looking Glass's calibration (the contents of ``visual.json``).
+        """A display from Looking Glass's calibration: `lookingglass.display_of`."""
+        return lookingglass.display_of(calibration, views=views, name=name)
 
-        With s, t in [0, 1] over the panel from its lower left, the vendor's shader computes
-        a = fract((s + t tilt + k / (3 screenW)) pitch' - center), view = floor(a views), where
-        pitch' = pitch (screenW / DPI) cos(atan(1 / slope)) and tilt = screenH / (screenW slope).
-        """
-        def value(key: str, default: float | None = None) -> float:
-            entry = calibration.get(key, default)
-            if isinstance(entry, dict):
-                entry = entry.get("value", default)
-            if entry is None:
-                raise UserError(f"the calibration lacks {key!r}")
-            try:
-                return float(entry)
-            except (TypeError, ValueError) as error:
-                raise UserError(f"the calibration's {key!r} is no number: {entry!r}") from error
-
-        width, height = round(value("screenW")), round(value("screenH"))
-        slope, dpi = value("slope"), value("DPI")
-        if slope == 0 or dpi <= 0:
-            raise UserError("the calibration's slope and DPI must not be 0")
-        if value("flipImageX", 0) or value("flipImageY", 0):
-            raise UserError("the calibration mirrors the picture (flipImageX or flipImageY), which "
-                            "is not supported")
-        lens = value("pitch") * (width / dpi) * math.cos(math.atan(1.0 / slope))
-        tilt = height / (width * slope)
-        pitch = 3.0 * width / lens
-        # t falls by 1 / H from row to row; the top row's pixel centres lie at t = 1 - 1 / (2 H).
-        shift = -tilt * pitch * lens / height
-        phase = (0.5 / width + (1.0 - 0.5 / height) * tilt) * lens - value("center")
-        size = {1536: (8, 6, 3360, 3360), 1440: (11, 6, 4092, 4092)}.get(
-            width, (5, 9, 4096, 4096))
-        return Display(
-            width, height, views or size[0] * size[1], abs(pitch), math.atan(shift / 3.0),
-            phase * abs(pitch) % abs(pitch), "BGR" if value("flipSubp", 0) else "RGB",
-            value("viewCone", 40.0), 4.0, inverted=bool(value("invView", 0)) != (pitch < 0),
-            panel_height=height / dpi * 0.0254, quilt=(size[0], size[1]),
-            quilt_size=(size[2], size[3]),
-            name=name or str(calibration.get("serial", {}) if not isinstance(
-                calibration.get("serial"), dict) else calibration["serial"].get("value", "")
-            ) or "looking-glass")
-
-    def looking_glass(self, dpi: float = 100.0) -> dict[str, Any]:
-        """The panel in Looking Glass's terms (the inverse of `from_looking_glass`)."""
-        if self.slant == 0:
-            raise UserError("a panel with vertical lenses has no finite Looking Glass slope")
-        lens = 3.0 * self.width / self.pitch
-        tilt = -self.shift / self.pitch * self.height / lens
-        slope = self.height / (self.width * tilt)
-        phase = (0.5 / self.width + (1.0 - 0.5 / self.height) * tilt) * lens
-        values = {"pitch": lens * dpi / self.width / math.cos(math.atan(1.0 / slope)),
-                  "slope": slope, "center": (phase - self.offset / self.pitch) % 1.0,
-                  "viewCone": self.cone, "invView": float(self.inverted), "DPI": dpi,
-                  "screenW": float(self.width), "screenH": float(self.height), "flipImageX": 0.0,
-                  "flipImageY": 0.0, "flipSubp": float(self.subpixels == "BGR")}
-        return {key: {"value": value} for key, value in values.items()}
+    def looking_glass(self, dpi: float = 0.0) -> dict[str, Any]:
+        """The panel in Looking Glass's terms: `lookingglass.calibration_of`."""
+        return lookingglass.calibration_of(self, dpi)
 
     # -- files ------------------------------------------------------------------------------------
 
@@ -227,7 +277,7 @@ class Display:
             raise UserError(f"there is no display {name!r}; the presets are "
                             f"{', '.join(Display.names())}; or name a display file")
         folder = resources.files("lfportrait.lightfield") / "presets"
-        return _from_toml((folder / f"{name}.toml").read_text(), name)
+        return display_file.display_of((folder / f"{name}.toml").read_text(), name)
 
     @staticmethod
     def load(path: str | Path) -> Display:
@@ -238,20 +288,7 @@ class Display:
         UserError
             If the file is missing or does not describe a display.
         """
-        path = Path(path)
-        try:
-            text = path.read_text()
-        except (OSError, UnicodeDecodeError) as error:
-            raise UserError(f"can't read the display file {path}: {error}") from error
-        if path.suffix.lower() == ".json":
-            try:
-                data = json.loads(text)
-            except ValueError as error:
-                raise UserError(f"{path} is not valid JSON: {error}") from error
-            if not isinstance(data, dict):
-                raise UserError(f"{path} is no calibration file")
-            return Display.from_looking_glass(data.get("calibration", data))
-        return _from_toml(text, path.stem)
+        return display_file.load(Path(path))
 
     @staticmethod
     def resolve(name: str | Path) -> Display:
@@ -262,22 +299,7 @@ class Display:
 
     def to_toml(self) -> str:
         """The display as a TOML text that `load` reads and a person can edit."""
-        lines = []
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if isinstance(value, bool):
-                text = str(value).lower()
-            elif isinstance(value, str):
-                text = json.dumps(value)
-            elif isinstance(value, tuple):
-                text = str(list(value))
-            else:
-                text = repr(value)
-            note = ""
-            if entry.name == "slant":
-                note = f"  # radians; {math.degrees(value):.4f} degrees"
-            lines.append(f"{entry.name} = {text}{note}")
-        return "\n".join(lines) + "\n"
+        return display_file.text_of(self)
 
     def save(self, path: str | Path) -> None:
         """Write the display as TOML."""
@@ -286,47 +308,21 @@ class Display:
 
     def summary(self) -> str:
         """One line for people."""
-        return (f"{self.name:<22} {self.width} x {self.height}, {self.views} views, pitch "
+        marks = [] if self.calibrated else ["uncalibrated"]
+        marks += [self.note] if self.note else []
+        return (f"{self.name:<26} {self.width} x {self.height}, {self.views} views, pitch "
                 f"{self.pitch:.4f} sub-pixels, slant {math.degrees(self.slant):.3f} degrees, cone "
-                f"{self.cone:g} degrees{'  (' + self.note + ')' if self.note else ''}")
+                f"{self.cone:g} degrees{'  (' + '; '.join(marks) + ')' if marks else ''}")
 
     def hash(self) -> str:
         """Hash of all that decides which view a sub-pixel shows, 24 hex digits."""
-        key = [self.width, self.height, self.views, self.pitch.hex(), self.slant.hex(),
-               self.offset.hex(), self.subpixels, self.inverted]
+        numbers = [float(number).hex() for number in (self.pitch, self.slant, self.offset)]
+        key = [self.width, self.height, self.views, *numbers, self.subpixels, self.inverted]
+        if self.cells:
+            key += [self.cell_pattern, [[float(value).hex() for value in cell]
+                                        for cell in self.cells]]
         return hashlib.sha256(json.dumps(key).encode()).hexdigest()[:24]
 
     def scaled(self, width: int, height: int) -> Display:
         """The same lenses on a panel of another size in pixels."""
         return replace(self, width=width, height=height)
-
-
-def _from_toml(text: str, name: str) -> Display:
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"the display file {name} is not valid TOML: {error}") from error
-    data.setdefault("name", name)
-    if "slant_degrees" in data:
-        data["slant"] = math.radians(float(data.pop("slant_degrees")))
-    known = {entry.name: entry for entry in fields(Display)}
-    unknown = sorted(set(data) - set(known))
-    if unknown:
-        raise UserError(f"the display file {name} has unknown entries: {', '.join(unknown)}")
-    missing = [key for key in ("width", "height", "views", "pitch") if key not in data]
-    if missing:
-        raise UserError(f"the display file {name} lacks {', '.join(missing)}")
-    for key in ("quilt", "quilt_size"):
-        if key in data:
-            data[key] = tuple(data[key])
-    for key, entry in known.items():
-        kinds: dict[str, Any] = {"int": int, "float": (int, float), "str": str, "bool": bool}
-        kind = kinds.get(str(entry.type))
-        wrong = key in data and kind is not None and (
-            not isinstance(data[key], kind) or (isinstance(data[key], bool) and kind is not bool))
-        if wrong:
-            raise UserError(f"the display file {name}: {key} = {data[key]!r} is not "
-                            f"{'a number' if kind is not str else 'a text'}")
-        if key in data and str(entry.type) == "float":
-            data[key] = float(data[key])
-    return Display(**data)

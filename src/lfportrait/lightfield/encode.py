@@ -21,12 +21,21 @@ from ..capture import Camera
 from ..errors import UserError
 from ..field import VoxelField
 from ..kernels.encode import encode_kernel
+from ..kernels.panel import mix_light
 from ..kernels.slices import slice_kernel
 from .display import Display
 from .mask import ViewMask
 
 __all__ = ["EncodeConfig", "Placement", "encode", "encode_with_figures", "render_view",
            "view_camera"]
+
+
+_FAINTEST = 1e-3
+"""Slices leave out samples that hold back less light than this: a quarter of an 8-bit level."""
+_STOP = 1e-2
+"""Transmittance at which a ray through slices ends; the rest is taken to have the same colour."""
+_RAYS = 3
+"""Rays of a sub-pixel with ``blend="filtered"``; more of them change nothing that one sees."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +52,16 @@ class EncodeConfig:
     """Moves the head towards the viewer, in half panel heights; what lies on the panel is sharp."""
     turn: float = 0.0
     """Turns the head to its left about the vertical axis, in degrees."""
+    depth_scale: float = 1.0
+    """Depth of the head over its true depth: below 1 flattens it about its middle, so that more of
+    it lies within the depth that the panel shows sharply."""
     method: Literal["auto", "slices", "direct"] = "auto"
     """slices: one slice of the field a row of the panel; direct: a ray through the lattice for each
     sub-pixel; auto: slices, unless the head is turned far."""
-    blend: Literal["nearest", "continuous"] = "nearest"
-    """nearest: a sub-pixel shows its nearest view; continuous: its own place between two views."""
+    blend: Literal["nearest", "continuous", "filtered"] = "nearest"
+    """nearest: a sub-pixel shows its nearest view; continuous: its own place between two views;
+    filtered: the mean light over all directions that its lens sends it to, three rays: what lies
+    beyond the panel's depth budget blurs instead of breaking into a comb."""
     step_size: float = 0.5
     """Distance between samples in voxels."""
     draft: bool = False
@@ -68,11 +82,14 @@ class Placement:
         (x, y, z) of the world's origin in the display frame.
     turn
         Angle about the vertical axis in radians; positive turns the face to the panel's right.
+    depth
+        Factor by which z, seen from the head's middle, is flattened once the head stands there.
     """
 
     scale: float
     shift: tuple[float, float, float]
     turn: float = 0.0
+    depth: float = 1.0
 
     @staticmethod
     def of(display: Display, config: EncodeConfig) -> Placement:
@@ -83,8 +100,24 @@ class Placement:
         scale = min(config.size, config.size * display.aspect * 1.15)
         if not -180 <= config.turn <= 180:
             raise UserError(f"the head can be turned by -180 to 180 degrees, not {config.turn}")
+        if not 0.05 <= config.depth_scale <= 4:
+            raise UserError(f"the depth scale must lie between 0.05 and 4, not "
+                            f"{config.depth_scale}")
         return Placement(scale, (config.shift_x, config.shift_y, config.focus),
-                         math.radians(config.turn))
+                         math.radians(config.turn), config.depth_scale)
+
+    # Flattening all of space about the panel, eyes included, changes no picture: rays still meet
+    # the panel and the scene in the same places. So the head keeps its shape for the kernels, and
+    # its place and the eyes' distance are those before the flattening, in the "deep" frame.
+
+    @property
+    def deep_shift(self) -> NDArray[np.float64]:
+        """``shift`` [3] before the flattening."""
+        return np.array([self.shift[0], self.shift[1], self.shift[2] / self.depth])
+
+    def deep_distance(self, display: Display) -> float:
+        """Distance of the eyes before the flattening."""
+        return display.distance / self.depth
 
     @property
     def to_world(self) -> NDArray[np.float64]:
@@ -93,9 +126,9 @@ class Placement:
         return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
     def to_lattice(self, lattice: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Matrix [3, 4] from the display frame to lattice coordinates (`VoxelField.lattice`)."""
+        """Matrix [3, 4] from the deep frame to lattice coordinates (`VoxelField.lattice`)."""
         linear = lattice[3:6, None] * self.to_world / self.scale
-        return np.column_stack([linear, lattice[6:9] - linear @ np.array(self.shift)])
+        return np.column_stack([linear, lattice[6:9] - linear @ self.deep_shift])
 
 
 def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
@@ -115,7 +148,7 @@ def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
     # A point at z in front of the panel moves by baseline z / (distance - z) from view to view.
     depth = lens * display.distance / (baseline + lens)
     figures = {"sharp_depth": depth,
-               "sharp_percent": 100.0 * min(1.0, depth / placement.scale)}
+               "sharp_percent": 100.0 * min(1.0, depth / (placement.scale * placement.depth))}
     if display.panel_height > 0:
         figures["sharp_mm"] = depth * display.panel_height / 2 * 1000.0
     return figures
@@ -123,10 +156,14 @@ def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
 
 def _panel(display: Display, config: EncodeConfig, placement: Placement) -> NDArray[np.float64]:
     """The numbers of a panel as the kernels take them (see `encode_kernel`)."""
-    return np.array([display.aspect, display.eye_height, display.distance, placement.scale, 0.0,
-                     0.0, float(config.blend == "continuous"), 0.0,
-                     float(display.subpixels == "BGR"), display.pitch, display.shift,
-                     display.offset, float(display.inverted)])
+    # Cells move sub-pixels; their height within a row is left out, so that a row stays a plane.
+    thirds = np.arange(3) + 0.5
+    moved = 3.0 * display.places()[..., 0] - thirds if display.cells else np.zeros((4, 2, 3))
+    return np.concatenate([
+        [display.aspect, display.eye_height, placement.deep_distance(display), placement.scale,
+         0.0, 0.0, float(config.blend != "nearest"), 0.0, float(display.subpixels == "BGR"),
+         display.pitch, display.shift, display.offset, float(display.inverted)],
+        display.steps().ravel(), moved.ravel()])
 
 
 def _method(field: VoxelField, display: Display, config: EncodeConfig) -> str:
@@ -135,10 +172,13 @@ def _method(field: VoxelField, display: Display, config: EncodeConfig) -> str:
         return "direct"
     placement = Placement.of(display, config)
     # Slices follow the lattice's planes z = k. Rays must cross them, at 60 degrees at most, and
-    # the whole field must lie behind the eyes.
-    oblique = abs(math.degrees(placement.turn)) + display.cone / 2
-    corners = np.abs(field.radius[[0, 2]] * placement.scale).sum() + abs(placement.shift[2])
-    fits = oblique <= 60 and corners < 0.9 * display.distance
+    # the whole field must lie behind the eyes. The kernel reads 63 columns at a time, of at most
+    # 1024, and a ray may not leave them within 16 planes.
+    distance, lattice = placement.deep_distance(display), field.lattice
+    oblique = math.degrees(abs(placement.turn) + math.atan(display.eye_reach / distance))
+    corners = np.abs(field.radius[[0, 2]] * placement.scale).sum() + abs(placement.deep_shift[2])
+    fits = bool(oblique <= 60 and corners < 0.9 * distance and lattice[0] <= 1024
+                and 16 * math.tan(math.radians(60)) * lattice[3] / lattice[5] < 60)
     if config.method == "slices" and not fits:
         raise UserError("slices need a head that faces the panel (turn and half the cone within 60 "
                         "degrees) and lies before the eyes; use --method direct or auto")
@@ -150,20 +190,31 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     bricks = field.bricks
     placement = Placement.of(display, config)
     panel = _panel(display, config, placement)
-    out = np.empty((display.height, display.width * 3), np.uint8)
+    rays = _RAYS if config.blend == "filtered" else 1
+    # Under its lens a sub-pixel takes up one in L_n of the cone: its eyes spread over that.
+    spread = 2.0 * display.eye_reach / display.pitch * ((np.arange(rays) + 0.5) / rays - 0.5)
+    pictures = np.empty((rays, display.height, display.width * 3), np.uint8)
+    eyes = [display.eyes() + away for away in spread]
     matrix, axes = placement.to_lattice(field.lattice), placement.to_world[:, [0, 2]].T.copy()
     views = mask.reshape(display.height, display.width * 3)
     if _method(field, display, config) == "slices":
-        slice_kernel(bricks.width, bricks.basis)(
-            bricks.table, bricks.links, bricks.density, bricks.rows, bricks.bounds, field.lattice,
-            matrix, axes, views, fixed, display.eyes(), panel, 2 if config.draft else 1, 1e-2, 1e-3,
-            np.float32(config.background), numba.get_num_threads(), out)
+        stride = 2 if config.draft else 1
+        for own, out in zip(eyes, pictures, strict=True):
+            slice_kernel(bricks.width, bricks.basis)(
+                bricks.table, bricks.links, bricks.density, bricks.rows, bricks.blocks,
+                field.lattice, matrix, axes, views, fixed, own, panel, stride,
+                _FAINTEST * field.lattice[5] / stride, _STOP,
+                np.float32(config.background), numba.get_num_threads(), out)
     else:
         step = max(config.step_size, 1.0) if config.draft else config.step_size
-        encode_kernel(bricks.width, bricks.basis)(
-            bricks.table, bricks.links, bricks.density, bricks.rows, field.lattice, matrix, axes,
-            views, fixed, display.eyes(), panel, step, 1e-2, 1e-3, np.float32(config.background),
-            out)
+        for own, out in zip(eyes, pictures, strict=True):
+            encode_kernel(bricks.width, bricks.basis)(
+                bricks.table, bricks.links, bricks.density, bricks.rows, field.lattice, matrix,
+                axes, views, fixed, own, panel, step, 1e-2, 1e-3, np.float32(config.background),
+                out)
+    if rays > 1:
+        mix_light(pictures, ((np.arange(256) / 255.0) ** display.gamma), display.gamma)
+    out = pictures[0] if rays == 1 else pictures[0].copy()
     image = out.reshape(display.height, display.width, 3)
     return image[..., ::-1].copy() if display.subpixels == "BGR" else image
 
@@ -266,8 +317,9 @@ def view_camera(display: Display, config: EncodeConfig | None, eye: float, *, wi
     pose = np.eye(4)
     pose[1, 1] = pose[2, 2] = -1.0
     pose[:3, :3] = placement.to_world @ pose[:3, :3]
+    distance = placement.deep_distance(display)
     pose[:3, 3] = placement.to_world @ (
-        np.array([eye, y, display.distance]) - placement.shift) / placement.scale
-    return Camera(pose[None], (display.distance / pixel)[None],
+        np.array([eye, y, distance]) - placement.deep_shift) / placement.scale
+    return Camera(pose[None], (distance / pixel)[None],
                   np.array([[(eye + display.aspect) / pixel[0], (1.0 - y) / pixel[1]]]),
                   np.array([width]), np.array([height]))

@@ -11,29 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..files import atomic_write
+from ..kernels.panel import lens_of, mask_views
 from .display import Display
 
 __all__ = ["ViewMask"]
-
-
-@njit(cache=True, parallel=True)
-def _fill(mask, pitch, shift, offset, views, inverted):  # type: ignore[no-untyped-def]
-    height, width, _ = mask.shape
-    ratio = views / pitch
-    for y in prange(height):
-        for x in range(width):
-            for k in range(3):
-                raw = 3.0 * x + k + y * shift + offset
-                phase = raw - pitch * np.floor(raw / pitch)
-                if phase >= pitch:
-                    phase = 0.0
-                if inverted and phase > 0:
-                    phase = pitch - phase
-                mask[y, x, k] = min(int(phase * ratio), views - 1)
 
 
 def _cache_folder() -> Path:
@@ -49,7 +33,7 @@ class ViewMask:
     Attributes
     ----------
     views
-        uint8 (uint16 above 256 views) [H, W, 3], sub-pixels from the left to the right.
+        uint8 (uint16 above 256 views) [H, W, 3], sub-pixels as `Display.phase` counts them.
     display
         Hash of the display that it was computed for.
     seconds
@@ -88,7 +72,7 @@ class ViewMask:
             except (OSError, ValueError, EOFError):
                 pass
         views = np.empty(shape, kind)
-        _fill(views, display.pitch, display.shift, display.offset, display.views, display.inverted)
+        mask_views(views, display.steps(), lens_of(display))
         if file is not None:
             try:
                 with atomic_write(file) as stream:

@@ -1,7 +1,11 @@
-"""Videos as H.264 in the form that every browser and player opens.
+"""Videos as H.264: in the form that every browser and player opens, or with every sub-pixel kept.
 
 Fixed encoder settings on one thread and no time stamps in the file: the same frames give the same
 bytes. Colours are converted and tagged as BT.709, so that players show what the pictures hold.
+
+Pictures coded for a light-field panel need more than the usual 4:2:0, which keeps colours at half
+the size: neighbouring sub-pixels belong to different views. ``444`` keeps all colours, ``lossless``
+all values, as RGB. Browsers play neither; mpv, VLC and ffplay do.
 """
 
 from __future__ import annotations
@@ -9,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,23 +24,26 @@ from ..files import atomic_path
 __all__ = ["write_video"]
 
 _BT709 = 1
+_FORMATS = {"420": "yuv420p", "444": "yuv444p", "lossless": "rgb24"}
 
 
-def _even(frame: NDArray[Any]) -> NDArray[np.uint8]:
-    """One frame as uint8 with even sides, the last row and column repeated where needed."""
+def _picture(frame: NDArray[Any], even: bool) -> NDArray[np.uint8]:
+    """One frame as uint8; with even sides, the last row and column are repeated where needed."""
     if frame.ndim != 3 or frame.shape[2] < 3:
         raise ValueError(f"a frame must be [H, W, 3], not {list(frame.shape)}")
     frame = frame[..., :3]
     if frame.dtype != np.uint8:
         frame = (np.clip(frame, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    if not even:
+        return np.ascontiguousarray(frame)
     height, width = frame.shape[:2]
     return np.ascontiguousarray(
         np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge"))
 
 
 def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 30.0, *,
-                quality: int = 17) -> int:
-    """Write a video (H.264, 4:2:0).
+                quality: int = 17, coding: Literal["420", "444", "lossless"] = "420") -> int:
+    """Write a video (H.264).
 
     Parameters
     ----------
@@ -44,11 +51,15 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
         ``.mp4``, ``.mov`` or ``.mkv``; it appears when it is complete.
     frames
         Frames [H, W, 3] of one size, uint8 or float in [0, 1]; taken one at a time, so a generator
-        needs the memory of one frame only. Odd sides grow by one pixel.
+        needs the memory of one frame only. With ``"420"`` odd sides grow by one pixel.
     fps
         Frames per second.
     quality
-        x264's constant rate factor, 0 (lossless) to 51; 17 looks like the original.
+        x264's constant rate factor, 0 (finest) to 51; 17 looks like the original. Not used where
+        ``coding`` is ``"lossless"``.
+    coding
+        ``"420"`` for people; ``"444"`` and ``"lossless"`` for pictures coded for a panel. The
+        latter two hold no frames back, which would take gigabytes at a panel's size.
 
     Returns
     -------
@@ -75,14 +86,16 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
             container.flags |= bitexact
             stream: Any = None
             for frame in frames:
-                picture = _even(frame)
+                picture = _picture(frame, coding == "420")
                 if stream is None:
                     size = picture.shape
-                    stream = _stream(container, size, fps, quality)
+                    stream = _stream(container, size, fps, quality, coding)
                 if picture.shape != size:
                     raise ValueError(f"frame {count} is {picture.shape}, the first {size}")
-                video_frame = av.VideoFrame.from_ndarray(picture, format="rgb24").reformat(
-                    format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")
+                video_frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+                if coding != "lossless":
+                    video_frame = video_frame.reformat(
+                        format=_FORMATS[coding], dst_colorspace="ITU709", dst_color_range="MPEG")
                 video_frame.pts = count
                 container.mux(stream.encode(video_frame))
                 count += 1
@@ -92,15 +105,24 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
     return count
 
 
-def _stream(container: Any, size: tuple[int, ...], fps: float, quality: int) -> Any:
+def _stream(container: Any, size: tuple[int, ...], fps: float, quality: int, coding: str) -> Any:
     """The video stream: size and speed, colours tagged, encoder fixed."""
     rate = Fraction(fps).limit_denominator(1001)
-    stream = container.add_stream("libx264", rate=rate)
+    lossless = coding == "lossless"
+    stream = container.add_stream("libx264rgb" if lossless else "libx264", rate=rate)
     stream.height, stream.width = size[0], size[1]
-    stream.pix_fmt = "yuv420p"
+    stream.pix_fmt = _FORMATS[coding]
     context = stream.codec_context
     context.thread_count = 1
-    context.colorspace = context.color_primaries = context.color_trc = _BT709
-    context.color_range = 1  # 16..235
-    stream.options = {"crf": str(quality), "preset": "medium", "threads": "1"}
+    context.color_primaries = context.color_trc = _BT709
+    context.colorspace = 0 if lossless else _BT709
+    context.color_range = 2 if lossless else 1  # 0..255, 16..235
+    # Without the macroblock tree: for small frames it gives other bytes from run to run.
+    options = {"crf": str(quality), "preset": "medium", "threads": "1", "x264-params": "mbtree=0"}
+    if coding != "420":
+        options |= {"preset": "superfast", "tune": "zerolatency"}
+    if lossless:
+        del options["crf"]
+        options["qp"] = "0"
+    stream.options = options
     return stream

@@ -1,0 +1,217 @@
+"""Frames of a video that show the scene from evenly spaced places, sharp ones.
+
+Who films a head walks now faster, now slower, and stands still at times. Frames at even time would
+give many photos from one place and gaps between others. So a first pass follows features from frame
+to frame and adds up by how much they move in the picture, and notes how sharp each frame is; the
+way is divided in equal parts, and a second pass reads the sharpest frame of each.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ..errors import UserError
+from .photos import Photo
+from .sharpness import fineness, relative_sharpness
+
+__all__ = ["read_video", "video_frames"]
+
+# Features are followed in pictures of this longer side, about so many times a second.
+_SIDE, _RATE = 384, 5.0
+# A video whose features move less than this part of the picture altogether stands still.
+_STILL = 0.02
+
+
+@dataclass(frozen=True)
+class _Scan:
+    """What the first pass finds: float64 [F] each, and the error that ended it early, if any.
+
+    ``way`` is the displacement since the start, in parts of the picture's longer side; ``sharp``
+    the frames' relative sharpness.
+    """
+
+    way: NDArray[np.float64]
+    sharp: NDArray[np.float64]
+    broken: str
+
+
+def _decoded(path: Path) -> Iterator[tuple[float, Any]]:
+    """Decoded frames and the frame rate."""
+    import av
+
+    with av.open(str(path)) as container:
+        if not container.streams.video:
+            raise ValueError("it has no video stream")
+        stream = container.streams.video[0]
+        stream.thread_type = "AUTO"
+        rate = float(stream.average_rate or 30)
+        for frame in container.decode(stream):
+            yield rate, frame
+
+
+def _followed(before: NDArray[np.uint8], after: NDArray[np.uint8], points: NDArray[np.float32],
+              ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where points [K, 1, 2] of one picture are in another, and which were found."""
+    place, found, _ = cv2.calcOpticalFlowPyrLK(before, after, points, points.copy(),
+                                               winSize=(15, 15), maxLevel=4)
+    return np.asarray(place, np.float32), np.asarray(found).ravel() == 1
+
+
+def _moved(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> float:
+    """Median displacement of features in parts of the longer side; NaN where too few are found."""
+    points = cv2.goodFeaturesToTrack(before, 200, 0.01, 6)
+    if points is None or len(points) < 10:
+        return float("nan")
+    first = np.asarray(points, np.float32)
+    there, found = _followed(before, after, first)
+    back, returned = _followed(after, before, there)
+    sure = found & returned & (np.linalg.norm((back - first)[:, 0], axis=1) < 0.7)
+    if sure.sum() < 10:
+        return float("nan")
+    away = np.linalg.norm((there - first)[sure, 0], axis=1)
+    return float(np.median(away)) / max(before.shape)
+
+
+def _scan(path: Path) -> _Scan:
+    import av
+
+    details: list[NDArray[np.float64]] = []
+    nodes, moves = [0], []
+    last: NDArray[np.uint8] | None = None
+    broken = ""
+    try:
+        for index, (rate, frame) in enumerate(_decoded(path)):
+            grey = frame.to_ndarray(format="gray")
+            details.append(fineness(grey, 640))
+            if index % max(1, round(rate / _RATE)) == 0:
+                factor = min(1.0, _SIDE / max(grey.shape))
+                small = np.asarray(cv2.resize(np.ascontiguousarray(grey), None, fx=factor,
+                                              fy=factor, interpolation=cv2.INTER_AREA), np.uint8)
+                if last is not None:
+                    moves.append(_moved(last, small))
+                    nodes.append(index)
+                last = small
+    except (av.error.FFmpegError, OSError, ValueError) as error:
+        # A video that breaks off (a camera switched off) is good up to there.
+        if not details:
+            raise UserError(f"the video {path} can't be read: {error}") from error
+        broken = str(error)
+    if not details:
+        raise UserError(f"the video {path} has no frames")
+    steps = np.array(moves)
+    if np.isnan(steps).any():
+        # Where features are lost, the picture moved fast or was covered.
+        steps[np.isnan(steps)] = np.nanquantile(steps, 0.9) if np.isfinite(steps).any() else 0.0
+    way = np.interp(np.arange(len(details)), nodes, np.concatenate([[0.0], np.cumsum(steps)]))
+    return _Scan(way, relative_sharpness(np.array(details), reach=8), broken)
+
+
+def _chosen(scan: _Scan, count: int, spacing: str) -> list[int]:
+    """The sharpest frame of each of ``count`` equal parts of the way or of time."""
+    frames = len(scan.sharp)
+    if frames <= count:
+        return list(range(frames))
+    place = (np.arange(frames) + 0.5) / frames
+    if spacing == "parallax" and scan.way[-1] > _STILL:
+        place = scan.way / scan.way[-1]
+    part = np.minimum((place * count).astype(int), count - 1)
+    best: dict[int, int] = {}
+    for index in range(frames):
+        kept = best.get(int(part[index]))
+        if kept is None or scan.sharp[index] > scan.sharp[kept]:
+            best[int(part[index])] = index
+    return sorted(best.values())
+
+
+def read_video(path: Path, count: int = 80, max_side: int = 0,
+               spacing: Literal["parallax", "time"] = "parallax") -> list[Photo]:
+    """Take sharp frames from a video.
+
+    Parameters
+    ----------
+    path
+        Video file.
+    count
+        Number of frames wanted; a shorter video gives all it has, one with sudden movements fewer.
+    max_side
+        Frames are reduced to this many pixels on their longer side; 0 keeps them.
+    spacing
+        At even distances by how much the picture moves (``"parallax"``), or at even time.
+
+    Raises
+    ------
+    UserError
+        If the file is missing or is no video that can be decoded.
+    """
+    import av
+
+    if not path.is_file():
+        raise UserError(f"there is no video {path}")
+    scan = _scan(path)
+    if scan.broken:
+        warnings.warn(f"{path.name} is damaged after {len(scan.sharp)} frames: {scan.broken}",
+                      stacklevel=2)
+    wanted = set(_chosen(scan, max(1, count), spacing))
+    photos: list[Photo] = []
+    try:
+        for index, (_, frame) in enumerate(_decoded(path)):
+            if index in wanted:
+                photos.append(Photo(f"frame_{len(photos):04d}.png", _upright(frame, max_side)))
+            if len(photos) == len(wanted):
+                break
+    except (av.error.FFmpegError, OSError, ValueError) as error:
+        if not photos:
+            raise UserError(f"the video {path} can't be read: {error}") from error
+    return photos
+
+
+def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
+    """Frames per second of a video, and its upright frames (uint8 [H, W, 3]) one at a time.
+
+    Raises
+    ------
+    UserError
+        If the file is missing or is no video; while the frames are taken, if it is damaged.
+    """
+    import av
+
+    if not path.is_file():
+        raise UserError(f"there is no video {path}")
+    try:
+        with av.open(str(path)) as container:
+            if not container.streams.video:
+                raise UserError(f"{path} has no pictures in it")
+            rate = float(container.streams.video[0].average_rate or 30)
+    except (av.error.FFmpegError, OSError) as error:
+        raise UserError(f"the video {path} can't be read: {error}") from error
+
+    def frames() -> Iterator[NDArray[np.uint8]]:
+        try:
+            for _, frame in _decoded(path):
+                yield np.ascontiguousarray(_upright(frame, 0))
+        except (av.error.FFmpegError, OSError, ValueError) as error:
+            raise UserError(f"the video {path} can't be read to its end: {error}") from error
+
+    return rate, frames()
+
+
+def _upright(frame: Any, max_side: int) -> NDArray[np.uint8]:
+    """A decoded frame as uint8 [H, W, 3], turned upright and reduced."""
+    turns = round(getattr(frame, "rotation", 0) / 90) % 4
+    picture = Image.fromarray(np.ascontiguousarray(
+        np.rot90(frame.to_ndarray(format="rgb24"), turns)))
+    if max_side and max(picture.size) > max_side:
+        ratio = max_side / max(picture.size)
+        picture = picture.resize((max(1, round(picture.width * ratio)),
+                                  max(1, round(picture.height * ratio))),
+                                 Image.Resampling.LANCZOS)
+    return np.asarray(picture)

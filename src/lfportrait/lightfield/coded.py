@@ -1,0 +1,66 @@
+"""Coded pictures on disk: as the panel must be sent them, every sub-pixel kept.
+
+In memory a coded picture is as the viewer sees the panel. A panel that shows its picture mirrored
+needs it mirrored; that happens here, on the way to a file and back, and nowhere else.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..files import read_image, write_image
+from .display import Display
+
+__all__ = ["check_size", "lossless", "read_coded", "write_coded"]
+
+
+def check_size(image: NDArray[np.uint8], display: Display) -> None:
+    """Refuse a picture that is not pixel for pixel the panel's.
+
+    Raises
+    ------
+    UserError
+        If the sizes differ.
+    """
+    if image.shape[:2] != (display.height, display.width):
+        raise UserError(f"the picture is {image.shape[1]} x {image.shape[0]} pixels, but the "
+                        f"display {display.name} has {display.width} x {display.height}: a coded "
+                        "picture must not be scaled")
+
+
+def lossless(path: str | Path) -> Path:
+    """The path, if its format keeps every sub-pixel.
+
+    Raises
+    ------
+    UserError
+        If it is a JPEG or the like, which mixes the views.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".png", ".tif", ".tiff", ".bmp"):
+        raise UserError("a coded picture must keep every sub-pixel: write it as .png, not "
+                        f"{path.suffix or 'without a suffix'}")
+    return path
+
+
+def read_coded(path: str | Path, display: Display) -> NDArray[np.uint8]:
+    """A coded picture as the viewer sees the panel, uint8 [H, W, 3].
+
+    Raises
+    ------
+    UserError
+        If the file is missing or not of the panel's size.
+    """
+    image = np.ascontiguousarray(read_image(path)[..., :3])
+    check_size(image, display)
+    return display.to_panel(image)
+
+
+def write_coded(path: str | Path, image: NDArray[np.uint8], display: Display) -> None:
+    """Write a coded picture, uint8 [H, W, 3] as seen, so that the panel shows it right."""
+    check_size(image, display)
+    write_image(lossless(path), display.to_panel(image), compress_level=1)

@@ -1,0 +1,216 @@
+"""Coding pictures of views for a panel, as one does with foreign content: quilts, folders of views.
+
+Each sub-pixel takes its colour from its view, at its own place on the panel. (A field is coded
+directly, by `encode`, without pictures of views.)
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..files import read_image
+from ..kernels.panel import interlace_views, lens_of
+from .display import Display
+
+__all__ = ["InterlaceConfig", "QuiltLayout", "assemble_quilt", "interlace", "quilt_tiles",
+           "read_views"]
+
+
+@dataclass(frozen=True)
+class QuiltLayout:
+    """Columns and rows of a quilt and the aspect (width over height) of its views.
+
+    View 0, the leftmost, is the bottom left tile; views run to the right, then up. A quilt's file
+    name ends in ``_qsCOLSxROWSaASPECT``, e.g. ``portrait_qs8x6a0.75.png``.
+    """
+
+    columns: int
+    rows: int
+    aspect: float
+
+    @staticmethod
+    def of_name(name: str) -> QuiltLayout | None:
+        """The layout that a file name tells, or None."""
+        found = re.search(r"_qs(\d+)x(\d+)a(\d+(?:\.\d+)?)", name)
+        if not found:
+            return None
+        columns, rows, aspect = int(found[1]), int(found[2]), float(found[3])
+        if columns < 1 or rows < 1 or aspect <= 0:
+            raise UserError(f"the quilt name {name!r} tells an impossible layout")
+        return QuiltLayout(columns, rows, aspect)
+
+    @staticmethod
+    def of_display(display: Display) -> QuiltLayout:
+        """The customary layout of a panel."""
+        return QuiltLayout(*display.quilt, display.aspect)
+
+    @property
+    def count(self) -> int:
+        """Number of views."""
+        return self.columns * self.rows
+
+    def suffix(self) -> str:
+        """The end of a file name for this layout."""
+        return f"_qs{self.columns}x{self.rows}a{self.aspect:.4g}"
+
+
+@dataclass(frozen=True)
+class InterlaceConfig:
+    """Parameters of coding pictures of views."""
+
+    sample: Literal["linear", "nearest"] = "linear"
+    """Between the pixels of a view's picture: linear is smoother, nearest copies pixels exactly."""
+    blend: Literal["nearest", "linear"] = "nearest"
+    """nearest: a sub-pixel shows its nearest view; linear: its own place between two views, softer
+    from view to view but less sharp off the panel."""
+    fit: Literal["contain", "cover", "stretch"] = "contain"
+    """Where the views' aspect is not the panel's: show all with bars, fill and crop, or stretch."""
+    focus: float = 0.0
+    """Shifts the views against each other so that what lay this far behind the panel (half panel
+    heights) comes to lie on it, where it is sharpest; negative: what lay in front."""
+
+
+def quilt_tiles(quilt: NDArray[np.uint8], layout: QuiltLayout) -> NDArray[np.uint8]:
+    """The views of a quilt, view 0 first: uint8 [columns * rows, h, w, 3].
+
+    Raises
+    ------
+    UserError
+        If the picture has fewer pixels than tiles.
+    """
+    height, width = quilt.shape[0] // layout.rows, quilt.shape[1] // layout.columns
+    if height < 1 or width < 1:
+        raise UserError(f"a picture of {quilt.shape[1]} x {quilt.shape[0]} pixels is no quilt of "
+                        f"{layout.columns} x {layout.rows} views")
+    tiles = [quilt[quilt.shape[0] - (row + 1) * height:quilt.shape[0] - row * height,
+                   column * width:(column + 1) * width]
+             for row in range(layout.rows) for column in range(layout.columns)]
+    return np.stack(tiles)
+
+
+def assemble_quilt(tiles: NDArray[np.uint8], layout: QuiltLayout,
+                   size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+    """The inverse of `quilt_tiles`.
+
+    Parameters
+    ----------
+    tiles
+        uint8 [V, h, w, 3], view 0 first.
+    layout
+        Columns and rows.
+    size
+        Width and height of the quilt; what the tiles leave of it at the top and right stays black.
+
+    Returns
+    -------
+    quilt
+        uint8 [H, W, 3].
+    """
+    height, width = tiles.shape[1:3]
+    full_width, full_height = size or (layout.columns * width, layout.rows * height)
+    quilt = np.zeros((full_height, full_width, 3), np.uint8)
+    for view, tile in enumerate(tiles):
+        row, column = divmod(view, layout.columns)
+        bottom = full_height - row * height
+        quilt[bottom - height:bottom, column * width:(column + 1) * width] = tile
+    return quilt
+
+
+def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | None = None,
+               views: int = 0) -> tuple[NDArray[np.uint8], float]:
+    """Pictures of views from a quilt or a folder.
+
+    Parameters
+    ----------
+    source
+        A quilt, or a folder with one picture for each view, the leftmost first by name.
+    display
+        The panel; its customary layout is taken where nothing else tells the quilt's.
+    layout
+        Layout of the quilt; what its name tells by default.
+    views
+        Only the first so many views; 0 = all.
+
+    Returns
+    -------
+    views, aspect
+        uint8 [V, h, w, 3], and width over height of what they show.
+
+    Raises
+    ------
+    UserError
+        If there is no picture, or if those of a folder differ in size.
+    """
+    source = Path(source)
+    if not source.is_dir():
+        layout = layout or QuiltLayout.of_name(source.name) or QuiltLayout.of_display(display)
+        tiles = quilt_tiles(np.ascontiguousarray(read_image(source)[..., :3]), layout)
+        aspect = layout.aspect
+    else:
+        files = sorted(path for path in source.iterdir()
+                       if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"))
+        if not files:
+            raise UserError(f"no pictures of views in {source}")
+        pictures = [read_image(path)[..., :3] for path in files]
+        for path, picture in zip(files, pictures):
+            if picture.shape != pictures[0].shape:
+                raise UserError(f"the views in {source} differ in size: {files[0].name} and "
+                                f"{path.name}")
+        tiles = np.stack(pictures)
+        aspect = layout.aspect if layout else tiles.shape[2] / tiles.shape[1]
+    if views < 0 or views > len(tiles):
+        raise UserError(f"{source} has {len(tiles)} views, not {views}")
+    return tiles[:views or len(tiles)], aspect
+
+
+def interlace(views: NDArray[np.uint8], display: Display, config: InterlaceConfig | None = None, *,
+              aspect: float = 0.0) -> NDArray[np.uint8]:
+    """Code pictures of views for a panel: each sub-pixel from its view, at its own place.
+
+    Parameters
+    ----------
+    views
+        uint8 [V, h, w, 3], view 0 leftmost; V and the size need not be the panel's.
+    display
+        The panel.
+    config
+        Sampling.
+    aspect
+        Width over height of what the views show; the panel's by default.
+
+    Returns
+    -------
+    image
+        uint8 [H, W, 3].
+    """
+    config = config or InterlaceConfig()
+    if aspect < 0 or not math.isfinite(aspect):
+        raise UserError(f"the views' aspect must be above 0, not {aspect}")
+    if not math.isfinite(config.focus) or config.focus <= -0.9 * display.distance:
+        raise UserError(f"the focus must lie above {-0.9 * display.distance:g} half panel heights "
+                        f"(the viewer is at {-display.distance:g}), not {config.focus}")
+    wide, high = 1.0, 1.0
+    ratio = (aspect or display.aspect) / display.aspect
+    # Names tell the aspect in a few digits.
+    if config.fit != "stretch" and abs(ratio - 1) > 0.005:
+        if (ratio > 1) == (config.fit == "contain"):
+            high = 1.0 / ratio
+        else:
+            wide = ratio
+    # A point behind the panel by f follows the eye by f / (distance + f) of its way.
+    turn = (display.eye_reach * config.focus / (display.distance + config.focus)
+            / (2.0 * display.aspect))
+    order = np.array([display.channel(place) for place in range(3)])
+    image = np.empty((display.height, display.width, 3), np.uint8)
+    interlace_views(np.ascontiguousarray(views), display.steps(), display.places(), order,
+                    lens_of(display), np.array([wide, high, turn]), config.sample == "linear",
+                    config.blend == "linear", image)
+    return image
