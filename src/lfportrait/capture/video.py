@@ -215,38 +215,3 @@ def _upright(frame: Any, max_side: int) -> NDArray[np.uint8]:
                                   max(1, round(picture.height * ratio))),
                                  Image.Resampling.LANCZOS)
     return np.asarray(picture)
-
-
-def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
-    """Frames per second of a video, and its upright frames (uint8 [H, W, 3]) one at a time.
-
-    Parameters
-    ----------
-    path
-        Video file.
-
-    Raises
-    ------
-    UserError
-        If the file is missing or is no video; while the frames are taken, if it is damaged.
-    """
-    import av
-
-    if not path.is_file():
-        raise UserError(f"there is no video {path}")
-    try:
-        with av.open(str(path)) as container:
-            if not container.streams.video:
-                raise UserError(f"{path} has no pictures in it")
-            rate = float(container.streams.video[0].average_rate or 30)
-    except (av.error.FFmpegError, OSError) as error:
-        raise UserError(f"the video {path} can't be read: {error}") from error
-
-    def frames() -> Iterator[NDArray[np.uint8]]:
-        try:
-            for _, frame in _decoded(path):
-                yield _upright(frame, 0)
-        except (av.error.FFmpegError, OSError) as error:
-            raise UserError(f"the video {path} can't be read to its end: {error}") from error
-
-    return rate, frames()

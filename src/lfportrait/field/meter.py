@@ -71,8 +71,8 @@ class Meter:
         return time.perf_counter() - self._start - self._paused
 
     def due(self) -> bool:
-        """Whether it is time for a point."""
-        return self.seconds - (self.points[-1]["seconds"] if self.points else 0.0) >= self.every
+        """Whether it is time for a point; the first step makes one, so that no run is without."""
+        return not self.points or self.seconds - self.points[-1]["seconds"] >= self.every
 
     def record(self, rays: int, loss: float, voxels: int, resolution: int,
                measure: Callable[[], float | None] | None = None) -> None:
