@@ -1,4 +1,4 @@
-"""Coding a field for a display by direct casting: one ray per sub-pixel (Shen et al. 2023, 2.3).
+"""Coding a field for a display: one ray per sub-pixel, and no views (Shen et al. 2023, 2.3).
 
 The field is placed in the display frame by a similarity: by default the middle of the head lies on
 the panel's plane, and the head, two world units high, takes 80 % of the panel's height. A
@@ -63,9 +63,10 @@ class EncodeConfig:
     filtered: the mean light over all directions that its lens sends it to, three rays: what lies
     beyond the panel's depth budget blurs instead of breaking into a comb."""
     step_size: float = 0.5
-    """Distance between samples in voxels."""
+    """Distance between samples in voxels, for direct casting; slices have a sample on each plane of
+    voxels."""
     draft: bool = False
-    """Steps of one voxel: about 1.5 times faster."""
+    """Samples twice as far apart: 1.5 to 2 times faster."""
     background: float = 0.0
     """Grey level behind the head. Black hides cross-talk between views on a real panel."""
 
