@@ -71,7 +71,7 @@ class Meter:
         return time.perf_counter() - self._start - self._paused
 
     def due(self) -> bool:
-        """Whether it is time for a point; the first step makes one, so that no run is without."""
+        """Whether it is time for a point; the first step makes one."""
         return not self.points or self.seconds - self.points[-1]["seconds"] >= self.every
 
     def record(self, rays: int, loss: float, voxels: int, resolution: int,

@@ -100,6 +100,8 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
         meter.start(first_rays)
     while trainer.level < len(config.resolutions):
         trainer.run_level()
+    if meter is not None and (not meter.points or meter.points[-1]["rays"] < trainer.rays_done):
+        trainer.record()
     trainer.finish()
     trained = meter.seconds if meter is not None else time.perf_counter() - start
     field = trainer.field()

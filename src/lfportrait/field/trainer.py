@@ -374,8 +374,15 @@ class Trainer:
                                  f"{resolution}^3, {self.lattice.count / 1e6:.2f} M voxels, "
                                  f"{-10 * np.log10(max(error, 1e-12)):.1f} dB")
         if self.meter is not None and self.meter.due():
-            self.meter.record(self.rays_done, error, self.lattice.count, resolution,
-                              self._held_out_psnr)
+            self.record()
+
+    def record(self) -> None:
+        """Add a point to the curves."""
+        assert self.lattice is not None and self.meter is not None
+        resolutions = self.config.resolutions
+        self.meter.record(self.rays_done, float(self.recent[0] / max(self.recent[1], 1.0)),
+                          self.lattice.count, resolutions[min(self.level, len(resolutions) - 1)],
+                          self._held_out_psnr)
 
     def _held_out_psnr(self) -> float | None:
         """PSNR of up to four held-out views at this moment, in dB; None without such views."""
