@@ -7,20 +7,20 @@ from collections.abc import Callable
 from typing import Any
 
 import llvmlite.binding
+import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .identity import identified
-from .lanes import WIDTH, F, I
+from .lanes import WIDTH, F, I, gather_pair
 
 __all__ = ["largest", "make_look_up", "make_restrict", "make_store_columns", "smallest",
            "store_half"]
 
 _VF = ir.VectorType(ir.FloatType(), WIDTH)
 _VI = ir.VectorType(ir.IntType(32), WIDTH)
-_VM = ir.VectorType(ir.IntType(1), WIDTH)
 _VH = ir.VectorType(ir.HalfType(), WIDTH)
 
 
@@ -68,12 +68,17 @@ def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
         array[start + index + 1] lane by lane, as two float lanes. The array is C-contiguous uint16
         and holds 64 values from ``start`` on; int lanes ``index`` lie in 0..62.
     """
-    chosen = _has_permutes() if permutes is None else permutes
+    if not (_has_permutes() if permutes is None else permutes):
+        @identified("look up", False)
+        @njit(cache=True)
+        def gathered(array, start, index):  # type: ignore[no-untyped-def]
+            return gather_pair(array, index + np.int32(start))
+        return gathered
     pair = types.UniTuple(F, 2)
     short = ir.VectorType(ir.IntType(16), WIDTH)
     table = ir.VectorType(ir.IntType(16), 2 * WIDTH)
 
-    @identified("look up", chosen)
+    @identified("look up", True)
     @intrinsic
     def look_up(typing, array, start, index):  # type: ignore[no-untyped-def]
         if not isinstance(array, types.Array) or array.dtype != types.uint16 or index is not I:
@@ -105,35 +110,8 @@ def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
                 "llvm.x86.avx512.vpermi2var.hi.512")
             return halves(context, builder, builder.call(pick, [parts[0], both, parts[1]]))
 
-        def gather(context, builder, sig, args):  # type: ignore[no-untyped-def]
-            long = ir.VectorType(ir.IntType(64), WIDTH)
-            base = _address(context, builder, sig.args[0], args[0], args[1], sig.args[1],
-                            ir.IntType(16))
-            addresses = _addresses(builder, base, builder.zext(args[2], long))
-            gather = cgutils.get_or_insert_function(
-                builder.module, ir.FunctionType(
-                    _VI, [addresses.type, ir.IntType(32), _VM, _VI]),
-                "llvm.masked.gather.v16i32.v16p0")
-            words = builder.call(gather, [
-                addresses, ir.Constant(ir.IntType(32), 2), ir.Constant(_VM, [1] * WIDTH),
-                ir.Constant(_VI, ir.Undefined)])
-            values = []
-            for shift in (0, 16):
-                word = builder.trunc(builder.lshr(words, ir.Constant(_VI, [shift] * WIDTH)), short)
-                values.append(builder.fpext(builder.bitcast(word, _VH), _VF))
-            return context.make_tuple(builder, pair, values)
-        return pair(array, start, index), permute if chosen else gather
+        return pair(array, start, index), permute
     return look_up
-
-
-def _addresses(builder: Any, base: Any, offsets: Any) -> Any:
-    """base[offset] for every lane of an array of 16-bit values."""
-    base = builder.bitcast(base, ir.PointerType())
-    instruction = ir.instructions.GEPInstr(builder.block, base, [offsets], inbounds=False, name="",
-                                           source_etype=ir.IntType(16))
-    instruction.type = ir.VectorType(ir.PointerType(), WIDTH)
-    builder._insert(instruction)
-    return instruction
 
 
 def make_store_columns(count: int) -> Callable[..., Any]:

@@ -7,8 +7,9 @@ line x(k), and a sample on each lattice plane takes two values instead of eight.
 
 A direction in the plane is one angle, phi, so that spherical harmonics of degree 2, nine
 coefficients a channel, are a trigonometric polynomial with five: 1, cos phi, sin phi, sin 2 phi,
-cos 2 phi. Over a view cone cos 2 phi is next to straight in cos phi (to 0.4 % over 40 degrees), so
-four are kept: they are worked out once for each point of the slice, and fetched at once.
+cos 2 phi. Over a view cone cos 2 phi is next to straight in cos phi (to 0.1 % within 20 degrees of
+the panel's normal, to 0.5 % within 30), so four are kept, worked out once for each point of the
+slice.
 
 Sixteen rays of one channel go through the planes together, front to back. Those that do are
 neighbours: within a few lenses the sub-pixels are ordered by their view, so that a packet's rays
