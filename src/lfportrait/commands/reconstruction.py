@@ -68,15 +68,15 @@ class Reconstruct(Common):
 
         capture, mattes = Capture.load(self.capture), "given"
         checkpoint = self.out.with_name(f".{self.out.stem}.checkpoint.npz")
-        with self.progress("reconstruct") as progress:
-            if self.keep_background:
-                capture, mattes = replace(capture, alphas=None), "none: the background is kept"
-            elif capture.alphas is None:
-                try:
+        if self.keep_background:
+            capture, mattes = replace(capture, alphas=None), "none: the background is kept"
+        elif capture.alphas is None:
+            try:
+                with self.progress("mattes") as progress:
                     capture, mattes = cut_person(capture, progress)
-                except UserError as error:
-                    raise UserError(f"{error}; or keep the room with --keep-background"
-                                    ) from error
+            except UserError as error:
+                raise UserError(f"{error}; or keep the room with --keep-background") from error
+        with self.progress("reconstruct") as progress:
             result, figures = reconstruct_with_figures(
                 capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint,
                 log=self.log)
