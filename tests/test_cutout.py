@@ -122,6 +122,17 @@ def test_photos_without_texture_have_no_shape(scene):
     capture, masks = scene
     capture = replace(capture, images=[np.full_like(image, 90) for image in capture.images])
     assert cut_out(capture, wrong_mattes(masks)) is None
+
+
+def test_what_most_mattes_call_no_person_is_not_cut_out(scene):
+    capture, masks = scene
+    random = np.random.default_rng(0)
+    # The network sees its persons elsewhere in every photo.
+    given = [np.roll(mask, random.integers(40, 90), axis=1).astype(np.float32) for mask in masks]
+    assert cut_out(capture, given) is None
+    said = iter(given)
+    cut, how = cut_person(capture, network=lambda image, up: next(said))
+    assert cut.alphas is None and how.startswith("none")
     cut, how = cut_person(capture, network=lambda image, up: np.zeros((100, 132), np.float32))
     assert cut.alphas is None and how.startswith("none")
 

@@ -14,8 +14,9 @@ from .progress import Progress
 
 __all__ = ["cut_person"]
 
-# A network that is right has most of its mattes overlap with their common solid by this much.
-_OVERLAP, _MOST = 0.6, 0.8
+# A network that is right has most of its mattes overlap with their common solid by this much; one
+# of which only few do is wrong.
+_OVERLAP, _MOST, _FEWEST = 0.6, 0.8, 0.25
 _NOBODY = 0.01  # share of all pixels below which the network sees nobody
 
 Plane = NDArray[np.float32]
@@ -60,20 +61,23 @@ def cut_person(capture: Capture, progress: Progress | None = None,
         soft.append(matte_of(image, _up_in_image(capture, view)))
         if progress is not None:
             progress.update(0, f"cutting out the person: {view + 1} of {len(capture)}")
-    agree = matte_agreement(capture.cameras, soft) > _OVERLAP
+    # A few views leave too much of space to tell who is right.
+    agree = (matte_agreement(capture.cameras, soft) > _OVERLAP if len(capture) >= 6
+             else np.ones(len(capture), bool))
     # Two threads at the most: each photo's planes take a few hundred megabytes.
     mattes, how = None, "network"
     seen = np.mean([float(matte.mean()) for matte in soft]) > _NOBODY
-    if seen and agree.mean() < _MOST and len(capture.training()) >= 6:
+    if seen and agree.mean() < _MOST:
         mattes = cut_out(capture, soft, progress)
         how = "geometry" if mattes is not None else how
     if mattes is None:
         with ThreadPoolExecutor(2) as workers:
             refined = list(workers.map(refine_matte, capture.images, soft))
         mattes = consistent_mattes(capture, refined)
-    # The network may see no person, or a different one in every photo, and photos without texture
-    # tell nothing of the object's shape.
-    if np.mean([float(matte.mean()) for matte in mattes]) <= 0.002:
+    # The network may see no person, or a different one in every photo, and neither texture nor
+    # votes tell of an object.
+    nobody = np.mean([float(matte.mean()) for matte in mattes]) <= 0.002
+    if nobody or (how == "network" and agree.mean() < _FEWEST):
         return capture, "none: no person was found, the room stays"
     return replace(capture, alphas=[(np.clip(matte, 0, 1) * 255 + 0.5).astype(np.uint8)
                                     for matte in mattes]), how

@@ -47,7 +47,8 @@ def cut_out(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
     Returns
     -------
     mattes
-        V mattes, float32 [H, W] in [0, 1], or None where the photos show no depth at the origin.
+        V mattes, float32 [H, W] in [0, 1], or None where the photos show no object at the origin
+        (`find_solid`).
     """
     views = capture.training()
     if progress is not None:

@@ -3,8 +3,8 @@
 Depth maps are fused to signed distances on a lattice (Curless and Levoy 1996). The planes that the
 object stands on or before - a table, a wall - have the object and all cameras on one side and
 little on the other; they are found by RANSAC and cut off. What then hangs together about the origin
-is the object, less those parts that hardly any matte of the network calls person. No single photo
-decides: a matte that fails in a third of the photos does no harm.
+is the object, less those parts that hardly any matte of the network calls person, if most mattes
+call the rest so. No single photo decides: a matte that fails in a third of the photos does no harm.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..capture import Camera
+from ..capture.mattes import views_share
 from ..kernels.solid import fuse_distance, outline_distance
 from ..kernels.voting import vote_lattice
 from .grid import camera_row
@@ -30,6 +31,7 @@ REACH = 1.8
 
 _SIZE, _THICK = 144, 3.0
 _FOCUS = 0.6  # radius about the origin in which the object is looked for
+_PERSON = 0.4  # share of the votes below which what stands at the origin is no person
 _DOUBT = 0.25  # share of the object's usual vote below which a surface is something else's
 _HIDDEN = 0.85  # and above which what no depth tells is inside
 
@@ -155,7 +157,8 @@ def find_solid(maps: list[DepthMap], mattes: list[Float]) -> Solid | None:
     Returns
     -------
     solid
-        The object, or None if nothing of known depth is near the origin.
+        The object, or None if nothing of known depth is near the origin, or if most mattes see no
+        person in what is.
     """
     spacing = 2.0 * REACH / _SIZE
     axis = REACH * (2.0 * (np.arange(_SIZE) + 0.5) / _SIZE - 1.0)
@@ -174,6 +177,8 @@ def find_solid(maps: list[DepthMap], mattes: list[Float]) -> Solid | None:
         return None
     vote = _smooth_vote(person, seen)
     usual = float(np.median(vote[shell & (radius < 1.0)]))
+    if usual < _PERSON:
+        return None
     surface = known & (seen > 0) & (abs(mean) < 1.0 / _THICK)
     planes = backing_planes(axis[np.argwhere(surface)[:, ::-1]], vote[surface],
                             np.concatenate([item.camera.position for item in maps]), usual)
@@ -208,12 +213,7 @@ def _hull_share(maps: list[DepthMap], mattes: list[Float]) -> Float:
                          np.array([matte.shape for matte in mattes]),
                          np.full(3, -REACH + 0.5 * spacing), spacing, half, np.float32(1.0))
     # Every eighth point is enough to know what the pictures show.
-    axis = REACH * (2.0 * (np.arange(_SIZE // 8) + 0.5) / (_SIZE // 8) - 1.0)
-    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    cameras = Camera.concatenate([item.camera for item in maps])
-    pixels, along = cameras.project(np.stack([x, y, z], -1).reshape(-1, 3))
-    inside = ((along > 0) & (pixels >= 0).all(-1) & (pixels[..., 0] < cameras.width[:, None])
-              & (pixels[..., 1] < cameras.height[:, None])).mean(axis=0).reshape(z.shape)
+    inside = views_share(Camera.concatenate([item.camera for item in maps]), REACH, _SIZE // 8)
     return np.asarray(np.where(_larger(inside, 8) < 0.25, 0.0, _larger(share, 2)), np.float32)
 
 
