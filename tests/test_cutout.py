@@ -8,7 +8,7 @@ import pytest
 from lfportrait.capture import Camera, Capture, matte_agreement
 from lfportrait.commands import reconstruction
 from lfportrait.errors import UserError
-from lfportrait.field.cutout import cut_out
+from lfportrait.field.cutout import _cut, cut_out
 from lfportrait.field.grid import camera_row
 from lfportrait.field.solid import Solid, backing_planes
 from lfportrait.kernels.solid import fuse_distance, outline_distance
@@ -91,6 +91,32 @@ def test_all_photos_show_the_object_whatever_the_network_says(scene):
     assert np.median(scores) > 0.93
     assert all(matte.dtype == np.float32 and matte.min() >= 0 and matte.max() <= 1
                for matte in result)
+
+
+def test_a_photo_without_the_object_is_named(scene):
+    capture, masks = scene
+    # One camera is turned away.
+    pose = capture.cameras.pose.copy()
+    pose[5, :3, :3] = pose[5, :3, :3] @ np.diag([-1.0, 1.0, -1.0])
+    cameras = replace(capture.cameras, pose=pose)
+    with pytest.warns(UserWarning, match=r"1 of 24 photos do not show the object.*: 5\.png"):
+        result = cut_out(replace(capture, cameras=cameras), wrong_mattes(masks))
+    assert result[5].max() < 0.5
+    scores = [overlap(matte, mask) for matte, mask in zip(result, masks)]
+    assert min(scores[:5] + scores[6:]) > 0.9
+
+
+@pytest.mark.parametrize(("seen", "follows"), [(19, True), (13, False)])
+def test_edges_are_followed_unless_they_contradict_the_outline(seen, follows):
+    y, x = np.mgrid[:90, :120]
+    radius = np.hypot(y - 45, x - 60)
+    random = np.random.default_rng(0)
+    grey = np.where(radius < seen, 200, 70) + random.normal(0, 4, radius.shape)
+    coarse = np.clip(0.5 - (radius - 20) / 12, 0, 1).astype(np.float32)
+    matte, followed = _cut(np.dstack([np.uint8(grey)] * 3), coarse)
+    assert followed == follows
+    edge = seen if follows else 20
+    assert overlap(matte, radius < edge) > 0.97
 
 
 def test_held_out_photos_tell_nothing_of_the_shape(scene):

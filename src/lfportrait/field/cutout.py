@@ -65,12 +65,20 @@ def cut_out(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
     outlines = [_outlined(capture, view, solid) for view in range(len(capture))]
     with ThreadPoolExecutor(2) as workers:
         results = list(workers.map(_cut, capture.images, outlines))
+    without = [capture.names[view] for view, coarse in enumerate(outlines) if coarse.max() < 0.5]
+    if without:
+        warnings.warn(f"{len(without)} of {len(capture)} photos do not show the object and teach "
+                      f"nothing: {_listed(without)}", stacklevel=2)
     plain = [capture.names[view] for view, (_, follows) in enumerate(results) if not follows]
     if plain:
         warnings.warn(f"the edges of {len(plain)} of {len(capture)} photos contradict the shape of "
-                      f"the object ({', '.join(plain[:5])}{', ...' if len(plain) > 5 else ''}); "
-                      "its outline is taken there as it is", stacklevel=2)
+                      f"the object; its outline is taken there as it is: {_listed(plain)}",
+                      stacklevel=2)
     return [matte for matte, _ in results]
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
 
 
 def _outlined(capture: Capture, view: int, solid: Solid) -> Plane:
