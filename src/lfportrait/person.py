@@ -27,9 +27,10 @@ def cut_person(capture: Capture, progress: Progress | None = None,
                network: Network | None = None) -> tuple[Capture, str]:
     """Cut the person out of every photo.
 
-    A network's mattes, sharpened along the photos' edges and made consistent over the views, where
-    they agree; where they do not, as with a sculpture, the object that the cameras look at, cut
-    out by its geometry (`lfportrait.field.cutout`).
+    A network's mattes, sharpened along the photos' edges, made consistent over the views and freed
+    of what the photos' depth puts elsewhere, where they agree; where they do not, as with a
+    sculpture, the object that the cameras look at, cut out by its geometry
+    (`lfportrait.field.cutout`).
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def cut_person(capture: Capture, progress: Progress | None = None,
         If the network's weights are missing.
     """
     from .face import person_matte
-    from .field.cutout import cut_out
+    from .field.cutout import cut_out, trim
 
     matte_of = network or person_matte
     soft = []
@@ -74,6 +75,8 @@ def cut_person(capture: Capture, progress: Progress | None = None,
         with ThreadPoolExecutor(2) as workers:
             refined = list(workers.map(refine_matte, capture.images, soft))
         mattes = consistent_mattes(capture, refined)
+        if agree.mean() >= _MOST and len(capture.training()) >= 6:
+            mattes = trim(capture, mattes, progress)
     # The network may see no person, or a different one in every photo, and neither texture nor
     # votes tell of an object.
     nobody = np.mean([float(matte.mean()) for matte in mattes]) <= 0.002
