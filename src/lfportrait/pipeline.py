@@ -24,17 +24,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from . import __version__
 from .capture import (
     CalibrateConfig,
     Capture,
     calibrate,
-    consistent_mattes,
     is_calibrated,
     portrait_frame_from_landmarks,
-    refine_matte,
 )
 from .errors import UserError
 from .example import Exemplar
@@ -49,6 +45,7 @@ from .lightfield import (
     write_coded,
 )
 from .measure import machine, peak_memory_bytes
+from .person import cut_person
 from .progress import Progress
 from .stages import StageFolder, fingerprint_files, key_of
 from .stylize import StylizeConfig
@@ -79,27 +76,6 @@ def _source_files(photos: Path) -> list[Path]:
     if photos.is_file():
         return [photos]
     return [path for path in photos.rglob("*") if path.is_file() and path.name[0] != "."]
-
-
-def _mattes(capture: Capture, progress: Progress | None) -> list[np.ndarray]:
-    """Cut the person out of every photo: network matte, sharpened, made consistent over views."""
-    from .face import person_matte
-
-    soft = []
-    for view, image in enumerate(capture.images):
-        soft.append(person_matte(image, up=_up_in_image(capture, view)))
-        if progress is not None:
-            progress.update(0, f"cutting out the person: {view + 1} of {len(capture)}")
-    refined = [refine_matte(image, matte) for image, matte in zip(capture.images, soft)]
-    return [(np.clip(matte, 0, 1) * 255 + 0.5).astype(np.uint8)
-            for matte in consistent_mattes(capture, refined)]
-
-
-def _up_in_image(capture: Capture, view: int) -> np.ndarray:
-    """The world's up direction in a picture, [2] (x right, y down), unit length."""
-    up = capture.cameras.pose[view, :3, :3].T @ np.array([0.0, 1.0, 0.0])
-    flat = up[:2]
-    return flat / max(float(np.linalg.norm(flat)), 1e-9)
 
 
 def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
@@ -154,12 +130,7 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
             raise UserError(f"no face was found in the photos of {photos}; a portrait needs a few "
                             "photos that show the face from the front, upright and in focus")
     if capture.alphas is None and not keep_background:
-        mattes = _mattes(capture, progress)
-        # The network may see no person, or a different one in every photo, as with a sculpture.
-        person = np.mean([float(matte.mean()) / 255 for matte in mattes]) > 0.002
-        figures["mattes"] = "network" if person else "none: no person was found, the room stays"
-        if person:
-            capture = replace(capture, alphas=mattes)
+        capture, figures["mattes"] = cut_person(capture, progress)
     figures["views"] = len(capture)
     figures["held_out"] = int(capture.held_out.sum())
     return capture, figures

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -25,7 +26,7 @@ from ..kernels.voting import cover_views, vote_lattice
 from .camera import Camera
 from .capture import Capture
 
-__all__ = ["consistent_mattes", "refine_matte"]
+__all__ = ["consistent_mattes", "matte_agreement", "refine_matte", "views_share"]
 
 Plane = NDArray[np.float32]
 
@@ -34,8 +35,8 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 def _mean(plane: Plane, radius: int) -> Plane:
-    result: Plane = ndimage.uniform_filter(plane, 2 * radius + 1, mode="nearest")
-    return result
+    side = 2 * radius + 1
+    return np.asarray(cv2.blur(plane, (side, side), borderType=cv2.BORDER_REPLICATE), np.float32)
 
 
 def _invert(upper: list[NDArray[Any]]) -> tuple[list[NDArray[Any]], NDArray[Any]]:
@@ -47,25 +48,39 @@ def _invert(upper: list[NDArray[Any]]) -> tuple[list[NDArray[Any]], NDArray[Any]
     return [term / determinant for term in (i00, i01, i02, i11, i12, i22)], determinant
 
 
-def _log_likelihood(image: NDArray[np.float32], weight: Plane, radius: int) -> tuple[Plane, Plane]:
+def _log_likelihood(image: NDArray[np.float32], weight: Plane, cell: int,
+                    ) -> tuple[Plane, Plane]:
     """Log-likelihood of each pixel's colour under the Gaussian of the colours near it.
 
-    The colours within ``radius`` count by ``weight``; their total weight is returned as well.
+    The colours within 6 cells count by ``weight``; their mean weight is returned as well. The
+    Gaussians change slowly: they are found once for each block of ``cell`` x ``cell`` pixels.
     """
-    total = _mean(weight, radius)
+    height, width = weight.shape
+    blocks = (-(-width // cell), -(-height // cell))
+
+    def near(plane: Plane) -> Plane:
+        return _mean(np.asarray(cv2.resize(plane, blocks, interpolation=cv2.INTER_AREA),
+                                np.float32), 6)
+
+    def full(plane: NDArray[Any]) -> Plane:
+        return np.asarray(cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR),
+                          np.float32)
+
+    total = near(weight)
     safe = np.maximum(total, 1e-4)
-    means = [_mean(weight * image[..., c], radius) / safe for c in range(3)]
+    weighted = [weight * image[..., c] for c in range(3)]
+    means = [near(plane) / safe for plane in weighted]
     covariance = []
     for i, j in _PAIRS:
-        value = _mean(weight * image[..., i] * image[..., j], radius) / safe - means[i] * means[j]
+        value = near(weighted[i] * image[..., j]) / safe - means[i] * means[j]
         # Sensor noise, and a floor that keeps a flat patch from excluding its own shading.
         covariance.append(value + np.float32(4e-4 if i == j else 0.0))
     inverse, determinant = _invert(covariance)
-    offset = [image[..., c] - means[c] for c in range(3)]
-    distance = np.zeros_like(total)
+    offset = [image[..., c] - full(means[c]) for c in range(3)]
+    distance = full(np.log(determinant))
     for (i, j), term in zip(_PAIRS, inverse):
-        distance += np.float32(1 if i == j else 2) * term * offset[i] * offset[j]
-    return -0.5 * (distance + np.log(determinant)), total
+        distance += full(np.float32(1 if i == j else 2) * term) * offset[i] * offset[j]
+    return np.float32(-0.5) * distance, full(total)
 
 
 def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon: float) -> Plane:
@@ -100,7 +115,8 @@ def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon
     return result
 
 
-def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]]) -> Plane:
+def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
+                 cell: int = 0, calm: bool = False) -> Plane:
     """Sharpen a coarse matte along the edges of its photo.
 
     Parameters
@@ -109,6 +125,11 @@ def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]]) -> P
         uint8 [H, W, 3], sRGB.
     soft
         [H, W] in [0, 1], for instance a network's matte enlarged to the photo's size.
+    cell
+        Pixels of the photo to one that the coarse matte resolves; by default a 256th of its size.
+    calm
+        For a coarse matte that is right within a few cells, while the person resembles what is
+        behind: it counts more beside the colours, and neighbouring pixels decide together.
 
     Returns
     -------
@@ -118,21 +139,25 @@ def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]]) -> P
     """
     guide = image[..., :3].astype(np.float32) / np.float32(255)
     coarse = np.asarray(soft, np.float32)
-    cell = max(2, round(max(coarse.shape) / 256))
+    cell = cell or max(2, round(max(coarse.shape) / 256))
     band = _unsure_band(coarse, 2 * cell)
     if not band.any():
         return np.clip(coarse, 0, 1)
     person = (coarse > 0.5) & ~band
     behind = (coarse <= 0.5) & ~band
-    radius = 6 * cell
-    inside, near_person = _log_likelihood(guide, person.astype(np.float32), radius)
-    outside, near_behind = _log_likelihood(guide, behind.astype(np.float32), radius)
+    inside, near_person = _log_likelihood(guide, person.astype(np.float32), cell)
+    outside, near_behind = _log_likelihood(guide, behind.astype(np.float32), cell)
     # The network's word counts as well: its log-odds, bounded so that colours can outvote them.
     prior = np.log(np.clip(coarse, 0.02, 0.98) / np.clip(1 - coarse, 0.02, 0.98))
     known = (near_person > 0.01) & (near_behind > 0.01)
-    odds = np.where(known, np.clip(inside - outside, -12, 12), prior) + prior
+    if calm:
+        prior = np.float32(2.5) * prior
+        odds = np.where(known, np.clip(inside - outside, -6, 6), prior).astype(np.float32)
+        odds = np.asarray(cv2.GaussianBlur(odds, (0, 0), 0.6 * cell), np.float32) + prior
+    else:
+        odds = np.where(known, np.clip(inside - outside, -12, 12), prior) + prior
     decided = np.where(band, 1 / (1 + np.exp(-np.clip(odds, -30, 30))), coarse > 0.5)
-    decided = ndimage.median_filter(decided.astype(np.float32), 3)
+    decided = np.asarray(cv2.medianBlur(decided.astype(np.float32), 5 if calm else 3), np.float32)
     matte = guided_filter(guide, decided, max(2, cell), 1e-4)
     # The filter leaves a faint veil on textures; a steeper slope removes it and keeps the edge.
     matte = np.clip((matte - 0.1) / 0.8, 0, 1)
@@ -145,8 +170,9 @@ def _unsure_band(coarse: Plane, reach: int) -> NDArray[np.bool_]:
     person = coarse > 0.5
     if person.all() or not person.any():
         return np.zeros(coarse.shape, bool)
-    away = np.where(person, ndimage.distance_transform_edt(person),
-                    ndimage.distance_transform_edt(~person))
+    inside, outside = (cv2.distanceTransform(part.astype(np.uint8), cv2.DIST_L2, 5)
+                       for part in (person, ~person))
+    away = np.maximum(inside, outside)
     unsure = (coarse > 0.1) & (coarse < 0.9) & (away < 6 * reach)
     return (away <= reach) | unsure
 
@@ -197,33 +223,99 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
     given = [np.asarray(matte, np.float32) for matte in mattes]
     if len(capture) < 6:
         return given
-    cameras = capture.cameras
-    first, spacing = _lattice(cameras, size)
-    distance = np.maximum(np.linalg.norm(cameras.position, axis=1), 1e-6)
-    # Small pictures in which a step of the lattice is about one pixel.
-    factors = np.maximum(1, np.floor(spacing * cameras.focal.min(1) / distance)).astype(np.int64)
-    small = [_small(matte, int(factor)) for matte, factor in zip(given, factors)]
-    rows = np.concatenate([
-        cameras.pose[:, :3].reshape(-1, 12), cameras.focal / factors[:, None],
-        cameras.center / factors[:, None]], axis=1)
-    # Neighbouring views err alike; asked in scattered order, an empty point is found out sooner.
-    order = np.argsort((np.arange(len(rows)) * 0.6180339887) % 1.0, kind="stable")
-    # Whatever the number of views, one of them that errs alone is outvoted.
-    tolerance, doubt = (max(part, 1.5 / len(rows)) for part in (0.06, 0.03))
-    share = vote_lattice(
-        rows[order], np.concatenate([small[view].ravel() for view in order]),
-        np.array([small[view].shape for view in order]), first, spacing, size,
-        np.float32(tolerance))
+    votes = _Votes(capture.cameras, given, size)
     result = []
     for view, matte in enumerate(given):
-        shape = small[view].shape
-        allowed = cover_views(rows[view], share > 1 - tolerance, first, spacing, *shape)
-        certain = cover_views(rows[view], share > 1 - doubt, first, spacing, *shape)
-        mended = _mended(matte, allowed, certain, int(factors[view]))
+        mended = _mended(matte, votes.cover(view, votes.tolerance), votes.cover(view, votes.doubt),
+                         votes.factors[view])
         if np.abs(mended - matte).max() > 0.5:
             mended = refine_matte(capture.images[view], mended)
         result.append(mended)
     return result
+
+
+def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]],
+                    size: int = 96) -> NDArray[np.float64]:
+    """How well each matte agrees with what all of them leave of space.
+
+    Parameters
+    ----------
+    cameras, mattes
+        V views and their mattes, [H, W] in [0, 1].
+    size
+        Points of the lattice along an edge, a multiple of four.
+
+    Returns
+    -------
+    overlap
+        float64 [V] in [0, 1]: intersection over union of each matte with the picture of the common
+        solid, as far as a quarter of the views show it; 0 where there is nothing in either.
+    """
+    given = [np.asarray(matte, np.float32) for matte in mattes]
+    votes = _Votes(cameras, given, size)
+    # What few views show they easily agree about; every fourth point is enough to know.
+    shown = views_share(cameras, 0.5 * votes.spacing * size, size // 4) > 0.25
+    for axis in range(3):
+        shown = np.repeat(shown, 4, axis)
+    votes.share = np.where(shown, votes.share, np.float32(0.0))
+    overlap = np.zeros(len(given))
+    for view in range(len(given)):
+        said, common = votes.small[view] > 0.5, _closed(votes.cover(view, votes.tolerance))
+        either = (said | common).sum()
+        if either:
+            overlap[view] = (said & common).sum() / either
+    return overlap
+
+
+def views_share(cameras: Camera, reach: float, size: int) -> NDArray[np.float64]:
+    """The share of the views that have a point of a lattice in the picture.
+
+    Parameters
+    ----------
+    cameras
+        V views.
+    reach, size
+        Half the lattice's edge in world units (its middle is the origin), points along an edge.
+
+    Returns
+    -------
+    share
+        float64 [size, size, size] (z, y, x).
+    """
+    axis = reach * (2.0 * (np.arange(size) + 0.5) / size - 1.0)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    pixels, along = cameras.project(np.stack([x, y, z], -1).reshape(-1, 3))
+    inside = ((along > 0) & (pixels >= 0).all(-1) & (pixels[..., 0] < cameras.width[:, None])
+              & (pixels[..., 1] < cameras.height[:, None]))
+    return np.asarray(inside.mean(axis=0).reshape(z.shape))
+
+
+class _Votes:
+    """What the views say of the points of a lattice (see `consistent_mattes`)."""
+
+    def __init__(self, cameras: Camera, mattes: list[Plane], size: int) -> None:
+        self.first, self.spacing = _lattice(cameras, size)
+        distance = np.maximum(np.linalg.norm(cameras.position, axis=1), 1e-6)
+        # Small pictures in which a step of the lattice is about one pixel.
+        factors = np.maximum(1, np.floor(self.spacing * cameras.focal.min(1) / distance))
+        self.factors = [int(factor) for factor in factors]
+        self.small = [_small(matte, factor) for matte, factor in zip(mattes, self.factors)]
+        self.rows = np.concatenate([
+            cameras.pose[:, :3].reshape(-1, 12), cameras.focal / factors[:, None],
+            cameras.center / factors[:, None]], axis=1)
+        # Neighbouring views err alike; in scattered order an empty point is found out sooner.
+        order = np.argsort((np.arange(len(mattes)) * 0.6180339887) % 1.0, kind="stable")
+        # Whatever the number of views, one of them that errs alone is outvoted.
+        self.tolerance, self.doubt = (max(part, 1.5 / len(mattes)) for part in (0.06, 0.03))
+        self.share = vote_lattice(
+            self.rows[order], np.concatenate([self.small[view].ravel() for view in order]),
+            np.array([self.small[view].shape for view in order]), self.first, self.spacing, size,
+            np.float32(self.tolerance))
+
+    def cover(self, view: int, against: float) -> NDArray[np.bool_]:
+        """The pixels of a view's small matte before points with at most so many votes against."""
+        return np.asarray(cover_views(self.rows[view], self.share > 1 - against, self.first,
+                                      self.spacing, *self.small[view].shape))
 
 
 def _mended(matte: Plane, allowed: NDArray[np.bool_], certain: NDArray[np.bool_],

@@ -57,25 +57,32 @@ class Reconstruct(Common):
         default_factory=ReconstructConfig)
     """Reconstruction."""
     keep_background: bool = False
-    """Reconstruct the room, too, although the photos have mattes."""
+    """Reconstruct the room, too: use no mattes, and do not cut the person out."""
     log: Path | None = None
     """Folder for curves that TensorBoard shows: PSNR so far, loss, rays a second, voxels."""
 
     def run(self) -> dict[str, Any]:
         """Reconstruct and save."""
         from ..field import reconstruct_with_figures
+        from ..person import cut_person
 
-        capture = Capture.load(self.capture)
-        if self.keep_background:
-            capture = replace(capture, alphas=None)
+        capture, mattes = Capture.load(self.capture), "given"
         checkpoint = self.out.with_name(f".{self.out.stem}.checkpoint.npz")
+        if self.keep_background:
+            capture, mattes = replace(capture, alphas=None), "none: the background is kept"
+        elif capture.alphas is None:
+            try:
+                with self.progress("mattes") as progress:
+                    capture, mattes = cut_person(capture, progress)
+            except UserError as error:
+                raise UserError(f"{error}; or keep the room with --keep-background") from error
         with self.progress("reconstruct") as progress:
             result, figures = reconstruct_with_figures(
                 capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint,
                 log=self.log)
         result.save(self.out)
         checkpoint.unlink(missing_ok=True)
-        return figures
+        return {**figures, "mattes": mattes}
 
 
 @dataclass

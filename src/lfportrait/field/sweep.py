@@ -55,21 +55,38 @@ class DepthMap:
         return np.asarray(local @ self.camera.pose[0, :3, :3].T + self.camera.pose[0, :3, 3])
 
 
-def sweep_depth(capture: Capture, views: NDArray[np.int64]) -> list[DepthMap]:
-    """Depth maps of the given views, each with only what its neighbours confirm."""
+def sweep_depth(capture: Capture, views: NDArray[np.int64], reach: float = 0.0,
+                ) -> list[DepthMap]:
+    """Depth maps of the given views, each with only what its neighbours confirm.
+
+    Parameters
+    ----------
+    capture
+        Photos and cameras.
+    views
+        The views, which are each other's neighbours.
+    reach
+        The planes of each view are dense up to this distance from the origin and few beyond; by
+        default they are the same for all views and as dense far away.
+    """
     small = [small_view(capture, int(view)) for view in views]
     cameras = [item.camera for item in small]
     position = np.stack([camera.position[0] for camera in cameras])
     forward = np.stack([camera.pose[0, :3, 2] for camera in cameras])
     distance = np.linalg.norm(position, axis=1)
-    near, far = 0.3 * float(distance.min()), 6.0 * float(np.median(distance))
-    inverse = np.linspace(1.0 / far, 1.0 / near, _PLANES)
+    if reach > 0:
+        near, far = np.maximum(distance - reach, 0.3 * distance), 2.0 * (distance + reach)
+    else:
+        near = np.full(len(small), 0.3 * distance.min())
+        far = np.full(len(small), 6.0 * np.median(distance))
+    inverse = np.linspace(1.0 / far, 1.0 / near, _PLANES, axis=1)
     neighbours = [_neighbours(view, position, forward) for view in range(len(small))]
     greys = [item.image.mean(axis=2) for item in small]
-    found = [_match(greys, cameras, view, neighbours[view], inverse) for view in range(len(small))]
-    step = float(inverse[1] - inverse[0])
+    found = [_match(greys, cameras, view, neighbours[view], inverse[view])
+             for view in range(len(small))]
+    steps = inverse[:, 1] - inverse[:, 0]
     return [DepthMap(item.camera, item.image,
-                     _confirmed(view, found, cameras, neighbours[view], step))
+                     _confirmed(view, found, cameras, neighbours[view], steps))
             for view, item in enumerate(small)]
 
 
@@ -148,7 +165,7 @@ def _homography(reference: Camera, other: Camera, matrix: NDArray[np.float64],
 
 
 def _confirmed(view: int, found: list[NDArray[np.float32]], cameras: list[Camera],
-               neighbours: list[int], step: float) -> NDArray[np.float32]:
+               neighbours: list[int], steps: NDArray[np.float64]) -> NDArray[np.float32]:
     """Depth where a neighbour's own map agrees within a plane and a half; NaN elsewhere."""
     depth = 1.0 / found[view]
     points = DepthMap(cameras[view], np.zeros((*depth.shape, 3), np.float32), depth)
@@ -162,6 +179,7 @@ def _confirmed(view: int, found: list[NDArray[np.float32]], cameras: list[Camera
                 for axis in (0, 1))
         inside = (along[0] > 0) & (x >= 0) & (y >= 0) & (x < wide) & (y < high)
         there = found[other][np.clip(y, 0, high - 1), np.clip(x, 0, wide - 1)]
+        step = max(steps[view], steps[other])
         votes += inside & (abs(there - 1.0 / np.maximum(along[0], 1e-6)) < 1.5 * step)
     kept = np.full(depth.shape, np.nan, np.float32)
     sure = votes >= 1
