@@ -163,13 +163,22 @@ def _accumulate_rows(image, y, taps, row):
     """
     height, width = image.shape
     radius = taps.shape[0] // 2
+    centre, weight = image[y], taps[radius]
+    inner = row[radius:radius + width]
     for x in range(width):
-        row[radius + x] = 0
-    for k in range(-radius, radius + 1):
-        line = image[_mirrored(y + k, height)]
-        weight = taps[k + radius]
+        inner[x] = weight * centre[x]
+    # Two rows above and two below at a time: the sum is read and written half as often.
+    for k in range(1, radius, 2):
+        above, below = image[_mirrored(y - k, height)], image[_mirrored(y + k, height)]
+        over, under = image[_mirrored(y - k - 1, height)], image[_mirrored(y + k + 1, height)]
+        near, far = taps[radius + k], taps[radius + k + 1]
         for x in range(width):
-            row[radius + x] += weight * line[x]
+            inner[x] += near * (above[x] + below[x]) + far * (over[x] + under[x])
+    if radius % 2 == 1:
+        above, below = image[_mirrored(y - radius, height)], image[_mirrored(y + radius, height)]
+        weight = taps[2 * radius]
+        for x in range(width):
+            inner[x] += weight * (above[x] + below[x])
     for k in range(radius):
         row[radius - 1 - k] = row[radius + _mirrored(k, width)]
         row[radius + width + k] = row[radius + _mirrored(width + k, width)]
@@ -191,14 +200,27 @@ def blur_difference(image, fine, coarse, out):
         line = out[y]
         for x in range(width):
             line[x] = 0
-        for k in range(fine.shape[0]):
-            weight = fine[k]
-            for x in range(width):
-                line[x] += weight * first[x + k]
-        for k in range(coarse.shape[0]):
-            weight = coarse[k]
-            for x in range(width):
-                line[x] -= weight * second[x + k]
+        _add_columns(first, fine, np.float32(1), line)
+        _add_columns(second, coarse, np.float32(-1), line)
+
+
+@numba.njit(cache=True, inline="always")
+def _add_columns(row, taps, sign, line):
+    """Convolve ``row`` [W + 2 r] with symmetric taps and add the result to ``line`` [W]."""
+    width, radius = line.shape[0], taps.shape[0] // 2
+    centre, weight = row[radius:], sign * taps[radius]
+    for x in range(width):
+        line[x] += weight * centre[x]
+    for k in range(1, radius, 2):
+        left, right = row[radius - k:], row[radius + k:]
+        further, beyond = row[radius - k - 1:], row[radius + k + 1:]
+        near, far = sign * taps[radius + k], sign * taps[radius + k + 1]
+        for x in range(width):
+            line[x] += near * (left[x] + right[x]) + far * (further[x] + beyond[x])
+    if radius % 2 == 1:
+        left, right, weight = row, row[2 * radius:], sign * taps[0]
+        for x in range(width):
+            line[x] += weight * (left[x] + right[x])
 
 
 @numba.njit(cache=True, parallel=True)
@@ -210,12 +232,16 @@ def shrink(image, factor, out):
     height, width = image.shape
     for j in numba.prange(out.shape[0]):
         bottom = min((j + 1) * factor, height)
+        line = np.zeros(width, np.float32)
+        for y in range(j * factor, bottom):
+            values = image[y]
+            for x in range(width):
+                line[x] += values[x]
         for i in range(out.shape[1]):
             right = min((i + 1) * factor, width)
             total = np.float32(0)
-            for y in range(j * factor, bottom):
-                for x in range(i * factor, right):
-                    total += image[y, x]
+            for x in range(i * factor, right):
+                total += line[x]
             out[j, i] = total / np.float32((bottom - j * factor) * (right - i * factor))
 
 

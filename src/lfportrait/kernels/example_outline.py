@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["edge_distances", "snap", "sweep_distances"]
+__all__ = ["distances", "edge_distances", "snap", "sweep_distances"]
 
 
 @numba.njit(cache=True)
@@ -68,8 +68,19 @@ def sweep_distances(distance, far):
                     b = min(b, abs(distance[y - 1, x]))
                 if y + 1 < height and (distance[y + 1, x] > 0) == inside:
                     b = min(b, abs(distance[y + 1, x]))
+                # Most cells are far from the edge, and so are their neighbours.
+                if a >= far and b >= far:
+                    continue
                 best = min(abs(own), _eikonal(a, b))
                 distance[y, x] = best if inside else -best
+
+
+@numba.njit(cache=True, parallel=True)
+def distances(masks, far, out):
+    """`edge_distances` and `sweep_distances` of the masks [K, h, w], a mask a thread."""
+    for k in numba.prange(masks.shape[0]):
+        edge_distances(masks[k], far[k], out[k])
+        sweep_distances(out[k], far[k])
 
 
 @numba.njit(cache=True, inline="always")
