@@ -194,7 +194,7 @@ class Transfer:
         photo = np.asarray(image[..., :3])
         start = time.perf_counter()
         if position is None and regions is None:
-            regions = find_regions(photo, points, mask)
+            regions = find_regions(photo, points, mask, size=384)
         guided = time.perf_counter()
         if position is None:
             assert regions is not None

@@ -117,7 +117,7 @@ class VideoTransfer:
             places, trusted = self._motion(luma, pixels)
         points = self._steady(found, places, pixels)
         anchor = self._carried(pixels, points, places, trusted)
-        regions = find_regions(frame, points, quick=True)
+        regions = find_regions(frame, points, size=256)
         made = self.prepared.apply(frame, points, seeds_anchor=anchor if self.carry else None,
                                    regions=regions)
         if places is not None and trusted is not None and self._painted is not None:
