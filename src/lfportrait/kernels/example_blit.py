@@ -78,7 +78,7 @@ def _error(gx, gy, a, x, y, inside, place, look, weight_label, low, high, style_
             + weight_label * _label_difference(low, high, style_words, other))
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def look_up(position, appearance, anchor, weights, words, weight_label, table, cell, low, step,
             style_appearance, style_words, gain, snap, margin, shift, error):
     """Every pixel's own look-up: ``shift`` (exemplar minus anchor, planes) and its ``error``.
@@ -235,7 +235,7 @@ def _box(anchors, width, top, bottom, first, low_x, low_y, box):
         box[2], box[3] = max(box[2], low_x[n]), max(box[3], low_y[n])
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def blit(position, appearance, anchor, weights, words, weight_label, style_appearance, style_words,
          own_shift, own_error, top, points, pixels, starts, firsts, shapes, threshold, slack,
          margin, shift, level_map):

@@ -14,13 +14,13 @@ import numba
 import numpy as np
 
 __all__ = ["blur_difference", "blur_rows", "count_values", "enlarge", "fold_points", "map_values",
-           "mls_points", "resample_fold", "resample_grid", "shrink"]
+           "mls_points", "resample_fold", "resample_grid", "shrink", "stretch"]
 
 _ORDER_FREE = {"reassoc", "contract", "arcp", "nsz"}
 """Sums may be taken in any order; NaN and infinity keep their meaning."""
 
 
-@numba.njit(cache=True, parallel=True, fastmath=_ORDER_FREE)
+@numba.njit(cache=True, nogil=True, parallel=True, fastmath=_ORDER_FREE)
 def mls_points(points, sources, targets, weights, softness, out):
     """Map ``points`` [N, 2] by moving least squares (similarity) into ``out`` [N, 2], float64.
 
@@ -71,7 +71,7 @@ def _fold(value, length, before, after):
     return value
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def fold_points(points, size, before, after):
     """Fold ``points`` [N, 2] float32 into a picture in place; see `guides.fold_inside`.
 
@@ -82,7 +82,7 @@ def fold_points(points, size, before, after):
             points[n, c] = _fold(points[n, c], size[c], before[c], after[c])
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def resample_grid(nodes, spacing, out):
     """Bilinear interpolation of grid values to pixels.
 
@@ -101,7 +101,7 @@ def resample_grid(nodes, spacing, out):
                 out[y, x, c] = top + fy * (low - top)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def resample_fold(nodes, spacing, cover, size, before, after, out):
     """Bilinear interpolation of a grid of places, folded into the exemplar; NaN where not covered.
 
@@ -136,7 +136,7 @@ def _mirrored(index, length):
     return index
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, parallel=True, fastmath=True)
 def blur_rows(image, taps, out):
     """Convolve the columns of ``image`` [H, W] float32 with the symmetric ``taps`` [2 r + 1].
 
@@ -184,7 +184,7 @@ def _accumulate_rows(image, y, taps, row):
         row[radius + width + k] = row[radius + _mirrored(width + k, width)]
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, parallel=True, fastmath=True)
 def blur_difference(image, fine, coarse, out):
     """Difference of two Gaussian blurs of ``image`` [H, W] float32, borders mirrored.
 
@@ -223,7 +223,7 @@ def _add_columns(row, taps, sign, line):
             line[x] += weight * (left[x] + right[x])
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def shrink(image, factor, out):
     """Means of the blocks of ``factor`` x ``factor`` pixels of ``image`` into ``out`` [h, w].
 
@@ -245,7 +245,7 @@ def shrink(image, factor, out):
             out[j, i] = total / np.float32((bottom - j * factor) * (right - i * factor))
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def enlarge(small, factor, out):
     """Bilinear interpolation of ``small`` [h, w], block means of ``factor``, to ``out`` [H, W]."""
     height, width = out.shape
@@ -267,7 +267,7 @@ def enlarge(small, factor, out):
             out[y, x] = line[i] + fx * (line[min(i + 1, columns - 1)] - line[i])
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def count_values(values, inside, level, reach, counts):
     """Histogram of the ``values`` [H, W] where ``inside`` [H, W] exceeds ``level``.
 
@@ -285,7 +285,7 @@ def count_values(values, inside, level, reach, counts):
                     counts[block, min(max(n, 0), bins - 1)] += 1
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def map_values(values, table, reach):
     """Replace ``values`` [H, W] in place by the piecewise linear ``table`` over [-reach, reach]."""
     height, width = values.shape
@@ -296,3 +296,25 @@ def map_values(values, table, reach):
             index = min(max((values[y, x] + reach) * scale, np.float32(0)), np.float32(bins))
             low = min(np.int64(index), bins - 1)
             values[y, x] = table[low] + (index - np.float32(low)) * (table[low + 1] - table[low])
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def stretch(position, anchor, least, out):
+    """Steps of ``position`` [H, W, 2] over those of ``anchor``, the smaller of along x and along y.
+
+    ``out`` float32 [H, W] in [``least``, 1]; 1 where a step is not known.
+    """
+    height, width = out.shape
+    for y in numba.prange(height):
+        for x in range(width):
+            ratio = np.float32(1)
+            for axis in range(2):
+                v, u = min(y + axis, height - 1), min(x + 1 - axis, width - 1)
+                px = position[v, u, 0] - position[y, x, 0]
+                py = position[v, u, 1] - position[y, x, 1]
+                ax, ay = anchor[v, u, 0] - anchor[y, x, 0], anchor[v, u, 1] - anchor[y, x, 1]
+                moved, steady = px * px + py * py, ax * ax + ay * ay
+                # Comparisons with NaN are false, and so is this one at the borders.
+                if moved < ratio * ratio * steady:
+                    ratio = np.sqrt(moved / steady)
+            out[y, x] = max(ratio, least)

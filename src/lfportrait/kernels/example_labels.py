@@ -19,7 +19,7 @@ _floats, _ints, _iota, _lane = LANES.floats, LANES.ints, LANES.iota, LANES.lane
 _load, _floor, _minimum, _maximum = LANES.load, LANES.floor, LANES.minimum, LANES.maximum
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def luma(image, scale, out):
     """Rec. 601 luma of ``image`` [H, W, 3 or more], any number type, times ``scale``."""
     red, green, blue = (np.float32(0.299) * scale, np.float32(0.587) * scale,
@@ -73,7 +73,7 @@ def _values(array, n):
     return gather_signed(array, _minimum(_iota() + np.int32(n), np.int32(array.size - 1)))
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def soft_labels(person, hair, planes, factor, hair_is_skin, body_is_ground, out):
     """Labels of every pixel in the order of `regions.LABELS`: eight bytes in two words.
 
@@ -144,7 +144,7 @@ def soft_labels(person, hair, planes, factor, hair_is_skin, body_is_ground, out)
                     words[2 * (n + k) + 1] = _lane(high, k)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def pixel_weights(person, labels, soft, factor, place, outline, look, hair, body, out):
     """Weights of place and appearance of every pixel, float32 [H, W, 2].
 
@@ -198,7 +198,7 @@ def pixel_weights(person, labels, soft, factor, place, outline, look, hair, body
                     flat[2 * (n + k) + 1] = _lane(looks, k)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def shrink_label(labels, channel, invert, factor, out):
     """Means of blocks of ``factor`` x ``factor`` pixels of one label, into ``out`` [h, w] float32.
 

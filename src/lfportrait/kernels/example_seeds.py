@@ -26,7 +26,7 @@ def _mix(value):
     return value ^ (value >> _S31)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _jitter(seed, level, i, j, axis):
     """Uniform number in [0, 1) that depends on the counters alone."""
     key = _mix(np.uint64(seed) * _K1 + np.uint64(level * 2 + axis))
@@ -35,7 +35,7 @@ def _jitter(seed, level, i, j, axis):
     return np.float32(np.float64(key >> _S40) / 16777216.0)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def seed_points(seed, level, first_x, first_y, points):
     """Jittered seeds of the cells (first_x + i, first_y + j), side 2^level, into [Y, X, 2]."""
     side = np.float32(1 << level)
@@ -46,7 +46,7 @@ def seed_points(seed, level, first_x, first_y, points):
             points[j, i, 1] = side * (np.float32(y) + _jitter(seed, level, x, y, 1))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def seed_regular(points, scale, height, width, pixels):
     """Pixel under each seed where the anchor is ``scale`` times the pixel; -1 outside."""
     for j in range(points.shape[0]):
@@ -59,9 +59,11 @@ def seed_regular(points, scale, height, width, pixels):
                 points[j, i, 0] = points[j, i, 1] = np.float32(np.inf)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def seed_splat(anchor, firsts, starts, shapes, points, pixels):
     """Pixel whose anchor is nearest to each seed among those in its cell; -1 for empty cells.
+
+    Cells of 8 and 16 units look at every second pixel and row, larger ones at every fourth.
 
     All levels 1 .. L of the flat arrays at once, a level a thread; in a level the first pixel in
     scan order wins among equals. Seeds of empty cells move to infinity.
@@ -71,8 +73,10 @@ def seed_splat(anchor, firsts, starts, shapes, points, pixels):
         share = np.float32(1) / np.float32(1 << level)
         start, rows, columns = starts[level], shapes[level, 0], shapes[level, 1]
         best = np.full(rows * columns, np.inf, np.float32)
-        for y in range(height):
-            for x in range(width):
+        # In a large cell every second pixel, or fourth one, is near enough.
+        skip = 1 if level < 3 else 2 if level < 5 else 4
+        for y in range(0, height, skip):
+            for x in range(0, width, skip):
                 ax, ay = anchor[y, x, 0], anchor[y, x, 1]
                 if not np.isfinite(ax):
                     continue
@@ -89,7 +93,7 @@ def seed_splat(anchor, firsts, starts, shapes, points, pixels):
                 points[start + n, 0] = points[start + n, 1] = np.float32(np.inf)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def finite_range(values, low, high):
     """Least and largest finite value of every row: ``values`` [H, W, 2] into [H, 2] each."""
     for y in numba.prange(values.shape[0]):

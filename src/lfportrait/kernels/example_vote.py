@@ -22,7 +22,7 @@ _load, _store, _bits, _lane = LANES.load, LANES.store, LANES.bits, LANES.lane
 _floor, _minimum, _maximum = LANES.floor, LANES.minimum, LANES.maximum
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def pack(picture, out):
     """Colours [h, w, 3] float32 in [0, 1] as words [h, w]; exact for multiples of 1 / 255."""
     for y in numba.prange(picture.shape[0]):
@@ -34,7 +34,7 @@ def pack(picture, out):
             out[y, x] = word
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def elect(shift, radius, width, out):
     """Mode filter: the most frequent shift of each window of side 2 radius + 1, into ``out``.
 
@@ -106,7 +106,7 @@ def _sample(colours, height, width, x, y, exact):
     return ar + fy * (cr - ar), ag + fy * (cg - ag), ab + fy * (cb - ab)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def vote(colours, anchor, shift, margin, radius, exact, out):
     """Mean of the colours that the window's shifts vote for, into ``out`` [H, W, 3] float32.
 
@@ -169,7 +169,7 @@ def vote(colours, anchor, shift, margin, radius, exact, out):
                     out[y, first + n, 2] = _lane(blue, n)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def blend(photo, scale, painted, cover, out):
     """``photo`` times ``scale``, covered by ``painted`` where ``cover`` [H, W] is 1; float32."""
     height, width = cover.shape

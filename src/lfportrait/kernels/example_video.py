@@ -1,0 +1,123 @@
+"""Hot loops of the transfer to videos: planes carried along by a coarse flow, and flicker.
+
+The flow comes on blocks of ``factor`` pixels: ``motion`` [h, w, 2] is the place in the frame before
+minus the place in this one, at the blocks' middles, in pixels; it is bilinear between.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+__all__ = ["carry", "mend", "squared_changes", "to_bytes"]
+
+
+@numba.njit(cache=True, inline="always")
+def _place(n, factor, count):
+    """Block before pixel ``n``, the next one, and the latter's share, of ``count`` blocks."""
+    half = np.float32(0.5)
+    at = (np.float32(n) + half) / np.float32(factor) - half
+    at = min(max(at, np.float32(0)), np.float32(count - 1))
+    block = np.int64(at)
+    return block, min(block + 1, count - 1), at - np.float32(block)
+
+
+@numba.njit(cache=True, inline="always")
+def _source(motion, factor, y, x):
+    """Where pixel (y, x) was in the frame before, in samples: (row, column)."""
+    j, below, fy = _place(y, factor, motion.shape[0])
+    i, right, fx = _place(x, factor, motion.shape[1])
+    a, b, c, d = motion[j, i], motion[j, right], motion[below, i], motion[below, right]
+    over_x, under_x = a[0] + fx * (b[0] - a[0]), c[0] + fx * (d[0] - c[0])
+    over_y, under_y = a[1] + fx * (b[1] - a[1]), c[1] + fx * (d[1] - c[1])
+    return (np.float32(y) + over_y + fy * (under_y - over_y),
+            np.float32(x) + over_x + fy * (under_x - over_x))
+
+
+@numba.njit(cache=True, inline="always")
+def _corners(v, u, height, width):
+    """Sample above and left of (v, u), clamped inside, and the shares of the next ones."""
+    v = min(max(v, np.float32(0)), np.float32(height - 1))
+    u = min(max(u, np.float32(0)), np.float32(width - 1))
+    j, i = min(np.int64(v), max(height - 2, 0)), min(np.int64(u), max(width - 2, 0))
+    return j, i, v - np.float32(j), u - np.float32(i)
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def carry(field, motion, factor, out):
+    """``field`` [H, W, C] of the frame before as it lies in this one, bilinear, into ``out``."""
+    height, width, channels = field.shape
+    for y in numba.prange(height):
+        for x in range(width):
+            v, u = _source(motion, factor, y, x)
+            j, i, fy, fx = _corners(v, u, height, width)
+            below, right = min(j + 1, height - 1), min(i + 1, width - 1)
+            for c in range(channels):
+                top = field[j, i, c] + fx * (field[j, right, c] - field[j, i, c])
+                low = field[below, i, c] + fx * (field[below, right, c] - field[below, i, c])
+                out[y, x, c] = top + fy * (low - top)
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def mend(anchor, trusted, factor, scale, least, most, out):
+    """A carried anchor plane [H, W, 2], anew where it can't be trusted or is torn, into ``out``.
+
+    ``trusted`` bool [h, w] on blocks of ``factor`` pixels. Torn is where the step to the next pixel
+    is not between ``least`` and ``most`` times ``scale``, that of a new plane.
+    """
+    height, width = anchor.shape[:2]
+    half = np.float32(0.5)
+    low, high = (least * scale) ** 2, (most * scale) ** 2
+    for y in numba.prange(height):
+        j = min(y // factor, trusted.shape[0] - 1)
+        for x in range(width):
+            good = trusted[j, min(x // factor, trusted.shape[1] - 1)]
+            px, py = anchor[y, x, 0], anchor[y, x, 1]
+            if x + 1 < width:
+                dx, dy = anchor[y, x + 1, 0] - px, anchor[y, x + 1, 1] - py
+                step = dx * dx + dy * dy
+                good &= (step > low) & (step < high)
+            if y + 1 < height:
+                dx, dy = anchor[y + 1, x, 0] - px, anchor[y + 1, x, 1] - py
+                step = dx * dx + dy * dy
+                good &= (step > low) & (step < high)
+            out[y, x, 0] = px if good else (np.float32(x) + half) * scale
+            out[y, x, 1] = py if good else (np.float32(y) + half) * scale
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def squared_changes(image, before, motion, factor, trusted, sums):
+    """Sums over a row of blocks, at the blocks' middles where ``trusted``, into ``sums`` [h, 8].
+
+    Count; squared difference to the frame ``before`` carried along, of all channels; sum of each
+    channel; squares of each channel in one.
+    """
+    height, width = image.shape[:2]
+    sums[:] = 0
+    for j in numba.prange(trusted.shape[0]):
+        y = min(j * factor + factor // 2, height - 1)
+        for i in range(trusted.shape[1]):
+            if not trusted[j, i]:
+                continue
+            x = min(i * factor + factor // 2, width - 1)
+            v, u = _source(motion, factor, y, x)
+            n, m, fy, fx = _corners(v, u, height, width)
+            below, right = min(n + 1, height - 1), min(m + 1, width - 1)
+            sums[j, 0] += 1
+            for c in range(3):
+                top = before[n, m, c] + fx * (before[n, right, c] - before[n, m, c])
+                low = before[below, m, c] + fx * (before[below, right, c] - before[below, m, c])
+                value = image[y, x, c]
+                sums[j, 1] += (value - (top + fy * (low - top))) ** 2
+                sums[j, 2 + c] += value
+                sums[j, 5 + c] += value * value
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def to_bytes(image, out):
+    """A picture [H, W, 3] in [0, 1] as uint8."""
+    for y in numba.prange(image.shape[0]):
+        for x in range(image.shape[1]):
+            for c in range(3):
+                value = min(max(image[y, x, c], np.float32(0)), np.float32(1))
+                out[y, x, c] = np.uint8(value * np.float32(255) + np.float32(0.5))
