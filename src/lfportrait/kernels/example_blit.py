@@ -18,14 +18,14 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .example_lanes import gather_pairs, gather_signed, load_pairs
+from .example_lanes import gather_pairs, gather_signed, load_pairs, store_bytes
 from .lanes import LANES, round_even
 
 __all__ = ["TILE", "blit", "look_up"]
 
 TILE = 8
 """Rows of a tile: its 16 x 8 pixels share the search for seeds that may be near."""
-_MOST_CELLS, _MOST_SEEDS = 300, 96
+_MOST_CELLS, _MOST_SEEDS, _SEEDS_OF_TILE = 300, 96, 128
 _floats, _ints, _where, _iota = LANES.floats, LANES.ints, LANES.where, LANES.iota
 _load, _store, _bits = LANES.load, LANES.store, LANES.bits
 _floor, _absolute, _lane = LANES.floor, LANES.absolute, LANES.lane
@@ -179,6 +179,13 @@ def _nearest_seed(ax, ay, share, first_x, first_y, start, columns, points):
 
 
 @numba.njit(cache=True, inline="always")
+def _place(pixel, width, margin, stride):
+    """Place of a pixel's shift in the flat planes."""
+    row = pixel // width
+    return np.uintp((row + margin) * stride + margin + pixel - row * width)
+
+
+@numba.njit(cache=True, inline="always")
 def _near_seeds(box, share, first_x, first_y, start, columns, points, pixels, near):
     """Flat numbers of the seeds that may be nearest to a place in ``box``; how many, or -1.
 
@@ -255,22 +262,28 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
     stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
     wide, high = np.float32(style_width), np.float32(style_height)
     zero, infinite, unknown = np.float32(0), np.float32(np.inf), np.float32(np.nan)
+    tiles = (width + 15) // 16
+    flat_levels = level_map.reshape(-1)
     for band in numba.prange((height + TILE - 1) // TILE):
         near = np.empty(_MOST_SEEDS, np.uintp)
-        counts = np.empty(top + 1, np.int64)
-        # Place and shift of the seeds that are near.
-        seeds = np.empty((top + 1, 4, _MOST_SEEDS), np.float32)
-        box, buffer, buffer_y = (np.empty(4, np.float32), np.empty(16, np.float32),
-                                 np.empty(16, np.float32))
+        # Seeds near the band's tiles, one after the other: places and shifts. Which ones belong to
+        # a level of a tile: the first and how many, -1 too many, -2 not looked for yet.
+        seeds = np.empty((tiles * _SEEDS_OF_TILE, 4), np.float32)
+        stored = 0
+        begins, counts = np.empty((tiles, top + 1), np.int64), np.full((tiles, top + 1), -2)
+        boxes = np.empty((tiles, 4), np.float32)
+        buffer, buffer_y = np.empty(16, np.float32), np.empty(16, np.float32)
         upper, lower = band * TILE, min((band + 1) * TILE, height)
-        for first in range(0, width, 16):
-            _box(anchors, width, upper, lower, first, buffer, buffer_y, box)
-            counts[:] = -2
-            for y in range(upper, lower):
+        for tile in range(tiles):
+            _box(anchors, width, upper, lower, 16 * tile, buffer, buffer_y, boxes[tile])
+        # Row by row, not tile by tile: so chunks read the exemplar in a stream.
+        for y in range(upper, lower):
+            for tile in range(tiles):
+                first = 16 * tile
                 n = y * width + first
                 start = (y + margin) * stride + margin + first
                 dx, dy = _load(flat_own, start), _load(flat_own, plane + start)
-                chosen = _floats(zero)
+                chosen = _ints(np.int32(0))
                 gx, gy = _pairs(places, n)
                 todo = gx == gx
                 if _bits(todo) != 0:
@@ -279,48 +292,49 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
                     place, look = _pairs(heavy, n)
                     low, high_word = _pairs(flat_words, n)
                     limit = _maximum(_singles(errors, n) + slack, threshold)
+                    box = boxes[tile]
                     for level in range(top, 0, -1):
                         if _bits(todo) == 0:
                             break
                         share = np.float32(1) / np.float32(1 << level)
-                        if counts[level] == -2:
+                        if counts[tile, level] == -2:
                             count = _near_seeds(box, share, firsts[level, 0], firsts[level, 1],
                                                 starts[level], shapes[level, 1], points, pixels,
                                                 near)
-                            counts[level] = count
+                            if stored + count > seeds.shape[0]:
+                                count = -1
+                            begins[tile, level], counts[tile, level] = stored, count
                             for c in range(count):
                                 seed = near[c]
-                                pixel = np.int64(pixels[seed])
-                                row = pixel // width
-                                at = np.uintp((row + margin) * stride + margin + pixel
-                                              - row * width)
-                                seeds[level, 0, c] = points[seed, 0]
-                                seeds[level, 1, c] = points[seed, 1]
-                                seeds[level, 2, c] = flat_own[at]
-                                seeds[level, 3, c] = flat_own[np.uintp(plane) + at]
+                                at = _place(np.int64(pixels[seed]), width, margin, stride)
+                                seeds[stored, 0] = points[seed, 0]
+                                seeds[stored, 1] = points[seed, 1]
+                                seeds[stored, 2] = flat_own[at]
+                                seeds[stored, 3] = flat_own[np.uintp(plane) + at]
+                                stored += 1
                         kx, ky = _floats(unknown), _floats(unknown)
-                        if counts[level] >= 0:
+                        if counts[tile, level] >= 0:
                             nearest = _floats(infinite)
-                            for c in range(counts[level]):
-                                ox, oy = ax - seeds[level, 0, c], ay - seeds[level, 1, c]
+                            begin = begins[tile, level]
+                            for c in range(begin, begin + counts[tile, level]):
+                                ox, oy = ax - seeds[c, 0], ay - seeds[c, 1]
                                 distance = ox * ox + oy * oy
                                 closer = distance < nearest
                                 nearest = _where(closer, distance, nearest)
-                                kx = _where(closer, seeds[level, 2, c], kx)
-                                ky = _where(closer, seeds[level, 3, c], ky)
+                                kx = _where(closer, seeds[c, 2], kx)
+                                ky = _where(closer, seeds[c, 3], ky)
                         else:
+                            _store(buffer, 0, ax)
+                            _store(buffer_y, 0, ay)
                             for k in range(16):
+                                x, z = buffer[k], buffer_y[k]
                                 buffer[k] = buffer_y[k] = unknown
-                                x, z = _lane(ax, k), _lane(ay, k)
                                 if np.isfinite(x):
                                     seed = _nearest_seed(
                                         x, z, share, firsts[level, 0], firsts[level, 1],
                                         starts[level], shapes[level, 1], points)
-                                    pixel = np.int64(pixels[seed])
-                                    if pixel >= 0:
-                                        row = pixel // width
-                                        at = np.uintp((row + margin) * stride + margin + pixel
-                                                      - row * width)
+                                    if pixels[seed] >= 0:
+                                        at = _place(np.int64(pixels[seed]), width, margin, stride)
                                         buffer[k] = flat_own[at]
                                         buffer_y[k] = flat_own[np.uintp(plane) + at]
                             kx, ky = _load(buffer, 0), _load(buffer_y, 0)
@@ -336,12 +350,14 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
                                                                      other)
                             good = good & (e < limit)
                             dx, dy = _where(good, kx, dx), _where(good, ky, dy)
-                            chosen = _where(good, np.float32(level), chosen)
+                            chosen = _where(good, np.int32(level), chosen)
                             todo = todo & ~good
                 _store(flat_shift, start, dx)
                 _store(flat_shift, plane + start, dy)
-                _store(buffer, 0, chosen)
-                for k in range(min(16, width - first)):
-                    level_map[y, first + k] = np.uint8(buffer[k])
-                for k in range(width - first, 16):
-                    flat_shift[start + k] = flat_shift[plane + start + k] = unknown
+                if first + 16 <= width:
+                    store_bytes(flat_levels, n, chosen)
+                else:
+                    for k in range(width - first):
+                        flat_levels[n + k] = np.uint8(_lane(chosen, k))
+                    for k in range(width - first, 16):
+                        flat_shift[start + k] = flat_shift[plane + start + k] = unknown

@@ -15,12 +15,13 @@ from numba.extending import intrinsic
 from .identity import identified
 from .lanes import F, I
 
-__all__ = ["gather_pairs", "gather_signed", "load_ints", "load_pairs", "store_pairs",
-           "store_triples"]
+__all__ = ["gather_pairs", "gather_signed", "load_ints", "load_pairs", "store_bytes",
+           "store_pairs", "store_triples"]
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _EVEN, _ODD = (ir.Constant(ir.VectorType(_I32, 16), list(range(n, 32, 2))) for n in (0, 1))
-for _kind in (_I64, ir.VectorType(_I64, 16), ir.VectorType(_I32, 32)):
+for _kind in (_I64, ir.VectorType(_I64, 16), ir.VectorType(_I32, 32),
+              ir.VectorType(ir.IntType(8), 16)):
     # llvmlite keeps a type's text from its first use on, which would change what Numba hashes.
     str(_kind)
 
@@ -118,6 +119,21 @@ def gather_pairs(typing, array, index):
         return _split(context, builder, result,
                       builder.bitcast(words, ir.VectorType(_I32, 32)))
     return result(array, index), code
+
+
+@identified("example lanes", "store bytes")
+@intrinsic
+def store_bytes(typing, array, start, value):
+    """The lowest bytes of lanes of int into array[start : start + 16], uint8."""
+    if not isinstance(array, types.Array) or array.dtype != types.uint8 or value is not I:
+        return None
+
+    def code(context, builder, sig, args):
+        small = builder.trunc(args[2], ir.VectorType(ir.IntType(8), 16))
+        address = _address(context, builder, sig, args)
+        builder.store(small, builder.bitcast(address, small.type.as_pointer()), align=1)
+        return context.get_dummy_value()
+    return types.none(array, start, value), code
 
 
 @identified("example lanes", "store pairs")
