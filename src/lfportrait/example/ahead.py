@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import queue
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
-__all__ = ["ahead"]
+__all__ = ["ahead", "in_turn"]
 
 Item = TypeVar("Item")
+Made = TypeVar("Made")
 
 
 def ahead(items: Iterator[Item], count: int = 2,
@@ -68,3 +71,27 @@ def ahead(items: Iterator[Item], count: int = 2,
     finally:
         closed.set()
         thread.join()
+
+
+def in_turn(make: Callable[[Item], Made], items: Iterator[Item], threads: int,
+            start: Callable[[], Any] | None = None) -> Iterator[Made]:
+    """What ``make`` makes of the items, in their order, made on several threads.
+
+    As many items again as there are threads may wait to be taken. ``start`` is called first on each
+    thread.
+    """
+    with ThreadPoolExecutor(threads, initializer=start) as pool:
+        under_way: deque[Future[Made]] = deque()
+        try:
+            for item in items:
+                under_way.append(pool.submit(make, item))
+                if len(under_way) > threads:
+                    yield under_way.popleft().result()
+            while under_way:
+                yield under_way.popleft().result()
+        finally:
+            for future in under_way:
+                future.cancel()
+            close = getattr(items, "close", None)
+            if close is not None:
+                close()

@@ -30,7 +30,8 @@ from ..kernels.example_guides import (
 from ..kernels.example_labels import luma
 
 __all__ = [
-    "Distribution", "Guides", "anchor_scale", "appearance_guide", "broad_blur", "fold_inside",
+    "Distribution", "Guides", "anchor_scale", "appearance_guide", "broad_blur", "enlarged",
+    "fold_inside",
     "folded_position_guide", "gaussian_blur", "grey", "match_histogram", "mls_similarity",
     "pixel_centres", "position_guide", "relative_stretch", "sample_labels", "shrunk",
 ]
@@ -217,6 +218,16 @@ def shrunk(image: Float32, factor: int) -> Float32:
         return image
     out = np.empty((-(-image.shape[0] // factor), -(-image.shape[1] // factor)), np.float32)
     shrink(np.ascontiguousarray(image, np.float32), factor, out)
+    return out
+
+
+def enlarged(image: Float32, factor: int, shape: tuple[int, int]) -> Float32:
+    """Means of blocks of ``factor`` pixels at all pixels of a picture (H, W), bilinear."""
+    image = np.ascontiguousarray(image, np.float32)
+    if factor == 1:
+        return image
+    out = np.empty(shape, np.float32)
+    enlarge(image, factor, out)
     return out
 
 

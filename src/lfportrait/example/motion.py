@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..kernels.example_video import carry
 from .guides import grey, shrunk
 
-__all__ = ["Flow", "Motion"]
+__all__ = ["Flow", "Motion", "block_side"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -52,11 +52,11 @@ class Motion:
     factor: int
 
     def carry(self, field: Float32) -> Float32:
-        """A field [H, W] or [H, W, C] of the frame before as it lies in this one."""
-        planes = np.ascontiguousarray(field.reshape(*field.shape[:2], -1))
-        out = np.empty_like(planes)
-        carry(planes, self.back, self.factor, out)
-        return out.reshape(field.shape)
+        """A field [h, w, C] on the blocks of the frame before as it lies in this one."""
+        field = np.ascontiguousarray(field)
+        out = np.empty_like(field)
+        carry(field, self.back / np.float32(self.factor), 1, out)
+        return out
 
     def onward(self, points: Float64) -> Float64:
         """Where points [N, 2] of the frame before are now: their median, in the blocks around."""
@@ -65,6 +65,11 @@ class Motion:
         steps = [self.there[np.clip(rows + v, 0, height - 1), np.clip(columns + u, 0, width - 1)]
                  for v in (-1, 0, 1) for u in (-1, 0, 1)]
         return np.asarray(points + np.median(steps, axis=0), np.float64)
+
+
+def block_side(shape: tuple[int, ...]) -> int:
+    """Side in pixels of the blocks on which the flow of pictures (H, W, ...) is known."""
+    return 2 if min(shape[:2]) >= LARGE else 1
 
 
 class Flow:
@@ -78,7 +83,7 @@ class Flow:
         """Motion to the next frame; None for the first one and after a cut."""
         if self._network is None:
             return None
-        factor = 2 if min(frame.shape[:2]) >= LARGE else 1
+        factor = block_side(frame.shape)
         luma = np.asarray(shrunk(grey(frame), factor) * np.float32(255), np.uint8)
         before, self._before = self._before, luma
         if before is None or before.shape != luma.shape:

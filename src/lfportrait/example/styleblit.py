@@ -7,6 +7,7 @@ at last its own look-up. Seeds live in the anchor plane: for a capture they stic
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -102,14 +103,16 @@ def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None)
                               for shape in ((top + 1,), (top + 1, 2), (top + 1, 2)))
     points, pixels, total = [], [], 0
     for level in range(1, top + 1):
-        # One cell more all around, so that every pixel has neighbours on all sides.
-        first = np.floor(low / 2 ** level).astype(np.int64) - 1
-        last = np.floor(high / 2 ** level).astype(np.int64) + 1
+        # One cell more all around, so that every pixel has neighbours on all sides; and ends that
+        # rarely change from frame to frame.
+        round_to = 1 if scale is not None else 16
+        first = (np.floor(low / 2 ** level).astype(np.int64) - 1) // round_to * round_to
+        last = -(-(np.floor(high / 2 ** level).astype(np.int64) + 2) // round_to) * round_to - 1
         columns, rows = (int(n) for n in last - first + 1)
-        point = np.empty((rows, columns, 2), np.float32)
-        seed_points(seed, level, first[0], first[1], point)
+        point = _jittered(seed, level, int(first[0]), int(first[1]), rows, columns)
         pixel = np.full((rows, columns), -1, np.int32)
         if scale is not None:
+            point = point.copy()
             seed_regular(point, np.float32(scale), height, width, pixel)
         starts[level], firsts[level], shapes[level] = total, first, (rows, columns)
         total += rows * columns
@@ -119,6 +122,15 @@ def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None)
     if scale is None:
         seed_splat(anchor, firsts, starts, shapes, seeds.points, seeds.pixels)
     return seeds
+
+
+@functools.lru_cache(maxsize=32)
+def _jittered(seed: int, level: int, first_x: int, first_y: int, rows: int,
+              columns: int) -> NDArray[np.float32]:
+    """Jittered seeds of some cells, [rows, columns, 2]; not to be changed."""
+    points = np.empty((rows, columns, 2), np.float32)
+    seed_points(seed, level, first_x, first_y, points)
+    return points
 
 
 def label_words(labels: NDArray[np.uint8]) -> NDArray[np.int32]:

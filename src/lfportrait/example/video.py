@@ -19,11 +19,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.example_video import mend, squared_changes, to_bytes
-from .ahead import ahead
+from ..kernels.example_video import mend, squared_changes, to_bytes, unfold
+from .ahead import ahead, in_turn
 from .exemplar import face_size
-from .guides import pixel_centres
-from .motion import Flow, Motion
+from .guides import enlarged, pixel_centres, shrunk
+from .motion import Flow, Motion, block_side
 from .regions import Regions, find_regions
 from .transfer import Transfer, face_landmarks
 
@@ -40,6 +40,8 @@ DETECT = 2
 """Landmarks are detected in every so manieth frame."""
 SEGMENT = 3
 """And person and hair segmented."""
+MOST_PAINTERS = 4
+"""More frames are not painted at a time: one thread can't follow the motion faster."""
 FRESH_MASKS = 0.5
 """Share of the segmented masks in the carried ones."""
 
@@ -102,7 +104,7 @@ class VideoTransfer:
         self._landmarks: Float64 | None = None
         self._first: Float64 | None = None
         self._anchor: Float32 | None = None
-        self._regions: Regions | None = None
+        self._masks: Float32 | None = None
         self._painted: Float32 | None = None
         self._scale = 1.0
 
@@ -126,13 +128,16 @@ class VideoTransfer:
         UserError
             If there is no face in the first frame.
         """
-        return self._paint(self._follow(frame, landmarks))
+        step = self._follow(frame, landmarks)
+        image = self._painting(step)
+        self._compare(step, image)
+        return image
 
     def frames(self, frames: Iterable[NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
-        """Stylise frames one after the other, the next ones being followed and painted meanwhile.
+        """Stylise frames one after the other, several at a time.
 
-        Each of the two steps has its thread and half of the processors, so that neither waits for
-        the other, nor for what takes the pictures.
+        One thread follows the motion through the video; others paint a frame each, for that needs
+        nothing from the frame before. Each kernel keeps to its thread, so none waits for another.
 
         Parameters
         ----------
@@ -143,21 +148,23 @@ class VideoTransfer:
         -------
         Iterator over uint8 [H, W, 3], the same bytes as from `apply`.
         """
-        def bytes_of(made: Float32) -> NDArray[np.uint8]:
-            out = np.empty(made.shape, np.uint8)
-            to_bytes(made, out)
-            return out
-
         if not _threads_share_kernels():
-            yield from (bytes_of(self.apply(frame)) for frame in frames)
+            yield from (_bytes_of(self.apply(frame)) for frame in frames)
             return
-        share = max(1, numba.get_num_threads() // 2)
+        cores = numba.get_num_threads()
+        painters = min(cores, MOST_PAINTERS)
 
         def start() -> None:
-            numba.set_num_threads(share)
+            numba.set_num_threads(max(1, cores // (painters + 1)))
+
+        def paint(step: _Followed) -> tuple[_Followed, Float32, NDArray[np.uint8]]:
+            image = self._painting(step)
+            return step, image, _bytes_of(image)
 
         followed = ahead((self._follow(frame) for frame in frames), start=start)
-        yield from ahead((bytes_of(self._paint(step)) for step in followed), start=start)
+        for step, image, picture in in_turn(paint, followed, painters, start):
+            self._compare(step, image)
+            yield picture
 
     def _follow(self, frame: NDArray[np.uint8],
                 landmarks: NDArray[np.floating] | None = None) -> _Followed:
@@ -165,18 +172,14 @@ class VideoTransfer:
         motion = self._flow.next(frame)
         points = self._points(frame, landmarks, motion)
         anchor = self._carried(frame.shape, points, motion)
-        self._regions = self._segmented(frame, points, motion)
-        self._landmarks, self._anchor = points, anchor
+        regions = self._segmented(frame, points, motion)
+        self._landmarks = points
         self._number += 1
-        return _Followed(frame, points, anchor, self._regions, motion)
+        return _Followed(frame, points, anchor, regions, motion)
 
-    def _paint(self, step: _Followed) -> Float32:
-        image = self.prepared.apply(step.frame, step.points, regions=step.regions,
-                                    seeds_anchor=step.anchor if self.carry else None).image
-        if step.motion is not None and self._painted is not None:
-            self._compare(image, self._painted, step.motion)
-        self._painted = image
-        return image
+    def _painting(self, step: _Followed) -> Float32:
+        return self.prepared.apply(step.frame, step.points, regions=step.regions,
+                                   seeds_anchor=step.anchor if self.carry else None).image
 
     def _find(self, frame: NDArray[np.uint8]) -> Float64:
         from ..face import detect_landmarks
@@ -206,42 +209,54 @@ class VideoTransfer:
     def _segmented(self, frame: NDArray[np.uint8], points: Float64,
                    motion: Motion | None) -> Regions:
         """Person and hair of the frame before, carried along, or found, or both."""
-        last = self._regions
-        wanted = self._number % self.segment == 0
-        if last is None or motion is None:
-            return find_regions(frame, points, size=256)
-        planes = [last.person] if last.hair is None else [last.person, last.hair]
-        carried = motion.carry(np.stack(planes, axis=-1))
-        if wanted:
+        if motion is None or self._masks is None:
             found = find_regions(frame, points, size=256)
-            if (found.hair is None) != (last.hair is None):
-                return found
-            fresh = np.stack([found.person] if found.hair is None
-                             else [found.person, found.hair], axis=-1)
-            share = np.where(motion.trusted, np.float32(FRESH_MASKS), np.float32(1))
-            share = share.repeat(motion.factor, 0).repeat(motion.factor, 1)
-            carried += share[:frame.shape[0], :frame.shape[1], None] * (fresh - carried)
-        return Regions(points, np.ascontiguousarray(carried[..., 0]),
-                       np.ascontiguousarray(carried[..., 1]) if last.hair is not None else None)
+            self._masks = _on_blocks(found, block_side(frame.shape))
+            return found
+        masks = motion.carry(self._masks)
+        if self._number % self.segment == 0:
+            fresh = _on_blocks(find_regions(frame, points, size=256), motion.factor)
+            if fresh.shape == masks.shape:
+                share = np.where(motion.trusted, np.float32(FRESH_MASKS), np.float32(1))
+                masks += share[..., None] * (fresh - masks)
+            else:
+                # Now there is hair, or there is none any more.
+                masks = fresh
+        self._masks = masks
+        size = frame.shape[0], frame.shape[1]
+        person, *hair = (enlarged(plane, motion.factor, size)
+                         for plane in np.moveaxis(masks, -1, 0))
+        return Regions(points, person, hair[0] if hair else None)
 
     def _carried(self, shape: tuple[int, ...], points: Float64, motion: Motion | None) -> Float32:
         """The anchor plane of this frame."""
+        side = block_side(shape)
         if self._anchor is None or self._first is None:
             self._first = points
             self._scale = self.prepared.scale(points)
+            blocks = -(-shape[0] // side), -(-shape[1] // side)
+            self._anchor = pixel_centres(blocks) * np.float32(self._scale * side)
             return pixel_centres(shape) * np.float32(self._scale)
+        scale = np.float32(self._scale)
         if motion is None:
-            pixels = pixel_centres(shape)
             a, b = _similarity(points, self._first)
-            z = (pixels[..., 0] + 1j * pixels[..., 1]) * a + b
-            return np.asarray(np.stack([z.real, z.imag], axis=-1) * self._scale, np.float32)
-        out = np.empty_like(self._anchor)
-        mend(motion.carry(self._anchor), motion.trusted, motion.factor, np.float32(self._scale),
-             np.float32(TORN[0]), np.float32(TORN[1]), out)
+            middles = pixel_centres(self._anchor.shape) * np.float32(side)
+            z = (middles[..., 0] + 1j * middles[..., 1]) * a + b
+            self._anchor = np.stack([z.real, z.imag], axis=-1).astype(np.float32) * scale
+        else:
+            anchor = motion.carry(self._anchor)
+            self._anchor = np.empty_like(anchor)
+            mend(anchor, motion.trusted, side, scale, np.float32(TORN[0]), np.float32(TORN[1]),
+                 self._anchor)
+        out = np.empty((*shape[:2], 2), np.float32)
+        unfold(self._anchor, side, scale, np.float32(TORN[1]), out)
         return out
 
-    def _compare(self, image: Float32, before: Float32, motion: Motion) -> None:
+    def _compare(self, step: _Followed, image: Float32) -> None:
         """Add the error against the frame before."""
+        motion, before, self._painted = step.motion, self._painted, image
+        if motion is None or before is None:
+            return
         sums = np.empty((motion.trusted.shape[0], 8), np.float64)
         squared_changes(image, before, motion.back, motion.factor, motion.trusted, sums)
         total = sums.sum(axis=0)
@@ -249,6 +264,18 @@ class VideoTransfer:
         contrast = float(np.sqrt(max((total[5:] / count - (total[2:5] / count) ** 2).mean(), 0.0)))
         if contrast > 1 / 255:
             self.flicker.append(float(np.sqrt(total[1] / (3 * count))) / contrast)
+
+
+def _bytes_of(image: Float32) -> NDArray[np.uint8]:
+    out = np.empty(image.shape, np.uint8)
+    to_bytes(image, out)
+    return out
+
+
+def _on_blocks(regions: Regions, side: int) -> Float32:
+    """Masks of the person and, if it is known, the hair on blocks, [h, w, 1 or 2]."""
+    masks = [regions.person] if regions.hair is None else [regions.person, regions.hair]
+    return np.stack([shrunk(np.ascontiguousarray(mask), side) for mask in masks], axis=-1)
 
 
 def _threads_share_kernels() -> bool:

@@ -59,38 +59,77 @@ def seed_regular(points, scale, height, width, pixels):
                 points[j, i, 0] = points[j, i, 1] = np.float32(np.inf)
 
 
+@numba.njit(cache=True, nogil=True)
+def _splat_finest(anchor, first_x, first_y, start, rows, columns, points, pixels):
+    """Pixel nearest to each seed of level 1 among those in its cell; the first in scan order."""
+    half = np.float32(0.5)
+    best = np.full(rows * columns, np.inf, np.float32)
+    for y in range(anchor.shape[0]):
+        for x in range(anchor.shape[1]):
+            ax, ay = anchor[y, x, 0], anchor[y, x, 1]
+            if not np.isfinite(ax):
+                continue
+            n = ((np.int64(np.floor(ay * half)) - first_y) * columns
+                 + np.int64(np.floor(ax * half)) - first_x)
+            dx, dy = ax - points[start + n, 0], ay - points[start + n, 1]
+            distance = dx * dx + dy * dy
+            if distance < best[n]:
+                best[n] = distance
+                pixels[start + n] = y * anchor.shape[1] + x
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest_of_finest(anchors, x, y, reach, first_x, first_y, start, rows, columns, pixels):
+    """The pixel nearest to (x, y) among those that stand for the cells of level 1 around it.
+
+    Rings of cells are searched until one holds a pixel, at the most ``reach``; -1: there is none.
+    """
+    half = np.float32(0.5)
+    middle_i = np.int64(np.floor(x * half)) - first_x
+    middle_j = np.int64(np.floor(y * half)) - first_y
+    found, best = np.int32(-1), np.float32(np.inf)
+    for ring in range(1, reach + 1):
+        for j in range(max(middle_j - ring, 0), min(middle_j + ring + 1, rows)):
+            # Within the first ring all nine, then the border alone.
+            edge = ring == 1 or abs(j - middle_j) == ring
+            step = 1 if edge else 2 * ring
+            for i in range(middle_i - ring, middle_i + ring + 1, step):
+                if not 0 <= i < columns:
+                    continue
+                pixel = pixels[start + j * columns + i]
+                if pixel >= 0:
+                    dx, dy = anchors[pixel, 0] - x, anchors[pixel, 1] - y
+                    distance = dx * dx + dy * dy
+                    if distance < best:
+                        best, found = distance, pixel
+        if found >= 0:
+            break
+    return found
+
+
 @numba.njit(cache=True, nogil=True, parallel=True)
 def seed_splat(anchor, firsts, starts, shapes, points, pixels):
-    """Pixel whose anchor is nearest to each seed among those in its cell; -1 for empty cells.
+    """Pixel whose anchor is near each seed; -1 where there is none.
 
-    Cells of 8 and 16 units look at every second pixel and row, larger ones at every fourth.
-
-    All levels 1 .. L of the flat arrays at once, a level a thread; in a level the first pixel in
-    scan order wins among equals. Seeds of empty cells move to infinity.
+    On level 1 it is the nearest one in the seed's cell. On the levels above it is the nearest of
+    those pixels: at most a cell of level 1 further off than the nearest of all, and like that one
+    it depends on the anchors alone. Seeds without a pixel move to infinity.
     """
     height, width = anchor.shape[0], anchor.shape[1]
-    for level in numba.prange(1, starts.shape[0]):
-        share = np.float32(1) / np.float32(1 << level)
-        start, rows, columns = starts[level], shapes[level, 0], shapes[level, 1]
-        best = np.full(rows * columns, np.inf, np.float32)
-        # In a large cell every second pixel, or fourth one, is near enough.
-        skip = 1 if level < 3 else 2 if level < 5 else 4
-        for y in range(0, height, skip):
-            for x in range(0, width, skip):
-                ax, ay = anchor[y, x, 0], anchor[y, x, 1]
-                if not np.isfinite(ax):
-                    continue
-                i = np.int64(np.floor(ax * share)) - firsts[level, 0]
-                j = np.int64(np.floor(ay * share)) - firsts[level, 1]
-                n = j * columns + i
-                dx, dy = ax - points[start + n, 0], ay - points[start + n, 1]
-                distance = dx * dx + dy * dy
-                if distance < best[n]:
-                    best[n] = distance
-                    pixels[start + n] = y * width + x
-        for n in range(rows * columns):
-            if pixels[start + n] < 0:
-                points[start + n, 0] = points[start + n, 1] = np.float32(np.inf)
+    anchors = anchor.reshape(height * width, 2)
+    begin, rows, columns = starts[1], shapes[1, 0], shapes[1, 1]
+    _splat_finest(anchor, firsts[1, 0], firsts[1, 1], begin, rows, columns, points, pixels)
+    for level in range(2, starts.shape[0]):
+        reach = min(1 << (level - 1), 3)
+        for j in numba.prange(shapes[level, 0]):
+            for i in range(shapes[level, 1]):
+                n = starts[level] + j * shapes[level, 1] + i
+                pixels[n] = _nearest_of_finest(anchors, points[n, 0], points[n, 1], reach,
+                                               firsts[1, 0], firsts[1, 1], begin, rows, columns,
+                                               pixels)
+    for n in range(points.shape[0]):
+        if pixels[n] < 0:
+            points[n, 0] = points[n, 1] = np.float32(np.inf)
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)

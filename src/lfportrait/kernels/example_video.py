@@ -9,7 +9,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["carry", "mend", "squared_changes", "to_bytes"]
+__all__ = ["carry", "mend", "squared_changes", "to_bytes", "unfold"]
 
 
 @numba.njit(cache=True, inline="always")
@@ -60,18 +60,19 @@ def carry(field, motion, factor, out):
 
 @numba.njit(cache=True, nogil=True, parallel=True)
 def mend(anchor, trusted, factor, scale, least, most, out):
-    """A carried anchor plane [H, W, 2], anew where it can't be trusted or is torn, into ``out``.
+    """A carried anchor plane [h, w, 2], anew where it can't be trusted or is torn, into ``out``.
 
-    ``trusted`` bool [h, w] on blocks of ``factor`` pixels. Torn is where the step to the next pixel
-    is not between ``least`` and ``most`` times ``scale``, that of a new plane.
+    Values lie in the middles of blocks of ``factor`` pixels; ``trusted`` bool [h, w]. Torn is where
+    the step to the next block is not between ``least`` and ``most`` times that of a new plane,
+    ``scale`` a pixel.
     """
     height, width = anchor.shape[:2]
     half = np.float32(0.5)
-    low, high = (least * scale) ** 2, (most * scale) ** 2
+    side = np.float32(factor) * scale
+    low, high = (least * side) ** 2, (most * side) ** 2
     for y in numba.prange(height):
-        j = min(y // factor, trusted.shape[0] - 1)
         for x in range(width):
-            good = trusted[j, min(x // factor, trusted.shape[1] - 1)]
+            good = trusted[y, x]
             px, py = anchor[y, x, 0], anchor[y, x, 1]
             if x + 1 < width:
                 dx, dy = anchor[y, x + 1, 0] - px, anchor[y, x + 1, 1] - py
@@ -81,8 +82,54 @@ def mend(anchor, trusted, factor, scale, least, most, out):
                 dx, dy = anchor[y + 1, x, 0] - px, anchor[y + 1, x, 1] - py
                 step = dx * dx + dy * dy
                 good &= (step > low) & (step < high)
-            out[y, x, 0] = px if good else (np.float32(x) + half) * scale
-            out[y, x, 1] = py if good else (np.float32(y) + half) * scale
+            out[y, x, 0] = px if good else (np.float32(x) + half) * side
+            out[y, x, 1] = py if good else (np.float32(y) + half) * side
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def unfold(coarse, factor, scale, most, out):
+    """An anchor plane on blocks [h, w, 2] at all pixels ``out`` [H, W, 2].
+
+    Bilinear; beyond the outermost middles, and between blocks that are torn apart (steps above
+    ``most`` times that of a new plane), each block goes on by ``scale`` a pixel.
+    """
+    height, width = out.shape[:2]
+    rows, columns = coarse.shape[:2]
+    half, one, zero = np.float32(0.5), np.float32(1), np.float32(0)
+    share = one / np.float32(factor)
+    limit = (most * scale * np.float32(factor)) ** 2
+    for y in numba.prange(height):
+        v = (np.float32(y) + half) * share - half
+        j = min(max(np.int64(np.floor(v)), 0), max(rows - 2, 0))
+        below = min(j + 1, rows - 1)
+        fy = v - np.float32(j)
+        # Which gaps between two blocks are whole, and the values on this row at the blocks.
+        line = np.empty((columns, 2), np.float32)
+        whole = np.empty(columns, np.bool_)
+        inner = zero <= fy <= one and below > j
+        for i in range(columns):
+            dx, dy = coarse[below, i, 0] - coarse[j, i, 0], coarse[below, i, 1] - coarse[j, i, 1]
+            whole[i] = inner and dx * dx + dy * dy < limit
+            if whole[i]:
+                line[i, 0], line[i, 1] = coarse[j, i, 0] + fy * dx, coarse[j, i, 1] + fy * dy
+            else:
+                nearest = j if fy < half else below
+                line[i, 0] = coarse[nearest, i, 0]
+                line[i, 1] = coarse[nearest, i, 1] + scale * (
+                    v - np.float32(nearest)) * np.float32(factor)
+        for x in range(width):
+            u = (np.float32(x) + half) * share - half
+            i = min(max(np.int64(np.floor(u)), 0), max(columns - 2, 0))
+            right = min(i + 1, columns - 1)
+            fx = u - np.float32(i)
+            dx, dy = line[right, 0] - line[i, 0], line[right, 1] - line[i, 1]
+            if whole[i] and whole[right] and zero <= fx <= one and dx * dx + dy * dy < limit:
+                out[y, x, 0], out[y, x, 1] = line[i, 0] + fx * dx, line[i, 1] + fx * dy
+            else:
+                nearest = i if fx < half else right
+                out[y, x, 0] = line[nearest, 0] + scale * (
+                    u - np.float32(nearest)) * np.float32(factor)
+                out[y, x, 1] = line[nearest, 1]
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
