@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.example_video import carry
+from ..kernels.example_video import carry, trust
 from .guides import grey, shrunk
 
 __all__ = ["Flow", "Motion", "block_side"]
@@ -90,13 +90,8 @@ class Flow:
             return None
         back, there = (self._network.calc(one, two, None)
                        for one, two in ((luma, before), (before, luma)))
-        unit = Motion(back, there, np.ones(luma.shape, bool), 1)
-        off = back + unit.carry(there)
-        height, width = luma.shape
-        y, x = np.ogrid[:height, :width]
-        places_x, places_y = x + back[..., 0], y + back[..., 1]
-        trusted = ((np.abs(off).max(axis=-1) < DISAGREE / factor) & (places_x > -0.5)
-                   & (places_y > -0.5) & (places_x < width - 0.5) & (places_y < height - 0.5))
+        trusted = np.empty(luma.shape, np.bool_)
+        trust(back, there, np.float32(DISAGREE / factor), trusted)
         if trusted.mean() < CUT:
             return None
         scale = np.float32(factor)

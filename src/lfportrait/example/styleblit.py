@@ -20,8 +20,8 @@ from ..kernels.example_vote import elect, pack, vote
 from .guides import Guides
 from .table import LookUpTable
 
-__all__ = ["BlitConfig", "Seeds", "Synthesis", "label_words", "pack_colours", "plant",
-           "shift_planes", "synthesise"]
+__all__ = ["BlitConfig", "Seeds", "Synthesis", "finest_level", "label_words", "pack_colours",
+           "plant", "shift_planes", "synthesise"]
 
 LANES = 16
 """Pixels that the kernels work on at once."""
@@ -72,13 +72,14 @@ class Synthesis:
 
 @dataclass
 class Seeds:
-    """Seeds of all levels, one level after the other (`kernels.example_seeds`)."""
+    """Seeds of all levels from ``finest``, one level after the other (`kernels.example_seeds`)."""
 
     points: NDArray[np.float32]
     pixels: NDArray[np.int32]
     starts: NDArray[np.int64]
     firsts: NDArray[np.int64]
     shapes: NDArray[np.int64]
+    finest: int
 
 
 def _extent(anchor: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -90,8 +91,17 @@ def _extent(anchor: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[n
     return ends[0], ends[1]
 
 
-def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None) -> Seeds:
-    """Seeds of levels 1 to ``top`` for an anchor plane [H, W, 2].
+def finest_level(scale: float) -> int:
+    """The finest level worth having where a target pixel is ``scale`` exemplar pixels wide.
+
+    Cells of less than one and a half target pixels hold one pixel: its own look-up will do.
+    """
+    return max(1, int(np.ceil(np.log2(1.5 * scale))))
+
+
+def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None,
+          finest: int = 1) -> Seeds:
+    """Seeds of levels ``finest`` to ``top`` for an anchor plane [H, W, 2].
 
     ``scale`` is set where the anchor is that times the pixel; then the seeds depend on the size of
     the picture alone and serve all pictures of that size.
@@ -102,7 +112,7 @@ def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None)
     starts, firsts, shapes = (np.zeros(shape, np.int64)
                               for shape in ((top + 1,), (top + 1, 2), (top + 1, 2)))
     points, pixels, total = [], [], 0
-    for level in range(1, top + 1):
+    for level in range(finest, top + 1):
         # One cell more all around, so that every pixel has neighbours on all sides; and ends that
         # rarely change from frame to frame.
         round_to = 1 if scale is not None else 16
@@ -118,9 +128,9 @@ def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None)
         total += rows * columns
         points.append(point.reshape(-1, 2))
         pixels.append(pixel.ravel())
-    seeds = Seeds(np.concatenate(points), np.concatenate(pixels), starts, firsts, shapes)
+    seeds = Seeds(np.concatenate(points), np.concatenate(pixels), starts, firsts, shapes, finest)
     if scale is None:
-        seed_splat(anchor, firsts, starts, shapes, seeds.points, seeds.pixels)
+        seed_splat(anchor, firsts, starts, shapes, finest, seeds.points, seeds.pixels)
     return seeds
 
 
@@ -166,8 +176,8 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
                style_appearance: NDArray[np.float32], style_labels: NDArray[np.uint8],
                table: LookUpTable, picture: NDArray[np.float32] | NDArray[np.int32],
                config: BlitConfig, *,
-               seed: int = 0, scale: float | None = None,
-               seeds: Seeds | None = None) -> Synthesis:
+               seed: int = 0, scale: float | None = None, seeds: Seeds | None = None,
+               finest: int = 1) -> Synthesis:
     """Synthesise a picture from an exemplar.
 
     Parameters
@@ -192,6 +202,8 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
         Set where the anchor is ``scale`` times the pixel (a photo); None for free anchors.
     seeds
         Of an earlier picture of the same size and ``scale`` (`plant`); None plants new ones.
+    finest
+        The finest level of new ones.
     """
     height, width = guides.appearance.shape
     exact = scale == 1.0
@@ -205,11 +217,11 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
             style_appearance, style_words, np.float32(config.gain), exact, margin, own_shift,
             error)
     if seeds is None:
-        seeds = plant(guides.anchor, config.levels, seed, scale)
+        seeds = plant(guides.anchor, config.levels, seed, scale, min(finest, config.levels))
     shift = shift_planes(height, width, margin)
     level = np.empty((height, width), np.uint8)
     blit(guides.position, guides.appearance, guides.anchor, weights, words, per_label,
-         style_appearance, style_words, own_shift, error, config.levels, seeds.points,
+         style_appearance, style_words, own_shift, error, config.levels, seeds.finest, seeds.points,
          seeds.pixels, seeds.starts, seeds.firsts, seeds.shapes, np.float32(config.threshold),
          np.float32(config.slack), margin, shift, level)
     if config.radius > 0 and config.voting in ("mode", "both"):

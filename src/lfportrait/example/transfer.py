@@ -37,6 +37,7 @@ from .styleblit import (
     BlitConfig,
     Seeds,
     Synthesis,
+    finest_level,
     label_words,
     pack_colours,
     plant,
@@ -228,7 +229,7 @@ class Transfer:
         synthesis = synthesise(
             guides, weights, config.label_weight, self.appearance, self.labels, self.table,
             self._colours(scale), blit, seed=config.seed,
-            scale=scale if seeds is not None else None, seeds=seeds)
+            scale=scale if seeds is not None else None, seeds=seeds, finest=finest_level(scale))
         result = np.empty(photo.shape, np.float32)
         blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), synthesis.image, cover,
               result)
@@ -243,8 +244,9 @@ class Transfer:
         key = shape[:2], round(scale, 6)
         if self._plan is None or self._plan[0] != key:
             anchor = np.float32(scale) * pixel_centres(shape)
-            self._plan = key, anchor, plant(anchor, self.config.blit.levels, self.config.seed,
-                                            scale)
+            self._plan = key, anchor, plant(
+                anchor, self.config.blit.levels, self.config.seed, scale,
+                min(finest_level(scale), self.config.blit.levels))
         return self._plan[1:]
 
     def scale(self, landmarks: NDArray[np.float64]) -> float:

@@ -18,13 +18,15 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .example_lanes import gather_pairs, gather_signed, load_pairs, store_bytes
+from .example_lanes import gather_pairs, gather_signed, load_pairs, prefetch, store_bytes
 from .lanes import LANES, round_even
 
 __all__ = ["TILE", "blit", "look_up"]
 
 TILE = 8
 """Rows of a tile: its 16 x 8 pixels share the search for seeds that may be near."""
+AHEAD = 48
+"""Pixels that the reading of exemplar and table is asked for in advance."""
 _MOST_CELLS, _MOST_SEEDS, _SEEDS_OF_TILE = 300, 96, 128
 _floats, _ints, _where, _iota = LANES.floats, LANES.ints, LANES.where, LANES.iota
 _load, _store, _bits = LANES.load, LANES.store, LANES.bits
@@ -78,6 +80,15 @@ def _error(gx, gy, a, x, y, inside, place, look, weight_label, low, high, style_
             + weight_label * _label_difference(low, high, style_words, other))
 
 
+@numba.njit(cache=True, inline="always")
+def _ask(style_looks, style_words, width, height, x, y):
+    """Ask for the exemplar's pixel at the place (x, y), if it lies inside."""
+    if 0 <= x < width and 0 <= y < height:
+        n = np.int64(y) * width + np.int64(x)
+        prefetch(style_looks, n)
+        prefetch(style_words, 2 * n)
+
+
 @numba.njit(cache=True, nogil=True, parallel=True)
 def look_up(position, appearance, anchor, weights, words, weight_label, table, cell, low, step,
             style_appearance, style_words, gain, snap, margin, shift, error):
@@ -99,14 +110,28 @@ def look_up(position, appearance, anchor, weights, words, weight_label, table, c
     whole, pitch = np.int32(style_width), np.int32(columns)
     zero, half, share = np.float32(0), np.float32(0.5), np.float32(1) / step
     side = np.float32(cell)
+    slim = np.float32(1 / cell)
     unknown, infinite = np.float32(np.nan), np.float32(np.inf)
     one = np.int32(1)
     for y in numba.prange(height):
+        jumps = False
         for first in range(0, width, 16):
             n = y * width + first
             gx, gy = _pairs(places, n)
             known = gx == gx
             dx, dy, e = _floats(unknown), _floats(unknown), _floats(infinite)
+            # What the next vectors read of exemplar and table is far from what these read.
+            for k in range(n + AHEAD, min(n + AHEAD + 16, looks.size)):
+                x, z = places[2 * k], places[2 * k + 1]
+                if not (0 <= x < wide and 0 <= z < high):
+                    continue
+                if k & 7 == 0 or k & 15 == 15:
+                    _ask(style_looks, style_flat, style_width, style_height, x, z)
+                if jumps:
+                    q = min(max((looks[k] - low) * share + half, zero), np.float32(levels - 1))
+                    prefetch(entries, (np.int64(z * slim) * columns + np.int64(x * slim)) * levels
+                             + np.int64(q))
+            jumps = False
             if _bits(known) != 0:
                 a = _singles(looks, n)
                 place, look = _pairs(heavy, n)
@@ -118,6 +143,7 @@ def look_up(position, appearance, anchor, weights, words, weight_label, table, c
                 e = _where(inside, found, infinite)
                 # No look-up can beat an error below the gain.
                 if _bits(known & (e >= gain)) != 0:
+                    jumps = True
                     i = (_floor(_minimum(_maximum(gx, zero), wide)) + half) / side
                     j = (_floor(_minimum(_maximum(gy, zero), high)) + half) / side
                     i = _minimum(_ints(_where(known, i, zero)), np.int32(columns - 1))
@@ -185,6 +211,18 @@ def _place(pixel, width, margin, stride):
     return np.uintp((row + margin) * stride + margin + pixel - row * width)
 
 
+@numba.njit(cache=True)
+def _ask_rows(style_looks, style_words, width, height, box, rows, seed):
+    """Ask for what a chunk with the shift of ``seed`` shows in ``rows`` rows of a tile."""
+    left, right = box[0] + seed[2], box[2] + seed[2]
+    step = (box[3] - box[1]) / np.float32(TILE)
+    for row in range(TILE - rows, TILE):
+        y = box[1] + (np.float32(row) + np.float32(0.5)) * step + seed[3]
+        _ask(style_looks, style_words, width, height, left, y)
+        _ask(style_looks, style_words, width, height, np.float32(0.5) * (left + right), y)
+        _ask(style_looks, style_words, width, height, right, y)
+
+
 @numba.njit(cache=True, inline="always")
 def _near_seeds(box, share, first_x, first_y, start, columns, points, pixels, near):
     """Flat numbers of the seeds that may be nearest to a place in ``box``; how many, or -1.
@@ -244,11 +282,11 @@ def _box(anchors, width, top, bottom, first, low_x, low_y, box):
 
 @numba.njit(cache=True, nogil=True, parallel=True)
 def blit(position, appearance, anchor, weights, words, weight_label, style_appearance, style_words,
-         own_shift, own_error, top, points, pixels, starts, firsts, shapes, threshold, slack,
-         margin, shift, level_map):
+         own_shift, own_error, top, finest, points, pixels, starts, firsts, shapes, threshold,
+         slack, margin, shift, level_map):
     """Chunks from coarse to fine: the first shift whose error is small enough is taken.
 
-    ``points`` [N, 2] and ``pixels`` [N] hold the seeds of levels ``top`` .. 1 one after another;
+    ``points`` [N, 2] and ``pixels`` [N] hold the seeds of levels ``finest`` .. ``top``;
     level l begins at ``starts[l]``, its cells at ``firsts[l]``, ``shapes[l]`` rows and columns.
     A chunk is accepted below max(threshold, own error + slack): where the exemplar has nothing
     alike, coherence is kept instead of scattering pixels. ``level_map`` gets the level, 0 = own.
@@ -293,7 +331,7 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
                     low, high_word = _pairs(flat_words, n)
                     limit = _maximum(_singles(errors, n) + slack, threshold)
                     box = boxes[tile]
-                    for level in range(top, 0, -1):
+                    for level in range(top, finest - 1, -1):
                         if _bits(todo) == 0:
                             break
                         share = np.float32(1) / np.float32(1 << level)
@@ -311,6 +349,9 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
                                 seeds[stored, 1] = points[seed, 1]
                                 seeds[stored, 2] = flat_own[at]
                                 seeds[stored, 3] = flat_own[np.uintp(plane) + at]
+                                if level >= 4:
+                                    _ask_rows(style_looks, style_flat, style_width, style_height,
+                                              box, lower - y, seeds[stored])
                                 stored += 1
                         kx, ky = _floats(unknown), _floats(unknown)
                         if counts[tile, level] >= 0:

@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 from .identity import identified
 from .lanes import F, I
 
-__all__ = ["gather_pairs", "gather_signed", "load_ints", "load_pairs", "store_bytes",
+__all__ = ["gather_pairs", "gather_signed", "load_ints", "load_pairs", "prefetch", "store_bytes",
            "store_pairs", "store_triples"]
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
@@ -119,6 +119,23 @@ def gather_pairs(typing, array, index):
         return _split(context, builder, result,
                       builder.bitcast(words, ir.VectorType(_I32, 32)))
     return result(array, index), code
+
+
+@identified("example lanes", "prefetch")
+@intrinsic
+def prefetch(typing, array, index):
+    """Ask for array[index], which must lie inside, to be in the cache soon."""
+    if not isinstance(array, types.Array):
+        return None
+
+    def code(context, builder, sig, args):
+        address = _address(context, builder, sig, args)
+        kind = ir.FunctionType(ir.VoidType(), [ir.PointerType(), _I32, _I32, _I32])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        # For reading, to be kept, data.
+        builder.call(function, [address, *(ir.Constant(_I32, n) for n in (0, 3, 1))])
+        return context.get_dummy_value()
+    return types.none(array, index), code
 
 
 @identified("example lanes", "store bytes")

@@ -60,17 +60,19 @@ def seed_regular(points, scale, height, width, pixels):
 
 
 @numba.njit(cache=True, nogil=True)
-def _splat_finest(anchor, first_x, first_y, start, rows, columns, points, pixels):
-    """Pixel nearest to each seed of level 1 among those in its cell; the first in scan order."""
-    half = np.float32(0.5)
+def _splat_finest(anchor, share, first_x, first_y, start, rows, columns, points, pixels):
+    """Pixel nearest to each seed of the finest level among those in its cell.
+
+    ``share`` is one over the cells' side. The first in scan order wins among equals.
+    """
     best = np.full(rows * columns, np.inf, np.float32)
     for y in range(anchor.shape[0]):
         for x in range(anchor.shape[1]):
             ax, ay = anchor[y, x, 0], anchor[y, x, 1]
             if not np.isfinite(ax):
                 continue
-            n = ((np.int64(np.floor(ay * half)) - first_y) * columns
-                 + np.int64(np.floor(ax * half)) - first_x)
+            n = ((np.int64(np.floor(ay * share)) - first_y) * columns
+                 + np.int64(np.floor(ax * share)) - first_x)
             dx, dy = ax - points[start + n, 0], ay - points[start + n, 1]
             distance = dx * dx + dy * dy
             if distance < best[n]:
@@ -79,14 +81,13 @@ def _splat_finest(anchor, first_x, first_y, start, rows, columns, points, pixels
 
 
 @numba.njit(cache=True, nogil=True)
-def _nearest_of_finest(anchors, x, y, reach, first_x, first_y, start, rows, columns, pixels):
-    """The pixel nearest to (x, y) among those that stand for the cells of level 1 around it.
+def _nearest_of_finest(anchors, x, y, reach, share, first_x, first_y, start, rows, columns, pixels):
+    """The pixel nearest to (x, y) among those that stand for the finest cells around it.
 
     Rings of cells are searched until one holds a pixel, at the most ``reach``; -1: there is none.
     """
-    half = np.float32(0.5)
-    middle_i = np.int64(np.floor(x * half)) - first_x
-    middle_j = np.int64(np.floor(y * half)) - first_y
+    middle_i = np.int64(np.floor(x * share)) - first_x
+    middle_j = np.int64(np.floor(y * share)) - first_y
     found, best = np.int32(-1), np.float32(np.inf)
     for ring in range(1, reach + 1):
         for j in range(max(middle_j - ring, 0), min(middle_j + ring + 1, rows)):
@@ -108,24 +109,26 @@ def _nearest_of_finest(anchors, x, y, reach, first_x, first_y, start, rows, colu
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
-def seed_splat(anchor, firsts, starts, shapes, points, pixels):
+def seed_splat(anchor, firsts, starts, shapes, finest, points, pixels):
     """Pixel whose anchor is near each seed; -1 where there is none.
 
-    On level 1 it is the nearest one in the seed's cell. On the levels above it is the nearest of
-    those pixels: at most a cell of level 1 further off than the nearest of all, and like that one
-    it depends on the anchors alone. Seeds without a pixel move to infinity.
+    On the finest level it is the nearest one in the seed's cell. On the levels above it is the
+    nearest of those pixels: at most one of the finest cells further off than the nearest of all,
+    and like that one it depends on the anchors alone. Seeds without a pixel move to infinity.
     """
     height, width = anchor.shape[0], anchor.shape[1]
     anchors = anchor.reshape(height * width, 2)
-    begin, rows, columns = starts[1], shapes[1, 0], shapes[1, 1]
-    _splat_finest(anchor, firsts[1, 0], firsts[1, 1], begin, rows, columns, points, pixels)
-    for level in range(2, starts.shape[0]):
-        reach = min(1 << (level - 1), 3)
+    begin, rows, columns = starts[finest], shapes[finest, 0], shapes[finest, 1]
+    first_x, first_y = firsts[finest, 0], firsts[finest, 1]
+    share = np.float32(1) / np.float32(1 << finest)
+    _splat_finest(anchor, share, first_x, first_y, begin, rows, columns, points, pixels)
+    for level in range(finest + 1, starts.shape[0]):
+        reach = min(1 << (level - finest), 3)
         for j in numba.prange(shapes[level, 0]):
             for i in range(shapes[level, 1]):
                 n = starts[level] + j * shapes[level, 1] + i
                 pixels[n] = _nearest_of_finest(anchors, points[n, 0], points[n, 1], reach,
-                                               firsts[1, 0], firsts[1, 1], begin, rows, columns,
+                                               share, first_x, first_y, begin, rows, columns,
                                                pixels)
     for n in range(points.shape[0]):
         if pixels[n] < 0:

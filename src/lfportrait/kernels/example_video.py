@@ -9,7 +9,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["carry", "mend", "squared_changes", "to_bytes", "unfold"]
+__all__ = ["carry", "mend", "squared_changes", "to_bytes", "trust", "unfold"]
 
 
 @numba.njit(cache=True, inline="always")
@@ -56,6 +56,29 @@ def carry(field, motion, factor, out):
                 top = field[j, i, c] + fx * (field[j, right, c] - field[j, i, c])
                 low = field[below, i, c] + fx * (field[below, right, c] - field[below, i, c])
                 out[y, x, c] = top + fy * (low - top)
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def trust(back, there, most, out):
+    """Where the flow ``back`` [h, w, 2] stays in the picture and agrees with the one ``there``.
+
+    ``out`` bool [h, w]: going back and there again ends at most ``most`` samples off along an axis.
+    """
+    height, width = out.shape
+    half = np.float32(0.5)
+    for y in numba.prange(height):
+        for x in range(width):
+            v, u = np.float32(y) + back[y, x, 1], np.float32(x) + back[y, x, 0]
+            inside = (-half < u < np.float32(width) - half
+                      and -half < v < np.float32(height) - half)
+            j, i, fy, fx = _corners(v, u, height, width)
+            below, right = min(j + 1, height - 1), min(i + 1, width - 1)
+            off = np.float32(0)
+            for c in range(2):
+                top = there[j, i, c] + fx * (there[j, right, c] - there[j, i, c])
+                low = there[below, i, c] + fx * (there[below, right, c] - there[below, i, c])
+                off = max(off, abs(back[y, x, c] + top + fy * (low - top)))
+            out[y, x] = inside and off < most
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
