@@ -245,12 +245,36 @@ class VideoTransfer:
             self._anchor = np.stack([z.real, z.imag], axis=-1).astype(np.float32) * scale
         else:
             anchor = motion.carry(self._anchor)
+            turn, offset = self._continued(anchor, motion)
             self._anchor = np.empty_like(anchor)
             mend(anchor, motion.trusted, side, scale, np.float32(TORN[0]), np.float32(TORN[1]),
-                 self._anchor)
+                 turn, offset, self._anchor)
         out = np.empty((*shape[:2], 2), np.float32)
         unfold(self._anchor, side, scale, np.float32(TORN[1]), out)
         return out
+
+    def _continued(self, anchor: Float32, motion: Motion) -> tuple[complex, complex]:
+        """The similarity (a, b), z -> a z + b, that continues a carried plane where it is anew.
+
+        That of the person: new parts then join the old ones. A new plane in the picture where the
+        person has become much larger or smaller.
+        """
+        every = slice(None, None, 3)
+        person = motion.trusted[every, every]
+        if self._masks is not None:
+            person = person & (self._masks[every, every, 0] > 0.5)
+        if person.sum() > 50:
+            places = pixel_centres(anchor.shape)[every, every][person] * motion.factor
+            values = anchor[every, every][person]
+            for _ in range(2):
+                a, b = _similarity(places.astype(np.float64), values.astype(np.float64))
+                z = (places[:, 0] + 1j * places[:, 1]) * a + b
+                off = np.abs(z - (values[:, 0] + 1j * values[:, 1]))
+                near = off <= 2 * np.median(off) + 1e-6
+                places, values = places[near], values[near]
+            if TORN[0] < abs(a) / self._scale < TORN[1]:
+                return complex(a), complex(b)
+        return complex(self._scale), 0j
 
     def _compare(self, step: _Followed, image: Float32) -> None:
         """Add the error against the frame before."""

@@ -81,32 +81,44 @@ def trust(back, there, most, out):
             out[y, x] = inside and off < most
 
 
+@numba.njit(cache=True, inline="always")
+def _whole(anchor, y, x, v, u, low, high):
+    """Whether the squared step between two neighbours lies between ``low`` and ``high``."""
+    if not (0 <= v < anchor.shape[0] and 0 <= u < anchor.shape[1]):
+        return False
+    dx, dy = anchor[v, u, 0] - anchor[y, x, 0], anchor[v, u, 1] - anchor[y, x, 1]
+    step = dx * dx + dy * dy
+    return low < step < high
+
+
 @numba.njit(cache=True, nogil=True, parallel=True)
-def mend(anchor, trusted, factor, scale, least, most, out):
+def mend(anchor, trusted, factor, scale, least, most, turn, offset, out):
     """A carried anchor plane [h, w, 2], anew where it can't be trusted or is torn, into ``out``.
 
     Values lie in the middles of blocks of ``factor`` pixels; ``trusted`` bool [h, w]. Torn is where
-    the step to the next block is not between ``least`` and ``most`` times that of a new plane,
-    ``scale`` a pixel.
+    the steps to both neighbours in a row, or in a column, are not between ``least`` and ``most``
+    times that of a new plane, ``scale`` a pixel. A step on one side alone is the border of a piece
+    that is whole: were it torn, too, pieces would shrink from frame to frame. The new plane is
+    ``turn`` z + ``offset`` in complex numbers, z the place in pixels.
     """
     height, width = anchor.shape[:2]
-    half = np.float32(0.5)
-    side = np.float32(factor) * scale
+    half, pixels = np.float32(0.5), np.float32(factor)
+    side = pixels * scale
     low, high = (least * side) ** 2, (most * side) ** 2
+    right, down = np.float32(turn.real), np.float32(turn.imag)
+    first_x, first_y = np.float32(offset.real), np.float32(offset.imag)
     for y in numba.prange(height):
         for x in range(width):
-            good = trusted[y, x]
-            px, py = anchor[y, x, 0], anchor[y, x, 1]
-            if x + 1 < width:
-                dx, dy = anchor[y, x + 1, 0] - px, anchor[y, x + 1, 1] - py
-                step = dx * dx + dy * dy
-                good &= (step > low) & (step < high)
-            if y + 1 < height:
-                dx, dy = anchor[y + 1, x, 0] - px, anchor[y + 1, x, 1] - py
-                step = dx * dx + dy * dy
-                good &= (step > low) & (step < high)
-            out[y, x, 0] = px if good else (np.float32(x) + half) * side
-            out[y, x, 1] = py if good else (np.float32(y) + half) * side
+            if (trusted[y, x]
+                    and (_whole(anchor, y, x, y, x + 1, low, high)
+                         or _whole(anchor, y, x, y, x - 1, low, high))
+                    and (_whole(anchor, y, x, y + 1, x, low, high)
+                         or _whole(anchor, y, x, y - 1, x, low, high))):
+                out[y, x, 0], out[y, x, 1] = anchor[y, x, 0], anchor[y, x, 1]
+            else:
+                u, v = (np.float32(x) + half) * pixels, (np.float32(y) + half) * pixels
+                out[y, x, 0] = right * u - down * v + first_x
+                out[y, x, 1] = down * u + right * v + first_y
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
