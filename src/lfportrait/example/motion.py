@@ -92,10 +92,19 @@ class Flow:
                        for one, two in ((luma, before), (before, luma)))
         trusted = np.empty(luma.shape, np.bool_)
         trust(back, there, np.float32(DISAGREE / factor), trusted)
-        if trusted.mean() < CUT:
+        if trusted.mean() < CUT or _unlike(luma, before, back):
             return None
         scale = np.float32(factor)
         return Motion(back * scale, there * scale, trusted, factor)
+
+
+def _unlike(luma: NDArray[np.uint8], before: NDArray[np.uint8], back: Float32) -> bool:
+    """Whether the frame before, carried along, explains less than half of what is seen."""
+    here = luma.astype(np.float32)
+    carried = np.empty((*luma.shape, 1), np.float32)
+    carry(before.astype(np.float32)[..., None], back, 1, carried)
+    left, all_of_it = np.abs(here - carried[..., 0]).mean(), np.abs(here - here.mean()).mean()
+    return bool(left > 0.5 * all_of_it and left > 2)
 
 
 def _network() -> Any:
