@@ -63,7 +63,7 @@ def _shifts(shape, margin, random):
 def test_election(shape, radius):
     shift, planes = _shifts(shape, radius, np.random.default_rng(radius))
     out = shift_planes(*shape, radius)
-    elect(planes, radius, shape[1], out)
+    elect(pixel_centres(shape), np.float32(5 * radius), planes, radius, shape[1], out)
     found = np.moveaxis(out[:, radius:radius + shape[0], radius:radius + shape[1]], 0, -1)
     wanted = reference.elect(shift, radius)
     assert np.array_equal(found, wanted, equal_nan=True)
@@ -81,8 +81,28 @@ def test_votes(shape, radius, exact):
     anchor = pixel_centres(shape) * np.float32(1.0 if exact else 1.3)
     picture = (random.integers(0, 256, (31, 23, 3)) / 255).astype(np.float32)
     out = np.full((*shape, 3), np.nan, np.float32)
-    vote(pack_colours(picture), anchor, planes, max(radius, 1), radius, exact, out)
+    vote(pack_colours(picture), anchor, np.float32(9), planes, max(radius, 1), radius, exact, out)
     assert np.allclose(out, reference.vote(picture, anchor, shift, radius, exact), atol=2e-5)
+
+
+def test_pieces_of_the_anchor_plane_do_not_vote_for_each_other():
+    """Shifts on both sides of a tear mean the same places: so they must stay apart."""
+    shape, reach = (20, 37), np.float32(5)
+    anchor = pixel_centres(shape)
+    anchor[:, 18:] += 500
+    shift = np.zeros((*shape, 2), np.float32)
+    shift[:, 18:] = -500
+    # Lonely pixels beside the tear, which most of their window would vote down.
+    shift[5::4, 17] = 1
+    planes, out = shift_planes(*shape, 1), shift_planes(*shape, 1)
+    planes[:, 1:-1, 1:38] = np.moveaxis(shift, -1, 0)
+    elect(anchor, reach, planes, 1, 37, out)
+    assert (np.abs(out[:, 1:-1, 1:19]) <= 1).all() and (out[:, 1:-1, 19:38] == -500).all()
+    picture = np.random.default_rng(4).integers(0, 256, (*shape, 3)) / 255
+    made = np.empty((*shape, 3), np.float32)
+    planes[:, 1:-1, 1:19] = 0
+    vote(pack_colours(picture.astype(np.float32)), anchor, reach, planes, 1, 1, True, made)
+    assert np.allclose(made, picture, atol=1e-5)
 
 
 @pytest.mark.parametrize("sigma", [0.9, 1.7, 4.0])

@@ -250,10 +250,11 @@ class FaceBlit:
         for plane, place, axis in zip(shift, (index % style_width, index // style_width), (0, 1)):
             plane[radius:radius + height, radius:radius + width] = np.where(
                 covered, place.astype(np.float32) + np.float32(0.5) - anchor[..., axis], np.nan)
+        reach = np.float32(np.inf)
         if radius > 0:
-            elect(shift, radius, width, elected)
+            elect(anchor, reach, shift, radius, width, elected)
             shift = elected
         out = np.empty((*red.shape, 3), np.float32)
-        vote(self._colours, anchor, shift, radius, radius, True, out)
+        vote(self._colours, anchor, reach, shift, radius, radius, True, out)
         out[~covered] = np.nan
         return out

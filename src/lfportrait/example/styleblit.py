@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..kernels.example_blit import blit, look_up
 from ..kernels.example_seeds import finite_range, seed_points, seed_regular, seed_splat
 from ..kernels.example_vote import elect, pack, vote
-from .guides import Guides
+from .guides import Guides, anchor_scale
 from .table import LookUpTable
 
 __all__ = ["BlitConfig", "Seeds", "Synthesis", "finest_level", "label_words", "pack_colours",
@@ -224,13 +224,16 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
          style_appearance, style_words, own_shift, error, config.levels, seeds.finest, seeds.points,
          seeds.pixels, seeds.starts, seeds.firsts, seeds.shapes, np.float32(config.threshold),
          np.float32(config.slack), margin, shift, level)
+    # Neighbours on one piece of the anchor plane; a photo's is one piece.
+    pitch = scale if scale is not None else anchor_scale(guides.anchor)
+    reach = np.float32((3 * config.radius + 2) * pitch)
     if config.radius > 0 and config.voting in ("mode", "both"):
         # Its own look-ups are not needed any more.
-        elect(shift, margin, width, own_shift)
+        elect(guides.anchor, reach, shift, margin, width, own_shift)
         shift = own_shift
     image = np.empty((height, width, 3), np.float32)
     colours = picture if picture.dtype == np.int32 else pack_colours(picture)
     radius = config.radius if config.voting in ("mean", "both") else 0
-    vote(colours, guides.anchor, shift, margin, radius, exact, image)
+    vote(colours, guides.anchor, reach, shift, margin, radius, exact, image)
     inside = np.moveaxis(shift[:, margin:margin + height, margin:margin + width], 0, -1)
     return Synthesis(image, inside, level, error)

@@ -19,7 +19,8 @@ __all__ = ["blend", "elect", "pack", "vote"]
 
 _floats, _ints, _where, _iota = LANES.floats, LANES.ints, LANES.where, LANES.iota
 _load, _store, _bits, _lane = LANES.load, LANES.store, LANES.bits, LANES.lane
-_floor, _minimum, _maximum = LANES.floor, LANES.minimum, LANES.maximum
+_floor, _absolute = LANES.floor, LANES.absolute
+_minimum, _maximum = LANES.minimum, LANES.maximum
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
@@ -34,13 +35,29 @@ def pack(picture, out):
             out[y, x] = word
 
 
+@numba.njit(cache=True, inline="always")
+def _beside(anchors, n, ax, ay, reach):
+    """Whether the anchors of the pixels n .. n + 15 lie near (ax, ay), lane by lane.
+
+    Beyond the picture's ends they are those of other pixels nearby: there are no shifts there.
+    """
+    n = min(max(n, 0), anchors.size // 2 - 16)
+    if n < 0:
+        return ax == ax
+    bx, by = load_pairs(anchors, 2 * n)
+    return _absolute(ax - bx) + _absolute(ay - by) < reach
+
+
 @numba.njit(cache=True, nogil=True, parallel=True)
-def elect(shift, radius, width, out):
+def elect(anchor, reach, shift, radius, width, out):
     """Mode filter: the most frequent shift of each window of side 2 radius + 1, into ``out``.
 
     ``shift`` and ``out`` are planes with a margin of ``radius``, of ``width`` pixels. The centre's
-    shift stays unless another one has more votes; the first in scan order wins among equals.
+    shift stays unless another one has more votes; the first in scan order wins among equals. A
+    shift of a pixel whose anchor is not within ``reach`` (L1) is no candidate: it belongs to
+    another piece of the anchor plane.
     """
+    anchors = anchor.reshape(-1)
     stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
     values, outs = shift.reshape(-1), out.reshape(-1)
     side = 2 * radius + 1
@@ -59,6 +76,14 @@ def elect(shift, radius, width, out):
             own_x, own_z = x, z
             # A majority can't be beaten, and a pixel without a shift gets none.
             if _bits((most < half) & (x == x)) != 0:
+                here = y * width + first
+                if 2 * here + 32 <= anchors.size:
+                    ax, ay = load_pairs(anchors, 2 * here)
+                else:
+                    pair = _minimum(_iota() + np.int32(here),
+                                    np.int32(anchors.size // 2 - 1)) * np.int32(2)
+                    ax = gather_signed(anchors, pair)
+                    ay = gather_signed(anchors, pair + np.int32(1))
                 for a in range(side * side):
                     n = corner + (a // side) * stride + a % side
                     other_x, other_z = _load(values, n), _load(values, plane + n)
@@ -68,7 +93,9 @@ def elect(shift, radius, width, out):
                         alike = ((_load(values, m) == other_x)
                                  & (_load(values, plane + m) == other_z))
                         votes += _where(alike, _floats(one), zero)
-                    better = (votes > most) & (x == x)
+                    near = _beside(anchors, here + (a // side - radius) * width
+                                   + a % side - radius, ax, ay, reach)
+                    better = (votes > most) & (x == x) & near
                     most = _where(better, votes, most)
                     own_x, own_z = _where(better, other_x, own_x), _where(better, other_z, own_z)
             _store(outs, middle, own_x)
@@ -107,11 +134,12 @@ def _sample(colours, height, width, x, y, exact):
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
-def vote(colours, anchor, shift, margin, radius, exact, out):
+def vote(colours, anchor, reach, shift, margin, radius, exact, out):
     """Mean of the colours that the window's shifts vote for, into ``out`` [H, W, 3] float32.
 
     ``shift`` are planes with a ``margin`` of at least ``radius``; ``colours`` int32 [h, w] packed.
-    Pixels without a shift (NaN) stay 0. ``exact`` reads whole pixels, else bilinearly.
+    Pixels without a shift (NaN) stay 0. ``exact`` reads whole pixels, else bilinearly. Pixels whose
+    anchor is not within ``reach`` (L1) have no vote: their shifts mean other places here.
     """
     height, width = out.shape[:2]
     style_height, style_width = colours.shape
@@ -147,7 +175,8 @@ def vote(colours, anchor, shift, margin, radius, exact, out):
                             continue
                         n = middle + v * stride + u
                         tx, tz = _load(values, n), _load(values, plane + n)
-                        there = (tx == tx) & known
+                        there = (tx == tx) & known & _beside(anchors, here + v * width + u, ax,
+                                                             ay, reach)
                         alike = (tx == x) & (tz == z)
                         r, g, b = own_red, own_green, own_blue
                         if _bits(there & ~alike) != 0:
