@@ -130,6 +130,28 @@ def test_the_mask_covers_the_face_and_not_the_surroundings():
     assert mask[int(up[1]), int(up[0])] > 0.5
 
 
+def test_the_mask_of_a_large_face_is_that_of_a_small_one():
+    """Blocks of pixels are looked at where there are many; places must not shift by part of one."""
+    drawn = drawn_face(320, 240)
+    mask = face_mask(drawn.image, drawn.landmarks)
+    large = face_mask(drawn.image.repeat(5, 0).repeat(5, 1), drawn.landmarks * 5)
+    height, width = mask.shape
+    difference = large.reshape(height, 5, width, 5).mean((1, 3)) - mask
+    assert np.abs(difference).mean() < 0.01
+    # The middles agree to half a pixel of the small picture.
+    rows, columns = np.indices(mask.shape)
+    for axis in (rows, columns):
+        assert abs((axis * difference).sum() / mask.sum()) < 0.5
+
+
+def test_a_face_beyond_the_border_has_an_empty_mask():
+    drawn = drawn_face(320, 240)
+    assert not face_mask(drawn.image, drawn.landmarks + 2000).any()
+    half = face_mask(drawn.image, drawn.landmarks - [drawn.landmarks[30, 0], 0])
+    assert half.shape == drawn.image.shape[:2]
+    assert half[:, :8].max() > 0.9
+
+
 @pytest.mark.parametrize("turn", [1, 2, 3])
 def test_the_mask_turns_with_the_picture(turn):
     drawn = drawn_face(320, 240)

@@ -42,8 +42,9 @@ def _problem(seed=0, height=40, width=48, style_height=56, style_width=44):
 
 
 @pytest.mark.parametrize("scale", [1.0, None])
-def test_equals_the_plain_form(scale):
-    guides, weights, style_appearance, style_labels, table, picture = _problem()
+@pytest.mark.parametrize("width", [48, 37])
+def test_equals_the_plain_form(scale, width):
+    guides, weights, style_appearance, style_labels, table, picture = _problem(width=width)
     own = synthesise(guides, weights, 0.0, style_appearance, style_labels, table, picture,
                      BlitConfig(threshold=-1.0, slack=-1e9, radius=0), scale=scale)
     assert (own.level == 0).all()
@@ -55,7 +56,7 @@ def test_equals_the_plain_form(scale):
     for level in range(1, 5):
         begin = stored.starts[level]
         count = int(stored.shapes[level].prod())
-        seeds[level] = [(stored.points[n], divmod(int(stored.pixels[n]), 48))
+        seeds[level] = [(stored.points[n], divmod(int(stored.pixels[n]), width))
                         for n in range(begin, begin + count) if stored.pixels[n] >= 0]
     shift, level = reference.synthesise(
         guides.position, guides.appearance, guides.anchor, weights, style_appearance, own.shift,
@@ -63,6 +64,21 @@ def test_equals_the_plain_form(scale):
     same = (level == made.level) & (shift == made.shift).all(axis=-1)
     assert same.mean() > 0.998  # a rounding at the threshold may differ
     assert len(np.unique(level)) >= 3
+
+
+@pytest.mark.parametrize("width", [5, 16, 21])
+def test_tiles_do_not_show(width):
+    """A torn anchor plane, whose tiles have too many seeds to share, gives the same chunks."""
+    guides, weights, style_appearance, style_labels, table, picture = _problem(3, 21, width)
+    torn = Guides(guides.position, guides.appearance, guides.labels, guides.anchor.copy())
+    # One pixel of each tile lies far away.
+    torn.anchor[::8, ::16] += 4000
+    results = [synthesise(g, weights, 0.0, style_appearance, style_labels, table, picture,
+                          BlitConfig(radius=0, gain=1e9), seed=2) for g in (guides, torn)]
+    kept = np.ones((21, width), bool)
+    kept[::8, ::16] = False
+    same = (results[0].shift == results[1].shift).all(axis=-1)[kept]
+    assert same.mean() > 0.9  # seeds whose pixel went away take another one
 
 
 def test_same_seed_same_bytes():
@@ -78,7 +94,7 @@ def test_perfect_guides_copy_the_exemplar():
     """A target that is the exemplar itself comes back as it was, chunks or not."""
     random = np.random.default_rng(2)
     style_appearance = random.normal(0, 0.08, (60, 50)).astype(np.float32)
-    picture = random.random((60, 50, 3)).astype(np.float32)
+    picture = (random.integers(0, 256, (60, 50, 3)) / 255).astype(np.float32)
     guides = Guides(pixel_centres((60, 50)), style_appearance, np.zeros((60, 50, 0), np.uint8),
                     pixel_centres((60, 50)))
     weights = np.full((60, 50, 2), (3.3, 255.0), np.float32)

@@ -18,7 +18,7 @@ from lfportrait.share import write_video
 from tests.portraits import drawn_face
 
 transfers = importlib.import_module("lfportrait.commands.transfers")
-video_module = importlib.import_module("lfportrait.example.video")
+motion_module = importlib.import_module("lfportrait.example.motion")
 
 
 @pytest.fixture
@@ -122,7 +122,7 @@ def test_strokes_are_carried_along():
 
 
 def test_without_opencv_strokes_follow_the_face(monkeypatch):
-    monkeypatch.setattr(video_module, "_flow_network", lambda: None)
+    monkeypatch.setattr(motion_module, "_network", lambda: None)
     style = drawn_face(200, 160, seed=5)
     video = VideoTransfer(Transfer(style))
     anchors = []

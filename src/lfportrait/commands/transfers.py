@@ -113,12 +113,12 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
     video = VideoTransfer(Transfer(exemplar, config))
     start = time.perf_counter()
 
-    def painted() -> Iterator[NDArray[np.float32]]:
-        for number, frame in enumerate(frames):
+    def painted() -> Iterator[NDArray[np.uint8]]:
+        for number, frame in enumerate(video.frames(frames)):
             progress.update(number, f"frame {number + 1}")
-            yield video.apply(frame)
+            yield frame
 
-    count = write_video(out, painted(), rate)
+    count = write_video(out, painted(), rate, preset="veryfast")
     seconds = time.perf_counter() - start
     flicker = float(np.mean(video.flicker)) if video.flicker else None
     return {"frames": count, "fps": rate, "seconds": seconds,

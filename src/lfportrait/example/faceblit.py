@@ -24,7 +24,7 @@ from ..kernels.example_vote import elect, vote
 from .exemplar import Exemplar
 from .guides import pixel_centres, position_guide
 from .painted import Painted
-from .styleblit import NOTHING
+from .styleblit import pack_colours, shift_planes
 
 __all__ = ["FaceBlit", "FaceBlitConfig", "published_table"]
 
@@ -180,7 +180,7 @@ class FaceBlit:
         self.appearance = stretched(appearance_levels(exemplar.image))
         self.table = published_table(self.appearance, self.config)
         self.seconds = time.perf_counter() - start
-        self._picture = exemplar.image.astype(np.float32) / np.float32(255)
+        self._colours = pack_colours(exemplar.image.astype(np.float32) / np.float32(255))
 
     def apply(self, image: NDArray[np.uint8], landmarks: NDArray[np.floating]) -> Painted:
         """Stylise one photo.
@@ -243,18 +243,18 @@ class FaceBlit:
         flood(red, green, appearance, gradient(style_width), gradient(style_height),
               self.appearance, seeds, box, self.config.position_weight, look, threshold, index)
         anchor = pixel_centres(red.shape)
-        shift = np.stack([index % style_width, index // style_width], axis=-1).astype(np.float32)
-        shift += np.float32(0.5)
-        shift -= anchor
         covered = index != NOWHERE
-        shift[~covered] = np.nan
-        packed = shift.view(np.int64)[..., 0]
-        packed[~covered] = NOTHING
-        if self.config.radius > 0:
-            elected = np.empty_like(packed)
-            elect(packed, NOTHING, self.config.radius, elected)
-            packed, shift = elected, elected[..., None].view(np.float32)
+        height, width = red.shape
+        radius = self.config.radius
+        shift, elected = (shift_planes(height, width, radius) for _ in range(2))
+        for plane, place, axis in zip(shift, (index % style_width, index // style_width), (0, 1)):
+            plane[radius:radius + height, radius:radius + width] = np.where(
+                covered, place.astype(np.float32) + np.float32(0.5) - anchor[..., axis], np.nan)
+        reach = np.float32(np.inf)
+        if radius > 0:
+            elect(anchor, reach, shift, radius, width, elected)
+            shift = elected
         out = np.empty((*red.shape, 3), np.float32)
-        vote(self._picture, anchor, shift, packed, self.config.radius, True, out)
+        vote(self._colours, anchor, reach, shift, radius, radius, True, out)
         out[~covered] = np.nan
         return out

@@ -47,10 +47,10 @@ def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, fra
     planes = _feature_planes(person.shape, landmarks, factor, blur / factor)
     if hair is None:
         hair = np.zeros(person.shape, np.float32)
-    out = np.empty((*person.shape, len(LABELS)), np.uint8)
+    out = np.empty((*person.shape, 2), np.int32)
     soft_labels(np.ascontiguousarray(person, np.float32), np.ascontiguousarray(hair, np.float32),
                 planes, factor, "hair" in like, "body" in like, out)
-    return out
+    return out.view(np.uint8)
 
 
 def missing_labels(style: NDArray[np.uint8]) -> frozenset[str]:

@@ -9,15 +9,16 @@ exemplar's.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.example_outline import edge_distances, snap, sweep_distances
+from ..kernels.example_outline import distances, snap
 from .guides import gaussian_blur, shrunk
 
-__all__ = ["EdgeMatch", "signed_distance"]
+__all__ = ["EdgeMatch", "signed_distance", "signed_distances"]
 
 Float32 = NDArray[np.float32]
 
@@ -33,10 +34,14 @@ def signed_distance(mask: Float32, cell: int = 4) -> Float32:
     float32 [ceil(H / cell), ceil(W / cell)], at the middles of blocks of ``cell`` pixels.
     """
     small = np.ascontiguousarray(shrunk(np.ascontiguousarray(mask, np.float32), cell))
-    distance = np.empty_like(small)
-    edge_distances(small, np.float32(FAR), distance)
-    sweep_distances(distance, np.float32(FAR))
-    return distance * np.float32(cell)
+    return signed_distances(small[None], [FAR])[0] * np.float32(cell)
+
+
+def signed_distances(masks: Float32, far: Sequence[float]) -> Float32:
+    """Signed distances in cells from the edges of several masks [K, h, w], up to ``far`` each."""
+    out = np.empty_like(masks)
+    distances(masks, np.minimum(far, FAR).astype(np.float32), out)
+    return out
 
 
 @dataclass
@@ -78,9 +83,17 @@ class EdgeMatch:
         scale
             Exemplar pixels per target pixel.
         """
+        self.pull(nodes, signed_distance(mask, grid), grid, scale)
+
+    def far(self, grid: int, scale: float) -> float:
+        """Distance in cells of ``grid`` target pixels beyond which nothing moves."""
+        return 3.1 * self.reach / (scale * grid) + 4.0
+
+    def pull(self, nodes: Float32, distance: Float32, grid: int, scale: float) -> None:
+        """`move` by the target's signed distances in pixels, [ceil(H / grid), ceil(W / grid)]."""
         # As smooth as the exemplar's.
         sigma = max(self.cell / (scale * grid), 0.5)
-        own = gaussian_blur(signed_distance(mask, grid), sigma) * np.float32(scale)
+        own = gaussian_blur(distance, sigma) * np.float32(scale)
         # Cells lie around the pixels (i + 0.5) * grid, nodes at i * grid + 0.5.
         rows, columns = nodes.shape[:2]
         share = np.float32(0.5 - 0.5 / grid)

@@ -7,22 +7,24 @@ at last its own look-up. Seeds live in the anchor plane: for a capture they stic
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.example_blit import blit, look_up
 from ..kernels.example_seeds import finite_range, seed_points, seed_regular, seed_splat
-from ..kernels.example_vote import elect, vote
-from .guides import Guides
+from ..kernels.example_vote import elect, pack, vote
+from .guides import Guides, anchor_scale
 from .table import LookUpTable
 
-__all__ = ["BlitConfig", "Seeds", "Synthesis", "plant", "synthesise"]
+__all__ = ["BlitConfig", "Seeds", "Synthesis", "finest_level", "label_words", "pack_colours",
+           "plant", "shift_planes", "synthesise"]
 
-NOTHING = np.full(2, np.nan, np.float32).view(np.int64)[0]
-"""The packed shift of a pixel that has none."""
+LANES = 16
+"""Pixels that the kernels work on at once."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +72,14 @@ class Synthesis:
 
 @dataclass
 class Seeds:
-    """Seeds of all levels, one level after the other (`kernels.example_seeds`)."""
+    """Seeds of all levels from ``finest``, one level after the other (`kernels.example_seeds`)."""
 
     points: NDArray[np.float32]
     pixels: NDArray[np.int32]
     starts: NDArray[np.int64]
     firsts: NDArray[np.int64]
     shapes: NDArray[np.int64]
+    finest: int
 
 
 def _extent(anchor: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -88,8 +91,17 @@ def _extent(anchor: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[n
     return ends[0], ends[1]
 
 
-def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None) -> Seeds:
-    """Seeds of levels 1 to ``top`` for an anchor plane [H, W, 2].
+def finest_level(scale: float) -> int:
+    """The finest level worth having where a target pixel is ``scale`` exemplar pixels wide.
+
+    Cells of less than one and a half target pixels hold one pixel: its own look-up will do.
+    """
+    return max(1, int(np.ceil(np.log2(1.5 * scale))))
+
+
+def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None,
+          finest: int = 1) -> Seeds:
+    """Seeds of levels ``finest`` to ``top`` for an anchor plane [H, W, 2].
 
     ``scale`` is set where the anchor is that times the pixel; then the seeds depend on the size of
     the picture alone and serve all pictures of that size.
@@ -100,41 +112,72 @@ def plant(anchor: NDArray[np.float32], top: int, seed: int, scale: float | None)
     starts, firsts, shapes = (np.zeros(shape, np.int64)
                               for shape in ((top + 1,), (top + 1, 2), (top + 1, 2)))
     points, pixels, total = [], [], 0
-    for level in range(1, top + 1):
-        # One cell more all around, so that every pixel has neighbours on all sides.
-        first = np.floor(low / 2 ** level).astype(np.int64) - 1
-        last = np.floor(high / 2 ** level).astype(np.int64) + 1
+    for level in range(finest, top + 1):
+        # One cell more all around, so that every pixel has neighbours on all sides; and ends that
+        # rarely change from frame to frame.
+        round_to = 1 if scale is not None else 16
+        first = (np.floor(low / 2 ** level).astype(np.int64) - 1) // round_to * round_to
+        last = -(-(np.floor(high / 2 ** level).astype(np.int64) + 2) // round_to) * round_to - 1
         columns, rows = (int(n) for n in last - first + 1)
-        point = np.empty((rows, columns, 2), np.float32)
-        seed_points(seed, level, first[0], first[1], point)
+        point = _jittered(seed, level, int(first[0]), int(first[1]), rows, columns)
         pixel = np.full((rows, columns), -1, np.int32)
         if scale is not None:
+            point = point.copy()
             seed_regular(point, np.float32(scale), height, width, pixel)
         starts[level], firsts[level], shapes[level] = total, first, (rows, columns)
         total += rows * columns
         points.append(point.reshape(-1, 2))
         pixels.append(pixel.ravel())
-    seeds = Seeds(np.concatenate(points), np.concatenate(pixels), starts, firsts, shapes)
+    seeds = Seeds(np.concatenate(points), np.concatenate(pixels), starts, firsts, shapes, finest)
     if scale is None:
-        seed_splat(anchor, firsts, starts, shapes, seeds.points, seeds.pixels)
+        seed_splat(anchor, firsts, starts, shapes, finest, seeds.points, seeds.pixels)
     return seeds
 
 
-def _words(labels: NDArray[np.uint8]) -> NDArray[np.uint64]:
-    """Up to eight labels [H, W, K] of a pixel as the bytes of one word, [H, W]."""
+@functools.lru_cache(maxsize=32)
+def _jittered(seed: int, level: int, first_x: int, first_y: int, rows: int,
+              columns: int) -> NDArray[np.float32]:
+    """Jittered seeds of some cells, [rows, columns, 2]; not to be changed."""
+    points = np.empty((rows, columns, 2), np.float32)
+    seed_points(seed, level, first_x, first_y, points)
+    return points
+
+
+def label_words(labels: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Up to eight labels [H, W, K] of a pixel as the bytes of two words, [H, W, 2]."""
     height, width, count = labels.shape
     if count > 8:
         raise ValueError(f"at most 8 labels, not {count}")
     if count < 8:
         labels = np.concatenate([labels, np.zeros((height, width, 8 - count), np.uint8)], axis=-1)
-    return np.ascontiguousarray(labels).view(np.uint64).reshape(height, width)
+    return np.ascontiguousarray(labels).view(np.int32).reshape(height, width, 2)
+
+
+def shift_planes(height: int, width: int, margin: int) -> NDArray[np.float32]:
+    """Planes for the shifts of a picture, float32 [2, rows, columns], with a margin of NaN.
+
+    Pixel (x, y) is at [:, margin + y, margin + x]. Only the margin is filled.
+    """
+    rows, columns = height + 2 * margin, -(-width // LANES) * LANES + 2 * margin
+    planes = np.empty((2, rows, columns), np.float32)
+    planes[:, :margin] = planes[:, rows - margin:] = np.nan
+    planes[:, :, :margin] = planes[:, :, margin + width:] = np.nan
+    return planes
+
+
+def pack_colours(picture: NDArray[Any]) -> NDArray[np.int32]:
+    """Colours [h, w, 3] in [0, 1] as words [h, w] of ten bits a channel."""
+    words = np.empty(picture.shape[:2], np.int32)
+    pack(picture, words)
+    return words
 
 
 def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float,
                style_appearance: NDArray[np.float32], style_labels: NDArray[np.uint8],
-               table: LookUpTable, picture: NDArray[np.float32], config: BlitConfig, *,
-               seed: int = 0, scale: float | None = None,
-               seeds: Seeds | None = None) -> Synthesis:
+               table: LookUpTable, picture: NDArray[np.float32] | NDArray[np.int32],
+               config: BlitConfig, *,
+               seed: int = 0, scale: float | None = None, seeds: Seeds | None = None,
+               finest: int = 1) -> Synthesis:
     """Synthesise a picture from an exemplar.
 
     Parameters
@@ -150,7 +193,7 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
     table
         Of the exemplar.
     picture
-        float32 [h, w, 3], the colours to copy, in [0, 1].
+        The colours to copy, float32 [h, w, 3] in [0, 1], or int32 [h, w] of `pack_colours`.
     config
         Chunks and voting.
     seed
@@ -159,30 +202,38 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
         Set where the anchor is ``scale`` times the pixel (a photo); None for free anchors.
     seeds
         Of an earlier picture of the same size and ``scale`` (`plant`); None plants new ones.
+    finest
+        The finest level of new ones.
     """
     height, width = guides.appearance.shape
     exact = scale == 1.0
-    words, style_words = _words(guides.labels), _words(style_labels)
+    words, style_words = label_words(guides.labels), label_words(style_labels)
     per_label = np.float32(label_weight / 255)
-    own_shift = np.empty((height, width, 2), np.float32)
+    margin = max(config.radius, 1)
+    own_shift = shift_planes(height, width, margin)
     error = np.empty((height, width), np.float32)
     look_up(guides.position, guides.appearance, guides.anchor, weights, words, per_label,
             table.indices, table.cell, np.float32(table.low), np.float32(table.step),
-            style_appearance, style_words, np.float32(config.gain), exact, own_shift, error)
+            style_appearance, style_words, np.float32(config.gain), exact, margin, own_shift,
+            error)
     if seeds is None:
-        seeds = plant(guides.anchor, config.levels, seed, scale)
-    shift = np.empty_like(own_shift)
+        seeds = plant(guides.anchor, config.levels, seed, scale, min(finest, config.levels))
+    shift = shift_planes(height, width, margin)
     level = np.empty((height, width), np.uint8)
     blit(guides.position, guides.appearance, guides.anchor, weights, words, per_label,
-         style_appearance, style_words, own_shift, error, config.levels, seeds.points,
+         style_appearance, style_words, own_shift, error, config.levels, seeds.finest, seeds.points,
          seeds.pixels, seeds.starts, seeds.firsts, seeds.shapes, np.float32(config.threshold),
-         np.float32(config.slack), shift, level)
-    packed = shift.view(np.int64)[..., 0]
+         np.float32(config.slack), margin, shift, level)
+    # Neighbours on one piece of the anchor plane; a photo's is one piece.
+    pitch = scale if scale is not None else anchor_scale(guides.anchor)
+    reach = np.float32((3 * config.radius + 2) * pitch)
     if config.radius > 0 and config.voting in ("mode", "both"):
-        elected = np.empty((height, width), np.int64)
-        elect(packed, NOTHING, config.radius, elected)
-        packed, shift = elected, elected[..., None].view(np.float32)
+        # Its own look-ups are not needed any more.
+        elect(guides.anchor, reach, shift, margin, width, own_shift)
+        shift = own_shift
     image = np.empty((height, width, 3), np.float32)
+    colours = picture if picture.dtype == np.int32 else pack_colours(picture)
     radius = config.radius if config.voting in ("mean", "both") else 0
-    vote(picture, guides.anchor, shift, packed, radius, exact, image)
-    return Synthesis(image, shift, level, error)
+    vote(colours, guides.anchor, reach, shift, margin, radius, exact, image)
+    inside = np.moveaxis(shift[:, margin:margin + height, margin:margin + width], 0, -1)
+    return Synthesis(image, inside, level, error)

@@ -12,7 +12,7 @@ import tyro
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..kernels.example_labels import pixel_weights
+from ..kernels.example_labels import pixel_weights, shrink_label
 from ..kernels.example_vote import blend
 from .correspond import match_regions
 from .exemplar import Exemplar, face_size
@@ -31,14 +31,26 @@ from .guides import (
     shrunk,
 )
 from .labels import LABELS, missing_labels
-from .outline import EdgeMatch
+from .outline import EdgeMatch, signed_distances
 from .regions import Regions, find_regions
-from .styleblit import BlitConfig, Seeds, Synthesis, plant, synthesise
+from .styleblit import (
+    BlitConfig,
+    Seeds,
+    Synthesis,
+    finest_level,
+    label_words,
+    pack_colours,
+    plant,
+    synthesise,
+)
 from .table import TableConfig, cached_table
 
 __all__ = ["Transfer", "TransferConfig", "TransferResult", "face_landmarks", "transfer"]
 
 Float32 = NDArray[np.float32]
+
+EDGES = (("background", True), ("hair", False))
+"""Regions whose edges are made to meet, by label: all that is not background, and the hair."""
 
 
 @dataclass(frozen=True)
@@ -145,11 +157,13 @@ class Transfer:
         self._distribution = Distribution.of(self.appearance, self.regions.person)
         self._box = self.regions.box()
         self._like = missing_labels(self.labels)
-        self._edges = (EdgeMatch.of(_solid(self.labels), 8 * self.unit, 6 * self.unit),
-                       EdgeMatch.of(_hair(self.labels), 4 * self.unit, 5 * self.unit))
+        edges = [np.float32(1) - plane if invert else plane for plane, invert in (
+            (_label(self.labels, name), invert) for name, invert in EDGES)]
+        self._edges = (EdgeMatch.of(edges[0], 8 * self.unit, 6 * self.unit),
+                       EdgeMatch.of(edges[1], 4 * self.unit, 5 * self.unit))
         self._plan: tuple[Any, Float32, Seeds] | None = None
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
-        self._filtered: dict[float, Float32] = {1.0: self._picture}
+        self._filtered = {1.0: pack_colours(self._picture)}
 
     def apply(self, image: NDArray[np.generic], landmarks: NDArray[np.floating], *,
               position: Float32 | None = None, seeds_anchor: Float32 | None = None,
@@ -181,7 +195,7 @@ class Transfer:
         photo = np.asarray(image[..., :3])
         start = time.perf_counter()
         if position is None and regions is None:
-            regions = find_regions(photo, points, mask)
+            regions = find_regions(photo, points, mask, size=384)
         guided = time.perf_counter()
         if position is None:
             assert regions is not None
@@ -215,7 +229,7 @@ class Transfer:
         synthesis = synthesise(
             guides, weights, config.label_weight, self.appearance, self.labels, self.table,
             self._colours(scale), blit, seed=config.seed,
-            scale=scale if seeds is not None else None, seeds=seeds)
+            scale=scale if seeds is not None else None, seeds=seeds, finest=finest_level(scale))
         result = np.empty(photo.shape, np.float32)
         blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), synthesis.image, cover,
               result)
@@ -230,8 +244,9 @@ class Transfer:
         key = shape[:2], round(scale, 6)
         if self._plan is None or self._plan[0] != key:
             anchor = np.float32(scale) * pixel_centres(shape)
-            self._plan = key, anchor, plant(anchor, self.config.blit.levels, self.config.seed,
-                                            scale)
+            self._plan = key, anchor, plant(
+                anchor, self.config.blit.levels, self.config.seed, scale,
+                min(finest_level(scale), self.config.blit.levels))
         return self._plan[1:]
 
     def scale(self, landmarks: NDArray[np.float64]) -> float:
@@ -241,14 +256,17 @@ class Transfer:
         scale = self.exemplar.size / face_size(landmarks)
         return 1.0 if 0.75 < scale < 4 / 3 else scale
 
-    def _colours(self, scale: float) -> Float32:
-        """The exemplar's colours, low-passed where a target pixel covers several of its pixels."""
+    def _colours(self, scale: float) -> NDArray[np.int32]:
+        """The exemplar's colours, low-passed where a target pixel covers several of its pixels.
+
+        Packed (`styleblit.pack_colours`), int32 [h, w].
+        """
         key = round(scale, 1) if scale > 4 / 3 else 1.0
         if key not in self._filtered:
             sigma = 0.5 * np.sqrt(key ** 2 - 1)
-            self._filtered[key] = np.stack(
+            self._filtered[key] = pack_colours(np.stack(
                 [gaussian_blur(np.ascontiguousarray(self._picture[..., c]), sigma)
-                 for c in range(3)], axis=-1)
+                 for c in range(3)], axis=-1))
         return self._filtered[key]
 
     def _flat_guide(self, cover: Float32, landmarks: NDArray[np.float64],
@@ -259,9 +277,13 @@ class Transfer:
         grid, scale = self.config.grid, self.exemplar.size / face_size(landmarks)
 
         def meet(nodes: Float32) -> None:
-            for match, region in zip(self._edges, (_solid, _hair)):
-                if match is not None:
-                    match.move(nodes, region(labels), grid, scale)
+            known = [(match, edge) for match, edge in zip(self._edges, EDGES) if match is not None]
+            small = np.empty((len(known), *(-(-n // grid) for n in labels.shape[:2])), np.float32)
+            for plane, (_, (name, invert)) in zip(small, known):
+                shrink_label(labels, LABELS.index(name), invert, grid, plane)
+            away = signed_distances(small, [match.far(grid, scale) for match, _ in known])
+            for distance, (match, _) in zip(away, known):
+                match.pull(nodes, distance * np.float32(grid), grid, scale)
 
         return folded_position_guide(cover, sources, targets, weights, softness,
                                      self.exemplar.image.shape, self._box, grid,
@@ -284,7 +306,7 @@ class Transfer:
         place = np.float32(config.table.position_weight / self.unit)
         look = np.float32(config.table.appearance_weight * 255)
         out = np.empty((*person.shape, 2), np.float32)
-        pixel_weights(np.ascontiguousarray(person, np.float32), labels, soft, factor,
+        pixel_weights(np.ascontiguousarray(person, np.float32), label_words(labels), soft, factor,
                       place * np.array([config.background_position, 1], np.float32),
                       place * np.float32(config.outline),
                       look * np.array([config.background_appearance, 1], np.float32),
@@ -309,15 +331,6 @@ class Transfer:
         # Fainter than a grey level is not worth painting.
         cover = np.where(cover > np.float32(0.002), cover, np.float32(0))
         return np.asarray(cover * np.float32(config.strength), np.float32)
-
-
-def _solid(labels: NDArray[np.uint8]) -> Float32:
-    """All that is not background, float32 [H, W] in [0, 1]."""
-    return np.float32(1) - _label(labels, "background")
-
-
-def _hair(labels: NDArray[np.uint8]) -> Float32:
-    return _label(labels, "hair")
 
 
 def _label(labels: NDArray[np.uint8], name: str) -> Float32:

@@ -1,25 +1,30 @@
 """Transfer to a video: seeds are carried from frame to frame, so that strokes do not swim.
 
 Chunks lie in an anchor plane. For a photo that is the picture itself; in a video the plane is
-carried along by optical flow: a pixel gets the anchor of the place it came from. Where the flow
-can't be trusted (the two directions disagree, the plane is torn) it starts anew. The landmarks are
-carried, too, and corrected slowly by those that are detected, for their jitter is larger than the
-face's motion between frames.
+carried along by optical flow (`motion`): a pixel gets the anchor of the place it came from. Where
+the flow can't be trusted, or the plane is torn, it starts anew. Landmarks and the masks of person
+and hair are carried, too, and corrected slowly by those that are found every few frames: their
+jitter is larger than what a frame's flow is off.
 
-The flow is OpenCV's DIS. Without OpenCV the plane follows the face as a whole.
+Without OpenCV there is no flow: everything is found in every frame, and the plane follows the face
+as a whole.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
+from ..kernels.example_video import mend, squared_changes, to_bytes, unfold
+from .ahead import ahead, in_turn
 from .exemplar import face_size
-from .guides import grey, pixel_centres
-from .regions import find_regions
+from .guides import enlarged, pixel_centres, shrunk
+from .motion import Flow, Motion, block_side
+from .regions import Regions, find_regions
 from .transfer import Transfer, face_landmarks
 
 __all__ = ["VideoTransfer"]
@@ -29,27 +34,16 @@ Float64 = NDArray[np.float64]
 
 FRESH = 0.25
 """Share of the detected landmarks in the carried ones."""
-DISAGREE = 1.5
-"""Largest difference of the flow there and back in pixels."""
 TORN = (0.6, 1.7)
 """Range of the anchor plane's stretch against a new one."""
-
-
-def _flow_network() -> Any:
-    """OpenCV's DIS flow, or None where there is no OpenCV."""
-    try:
-        import cv2
-    except ImportError:
-        return None
-    library: Any = cv2  # its stubs lack the flow
-    return library.DISOpticalFlow_create(library.DISOPTICAL_FLOW_PRESET_FAST)
-
-
-def _at(field: Float32, places: Float32) -> Float32:
-    """``field`` [H, W, C] at continuous places [H, W, 2], bilinear, float32 [H, W, C]."""
-    where = [places[..., 1] - 0.5, places[..., 0] - 0.5]
-    return np.stack([map_coordinates(field[..., c], where, order=1, mode="nearest")
-                     for c in range(field.shape[2])], axis=-1)
+DETECT = 2
+"""Landmarks are detected in every so manieth frame."""
+SEGMENT = 3
+"""And person and hair segmented."""
+MOST_PAINTERS = 4
+"""More frames are not painted at a time: one thread can't follow the motion faster."""
+FRESH_MASKS = 0.5
+"""Share of the segmented masks in the carried ones."""
 
 
 def _similarity(source: Float64, target: Float64) -> NDArray[np.complex128]:
@@ -58,6 +52,24 @@ def _similarity(source: Float64, target: Float64) -> NDArray[np.complex128]:
     centred = z - z.mean()
     a = np.vdot(centred, w - w.mean()) / max(float(np.vdot(centred, centred).real), 1e-9)
     return np.array([a, w.mean() - a * z.mean()])
+
+
+def _moved(points: Float64, source: Float64, target: Float64) -> Float64:
+    """Points moved by the similarity that takes ``source`` to ``target``."""
+    a, b = _similarity(source, target)
+    z = (points[:, 0] + 1j * points[:, 1]) * a + b
+    return np.stack([z.real, z.imag], axis=-1)
+
+
+@dataclass(frozen=True)
+class _Followed:
+    """What is known of a frame before it is painted."""
+
+    frame: NDArray[np.uint8]
+    points: Float64
+    anchor: Float32
+    regions: Regions
+    motion: Motion | None
 
 
 class VideoTransfer:
@@ -69,23 +81,30 @@ class VideoTransfer:
         The exemplar.
     carry
         False keeps the seeds where they are in the picture, for comparison.
+    detect, segment
+        Landmarks are detected, person and hair segmented, in every so manieth frame; between they
+        are carried.
 
     Attributes
     ----------
     flicker
         For each frame but the first, the root mean square difference to the stylised frame before,
-        warped by the flow, over the contrast of the frame; empty without OpenCV.
+        warped by the flow, over the contrast of the frame; empty without OpenCV. Every second
+        pixel of every second row is looked at.
     """
 
-    def __init__(self, prepared: Transfer, carry: bool = True) -> None:
+    def __init__(self, prepared: Transfer, carry: bool = True, detect: int = DETECT,
+                 segment: int = SEGMENT) -> None:
         self.prepared = prepared
         self.carry = carry
+        self.detect, self.segment = detect, segment
         self.flicker: list[float] = []
-        self._flow = _flow_network()
-        self._before: NDArray[np.uint8] | None = None
+        self._flow = Flow()
+        self._number = 0
         self._landmarks: Float64 | None = None
-        self._anchor: Float32 | None = None
         self._first: Float64 | None = None
+        self._anchor: Float32 | None = None
+        self._masks: Float32 | None = None
         self._painted: Float32 | None = None
         self._scale = 1.0
 
@@ -109,22 +128,58 @@ class VideoTransfer:
         UserError
             If there is no face in the first frame.
         """
-        found = self._find(frame) if landmarks is None else np.asarray(landmarks, np.float64)
-        luma = np.asarray(grey(frame) * 255, np.uint8)
-        pixels = pixel_centres(frame.shape)
-        places = trusted = None
-        if self._before is not None and self._flow is not None:
-            places, trusted = self._motion(luma, pixels)
-        points = self._steady(found, places, pixels)
-        anchor = self._carried(pixels, points, places, trusted)
-        regions = find_regions(frame, points, quick=True)
-        made = self.prepared.apply(frame, points, seeds_anchor=anchor if self.carry else None,
-                                   regions=regions)
-        if places is not None and trusted is not None and self._painted is not None:
-            self._compare(made.image, places, trusted)
-        self._before, self._landmarks, self._painted = luma, points, made.image
-        self._anchor = anchor
-        return made.image
+        step = self._follow(frame, landmarks)
+        image = self._painting(step)
+        self._compare(step, image)
+        return image
+
+    def frames(self, frames: Iterable[NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
+        """Stylise frames one after the other, several at a time.
+
+        One thread follows the motion through the video; others paint a frame each, for that needs
+        nothing from the frame before. Each kernel keeps to its thread, so none waits for another.
+
+        Parameters
+        ----------
+        frames
+            uint8 [H, W, 3], all of one size; taken on another thread.
+
+        Returns
+        -------
+        Iterator over uint8 [H, W, 3], the same bytes as from `apply`.
+        """
+        if not _threads_share_kernels():
+            yield from (_bytes_of(self.apply(frame)) for frame in frames)
+            return
+        cores = numba.get_num_threads()
+        painters = min(cores, MOST_PAINTERS)
+
+        def start() -> None:
+            numba.set_num_threads(max(1, cores // (painters + 1)))
+
+        def paint(step: _Followed) -> tuple[_Followed, Float32, NDArray[np.uint8]]:
+            image = self._painting(step)
+            return step, image, _bytes_of(image)
+
+        followed = ahead((self._follow(frame) for frame in frames), start=start)
+        for step, image, picture in in_turn(paint, followed, painters, start):
+            self._compare(step, image)
+            yield picture
+
+    def _follow(self, frame: NDArray[np.uint8],
+                landmarks: NDArray[np.floating] | None = None) -> _Followed:
+        """Landmarks, regions and anchor plane of the next frame."""
+        motion = self._flow.next(frame)
+        points = self._points(frame, landmarks, motion)
+        anchor = self._carried(frame.shape, points, motion)
+        regions = self._segmented(frame, points, motion)
+        self._landmarks = points
+        self._number += 1
+        return _Followed(frame, points, anchor, regions, motion)
+
+    def _painting(self, step: _Followed) -> Float32:
+        return self.prepared.apply(step.frame, step.points, regions=step.regions,
+                                   seeds_anchor=step.anchor if self.carry else None).image
 
     def _find(self, frame: NDArray[np.uint8]) -> Float64:
         from ..face import detect_landmarks
@@ -134,53 +189,122 @@ class VideoTransfer:
             return np.asarray(found, np.float64)
         return face_landmarks(frame) if self._landmarks is None else self._landmarks
 
-    def _motion(self, luma: NDArray[np.uint8], pixels: Float32,
-                ) -> tuple[Float32, NDArray[np.bool_]]:
-        """Where each pixel was in the frame before, [H, W, 2], and whether that can be trusted."""
-        back = self._flow.calc(luma, self._before, None)
-        there = self._flow.calc(self._before, luma, None)
-        places = pixels + back
-        off = back + _at(there, places)
-        height, width = luma.shape
-        inside = (places > 0).all(axis=-1) & (places < [width, height]).all(axis=-1)
-        return places, inside & (np.abs(off).max(axis=-1) < DISAGREE)
-
-    def _steady(self, found: Float64, places: Float32 | None, pixels: Float32) -> Float64:
-        """Landmarks of the frame before, moved along and corrected by the detected ones."""
-        if self._landmarks is None or places is None:
-            return found
+    def _points(self, frame: NDArray[np.uint8], landmarks: NDArray[np.floating] | None,
+                motion: Motion | None) -> Float64:
+        """Landmarks of the frame before, moved along and corrected by those found."""
         last = self._landmarks
-        rows = np.clip(found[:, 1].astype(np.int64), 0, pixels.shape[0] - 1)
-        columns = np.clip(found[:, 0].astype(np.int64), 0, pixels.shape[1] - 1)
-        moved = last + np.median((pixels - places)[rows, columns], axis=0)
-        # A leap is a cut or a face that was lost: no reason to glide there.
+        if last is None or motion is None:
+            return self._find(frame) if landmarks is None else np.asarray(landmarks, np.float64)
+        moved = motion.onward(last)
+        # The jaw lies on the border of what moves: it follows the rest of the face.
+        moved[:17] = _moved(last[:17], last[17:], moved[17:])
+        if landmarks is None and self._number % self.detect:
+            return moved
+        found = self._find(frame) if landmarks is None else np.asarray(landmarks, np.float64)
+        # A leap is a face that was lost: no reason to glide there.
         if np.linalg.norm(found - moved, axis=1).mean() > 0.3 * face_size(found):
             return found
         return np.asarray(moved + FRESH * (found - moved), np.float64)
 
-    def _carried(self, pixels: Float32, points: Float64, places: Float32 | None,
-                 trusted: NDArray[np.bool_] | None) -> Float32:
+    def _segmented(self, frame: NDArray[np.uint8], points: Float64,
+                   motion: Motion | None) -> Regions:
+        """Person and hair of the frame before, carried along, or found, or both."""
+        if motion is None or self._masks is None:
+            found = find_regions(frame, points, size=256)
+            self._masks = _on_blocks(found, block_side(frame.shape))
+            return found
+        masks = motion.carry(self._masks)
+        if self._number % self.segment == 0:
+            fresh = _on_blocks(find_regions(frame, points, size=256), motion.factor)
+            if fresh.shape == masks.shape:
+                share = np.where(motion.trusted, np.float32(FRESH_MASKS), np.float32(1))
+                masks += share[..., None] * (fresh - masks)
+            else:
+                # Now there is hair, or there is none any more.
+                masks = fresh
+        self._masks = masks
+        size = frame.shape[0], frame.shape[1]
+        person, *hair = (enlarged(plane, motion.factor, size)
+                         for plane in np.moveaxis(masks, -1, 0))
+        return Regions(points, person, hair[0] if hair else None)
+
+    def _carried(self, shape: tuple[int, ...], points: Float64, motion: Motion | None) -> Float32:
         """The anchor plane of this frame."""
+        side = block_side(shape)
         if self._anchor is None or self._first is None:
             self._first = points
             self._scale = self.prepared.scale(points)
-            return pixels * np.float32(self._scale)
-        if places is None or trusted is None:
+            blocks = -(-shape[0] // side), -(-shape[1] // side)
+            self._anchor = pixel_centres(blocks) * np.float32(self._scale * side)
+            return pixel_centres(shape) * np.float32(self._scale)
+        scale = np.float32(self._scale)
+        if motion is None:
             a, b = _similarity(points, self._first)
-            z = (pixels[..., 0] + 1j * pixels[..., 1]) * a + b
-            return np.asarray(np.stack([z.real, z.imag], axis=-1) * self._scale, np.float32)
-        anchor = _at(self._anchor, places)
-        good = trusted.copy()
-        for axis in range(2):
-            stretch = np.hypot(*np.moveaxis(np.diff(anchor, axis=axis), -1, 0)) / self._scale
-            whole = (stretch > TORN[0]) & (stretch < TORN[1])
-            good[:whole.shape[0], :whole.shape[1]] &= whole
-        return np.where(good[..., None], anchor, pixels * np.float32(self._scale))
+            middles = pixel_centres(self._anchor.shape) * np.float32(side)
+            z = (middles[..., 0] + 1j * middles[..., 1]) * a + b
+            self._anchor = np.stack([z.real, z.imag], axis=-1).astype(np.float32) * scale
+        else:
+            anchor = motion.carry(self._anchor)
+            turn, offset = self._continued(anchor, motion)
+            self._anchor = np.empty_like(anchor)
+            mend(anchor, motion.trusted, side, scale, np.float32(TORN[0]), np.float32(TORN[1]),
+                 turn, offset, self._anchor)
+        out = np.empty((*shape[:2], 2), np.float32)
+        unfold(self._anchor, side, scale, np.float32(TORN[1]), out)
+        return out
 
-    def _compare(self, image: Float32, places: Float32, trusted: NDArray[np.bool_]) -> None:
+    def _continued(self, anchor: Float32, motion: Motion) -> tuple[complex, complex]:
+        """The similarity (a, b), z -> a z + b, that continues a carried plane where it is anew.
+
+        That of the person: new parts then join the old ones. A new plane in the picture where the
+        person has become much larger or smaller.
+        """
+        every = slice(None, None, 3)
+        person = motion.trusted[every, every]
+        if self._masks is not None:
+            person = person & (self._masks[every, every, 0] > 0.5)
+        if person.sum() > 50:
+            places = pixel_centres(anchor.shape)[every, every][person] * motion.factor
+            values = anchor[every, every][person]
+            for _ in range(2):
+                a, b = _similarity(places.astype(np.float64), values.astype(np.float64))
+                z = (places[:, 0] + 1j * places[:, 1]) * a + b
+                off = np.abs(z - (values[:, 0] + 1j * values[:, 1]))
+                near = off <= 2 * np.median(off) + 1e-6
+                places, values = places[near], values[near]
+            if TORN[0] < abs(a) / self._scale < TORN[1]:
+                return complex(a), complex(b)
+        return complex(self._scale), 0j
+
+    def _compare(self, step: _Followed, image: Float32) -> None:
         """Add the error against the frame before."""
-        assert self._painted is not None
-        difference = (image - _at(self._painted, places))[trusted]
-        contrast = float(np.sqrt(image[trusted].var(axis=0).mean())) if trusted.any() else 0.0
+        motion, before, self._painted = step.motion, self._painted, image
+        if motion is None or before is None:
+            return
+        sums = np.empty((motion.trusted.shape[0], 8), np.float64)
+        squared_changes(image, before, motion.back, motion.factor, motion.trusted, sums)
+        total = sums.sum(axis=0)
+        count = max(float(total[0]), 1.0)
+        contrast = float(np.sqrt(max((total[5:] / count - (total[2:5] / count) ** 2).mean(), 0.0)))
         if contrast > 1 / 255:
-            self.flicker.append(float(np.sqrt((difference ** 2).mean())) / contrast)
+            self.flicker.append(float(np.sqrt(total[1] / (3 * count))) / contrast)
+
+
+def _bytes_of(image: Float32) -> NDArray[np.uint8]:
+    out = np.empty(image.shape, np.uint8)
+    to_bytes(image, out)
+    return out
+
+
+def _on_blocks(regions: Regions, side: int) -> Float32:
+    """Masks of the person and, if it is known, the hair on blocks, [h, w, 1 or 2]."""
+    masks = [regions.person] if regions.hair is None else [regions.person, regions.hair]
+    return np.stack([shrunk(np.ascontiguousarray(mask), side) for mask in masks], axis=-1)
+
+
+def _threads_share_kernels() -> bool:
+    """Whether kernels may run on several threads at once: Numba's own pool forbids it."""
+    try:
+        return bool(numba.threading_layer() != "workqueue")
+    except ValueError:
+        return False

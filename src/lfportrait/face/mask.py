@@ -11,10 +11,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 from scipy import ndimage
 from skimage.draw import polygon2mask
 
 __all__ = ["face_mask"]
+
+FINE = 160
+"""The face is at least so many blocks of pixels wide."""
 
 
 def _chroma(image: NDArray[Any]) -> NDArray[np.float32]:
@@ -54,10 +58,35 @@ def face_mask(image: NDArray[np.uint8], landmarks: NDArray[np.float64], *,
     mask
         float32 [H, W] in [0, 1].
     """
+    jaw = landmarks[:17]
+    limit = np.concatenate([jaw, _forehead(landmarks, 0.85)[::-1]])
+    # Only the face's surroundings are looked at, by blocks of pixels: the edge is soft anyway.
+    width = float(np.linalg.norm(landmarks[16] - landmarks[0]))
+    block = max(1, int(width / FINE))
+    margin = 4 * softness * width + block
+    low = np.maximum(np.floor(limit.min(0) - margin), 0).astype(int) // block * block
+    high = np.minimum(np.ceil(limit.max(0) + margin), image.shape[1::-1]).astype(int)
+    out = np.zeros(image.shape[:2], np.float32)
+    if (high <= low).any():
+        return out
+    small = np.asarray(Image.fromarray(np.ascontiguousarray(image[..., :3])).reduce(
+        block, (int(low[0]), int(low[1]), int(high[0]), int(high[1]))))
+    mask = _small_mask(small, (landmarks - low) / block, softness)
+    size = small.shape[1] * block, small.shape[0] * block
+    full = np.asarray(Image.fromarray(mask).resize(size, Image.Resampling.BILINEAR))
+    x, y = low
+    out[y:high[1], x:high[0]] = full[:high[1] - y, :high[0] - x]
+    return out
+
+
+def _small_mask(image: NDArray[np.uint8], landmarks: NDArray[np.float64],
+                softness: float) -> NDArray[np.float32]:
+    """`face_mask` of a picture that holds little else."""
     shape = image.shape[:2]
 
     def filled(outline: NDArray[np.float64]) -> NDArray[np.bool_]:
-        return polygon2mask(shape, outline[:, ::-1])
+        # Points are continuous, pixels lie at their middles.
+        return polygon2mask(shape, outline[:, ::-1] - 0.5)
 
     jaw = landmarks[:17]
     width = float(np.linalg.norm(landmarks[16] - landmarks[0]))

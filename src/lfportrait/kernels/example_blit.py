@@ -7,7 +7,10 @@ a capture it is the unwrapped surface point, so that chunks stick to the surface
 chunk is a rigid shift D from anchor to exemplar: pixel p shows the exemplar at A(p) + D.
 
 The guide error has three parts, none negative: place, appearance, labels. The labels of a pixel are
-eight bytes in one word; they are compared only where the first two parts have not decided.
+eight bytes in two words; they are compared only where the first two parts have not decided.
+
+Sixteen pixels of a row are worked on at once. Shifts lie in two planes [2, rows, columns] with a
+margin of NaN, wide enough for the voting window and for whole vectors (`example_vote`).
 """
 
 from __future__ import annotations
@@ -15,34 +18,81 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["blit", "look_up"]
+from .example_lanes import gather_pairs, gather_signed, load_pairs, prefetch, store_bytes
+from .lanes import LANES, round_even
 
-_BYTE = np.uint64(255)
+__all__ = ["TILE", "blit", "look_up"]
+
+TILE = 8
+"""Rows of a tile: its 16 x 8 pixels share the search for seeds that may be near."""
+AHEAD = 48
+"""Pixels that the reading of exemplar and table is asked for in advance."""
+_MOST_CELLS, _MOST_SEEDS, _SEEDS_OF_TILE = 300, 96, 128
+_floats, _ints, _where, _iota = LANES.floats, LANES.ints, LANES.where, LANES.iota
+_load, _store, _bits = LANES.load, LANES.store, LANES.bits
+_floor, _absolute, _lane = LANES.floor, LANES.absolute, LANES.lane
+_minimum, _maximum = LANES.minimum, LANES.maximum
 
 
 @numba.njit(cache=True, inline="always")
-def _label_difference(one, two):
-    """Sum of the differences of the eight bytes of two words."""
-    total = np.int64(0)
-    if one != two:
-        for k in range(8):
-            shift = np.uint64(8 * k)
-            total += abs(np.int64((one >> shift) & _BYTE) - np.int64((two >> shift) & _BYTE))
-    return np.float32(total)
+def _word_difference(one, two):
+    """Sum of the differences of the four bytes of two words, lane by lane."""
+    byte = np.int32(255)
+    total = _ints(np.int32(0))
+    for k in range(4):
+        shift = np.int32(8 * k)
+        a, b = (one >> shift) & byte, (two >> shift) & byte
+        total += _maximum(a, b) - _minimum(a, b)
+    return total
 
 
 @numba.njit(cache=True, inline="always")
-def _error(gx, gy, a, x, y, place, look, weight_label, word, style_appearance, style_words):
-    """Guide error between a target pixel and the exemplar at the continuous place (x, y)."""
-    ox, oy = np.uintp(x), np.uintp(y)
-    return (place * (abs(gx - x) + abs(gy - y)) + look * abs(a - style_appearance[oy, ox])
-            + weight_label * _label_difference(word, style_words[oy, ox]))
+def _label_difference(low, high, style_words, other):
+    """Sum of the differences of the eight labels of pixels of target and exemplar."""
+    style_low, style_high = gather_pairs(style_words, other)
+    return _floats(_word_difference(low, style_low) + _word_difference(high, style_high))
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, inline="always")
+def _pairs(array, n):
+    """The pairs n .. n + 15 of a flat array; past its end the last one."""
+    if 2 * n + 32 <= array.size:
+        return load_pairs(array, 2 * n)
+    pair = _minimum(_iota() + np.int32(n), np.int32(array.size // 2 - 1)) * np.int32(2)
+    return gather_signed(array, pair), gather_signed(array, pair + np.int32(1))
+
+
+@numba.njit(cache=True, inline="always")
+def _singles(array, n):
+    """The elements n .. n + 15 of a flat array; past its end the last one."""
+    if n + 16 <= array.size:
+        return _load(array, n)
+    return gather_signed(array, _minimum(_iota() + np.int32(n), np.int32(array.size - 1)))
+
+
+@numba.njit(cache=True, inline="always")
+def _error(gx, gy, a, x, y, inside, place, look, weight_label, low, high, style_width,
+           style_appearance, style_words):
+    """Guide error between target pixels and the exemplar at the places (x, y), where ``inside``."""
+    other = _where(inside, _ints(y) * style_width + _ints(x), np.int32(0))
+    return (place * (_absolute(gx - x) + _absolute(gy - y))
+            + look * _absolute(a - gather_signed(style_appearance, other))
+            + weight_label * _label_difference(low, high, style_words, other))
+
+
+@numba.njit(cache=True, inline="always")
+def _ask(style_looks, style_words, width, height, x, y):
+    """Ask for the exemplar's pixel at the place (x, y), if it lies inside."""
+    if 0 <= x < width and 0 <= y < height:
+        n = np.int64(y) * width + np.int64(x)
+        prefetch(style_looks, n)
+        prefetch(style_words, 2 * n)
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
 def look_up(position, appearance, anchor, weights, words, weight_label, table, cell, low, step,
-            style_appearance, style_words, gain, snap, shift, error):
-    """Every pixel's own look-up: ``shift`` [H, W, 2] (exemplar minus anchor) and its ``error``.
+            style_appearance, style_words, gain, snap, margin, shift, error):
+    """Every pixel's own look-up: ``shift`` (exemplar minus anchor, planes) and its ``error``.
 
     The table knows the place to a cell; the part of the guide inside the cell is added where that
     does not raise the error, so that smooth guides give smooth shifts. A look-up that improves on
@@ -51,45 +101,90 @@ def look_up(position, appearance, anchor, weights, words, weight_label, table, c
     height, width = appearance.shape
     rows, columns, levels = table.shape
     style_height, style_width = style_appearance.shape
-    zero, share = np.float32(0), np.float32(1) / step
+    places, looks, anchors = position.reshape(-1), appearance.reshape(-1), anchor.reshape(-1)
+    heavy, flat_words, entries = weights.reshape(-1), words.reshape(-1), table.reshape(-1)
+    style_looks, style_flat = style_appearance.reshape(-1), style_words.reshape(-1)
+    flat_shift, errors = shift.reshape(-1), error.reshape(-1)
+    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
+    wide, high = np.float32(style_width), np.float32(style_height)
+    whole, pitch = np.int32(style_width), np.int32(columns)
+    zero, half, share = np.float32(0), np.float32(0.5), np.float32(1) / step
+    side = np.float32(cell)
+    slim = np.float32(1 / cell)
+    unknown, infinite = np.float32(np.nan), np.float32(np.inf)
+    one = np.int32(1)
     for y in numba.prange(height):
-        for x in range(width):
-            gx, gy, a = position[y, x, 0], position[y, x, 1], appearance[y, x]
-            if not np.isfinite(gx):
-                shift[y, x, 0] = shift[y, x, 1] = np.float32(np.nan)
-                error[y, x] = np.float32(np.inf)
-                continue
-            place, look, word = weights[y, x, 0], weights[y, x, 1], words[y, x]
-            fx, fy, e = gx, gy, np.float32(np.inf)
-            if 0 <= gx < style_width and 0 <= gy < style_height:
-                e = _error(gx, gy, a, gx, gy, place, look, weight_label, word, style_appearance,
-                           style_words)
-            # No look-up can beat an error below the gain.
-            if e >= gain:
-                i = min(max(np.int64(gx) // cell, 0), columns - 1)
-                j = min(max(np.int64(gy) // cell, 0), rows - 1)
-                k = min(max(np.int64((a - low) * share + np.float32(0.5)), 0), levels - 1)
-                index = np.int64(table[np.uintp(j), np.uintp(i), np.uintp(k)])
-                v = index // style_width
-                ux = np.float32(index - v * style_width) + np.float32(0.5)
-                uy = np.float32(v) + np.float32(0.5)
-                found = _error(gx, gy, a, ux, uy, place, look, weight_label, word,
-                               style_appearance, style_words)
-                sx = ux + gx - np.float32((i + 0.5) * cell)
-                sy = uy + gy - np.float32((j + 0.5) * cell)
-                if 0 <= sx < style_width and 0 <= sy < style_height:
-                    moved = _error(gx, gy, a, sx, sy, place, look, weight_label, word,
-                                   style_appearance, style_words)
-                    if moved <= found:
-                        found, ux, uy = moved, sx, sy
-                if e >= found + gain:
-                    fx, fy, e = ux, uy, found
-            dx, dy = fx - anchor[y, x, 0], fy - anchor[y, x, 1]
-            if snap:
-                dx, dy = np.float32(np.rint(dx)), np.float32(np.rint(dy))
-            # Shifts are compared by their bits: there must be no negative zero.
-            shift[y, x, 0], shift[y, x, 1] = dx + zero, dy + zero
-            error[y, x] = e
+        jumps = False
+        for first in range(0, width, 16):
+            n = y * width + first
+            gx, gy = _pairs(places, n)
+            known = gx == gx
+            dx, dy, e = _floats(unknown), _floats(unknown), _floats(infinite)
+            # What the next vectors read of exemplar and table is far from what these read.
+            for k in range(n + AHEAD, min(n + AHEAD + 16, looks.size)):
+                x, z = places[2 * k], places[2 * k + 1]
+                if not (0 <= x < wide and 0 <= z < high):
+                    continue
+                if k & 7 == 0 or k & 15 == 15:
+                    _ask(style_looks, style_flat, style_width, style_height, x, z)
+                if jumps:
+                    q = min(max((looks[k] - low) * share + half, zero), np.float32(levels - 1))
+                    prefetch(entries, (np.int64(z * slim) * columns + np.int64(x * slim)) * levels
+                             + np.int64(q))
+            jumps = False
+            if _bits(known) != 0:
+                a = _singles(looks, n)
+                place, look = _pairs(heavy, n)
+                one_word, other_word = _pairs(flat_words, n)
+                inside = (gx >= zero) & (gx < wide) & (gy >= zero) & (gy < high)
+                fx, fy = gx, gy
+                found = _error(gx, gy, a, gx, gy, inside, place, look, weight_label,
+                               one_word, other_word, whole, style_looks, style_flat)
+                e = _where(inside, found, infinite)
+                # No look-up can beat an error below the gain.
+                if _bits(known & (e >= gain)) != 0:
+                    jumps = True
+                    i = (_floor(_minimum(_maximum(gx, zero), wide)) + half) / side
+                    j = (_floor(_minimum(_maximum(gy, zero), high)) + half) / side
+                    i = _minimum(_ints(_where(known, i, zero)), np.int32(columns - 1))
+                    j = _minimum(_ints(_where(known, j, zero)), np.int32(rows - 1))
+                    k = _minimum(_maximum((a - low) * share + half, zero), np.float32(levels - 1))
+                    entry = gather_signed(entries, (j * pitch + i) * np.int32(levels) + _ints(k))
+                    v = _ints((_floats(entry) + half) / wide)
+                    rest = entry - v * whole
+                    # Beyond 2^24 pixels a float does not hold the entry.
+                    v = _where(rest < np.int32(0), v - one, _where(rest >= whole, v + one, v))
+                    ux, uy = _floats(entry - v * whole) + half, _floats(v) + half
+                    found = _error(gx, gy, a, ux, uy, known, place, look, weight_label,
+                                   one_word, other_word, whole, style_looks, style_flat)
+                    sx = ux + gx - (_floats(i) + half) * side
+                    sy = uy + gy - (_floats(j) + half) * side
+                    inside = (sx >= zero) & (sx < wide) & (sy >= zero) & (sy < high)
+                    moved = _error(gx, gy, a, sx, sy, inside, place, look, weight_label,
+                                   one_word, other_word, whole, style_looks, style_flat)
+                    better = inside & (moved <= found)
+                    found = _where(better, moved, found)
+                    ux, uy = _where(better, sx, ux), _where(better, sy, uy)
+                    better = e >= found + gain
+                    fx, fy, e = _where(better, ux, fx), _where(better, uy, fy), _where(
+                        better, found, e)
+                ax, ay = _pairs(anchors, n)
+                dx, dy = fx - ax, fy - ay
+                if snap:
+                    dx, dy = round_even(dx), round_even(dy)
+                dx = _where(known, dx, unknown)
+                e = _where(known, e, infinite)
+            start = (y + margin) * stride + margin + first
+            _store(flat_shift, start, dx)
+            _store(flat_shift, plane + start, dy)
+            if first + 16 <= width:
+                _store(errors, n, e)
+            else:
+                for k in range(width - first):
+                    errors[n + k] = _lane(e, k)
+                # Whole vectors reached into the margin.
+                for k in range(width - first, 16):
+                    flat_shift[start + k] = flat_shift[plane + start + k] = unknown
 
 
 @numba.njit(cache=True, inline="always")
@@ -109,48 +204,201 @@ def _nearest_seed(ax, ay, share, first_x, first_y, start, columns, points):
     return nearest
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, inline="always")
+def _place(pixel, width, margin, stride):
+    """Place of a pixel's shift in the flat planes."""
+    row = pixel // width
+    return np.uintp((row + margin) * stride + margin + pixel - row * width)
+
+
+@numba.njit(cache=True)
+def _ask_rows(style_looks, style_words, width, height, box, rows, seed):
+    """Ask for what a chunk with the shift of ``seed`` shows in ``rows`` rows of a tile."""
+    left, right = box[0] + seed[2], box[2] + seed[2]
+    step = (box[3] - box[1]) / np.float32(TILE)
+    for row in range(TILE - rows, TILE):
+        y = box[1] + (np.float32(row) + np.float32(0.5)) * step + seed[3]
+        _ask(style_looks, style_words, width, height, left, y)
+        _ask(style_looks, style_words, width, height, np.float32(0.5) * (left + right), y)
+        _ask(style_looks, style_words, width, height, right, y)
+
+
+@numba.njit(cache=True, inline="always")
+def _near_seeds(box, share, first_x, first_y, start, columns, points, pixels, near):
+    """Flat numbers of the seeds that may be nearest to a place in ``box``; how many, or -1.
+
+    ``box`` is (left, top, right, bottom) in the anchor plane. A seed that is further from all of
+    the box than another one from its farthest corner is nowhere the nearest. -1: there are too
+    many, the box is torn.
+    """
+    left = np.int64(np.floor(box[0] * share)) - first_x - 1
+    top = np.int64(np.floor(box[1] * share)) - first_y - 1
+    right = np.int64(np.floor(box[2] * share)) - first_x + 1
+    bottom = np.int64(np.floor(box[3] * share)) - first_y + 1
+    if (right - left + 1) * (bottom - top + 1) > _MOST_CELLS:
+        return -1
+    bound = np.float32(np.inf)
+    for j in range(top, bottom + 1):
+        for i in range(left, right + 1):
+            n = np.uintp(start + j * columns + i)
+            x, y = points[n, 0], points[n, 1]
+            dx, dy = max(x - box[0], box[2] - x), max(y - box[1], box[3] - y)
+            bound = min(bound, dx * dx + dy * dy)
+    count = 0
+    for j in range(top, bottom + 1):
+        for i in range(left, right + 1):
+            n = np.uintp(start + j * columns + i)
+            x, y = points[n, 0], points[n, 1]
+            dx = max(max(box[0] - x, x - box[2]), np.float32(0))
+            dy = max(max(box[1] - y, y - box[3]), np.float32(0))
+            if pixels[n] >= 0 and dx * dx + dy * dy <= bound:
+                if count == _MOST_SEEDS:
+                    return -1
+                near[count] = n
+                count += 1
+    return count
+
+
+@numba.njit(cache=True, inline="always")
+def _box(anchors, width, top, bottom, first, low_x, low_y, box):
+    """Bounds of the anchors of a tile into ``box``; (inf, .., -inf, ..) where none is known."""
+    least_x, least_y = _floats(np.float32(np.inf)), _floats(np.float32(np.inf))
+    most_x, most_y = _floats(np.float32(-np.inf)), _floats(np.float32(-np.inf))
+    for y in range(top, bottom):
+        ax, ay = _pairs(anchors, y * width + first)
+        least_x, least_y = _minimum(least_x, ax), _minimum(least_y, ay)
+        most_x, most_y = _maximum(most_x, ax), _maximum(most_y, ay)
+    box[0] = box[1] = np.float32(np.inf)
+    box[2] = box[3] = np.float32(-np.inf)
+    _store(low_x, 0, least_x)
+    _store(low_y, 0, least_y)
+    for n in range(16):
+        box[0], box[1] = min(box[0], low_x[n]), min(box[1], low_y[n])
+    _store(low_x, 0, most_x)
+    _store(low_y, 0, most_y)
+    for n in range(16):
+        box[2], box[3] = max(box[2], low_x[n]), max(box[3], low_y[n])
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
 def blit(position, appearance, anchor, weights, words, weight_label, style_appearance, style_words,
-         own_shift, own_error, top, points, pixels, starts, firsts, shapes, threshold, slack, shift,
-         level_map):
+         own_shift, own_error, top, finest, points, pixels, starts, firsts, shapes, threshold,
+         slack, margin, shift, level_map):
     """Chunks from coarse to fine: the first shift whose error is small enough is taken.
 
-    ``points`` [N, 2] and ``pixels`` [N] hold the seeds of levels ``top`` .. 1 one after another;
+    ``points`` [N, 2] and ``pixels`` [N] hold the seeds of levels ``finest`` .. ``top``;
     level l begins at ``starts[l]``, its cells at ``firsts[l]``, ``shapes[l]`` rows and columns.
     A chunk is accepted below max(threshold, own error + slack): where the exemplar has nothing
     alike, coherence is kept instead of scattering pixels. ``level_map`` gets the level, 0 = own.
     """
     height, width = appearance.shape
     style_height, style_width = style_appearance.shape
-    flat_shift = own_shift.reshape(height * width, 2)
-    for y in numba.prange(height):
-        for x in range(width):
-            shift[y, x, 0], shift[y, x, 1] = own_shift[y, x, 0], own_shift[y, x, 1]
-            level_map[y, x] = 0
-            gx, gy, a = position[y, x, 0], position[y, x, 1], appearance[y, x]
-            if not np.isfinite(gx):
-                continue
-            ax, ay = anchor[y, x, 0], anchor[y, x, 1]
-            place, look, word = weights[y, x, 0], weights[y, x, 1], words[y, x]
-            limit = max(threshold, own_error[y, x] + slack)
-            for level in range(top, 0, -1):
-                share = np.float32(1) / np.float32(1 << level)
-                nearest = _nearest_seed(ax, ay, share, firsts[level, 0], firsts[level, 1],
+    places, looks, anchors = position.reshape(-1), appearance.reshape(-1), anchor.reshape(-1)
+    heavy, flat_words, errors = weights.reshape(-1), words.reshape(-1), own_error.reshape(-1)
+    style_looks, style_flat = style_appearance.reshape(-1), style_words.reshape(-1)
+    flat_own, flat_shift = own_shift.reshape(-1), shift.reshape(-1)
+    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
+    wide, high = np.float32(style_width), np.float32(style_height)
+    zero, infinite, unknown = np.float32(0), np.float32(np.inf), np.float32(np.nan)
+    tiles = (width + 15) // 16
+    flat_levels = level_map.reshape(-1)
+    for band in numba.prange((height + TILE - 1) // TILE):
+        near = np.empty(_MOST_SEEDS, np.uintp)
+        # Seeds near the band's tiles, one after the other: places and shifts. Which ones belong to
+        # a level of a tile: the first and how many, -1 too many, -2 not looked for yet.
+        seeds = np.empty((tiles * _SEEDS_OF_TILE, 4), np.float32)
+        stored = 0
+        begins, counts = np.empty((tiles, top + 1), np.int64), np.full((tiles, top + 1), -2)
+        boxes = np.empty((tiles, 4), np.float32)
+        buffer, buffer_y = np.empty(16, np.float32), np.empty(16, np.float32)
+        upper, lower = band * TILE, min((band + 1) * TILE, height)
+        for tile in range(tiles):
+            _box(anchors, width, upper, lower, 16 * tile, buffer, buffer_y, boxes[tile])
+        # Row by row, not tile by tile: so chunks read the exemplar in a stream.
+        for y in range(upper, lower):
+            for tile in range(tiles):
+                first = 16 * tile
+                n = y * width + first
+                start = (y + margin) * stride + margin + first
+                dx, dy = _load(flat_own, start), _load(flat_own, plane + start)
+                chosen = _ints(np.int32(0))
+                gx, gy = _pairs(places, n)
+                todo = gx == gx
+                if _bits(todo) != 0:
+                    ax, ay = _pairs(anchors, n)
+                    a = _singles(looks, n)
+                    place, look = _pairs(heavy, n)
+                    low, high_word = _pairs(flat_words, n)
+                    limit = _maximum(_singles(errors, n) + slack, threshold)
+                    box = boxes[tile]
+                    for level in range(top, finest - 1, -1):
+                        if _bits(todo) == 0:
+                            break
+                        share = np.float32(1) / np.float32(1 << level)
+                        if counts[tile, level] == -2:
+                            count = _near_seeds(box, share, firsts[level, 0], firsts[level, 1],
+                                                starts[level], shapes[level, 1], points, pixels,
+                                                near)
+                            if stored + count > seeds.shape[0]:
+                                count = -1
+                            begins[tile, level], counts[tile, level] = stored, count
+                            for c in range(count):
+                                seed = near[c]
+                                at = _place(np.int64(pixels[seed]), width, margin, stride)
+                                seeds[stored, 0] = points[seed, 0]
+                                seeds[stored, 1] = points[seed, 1]
+                                seeds[stored, 2] = flat_own[at]
+                                seeds[stored, 3] = flat_own[np.uintp(plane) + at]
+                                if level >= 4:
+                                    _ask_rows(style_looks, style_flat, style_width, style_height,
+                                              box, lower - y, seeds[stored])
+                                stored += 1
+                        kx, ky = _floats(unknown), _floats(unknown)
+                        if counts[tile, level] >= 0:
+                            nearest = _floats(infinite)
+                            begin = begins[tile, level]
+                            for c in range(begin, begin + counts[tile, level]):
+                                ox, oy = ax - seeds[c, 0], ay - seeds[c, 1]
+                                distance = ox * ox + oy * oy
+                                closer = distance < nearest
+                                nearest = _where(closer, distance, nearest)
+                                kx = _where(closer, seeds[c, 2], kx)
+                                ky = _where(closer, seeds[c, 3], ky)
+                        else:
+                            _store(buffer, 0, ax)
+                            _store(buffer_y, 0, ay)
+                            for k in range(16):
+                                x, z = buffer[k], buffer_y[k]
+                                buffer[k] = buffer_y[k] = unknown
+                                if np.isfinite(x):
+                                    seed = _nearest_seed(
+                                        x, z, share, firsts[level, 0], firsts[level, 1],
                                         starts[level], shapes[level, 1], points)
-                chosen = np.int64(pixels[nearest])
-                if chosen < 0:
-                    continue
-                dx, dy = flat_shift[np.uintp(chosen), 0], flat_shift[np.uintp(chosen), 1]
-                sx, sy = ax + dx, ay + dy
-                if not (0 <= sx < style_width and 0 <= sy < style_height):
-                    continue
-                ox, oy = np.uintp(sx), np.uintp(sy)
-                e = (place * (abs(gx - sx) + abs(gy - sy))
-                     + look * abs(a - style_appearance[oy, ox]))
-                if e >= limit:
-                    continue
-                e += weight_label * _label_difference(word, style_words[oy, ox])
-                if e < limit:
-                    shift[y, x, 0], shift[y, x, 1] = dx, dy
-                    level_map[y, x] = level
-                    break
+                                    if pixels[seed] >= 0:
+                                        at = _place(np.int64(pixels[seed]), width, margin, stride)
+                                        buffer[k] = flat_own[at]
+                                        buffer_y[k] = flat_own[np.uintp(plane) + at]
+                            kx, ky = _load(buffer, 0), _load(buffer_y, 0)
+                        sx, sy = ax + kx, ay + ky
+                        good = (todo & (sx >= zero) & (sx < wide) & (sy >= zero) & (sy < high))
+                        other = _where(good, _ints(sy) * np.int32(style_width) + _ints(sx),
+                                       np.int32(0))
+                        e = (place * (_absolute(gx - sx) + _absolute(gy - sy))
+                             + look * _absolute(a - gather_signed(style_looks, other)))
+                        good = good & (e < limit)
+                        if _bits(good) != 0:
+                            e = e + weight_label * _label_difference(low, high_word, style_flat,
+                                                                     other)
+                            good = good & (e < limit)
+                            dx, dy = _where(good, kx, dx), _where(good, ky, dy)
+                            chosen = _where(good, np.int32(level), chosen)
+                            todo = todo & ~good
+                _store(flat_shift, start, dx)
+                _store(flat_shift, plane + start, dy)
+                if first + 16 <= width:
+                    store_bytes(flat_levels, n, chosen)
+                else:
+                    for k in range(width - first):
+                        flat_levels[n + k] = np.uint8(_lane(chosen, k))
+                    for k in range(width - first, 16):
+                        flat_shift[start + k] = flat_shift[plane + start + k] = unknown

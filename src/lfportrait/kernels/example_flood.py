@@ -26,7 +26,7 @@ def _window(cell, cells, length, reach):
     return max(middle - reach, 0), min(middle + reach + 1, length)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def search_windows(red, green, appearance, place, look, reach, first, last, table):
     """Fill ``table`` [G, R, A] int32 by visiting the whole window for every cell, as published.
 
@@ -51,7 +51,7 @@ def search_windows(red, green, appearance, place, look, reach, first, last, tabl
                 table[g, r, a] = found
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def sweep_windows(red, green, appearance, place, look, reach, table):
     """`search_windows` with the same outcome: a window is visited once for all appearances.
 
@@ -82,7 +82,7 @@ def sweep_windows(red, green, appearance, place, look, reach, table):
                 table[g, r, a] = np.int32(keys[a] & _MASK)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def flood(red, green, appearance, style_red, style_green, style_appearance, seeds, box, place, look,
           threshold, out):
     """Copy coherent chunks: seeds in scan order, grown 4-connected while the error stays small.

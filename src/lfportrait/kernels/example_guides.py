@@ -14,13 +14,13 @@ import numba
 import numpy as np
 
 __all__ = ["blur_difference", "blur_rows", "count_values", "enlarge", "fold_points", "map_values",
-           "mls_points", "resample_fold", "resample_grid", "shrink"]
+           "mls_points", "resample_fold", "resample_grid", "shrink", "stretch"]
 
 _ORDER_FREE = {"reassoc", "contract", "arcp", "nsz"}
 """Sums may be taken in any order; NaN and infinity keep their meaning."""
 
 
-@numba.njit(cache=True, parallel=True, fastmath=_ORDER_FREE)
+@numba.njit(cache=True, nogil=True, parallel=True, fastmath=_ORDER_FREE)
 def mls_points(points, sources, targets, weights, softness, out):
     """Map ``points`` [N, 2] by moving least squares (similarity) into ``out`` [N, 2], float64.
 
@@ -71,7 +71,7 @@ def _fold(value, length, before, after):
     return value
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def fold_points(points, size, before, after):
     """Fold ``points`` [N, 2] float32 into a picture in place; see `guides.fold_inside`.
 
@@ -82,7 +82,7 @@ def fold_points(points, size, before, after):
             points[n, c] = _fold(points[n, c], size[c], before[c], after[c])
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def resample_grid(nodes, spacing, out):
     """Bilinear interpolation of grid values to pixels.
 
@@ -101,7 +101,7 @@ def resample_grid(nodes, spacing, out):
                 out[y, x, c] = top + fy * (low - top)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def resample_fold(nodes, spacing, cover, size, before, after, out):
     """Bilinear interpolation of a grid of places, folded into the exemplar; NaN where not covered.
 
@@ -136,7 +136,7 @@ def _mirrored(index, length):
     return index
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, parallel=True, fastmath=True)
 def blur_rows(image, taps, out):
     """Convolve the columns of ``image`` [H, W] float32 with the symmetric ``taps`` [2 r + 1].
 
@@ -163,19 +163,28 @@ def _accumulate_rows(image, y, taps, row):
     """
     height, width = image.shape
     radius = taps.shape[0] // 2
+    centre, weight = image[y], taps[radius]
+    inner = row[radius:radius + width]
     for x in range(width):
-        row[radius + x] = 0
-    for k in range(-radius, radius + 1):
-        line = image[_mirrored(y + k, height)]
-        weight = taps[k + radius]
+        inner[x] = weight * centre[x]
+    # Two rows above and two below at a time: the sum is read and written half as often.
+    for k in range(1, radius, 2):
+        above, below = image[_mirrored(y - k, height)], image[_mirrored(y + k, height)]
+        over, under = image[_mirrored(y - k - 1, height)], image[_mirrored(y + k + 1, height)]
+        near, far = taps[radius + k], taps[radius + k + 1]
         for x in range(width):
-            row[radius + x] += weight * line[x]
+            inner[x] += near * (above[x] + below[x]) + far * (over[x] + under[x])
+    if radius % 2 == 1:
+        above, below = image[_mirrored(y - radius, height)], image[_mirrored(y + radius, height)]
+        weight = taps[2 * radius]
+        for x in range(width):
+            inner[x] += weight * (above[x] + below[x])
     for k in range(radius):
         row[radius - 1 - k] = row[radius + _mirrored(k, width)]
         row[radius + width + k] = row[radius + _mirrored(width + k, width)]
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True)
+@numba.njit(cache=True, nogil=True, parallel=True, fastmath=True)
 def blur_difference(image, fine, coarse, out):
     """Difference of two Gaussian blurs of ``image`` [H, W] float32, borders mirrored.
 
@@ -191,17 +200,30 @@ def blur_difference(image, fine, coarse, out):
         line = out[y]
         for x in range(width):
             line[x] = 0
-        for k in range(fine.shape[0]):
-            weight = fine[k]
-            for x in range(width):
-                line[x] += weight * first[x + k]
-        for k in range(coarse.shape[0]):
-            weight = coarse[k]
-            for x in range(width):
-                line[x] -= weight * second[x + k]
+        _add_columns(first, fine, np.float32(1), line)
+        _add_columns(second, coarse, np.float32(-1), line)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, inline="always")
+def _add_columns(row, taps, sign, line):
+    """Convolve ``row`` [W + 2 r] with symmetric taps and add the result to ``line`` [W]."""
+    width, radius = line.shape[0], taps.shape[0] // 2
+    centre, weight = row[radius:], sign * taps[radius]
+    for x in range(width):
+        line[x] += weight * centre[x]
+    for k in range(1, radius, 2):
+        left, right = row[radius - k:], row[radius + k:]
+        further, beyond = row[radius - k - 1:], row[radius + k + 1:]
+        near, far = sign * taps[radius + k], sign * taps[radius + k + 1]
+        for x in range(width):
+            line[x] += near * (left[x] + right[x]) + far * (further[x] + beyond[x])
+    if radius % 2 == 1:
+        left, right, weight = row, row[2 * radius:], sign * taps[0]
+        for x in range(width):
+            line[x] += weight * (left[x] + right[x])
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
 def shrink(image, factor, out):
     """Means of the blocks of ``factor`` x ``factor`` pixels of ``image`` into ``out`` [h, w].
 
@@ -210,16 +232,20 @@ def shrink(image, factor, out):
     height, width = image.shape
     for j in numba.prange(out.shape[0]):
         bottom = min((j + 1) * factor, height)
+        line = np.zeros(width, np.float32)
+        for y in range(j * factor, bottom):
+            values = image[y]
+            for x in range(width):
+                line[x] += values[x]
         for i in range(out.shape[1]):
             right = min((i + 1) * factor, width)
             total = np.float32(0)
-            for y in range(j * factor, bottom):
-                for x in range(i * factor, right):
-                    total += image[y, x]
+            for x in range(i * factor, right):
+                total += line[x]
             out[j, i] = total / np.float32((bottom - j * factor) * (right - i * factor))
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def enlarge(small, factor, out):
     """Bilinear interpolation of ``small`` [h, w], block means of ``factor``, to ``out`` [H, W]."""
     height, width = out.shape
@@ -241,7 +267,7 @@ def enlarge(small, factor, out):
             out[y, x] = line[i] + fx * (line[min(i + 1, columns - 1)] - line[i])
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def count_values(values, inside, level, reach, counts):
     """Histogram of the ``values`` [H, W] where ``inside`` [H, W] exceeds ``level``.
 
@@ -259,7 +285,7 @@ def count_values(values, inside, level, reach, counts):
                     counts[block, min(max(n, 0), bins - 1)] += 1
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def map_values(values, table, reach):
     """Replace ``values`` [H, W] in place by the piecewise linear ``table`` over [-reach, reach]."""
     height, width = values.shape
@@ -270,3 +296,25 @@ def map_values(values, table, reach):
             index = min(max((values[y, x] + reach) * scale, np.float32(0)), np.float32(bins))
             low = min(np.int64(index), bins - 1)
             values[y, x] = table[low] + (index - np.float32(low)) * (table[low + 1] - table[low])
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def stretch(position, anchor, least, out):
+    """Steps of ``position`` [H, W, 2] over those of ``anchor``, the smaller of along x and along y.
+
+    ``out`` float32 [H, W] in [``least``, 1]; 1 where a step is not known.
+    """
+    height, width = out.shape
+    for y in numba.prange(height):
+        for x in range(width):
+            ratio = np.float32(1)
+            for axis in range(2):
+                v, u = min(y + axis, height - 1), min(x + 1 - axis, width - 1)
+                px = position[v, u, 0] - position[y, x, 0]
+                py = position[v, u, 1] - position[y, x, 1]
+                ax, ay = anchor[v, u, 0] - anchor[y, x, 0], anchor[v, u, 1] - anchor[y, x, 1]
+                moved, steady = px * px + py * py, ax * ax + ay * ay
+                # Comparisons with NaN are false, and so is this one at the borders.
+                if moved < ratio * ratio * steady:
+                    ratio = np.sqrt(moved / steady)
+            out[y, x] = max(ratio, least)

@@ -1,7 +1,8 @@
 """Hot loops of the soft region labels and of the guides' weights.
 
 Features (brows, eyes, nose, lips, and all that is below the jaw) are soft and come as block means
-of the picture; person and hair come at full size. Both loops interpolate the former on the fly.
+of the picture; person and hair come at full size. Both loops interpolate the former on the fly,
+sixteen pixels of a row at once.
 """
 
 from __future__ import annotations
@@ -9,10 +10,16 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["luma", "pixel_weights", "soft_labels"]
+from .example_lanes import gather_signed, load_pairs, store_pairs
+from .lanes import LANES
+
+__all__ = ["luma", "pixel_weights", "shrink_label", "soft_labels"]
+
+_floats, _ints, _iota, _lane = LANES.floats, LANES.ints, LANES.iota, LANES.lane
+_load, _floor, _minimum, _maximum = LANES.load, LANES.floor, LANES.minimum, LANES.maximum
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def luma(image, scale, out):
     """Rec. 601 luma of ``image`` [H, W, 3 or more], any number type, times ``scale``."""
     red, green, blue = (np.float32(0.299) * scale, np.float32(0.587) * scale,
@@ -32,21 +39,43 @@ def _place(n, factor, count):
 
 
 @numba.njit(cache=True, inline="always")
-def _between(planes, k, j, below, i, right, fy, fx):
-    """Plane ``k`` of ``planes`` [K, h, w] between four blocks."""
-    top = planes[k, j, i] + fx * (planes[k, j, right] - planes[k, j, i])
-    low = planes[k, below, i] + fx * (planes[k, below, right] - planes[k, below, i])
-    return top + fy * (low - top)
+def _places(first, factor, count):
+    """`_place` of the pixels first .. first + 15."""
+    zero, half, one = np.float32(0), np.float32(0.5), np.float32(1)
+    share = (_floats(_iota() + np.int32(first)) + half) / np.float32(factor) - half
+    block = _ints(_minimum(_maximum(_floor(share), zero), np.float32(max(count - 2, 0))))
+    return block, _minimum(_maximum(share - _floats(block), zero), one)
+
+
+@numba.njit(cache=True, inline="always")
+def _between(line, i, right, fx):
+    """Values of ``line`` between the blocks ``i`` and ``right``."""
+    left = gather_signed(line, i)
+    return left + fx * (gather_signed(line, right) - left)
 
 
 @numba.njit(cache=True, inline="always")
 def _byte(value):
-    return np.uint8(value * np.float32(255) + np.float32(0.5))
+    return _ints(value * np.float32(255) + np.float32(0.5))
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, inline="always")
+def _four(a, b, c, d):
+    """Four bytes as one word, the first one lowest."""
+    return a | (b << np.int32(8)) | (c << np.int32(16)) | (d << np.int32(24))
+
+
+@numba.njit(cache=True, inline="always")
+def _values(array, n):
+    """The elements n .. n + 15 of a flat array; past its end the last one."""
+    if n + 16 <= array.size:
+        return _load(array, n)
+    return gather_signed(array, _minimum(_iota() + np.int32(n), np.int32(array.size - 1)))
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
 def soft_labels(person, hair, planes, factor, hair_is_skin, body_is_ground, out):
-    """Labels of every pixel, uint8 [H, W, 8], in the order of `regions.LABELS`.
+    """Labels of every pixel in the order of `regions.LABELS`: eight bytes in two words.
 
     Parameters
     ----------
@@ -56,45 +85,66 @@ def soft_labels(person, hair, planes, factor, hair_is_skin, body_is_ground, out)
         float32 [5, h, w], means over blocks of ``factor`` pixels: brows, eyes, nose, lips, body.
     hair_is_skin, body_is_ground
         Give hair to the skin, the body to the background.
+    out
+        int32 [H, W, 2].
     """
     height, width = person.shape
     rows, columns = planes.shape[1:]
-    one = np.float32(1)
+    people, crowns, words = person.reshape(-1), hair.reshape(-1), out.reshape(-1)
+    zero, one = np.float32(0), np.float32(1)
     for y in numba.prange(height):
         j, fy = _place(y, factor, rows)
         below = min(j + 1, rows - 1)
-        busy = np.zeros(columns, np.bool_)
+        # One more block, so that whole vectors may reach beyond the border.
+        lines = np.zeros((5, columns + 1), np.float32)
+        busy = np.zeros(columns + 1, np.bool_)
+        for k in range(5):
+            for i in range(columns):
+                lines[k, i] = planes[k, j, i] + fy * (planes[k, below, i] - planes[k, j, i])
         for k in range(4):
             for i in range(columns):
-                busy[i] |= planes[k, j, i] > 0 or planes[k, below, i] > 0
-        for x in range(width):
-            i, fx = _place(x, factor, columns)
-            right = min(i + 1, columns - 1)
-            rest = one
-            if busy[i] or busy[right]:
-                for k in range(4):
-                    soft = _between(planes, k, j, below, i, right, fy, fx)
-                    out[y, x, k] = _byte(soft * rest)
-                    rest *= one - soft
-            else:
-                out[y, x, 0] = out[y, x, 1] = out[y, x, 2] = out[y, x, 3] = 0
-            body = _between(planes, 4, j, below, i, right, fy, fx)
-            inside, crown = person[y, x] * rest, hair[y, x]
+                busy[i] |= lines[k, i] > 0
+        for first in range(0, width, 16):
+            n = y * width + first
+            i, fx = _places(first, factor, columns)
+            right = _minimum(i + np.int32(1), np.int32(columns - 1))
+            rest = _floats(one)
+            low = _ints(np.int32(0))
+            any_feature = False
+            for block in range(_lane(i, 0), _lane(right, 15) + 1):
+                any_feature |= busy[block]
+            if any_feature:
+                brows = _between(lines[0], i, right, fx)
+                eyes = _between(lines[1], i, right, fx)
+                nose = _between(lines[2], i, right, fx)
+                lips = _between(lines[3], i, right, fx)
+                no_brows = one - brows
+                no_eyes = no_brows * (one - eyes)
+                no_nose = no_eyes * (one - nose)
+                rest = no_nose * (one - lips)
+                low = _four(_byte(brows), _byte(eyes * no_brows), _byte(nose * no_eyes),
+                            _byte(lips * no_nose))
+            body = _between(lines[4], i, right, fx)
+            inside, crown = _values(people, n) * rest, _values(crowns, n)
             if hair_is_skin:
-                crown = np.float32(0)
+                crown = _floats(zero)
             skin = inside * (one - crown)
             ground = rest - inside
             below_jaw = skin * body
             if body_is_ground:
-                ground += below_jaw
-                below_jaw = np.float32(0)
-            out[y, x, 4] = _byte(skin * (one - body))
-            out[y, x, 5] = _byte(inside * crown)
-            out[y, x, 6] = _byte(below_jaw)
-            out[y, x, 7] = _byte(ground)
+                ground = ground + below_jaw
+                below_jaw = _floats(zero)
+            high = _four(_byte(skin * (one - body)), _byte(inside * crown), _byte(below_jaw),
+                         _byte(ground))
+            if first + 16 <= width:
+                store_pairs(words, 2 * n, low, high)
+            else:
+                for k in range(width - first):
+                    words[2 * (n + k)] = _lane(low, k)
+                    words[2 * (n + k) + 1] = _lane(high, k)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def pixel_weights(person, labels, soft, factor, place, outline, look, hair, body, out):
     """Weights of place and appearance of every pixel, float32 [H, W, 2].
 
@@ -103,7 +153,7 @@ def pixel_weights(person, labels, soft, factor, place, outline, look, hair, body
     person
         float32 [H, W].
     labels
-        uint8 [H, W, 8].
+        int32 [H, W, 2], eight bytes in two words.
     soft
         float32 [h, w], the person blurred, means over blocks of ``factor`` pixels.
     place, look
@@ -115,20 +165,53 @@ def pixel_weights(person, labels, soft, factor, place, outline, look, hair, body
     """
     height, width = person.shape
     rows, columns = soft.shape
-    one = np.float32(1)
+    people, words, flat = person.reshape(-1), labels.reshape(-1), out.reshape(-1)
+    one, four, byte = np.float32(1), np.float32(4), np.int32(255)
     less_hair, less_body = (one - hair) / np.float32(255), (one - body) / np.float32(255)
+    place_out, place_step = place[0], place[1] - place[0]
+    look_out, look_step = look[0], look[1] - look[0]
     for y in numba.prange(height):
         j, fy = _place(y, factor, rows)
         below = min(j + 1, rows - 1)
         line = np.empty(columns, np.float32)
         for i in range(columns):
             line[i] = soft[j, i] + fy * (soft[below, i] - soft[j, i])
-        for x in range(width):
-            i, fx = _place(x, factor, columns)
-            edge = line[i] + fx * (line[min(i + 1, columns - 1)] - line[i])
-            inside = person[y, x]
-            out[y, x, 0] = (place[0] + (place[1] - place[0]) * inside
-                            + np.float32(4) * outline * edge * (one - edge))
-            share = (one - less_hair * np.float32(labels[y, x, 5])
-                     - less_body * np.float32(labels[y, x, 6]))
-            out[y, x, 1] = (look[0] + (look[1] - look[0]) * inside) * share
+        for first in range(0, width, 16):
+            n = y * width + first
+            i, fx = _places(first, factor, columns)
+            edge = _between(line, i, _minimum(i + np.int32(1), np.int32(columns - 1)), fx)
+            inside = _values(people, n)
+            if 2 * n + 32 <= words.size:
+                _, high = load_pairs(words, 2 * n)
+            else:
+                high = gather_signed(words, _minimum(
+                    (_iota() + np.int32(n)) * np.int32(2) + np.int32(1), np.int32(words.size - 1)))
+            near = place_out + place_step * inside + four * outline * edge * (one - edge)
+            share = (one - less_hair * _floats((high >> np.int32(8)) & byte)
+                     - less_body * _floats((high >> np.int32(16)) & byte))
+            looks = (look_out + look_step * inside) * share
+            if first + 16 <= width:
+                store_pairs(flat, 2 * n, near, looks)
+            else:
+                for k in range(width - first):
+                    flat[2 * (n + k)] = _lane(near, k)
+                    flat[2 * (n + k) + 1] = _lane(looks, k)
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def shrink_label(labels, channel, invert, factor, out):
+    """Means of blocks of ``factor`` x ``factor`` pixels of one label, into ``out`` [h, w] float32.
+
+    ``labels`` uint8 [H, W, K]; 255 counts as 1, or as 0 with ``invert``.
+    """
+    height, width = labels.shape[:2]
+    for j in numba.prange(out.shape[0]):
+        top, bottom = j * factor, min((j + 1) * factor, height)
+        for i in range(out.shape[1]):
+            left, right = i * factor, min((i + 1) * factor, width)
+            total = 0
+            for y in range(top, bottom):
+                for x in range(left, right):
+                    total += np.int64(labels[y, x, channel])
+            mean = np.float32(total) / np.float32(255 * (bottom - top) * (right - left))
+            out[j, i] = np.float32(1) - mean if invert else mean

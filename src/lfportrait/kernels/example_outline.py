@@ -5,10 +5,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["edge_distances", "snap", "sweep_distances"]
+__all__ = ["distances", "edge_distances", "snap", "sweep_distances"]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def edge_distances(mask, far, out):
     """Signed distances (positive inside) of the cells next to the edge of ``mask`` [h, w].
 
@@ -47,7 +47,7 @@ def _eikonal(a, b):
     return np.float32(0.5) * (low + high + np.sqrt(np.float32(2) - gap * gap))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def sweep_distances(distance, far):
     """Carry signed distances [h, w] outwards in place (fast sweeping), up to +-``far`` cells."""
     height, width = distance.shape
@@ -68,8 +68,19 @@ def sweep_distances(distance, far):
                     b = min(b, abs(distance[y - 1, x]))
                 if y + 1 < height and (distance[y + 1, x] > 0) == inside:
                     b = min(b, abs(distance[y + 1, x]))
+                # Most cells are far from the edge, and so are their neighbours.
+                if a >= far and b >= far:
+                    continue
                 best = min(abs(own), _eikonal(a, b))
                 distance[y, x] = best if inside else -best
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def distances(masks, far, out):
+    """`edge_distances` and `sweep_distances` of the masks [K, h, w], a mask a thread."""
+    for k in numba.prange(masks.shape[0]):
+        edge_distances(masks[k], far[k], out[k])
+        sweep_distances(out[k], far[k])
 
 
 @numba.njit(cache=True, inline="always")
@@ -82,7 +93,7 @@ def _sample(field, x, y):
     return top + fy * (low - top), (b - a) + fy * ((d - c) - (b - a)), low - top
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def snap(nodes, wanted, style, cell, reach, most, rounds):
     """Move places so that their distance from the exemplar's edge is the wanted one, in place.
 

@@ -71,7 +71,7 @@ def patch_errors(radius: int) -> Any:
     distance = _distance(radius)
 
     @identified("patch errors", radius)
-    @numba.njit(cache=True, parallel=True)
+    @numba.njit(cache=True, nogil=True, parallel=True)
     def errors(target, source, field, error):
         height, width = field.shape
         across = source.shape[1] // CHANNELS
@@ -106,7 +106,7 @@ def search_pass(radius: int) -> Any:
     distance = _distance(radius)
 
     @identified("patch search", radius)
-    @numba.njit(cache=True, parallel=True)
+    @numba.njit(cache=True, nogil=True, parallel=True)
     def search(target, source, uses, penalty, guided, before, field, error, reach, forward, seed):
         height, width = field.shape
         rows, across = source.shape[0], source.shape[1] // CHANNELS
@@ -174,7 +174,7 @@ def search_pass(radius: int) -> Any:
     return search
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def count_uses(field, across, uses):
     """How many patches are copied from each cell, into ``uses`` float32 [cells].
 
@@ -187,7 +187,7 @@ def count_uses(field, across, uses):
             uses[place // across // CELL, place % across // CELL] += np.float32(1)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def vote_patches(field, error, picture, radius, softness, out):
     """Mean of the colours that the patches over a pixel vote for, weighted by their fit.
 

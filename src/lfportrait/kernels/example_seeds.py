@@ -26,7 +26,7 @@ def _mix(value):
     return value ^ (value >> _S31)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _jitter(seed, level, i, j, axis):
     """Uniform number in [0, 1) that depends on the counters alone."""
     key = _mix(np.uint64(seed) * _K1 + np.uint64(level * 2 + axis))
@@ -35,7 +35,7 @@ def _jitter(seed, level, i, j, axis):
     return np.float32(np.float64(key >> _S40) / 16777216.0)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def seed_points(seed, level, first_x, first_y, points):
     """Jittered seeds of the cells (first_x + i, first_y + j), side 2^level, into [Y, X, 2]."""
     side = np.float32(1 << level)
@@ -46,7 +46,7 @@ def seed_points(seed, level, first_x, first_y, points):
             points[j, i, 1] = side * (np.float32(y) + _jitter(seed, level, x, y, 1))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def seed_regular(points, scale, height, width, pixels):
     """Pixel under each seed where the anchor is ``scale`` times the pixel; -1 outside."""
     for j in range(points.shape[0]):
@@ -59,37 +59,83 @@ def seed_regular(points, scale, height, width, pixels):
                 points[j, i, 0] = points[j, i, 1] = np.float32(np.inf)
 
 
-@numba.njit(cache=True, parallel=True)
-def seed_splat(anchor, firsts, starts, shapes, points, pixels):
-    """Pixel whose anchor is nearest to each seed among those in its cell; -1 for empty cells.
+@numba.njit(cache=True, nogil=True)
+def _splat_finest(anchor, share, first_x, first_y, start, rows, columns, points, pixels):
+    """Pixel nearest to each seed of the finest level among those in its cell.
 
-    All levels 1 .. L of the flat arrays at once, a level a thread; in a level the first pixel in
-    scan order wins among equals. Seeds of empty cells move to infinity.
+    ``share`` is one over the cells' side. The first in scan order wins among equals.
+    """
+    best = np.full(rows * columns, np.inf, np.float32)
+    for y in range(anchor.shape[0]):
+        for x in range(anchor.shape[1]):
+            ax, ay = anchor[y, x, 0], anchor[y, x, 1]
+            if not np.isfinite(ax):
+                continue
+            n = ((np.int64(np.floor(ay * share)) - first_y) * columns
+                 + np.int64(np.floor(ax * share)) - first_x)
+            dx, dy = ax - points[start + n, 0], ay - points[start + n, 1]
+            distance = dx * dx + dy * dy
+            if distance < best[n]:
+                best[n] = distance
+                pixels[start + n] = y * anchor.shape[1] + x
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest_of_finest(anchors, x, y, reach, share, first_x, first_y, start, rows, columns, pixels):
+    """The pixel nearest to (x, y) among those that stand for the finest cells around it.
+
+    Rings of cells are searched until one holds a pixel, at the most ``reach``; -1: there is none.
+    """
+    middle_i = np.int64(np.floor(x * share)) - first_x
+    middle_j = np.int64(np.floor(y * share)) - first_y
+    found, best = np.int32(-1), np.float32(np.inf)
+    for ring in range(1, reach + 1):
+        for j in range(max(middle_j - ring, 0), min(middle_j + ring + 1, rows)):
+            # Within the first ring all nine, then the border alone.
+            edge = ring == 1 or abs(j - middle_j) == ring
+            step = 1 if edge else 2 * ring
+            for i in range(middle_i - ring, middle_i + ring + 1, step):
+                if not 0 <= i < columns:
+                    continue
+                pixel = pixels[start + j * columns + i]
+                if pixel >= 0:
+                    dx, dy = anchors[pixel, 0] - x, anchors[pixel, 1] - y
+                    distance = dx * dx + dy * dy
+                    if distance < best:
+                        best, found = distance, pixel
+        if found >= 0:
+            break
+    return found
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def seed_splat(anchor, firsts, starts, shapes, finest, points, pixels):
+    """Pixel whose anchor is near each seed; -1 where there is none.
+
+    On the finest level it is the nearest one in the seed's cell. On the levels above it is the
+    nearest of those pixels: at most one of the finest cells further off than the nearest of all,
+    and like that one it depends on the anchors alone. Seeds without a pixel move to infinity.
     """
     height, width = anchor.shape[0], anchor.shape[1]
-    for level in numba.prange(1, starts.shape[0]):
-        share = np.float32(1) / np.float32(1 << level)
-        start, rows, columns = starts[level], shapes[level, 0], shapes[level, 1]
-        best = np.full(rows * columns, np.inf, np.float32)
-        for y in range(height):
-            for x in range(width):
-                ax, ay = anchor[y, x, 0], anchor[y, x, 1]
-                if not np.isfinite(ax):
-                    continue
-                i = np.int64(np.floor(ax * share)) - firsts[level, 0]
-                j = np.int64(np.floor(ay * share)) - firsts[level, 1]
-                n = j * columns + i
-                dx, dy = ax - points[start + n, 0], ay - points[start + n, 1]
-                distance = dx * dx + dy * dy
-                if distance < best[n]:
-                    best[n] = distance
-                    pixels[start + n] = y * width + x
-        for n in range(rows * columns):
-            if pixels[start + n] < 0:
-                points[start + n, 0] = points[start + n, 1] = np.float32(np.inf)
+    anchors = anchor.reshape(height * width, 2)
+    begin, rows, columns = starts[finest], shapes[finest, 0], shapes[finest, 1]
+    first_x, first_y = firsts[finest, 0], firsts[finest, 1]
+    share = np.float32(1) / np.float32(1 << finest)
+    _splat_finest(anchor, share, first_x, first_y, begin, rows, columns, points, pixels)
+    for level in range(finest + 1, starts.shape[0]):
+        reach = min(1 << (level - finest), 3)
+        for j in numba.prange(shapes[level, 0]):
+            for i in range(shapes[level, 1]):
+                n = starts[level] + j * shapes[level, 1] + i
+                pixels[n] = _nearest_of_finest(anchors, points[n, 0], points[n, 1], reach,
+                                               share, first_x, first_y, begin, rows, columns,
+                                               pixels)
+    for n in range(points.shape[0]):
+        if pixels[n] < 0:
+            points[n, 0] = points[n, 1] = np.float32(np.inf)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def finite_range(values, low, high):
     """Least and largest finite value of every row: ``values`` [H, W, 2] into [H, 2] each."""
     for y in numba.prange(values.shape[0]):

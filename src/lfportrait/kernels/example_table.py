@@ -20,7 +20,7 @@ EMPTY = np.int64(1) << 60
 _MASK = (np.int64(1) << INDEX_BITS) - 1
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def scatter_pixels(levels, cell, keys):
     """Put every exemplar pixel into its cell of ``keys`` [A, Y, X].
 
@@ -42,7 +42,7 @@ def scatter_pixels(levels, cell, keys):
                     keys[a, j, i] = y * width + x
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def sweep_linear(keys, step_x, step_y, step_a):
     """Weighted L1 distance transform of ``keys`` [A, Y, X] in place; steps are costs per cell."""
     levels, rows, columns = keys.shape
@@ -87,7 +87,7 @@ def _nearest_squared(row, weight):
             row[x] = min(row[x], own + ((weight * (last - x) * (last - x)) << INDEX_BITS))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _envelope(line, weight, apex, start, out):
     """Lower envelope of the parabolas (key cost + weight d^2) over a line (Felzenszwalb 2012)."""
     count = line.shape[0]
@@ -123,7 +123,7 @@ def _envelope(line, weight, apex, start, out):
         line[i] = out[i]
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def sweep_squared(keys, weight_x, weight_y, weight_a):
     """Weighted squared distance transform of ``keys`` [A, Y, X] in place; weights per cell^2."""
     levels, rows, columns = keys.shape
@@ -163,7 +163,7 @@ def sweep_squared(keys, weight_x, weight_y, weight_a):
                     keys[a, y, first + c] = lines[c, a]
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def extract_indices(keys, indices):
     """Pixel index of every cell: ``indices`` int32 [Y, X, A] from ``keys`` [A, Y, X].
 

@@ -1,8 +1,10 @@
 """Hot loops that turn chunk shifts into colours: election of shifts, votes, blending.
 
-A shift is compared by the bits of its two floats, packed into one integer. Both filters first count
-for a whole row how many neighbours share the middle's shift: inside a chunk that is all of them,
-and nothing is left to do.
+Shifts lie in two planes [2, rows, columns] with a margin of NaN at least as wide as the window, so
+that windows need no bounds. Sixteen pixels of a row are worked on at once; where all of a window
+share the middle's shift, as inside a chunk, nothing is left to do.
+
+Colours are packed into one word, ten bits a channel: a place costs one gather instead of three.
 """
 
 from __future__ import annotations
@@ -10,124 +12,193 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["blend", "elect", "vote"]
+from .example_lanes import gather_signed, load_pairs, store_triples
+from .lanes import LANES
+
+__all__ = ["blend", "elect", "pack", "vote"]
+
+_floats, _ints, _where, _iota = LANES.floats, LANES.ints, LANES.where, LANES.iota
+_load, _store, _bits, _lane = LANES.load, LANES.store, LANES.bits, LANES.lane
+_floor, _absolute = LANES.floor, LANES.absolute
+_minimum, _maximum = LANES.minimum, LANES.maximum
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def pack(picture, out):
+    """Colours [h, w, 3] float32 in [0, 1] as words [h, w]; exact for multiples of 1 / 255."""
+    for y in numba.prange(picture.shape[0]):
+        for x in range(picture.shape[1]):
+            word = np.int32(0)
+            for c in range(3):
+                value = min(max(picture[y, x, c], np.float32(0)), np.float32(1))
+                word = (word << 10) | np.int32(value * np.float32(1020) + np.float32(0.5))
+            out[y, x] = word
 
 
 @numba.njit(cache=True, inline="always")
-def _count_alike(packed, y, radius, counts):
-    """How many pixels of each window of row ``y`` have the middle's value, for whole windows."""
-    inner = packed.shape[1] - 2 * radius
-    if inner <= 0:
-        return
-    # Slices start at zero, so that the innermost loop needs no checks and vectorises.
-    middle, count = packed[y, radius:radius + inner], counts[radius:radius + inner]
-    for v in range(y - radius, y + radius + 1):
-        for u in range(2 * radius + 1):
-            other = packed[v, u:u + inner]
-            for x in range(inner):
-                count[x] += np.int64(other[x] == middle[x])
+def _beside(anchors, n, ax, ay, reach):
+    """Whether the anchors of the pixels n .. n + 15 lie near (ax, ay), lane by lane.
+
+    Beyond the picture's ends they are those of other pixels nearby: there are no shifts there.
+    """
+    n = min(max(n, 0), anchors.size // 2 - 16)
+    if n < 0:
+        return ax == ax
+    bx, by = load_pairs(anchors, 2 * n)
+    return _absolute(ax - bx) + _absolute(ay - by) < reach
 
 
-@numba.njit(cache=True, parallel=True)
-def elect(packed, nothing, radius, out):
+@numba.njit(cache=True, nogil=True, parallel=True)
+def elect(anchor, reach, shift, radius, width, out):
     """Mode filter: the most frequent shift of each window of side 2 radius + 1, into ``out``.
 
-    ``packed`` int64 [H, W], ``nothing`` the value of pixels without a shift. The centre's shift
-    stays unless another one has more votes; the first in scan order wins among equals.
+    ``shift`` and ``out`` are planes with a margin of ``radius``, of ``width`` pixels. The centre's
+    shift stays unless another one has more votes; the first in scan order wins among equals. A
+    shift of a pixel whose anchor is not within ``reach`` (L1) is no candidate: it belongs to
+    another piece of the anchor plane.
     """
-    height, width = packed.shape
-    whole = (2 * radius + 1) ** 2
-    for y in numba.prange(height):
-        counts = np.zeros(width, np.int64)
-        if radius <= y < height - radius:
-            _count_alike(packed, y, radius, counts)
-        for x in range(width):
-            own = packed[y, x]
-            out[y, x] = own
-            if own == nothing or 2 * counts[x] >= whole:
-                continue
-            top, bottom = max(y - radius, 0), min(y + radius + 1, height)
-            left, right = max(x - radius, 0), min(x + radius + 1, width)
-            most = 0
-            for v in range(top, bottom):
-                for u in range(left, right):
-                    most += packed[v, u] == own
-            if 2 * most >= (bottom - top) * (right - left):
-                continue
-            for v in range(top, bottom):
-                for u in range(left, right):
-                    candidate = packed[v, u]
-                    if candidate in (own, nothing):
-                        continue
-                    votes = 0
-                    for j in range(top, bottom):
-                        for i in range(left, right):
-                            votes += packed[j, i] == candidate
-                    if votes > most:
-                        most = votes
-                        out[y, x] = candidate
+    anchors = anchor.reshape(-1)
+    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
+    values, outs = shift.reshape(-1), out.reshape(-1)
+    side = 2 * radius + 1
+    zero, one, half = np.float32(0), np.float32(1), np.float32(side * side) / np.float32(2)
+    for y in numba.prange(shift.shape[1] - 2 * radius):
+        for first in range(0, width, 16):
+            corner = y * stride + first
+            middle = corner + radius * stride + radius
+            x, z = _load(values, middle), _load(values, plane + middle)
+            most = _floats(zero)
+            for v in range(side):
+                for u in range(side):
+                    n = corner + v * stride + u
+                    alike = (_load(values, n) == x) & (_load(values, plane + n) == z)
+                    most += _where(alike, _floats(one), zero)
+            own_x, own_z = x, z
+            # A majority can't be beaten, and a pixel without a shift gets none.
+            if _bits((most < half) & (x == x)) != 0:
+                here = y * width + first
+                if 2 * here + 32 <= anchors.size:
+                    ax, ay = load_pairs(anchors, 2 * here)
+                else:
+                    pair = _minimum(_iota() + np.int32(here),
+                                    np.int32(anchors.size // 2 - 1)) * np.int32(2)
+                    ax = gather_signed(anchors, pair)
+                    ay = gather_signed(anchors, pair + np.int32(1))
+                for a in range(side * side):
+                    n = corner + (a // side) * stride + a % side
+                    other_x, other_z = _load(values, n), _load(values, plane + n)
+                    votes = _floats(zero)
+                    for b in range(side * side):
+                        m = corner + (b // side) * stride + b % side
+                        alike = ((_load(values, m) == other_x)
+                                 & (_load(values, plane + m) == other_z))
+                        votes += _where(alike, _floats(one), zero)
+                    near = _beside(anchors, here + (a // side - radius) * width
+                                   + a % side - radius, ax, ay, reach)
+                    better = (votes > most) & (x == x) & near
+                    most = _where(better, votes, most)
+                    own_x, own_z = _where(better, other_x, own_x), _where(better, other_z, own_z)
+            _store(outs, middle, own_x)
+            _store(outs, plane + middle, own_z)
 
 
 @numba.njit(cache=True, inline="always")
-def _sample(picture, x, y, exact):
-    """Colour of ``picture`` [H, W, 3] float32 at the continuous place (x, y), clamped inside."""
-    height, width = picture.shape[0], picture.shape[1]
+def _channels(word):
+    """Red, green and blue of packed colours, lane by lane, 0 to 1020."""
+    ten, bits = np.int32(10), np.int32(1023)
+    return (_floats((word >> np.int32(20)) & bits), _floats((word >> ten) & bits),
+            _floats(word & bits))
+
+
+@numba.njit(cache=True, inline="always")
+def _sample(colours, height, width, x, y, exact):
+    """Colour of the packed picture at the continuous places (x, y), clamped inside, 0 to 1020."""
+    zero, one, half = np.float32(0), np.int32(1), np.float32(0.5)
+    right, bottom = np.float32(width - 1), np.float32(height - 1)
+    pitch = np.int32(width)
     if exact:
-        i = min(max(np.int64(np.floor(x)), 0), width - 1)
-        j = min(max(np.int64(np.floor(y)), 0), height - 1)
-        return picture[j, i, 0], picture[j, i, 1], picture[j, i, 2]
-    x = min(max(x - np.float32(0.5), np.float32(0)), np.float32(width - 1))
-    y = min(max(y - np.float32(0.5), np.float32(0)), np.float32(height - 1))
-    i, j = min(np.int64(x), width - 2), min(np.int64(y), height - 2)
-    fx, fy = x - np.float32(i), y - np.float32(j)
-    one = np.float32(1)
-    a, b, c, d = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
-    return (a * picture[j, i, 0] + b * picture[j, i + 1, 0] + c * picture[j + 1, i, 0]
-            + d * picture[j + 1, i + 1, 0],
-            a * picture[j, i, 1] + b * picture[j, i + 1, 1] + c * picture[j + 1, i, 1]
-            + d * picture[j + 1, i + 1, 1],
-            a * picture[j, i, 2] + b * picture[j, i + 1, 2] + c * picture[j + 1, i, 2]
-            + d * picture[j + 1, i + 1, 2])
+        i = _ints(_minimum(_maximum(_floor(x), zero), right))
+        j = _ints(_minimum(_maximum(_floor(y), zero), bottom))
+        return _channels(gather_signed(colours, j * pitch + i))
+    x, y = _minimum(_maximum(x - half, zero), right), _minimum(_maximum(y - half, zero), bottom)
+    i, j = _minimum(_ints(x), np.int32(width - 2)), _minimum(_ints(y), np.int32(height - 2))
+    fx, fy = x - _floats(i), y - _floats(j)
+    n = j * pitch + i
+    ar, ag, ab = _channels(gather_signed(colours, n))
+    br, bg, bb = _channels(gather_signed(colours, n + one))
+    cr, cg, cb = _channels(gather_signed(colours, n + pitch))
+    dr, dg, db = _channels(gather_signed(colours, n + pitch + one))
+    ar, ag, ab = ar + fx * (br - ar), ag + fx * (bg - ag), ab + fx * (bb - ab)
+    cr, cg, cb = cr + fx * (dr - cr), cg + fx * (dg - cg), cb + fx * (db - cb)
+    return ar + fy * (cr - ar), ag + fy * (cg - ag), ab + fy * (cb - ab)
 
 
-@numba.njit(cache=True, parallel=True)
-def vote(picture, anchor, shift, packed, radius, exact, out):
+@numba.njit(cache=True, nogil=True, parallel=True)
+def vote(colours, anchor, reach, shift, margin, radius, exact, out):
     """Mean of the colours that the window's shifts vote for, into ``out`` [H, W, 3] float32.
 
-    ``packed`` is ``shift`` [H, W, 2] as int64 [H, W]. Pixels without a shift (NaN) stay 0.
-    ``exact`` reads whole pixels, else bilinearly.
+    ``shift`` are planes with a ``margin`` of at least ``radius``; ``colours`` int32 [h, w] packed.
+    Pixels without a shift (NaN) stay 0. ``exact`` reads whole pixels, else bilinearly. Pixels whose
+    anchor is not within ``reach`` (L1) have no vote: their shifts mean other places here.
     """
-    height, width = packed.shape
-    whole = (2 * radius + 1) ** 2
+    height, width = out.shape[:2]
+    style_height, style_width = colours.shape
+    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
+    values, anchors, flat = shift.reshape(-1), anchor.reshape(-1), colours.reshape(-1)
+    flat_out = out.reshape(-1)
+    zero, one = np.float32(0), np.float32(1)
     for y in numba.prange(height):
-        counts = np.zeros(width, np.int64)
-        if radius <= y < height - radius:
-            _count_alike(packed, y, radius, counts)
-        for x in range(width):
-            ax, ay = anchor[y, x, 0], anchor[y, x, 1]
-            sx, sy = shift[y, x, 0], shift[y, x, 1]
-            if not np.isfinite(sx):
-                out[y, x, 0] = out[y, x, 1] = out[y, x, 2] = 0
+        for first in range(0, width, 16):
+            middle = (y + margin) * stride + margin + first
+            x, z = _load(values, middle), _load(values, plane + middle)
+            known = x == x
+            if _bits(known) == 0:
+                for n in range(min(16, width - first)):
+                    out[y, first + n, 0] = out[y, first + n, 1] = out[y, first + n, 2] = zero
                 continue
-            own_r, own_g, own_b = _sample(picture, ax + sx, ay + sy, exact)
-            if counts[x] == whole:
-                out[y, x, 0], out[y, x, 1], out[y, x, 2] = own_r, own_g, own_b
-                continue
-            red, green, blue, count = own_r, own_g, own_b, 1
-            for v in range(max(y - radius, 0), min(y + radius + 1, height)):
-                for u in range(max(x - radius, 0), min(x + radius + 1, width)):
-                    tx, ty = shift[v, u, 0], shift[v, u, 1]
-                    if (u == x and v == y) or not np.isfinite(tx):
-                        continue
-                    r, g, b = own_r, own_g, own_b
-                    if packed[v, u] != packed[y, x]:
-                        r, g, b = _sample(picture, ax + tx, ay + ty, exact)
-                    red, green, blue, count = red + r, green + g, blue + b, count + 1
-            share = np.float32(1) / np.float32(count)
-            out[y, x, 0], out[y, x, 1], out[y, x, 2] = red * share, green * share, blue * share
+            here = y * width + first
+            if 2 * here + 32 <= anchors.size:
+                ax, ay = load_pairs(anchors, 2 * here)
+            else:
+                pair = (_minimum(_iota() + np.int32(first), np.int32(width - 1))
+                        + np.int32(y * width)) * np.int32(2)
+                ax, ay = gather_signed(anchors, pair), gather_signed(anchors, pair + np.int32(1))
+            ax, ay = _where(known, ax, zero), _where(known, ay, zero)
+            red, green, blue = _sample(flat, style_height, style_width, ax + _where(known, x, zero),
+                                       ay + _where(known, z, zero), exact)
+            count = _floats(one)
+            if radius > 0:
+                own_red, own_green, own_blue = red, green, blue
+                for v in range(-radius, radius + 1):
+                    for u in range(-radius, radius + 1):
+                        if u == 0 and v == 0:
+                            continue
+                        n = middle + v * stride + u
+                        tx, tz = _load(values, n), _load(values, plane + n)
+                        there = (tx == tx) & known & _beside(anchors, here + v * width + u, ax,
+                                                             ay, reach)
+                        alike = (tx == x) & (tz == z)
+                        r, g, b = own_red, own_green, own_blue
+                        if _bits(there & ~alike) != 0:
+                            r, g, b = _sample(flat, style_height, style_width,
+                                              ax + _where(there, tx, zero),
+                                              ay + _where(there, tz, zero), exact)
+                        red += _where(there, r, zero)
+                        green += _where(there, g, zero)
+                        blue += _where(there, b, zero)
+                        count += _where(there, _floats(one), zero)
+            share = _where(known, np.float32(1 / 1020) / count, zero)
+            red, green, blue = red * share, green * share, blue * share
+            if first + 16 <= width:
+                store_triples(flat_out, 3 * here, red, green, blue)
+            else:
+                for n in range(width - first):
+                    out[y, first + n, 0] = _lane(red, n)
+                    out[y, first + n, 1] = _lane(green, n)
+                    out[y, first + n, 2] = _lane(blue, n)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, nogil=True, parallel=True)
 def blend(photo, scale, painted, cover, out):
     """``photo`` times ``scale``, covered by ``painted`` where ``cover`` [H, W] is 1; float32."""
     height, width = cover.shape
