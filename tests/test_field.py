@@ -297,15 +297,15 @@ def test_exposures_of_photos_with_mattes_are_found():
 
 def test_the_finest_level_follows_the_pixels():
     config = ReconstructConfig()
-    assert config.resolved(False, 4.0, 0.0041).resolutions == (96, 192, 256)
-    assert config.resolved(False, 4.0, 0.0025).resolutions == (156, 312, 416)
+    assert config.resolved(False, 4.0, 0.0041).resolutions == (128, 256)
+    assert config.resolved(False, 4.0, 0.0025).resolutions == (208, 416)
     assert config.resolved(False, 4.0, 0.0001).resolutions[-1] == 512
     assert config.resolved(True, 4.0, 0.0001).resolutions == (96, 192)
     own = replace(config, finest=128, time_budget=60.0).resolved(False, 4.0, 0.0001)
-    assert own.resolutions == (48, 96, 128)
+    assert own.resolutions == (64, 128)
     assert np.isinf(own.rays[-1])
     assert sum(own.shares()) == pytest.approx(1.0)
-    assert own.shares() == pytest.approx((2 / 15, 5 / 15, 8 / 15), abs=0.01)
+    assert own.shares() == pytest.approx((0.2, 0.8))
     with pytest.raises(UserError, match="--finest"):
         replace(config, finest=3).resolved(False, 4.0, 0.0041)
 

@@ -7,7 +7,7 @@ from scipy import ndimage
 from lfportrait.capture import Camera
 from lfportrait.field import VoxelField
 from lfportrait.kernels.bricks import brick_table, build_bricks, row_width
-from lfportrait.kernels.descent import rmsprop, total_variation
+from lfportrait.kernels.descent import descend, total_variation
 from lfportrait.kernels.march import sh_basis as kernel_basis
 from lfportrait.kernels.render import render_kernel_one_lane
 from lfportrait.kernels.train import train_kernel
@@ -194,7 +194,9 @@ class Training:
             np.repeat(self.background, 16, axis=0), options, grad_rows,
             np.zeros((16 * len(self.tiles), 3), np.float32), touched,
             np.zeros((self.workers, 1), np.float32), losses)
+        self.grad_rows, self.touched = grad_rows, touched
         grad = grad_rows.sum(0).reshape(count + 1, self.width)[:count]
+        self.weights = grad_rows.sum(0).reshape(count + 1, self.width)[:, -2]
         return losses, grad[:, -1], grad[:, :3 * self.basis].reshape(sh.shape)
 
     def loss(self, density, sh, narrow=0.0):
@@ -269,34 +271,78 @@ def test_sparsity_pushes_densities_down():
     assert sparse.sum() > plain.sum()
 
 
-def test_rmsprop_equals_numpy():
+@pytest.mark.parametrize("width, used", [(16, 12), (32, 27)])
+def test_descent_equals_numpy(width, used):
     random = np.random.default_rng(0)
-    rows, width, used = 7, 16, 12
+    rows, memory = 8, 0.5
     density = random.random(rows).astype(np.float32)
-    values = random.standard_normal(rows * width).astype(np.float32)
-    square = random.random(rows * width).astype(np.float32)
-    gradients = random.standard_normal((2, rows * width)).astype(np.float32)
+    values = random.standard_normal((rows, width)).astype(np.float32)
+    state = random.random((rows, 2)).astype(np.float32)
+    gradients = random.standard_normal((2, rows, width)).astype(np.float32)
+    gradients[:, :, used:-2] = 0.0
+    gradients[:, :, -2] = random.random((2, rows)) * [0.1, 0.1, 0.1, 0.1, 2.0, 0.1, 0.1, 0.1]
     touched = np.zeros((2, rows), np.uint8)
-    touched[0, 1] = touched[1, 3] = touched[0, 6] = 1
-    gradients[0, 3 * width:4 * width] = gradients[1, width:2 * width] = 0.0
-    padding = np.arange(rows * width).reshape(rows, width)[:, used:-1].ravel()
-    values[padding], square[padding], gradients[:, padding] = 0.0, 0.0, 0.0
-    values[width - 1::width] = 7.0  # no parameter: stays
-    expected, expected_square, expected_density = values.copy(), square.copy(), density.copy()
-    for row in (1, 3):  # the last row is the empty one, which never changes
-        part = np.r_[row * width:row * width + used, (row + 1) * width - 1]
-        gradient = gradients[0, part] + gradients[1, part]
-        expected_square[part] = 0.9 * square[part] + 0.1 * gradient ** 2
-        change = gradient / (np.sqrt(expected_square[part]) + 1e-8)
-        expected[part[:-1]] -= 0.5 * change[:-1]
-        expected_density[row] = max(density[row] - 0.3 * change[-1], 0.1)
-    rmsprop(density, values, width, gradients, touched, square, np.float32(0.3),
-            np.float32(0.5), np.float32(0.9), np.float32(1e-8), np.float32(0.1))
-    assert np.allclose(values, expected, atol=1e-6)
-    assert np.allclose(density, expected_density, atol=1e-6)
-    assert np.allclose(square, expected_square, atol=1e-6)
-    assert not touched[:, :6].any()
-    assert not gradients[:, [*range(16, 28), 31]].any()
+    touched[0, 1] = touched[1, 3] = touched[0, 4] = touched[1, 4] = touched[0, 7] = 1
+    gradients[touched == 0] = 0.0
+    gains = np.where(np.arange(width) < used, random.random(width), 0.0).astype(np.float32)
+    expected, expected_state = values.astype(float), state.astype(float)
+    expected_density = density.astype(float)
+    for row in (1, 3, 4):  # the last row is the empty one, which never changes
+        gradient = gradients[:, row].sum(0, dtype=float)
+        weight, slope = gradient[-2:]
+        square = 0.9 * state[row, 0] + 0.1 * slope ** 2
+        known = max(min(state[row, 1] + weight, memory), weight)
+        expected_state[row] = square, known
+        expected[row] -= gains * gradient / (known + 0.02)
+        expected_density[row] = max(density[row] - 0.3 * slope / np.sqrt(square), 0.1)
+    others = gradients[:, rows - 1].copy()
+    descend(density, values.ravel(), width, gradients.reshape(2, -1), touched, state,
+            np.float32(0.3), np.float32(0.9), np.float32(0.1), gains, np.float32(memory))
+    assert expected_state[4, 1] > memory  # one step's own rays count in full
+    assert np.allclose(values, expected, atol=1e-5)
+    assert np.allclose(density, expected_density, atol=1e-5)
+    assert np.allclose(state, expected_state, atol=1e-5)
+    assert not touched[:, :-1].any()
+    assert not gradients[:, :-1].any()
+    assert np.array_equal(gradients[:, -1], others)
+
+
+@pytest.mark.parametrize("basis", [1, 9])
+def test_a_row_knows_the_weight_of_the_rays_that_it_colours(basis):
+    training = Training(basis)
+    training.run(training.field.density, training.field.sh)
+    light = 0.0
+    for tile in training.tiles:
+        camera = training.cameras[tile[0]]
+        pose = camera[:12].reshape(3, 4)
+        for i in range(16):
+            x, y = min(tile[2] + (i & 3), 9), min(tile[1] + (i >> 2), 8)
+            local = np.array([(x + 0.5 - camera[14]) / camera[12],
+                              (y + 0.5 - camera[15]) / camera[13], 1.0])
+            light += 1.0 - cast(training.field, pose[:, 3], pose[:, :3] @ local,
+                                threshold=1e-9, stop=1e-7)[1]
+    assert np.isclose(training.weights.sum(), light, rtol=1e-4)
+
+
+def test_colours_are_right_after_a_few_steps():
+    # A matt shell of one colour, its density known, seen by 72 pixels.
+    training = Training(1)
+    training.pixels[:] = (51, 153, 230, 255)
+    training.background[:] = np.array((51, 153, 230)) / 255.0
+    field = training.field
+    count, width = len(field.density), training.width
+    density = np.append(field.density, np.float32(0))
+    values = np.zeros((count + 1, width), np.float32)
+    state = np.zeros((count + 1, 2), np.float32)
+    gains = np.zeros(width, np.float32)
+    gains[:3] = 1.5 * 16 * len(training.tiles) * 4 * np.pi
+    errors = []
+    for _ in range(4):
+        losses, _, _ = training.run(density[:-1], values[:-1, :3].reshape(-1, 3, 1))
+        errors.append(losses[:, 0].sum())
+        descend(density, values.ravel(), width, training.grad_rows, training.touched, state,
+                np.float32(0.0), np.float32(0.95), np.float32(0.0), gains, np.float32(1.0))
+    assert errors[1] < 0.25 * errors[0] and errors[-1] < 0.1 * errors[0]
 
 
 def test_total_variation_equals_finite_differences():

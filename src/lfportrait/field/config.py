@@ -17,17 +17,16 @@ class ReconstructConfig:
     """Parameters of the reconstruction (svox2's names where it has them)."""
 
     resolutions: tuple[int, ...] = ()
-    """Lattice points to two world units (the cube's edge), coarse to fine; by default 3/8, 3/4 and
+    """Lattice points to two world units (the cube's edge), coarse to fine; by default half and
     all of --finest for photos with mattes, 96 192 for photos of a room."""
     finest: int = 0
     """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
     about two pixels, but at least 256 points and at most 512 (`make` takes 256)."""
     rays: tuple[float, ...] = ()
-    """Training rays of each level in millions; by default 2 5 8, more above 256 points, and 2 6 for
+    """Training rays of each level in millions; by default 2.5 9, more above 256 points, and 2 6 for
     a room. With a time budget the last level takes what time is left."""
     batch: tuple[int, ...] = ()
-    """Rays per step of each level; by default 24576, above 256 points 8192 16384 24576, and
-    6144 12288 for a room."""
+    """Rays per step of each level; by default 8192, and 6144 12288 for a room."""
     sh_degree: int = 2
     """Degree of the spherical harmonics: 0 (matt), 1 or 2."""
     step_size: float = -1.0
@@ -40,21 +39,22 @@ class ReconstructConfig:
     """Learning rate of the density at the start; by default 10, and 15 for a room."""
     lr_sigma_final: float = -1.0
     """Learning rate of the density at the end; by default 1, and 2 for a room."""
-    lr_sh: float = 2e-2
-    """Learning rate of the colour coefficients at the start."""
-    lr_sh_final: float = 1e-3
-    """Learning rate of the colour coefficients at the end."""
+    lr_sh: float = 2.5
+    """Learning rate of the colours at the start: one over the number of rays that a lattice point's
+    colour is the running mean of. (Colours step as in SART, not by RMSProp as in svox2.)"""
+    lr_sh_final: float = 0.5
+    """Learning rate of the colours at the end."""
     rms_beta: float = 0.95
-    """Decay of RMSProp's running mean."""
+    """Decay of RMSProp's running mean, for the density."""
     lr_sigma_bg: float = 3.0
     """Learning rate of the background's density at the start; falls like the density's."""
     lr_color_bg: float = 0.1
-    """Learning rate of the background's colour at the start; falls like the colour's."""
+    """Learning rate of the background's colour at the start; falls to a twentieth."""
     lambda_tv: float = -1.0
     """Weight of total variation on the density, halved at each finer level; by default 1e-5, and
     1e-3 for a room."""
     lambda_tv_sh: float = -1.0
-    """Weight of total variation on the colour, a tenth at the finest level; by default 1e-3, and
+    """Weight of total variation on the colour, a tenth at the finest level; by default 0, and
     5e-3 for a room."""
     tv_sparsity: float = 0.03
     """Share of the lattice points that total variation visits at each step."""
@@ -65,7 +65,7 @@ class ReconstructConfig:
     0.01 for a room."""
     lambda_alpha: float = 0.3
     """Weight of the squared opacity error where the photos have mattes."""
-    prune: float = 0.02
+    prune: float = 0.01
     """Lattice points whose largest weight on any training ray is below this are dropped."""
     max_voxels: float = 8.0
     """Millions of lattice points at most: before they are more, the weakest are dropped. A million
@@ -96,7 +96,7 @@ class ReconstructConfig:
         """Each level's share of the schedule, adding up to one."""
         rays = list(self.rays)
         if np.isinf(rays[-1]):
-            rays[-1] = 1.15 * sum(rays[:-1]) or 1.0
+            rays[-1] = 4.0 * sum(rays[:-1]) or 1.0
         return tuple(count / sum(rays) for count in rays)
 
     def resolved(self, room: bool, distance: float, pixel: float = 0.0) -> ReconstructConfig:
@@ -119,19 +119,18 @@ class ReconstructConfig:
         finest = self.finest or int(np.clip(32 * round(1.04 / max(pixel, 1e-3) / 32), 256, 512))
         if finest < 16:
             raise UserError(f"--finest must be at least 16, not {finest}")
-        usual = (96, 192) if room else (3 * finest // 8, 3 * finest // 4, finest)
+        usual = (96, 192) if room else (finest // 2, finest)
         resolutions = self.resolutions or usual
         levels = len(resolutions)
         rays = self.rays
         if not rays:
-            more = float(np.clip((resolutions[-1] / 256.0) ** 3, 1.0, 5.0))
-            rays = (2.0, 6.0) if room else (2.0 * more, 5.0 * more, 8.0 * more)
+            more = float(np.clip((resolutions[-1] / 256.0) ** 2, 1.0, 4.0))
+            rays = (2.0, 6.0) if room else (2.5 * more, 9.0 * more)
             if len(rays) == levels and self.time_budget > 0:
                 rays = (*rays[:-1], float("inf"))
         if len(rays) != levels:
             raise UserError("give as many --rays as --resolutions, one a level")
-        usual_batch = (8192, 16384, 24576) if resolutions[-1] > 256 else (24576,)
-        batch = self.batch or ((6144, 12288) if room else usual_batch)
+        batch = self.batch or ((6144, 12288) if room else (8192,))
         if len(batch) not in (1, levels) and self.batch:
             raise UserError("give one --batch, or as many as --resolutions")
         if self.sh_degree not in (0, 1, 2):
@@ -147,7 +146,7 @@ class ReconstructConfig:
             lr_sigma=chosen(self.lr_sigma, 10.0, 15.0),
             lr_sigma_final=chosen(self.lr_sigma_final, 1.0, 2.0),
             lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
-            lambda_tv_sh=chosen(self.lambda_tv_sh, 1e-3, 5e-3),
+            lambda_tv_sh=chosen(self.lambda_tv_sh, 0.0, 5e-3),
             lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),
             step_size=chosen(self.step_size, 0.5, 1.0),
             background_nlayers=(32 if room else 0) if layers < 0 else layers,

@@ -16,7 +16,7 @@ from ..capture import Capture
 from ..errors import UserError
 from ..files import atomic_write
 from ..kernels.bricks import row_width
-from ..kernels.descent import rmsprop, total_variation
+from ..kernels.descent import descend, total_variation
 from ..kernels.train import train_kernel
 from ..progress import Progress
 from .background import Background, BackgroundTrainer
@@ -31,6 +31,9 @@ from .start import start_person, start_room
 __all__ = ["Trainer"]
 
 _SAVE_EVERY = 20.0  # seconds
+_BANDS = (0.7, 0.15, 0.15)
+"""Share of a ray's error that each band of harmonics takes up: mostly the colour that all
+directions share, so that highlights do not settle where matter is still wrong."""
 
 
 class Trainer:
@@ -55,9 +58,9 @@ class Trainer:
         self.log: list[dict[str, Any]] = []
         self.lattice: Lattice | None = None
         self.background: Background | None = None
-        # Of the level that is being trained: running means of squared gradients, squared error and
-        # colours that it is of.
-        self.mean_square: NDArray[np.float32] | None = None
+        # Of the level that is being trained: what the optimiser remembers of each point, squared
+        # error and colours that it is of.
+        self.state: NDArray[np.float32] | None = None
         self.behind: BackgroundTrainer | None = None
         self.recent = np.zeros(2)
         # Exposures: what photos are divided by; held-out photos have theirs, too.
@@ -96,8 +99,8 @@ class Trainer:
             "center": self.lattice.center, "radius": self.lattice.radius, "gains": self.gains,
             "test_gains": self.test_gains, "recent": self.recent,
             "rates": np.array([self.level_done, self.config.lr_sigma])}
-        if self.mean_square is not None:
-            state["mean_square"] = self.mean_square
+        if self.state is not None:
+            state["state"] = self.state
         if self.background is not None:
             state["background_links"] = self.background.links
             state["background_data"] = self.background.data
@@ -136,7 +139,7 @@ class Trainer:
         self.level_done = level_done
         self.began -= elapsed
         self.config = replace(self.config, lr_sigma=lr_sigma)
-        self.mean_square = state.get("mean_square")
+        self.state = state.get("state")
         if "background_links" in state:
             self.background = Background(state["background_links"], state["background_data"])
         if "background_mean_square" in state:
@@ -160,7 +163,7 @@ class Trainer:
                          "train_psnr": round(-10 * float(np.log10(max(error, 1e-12))), 2),
                          "seconds": round(time.perf_counter() - begun, 2)})
         self.level, self.step, self.level_done = self.level + 1, 0, 0.0
-        self.mean_square, self.behind, self.recent = None, None, np.zeros(2)
+        self.state, self.behind, self.recent = None, None, np.zeros(2)
         self.save()
 
     def _first(self, resolution: int) -> None:
@@ -253,6 +256,19 @@ class Trainer:
             np.zeros((self.workers, 3)))
         return np.asarray(seen.max(axis=0))
 
+    def _color_gains(self, rays: int) -> NDArray[np.float32]:
+        """What gradients of a step of ``rays`` rays are multiplied with, [width].
+
+        The squares of a band's harmonics add up to (2 l + 1) / (4 pi) in every direction, so that
+        a point that alone colours a ray makes good the share of the ray's error that it should. The
+        loss's own factor, 2 / (3 rays), is taken out.
+        """
+        gains = np.zeros(self.width, np.float32)
+        band = np.sqrt(np.arange(self.basis)).astype(int)
+        share = 4.0 * np.pi * np.array(_BANDS)[band] / (2 * band + 1)
+        gains[:3 * self.basis] = np.tile(1.5 * rays * share, 3)
+        return gains
+
     # -- optimisation -----------------------------------------------------------------------------
 
     def _rate(self, first: float, last: float, done: float) -> np.float32:
@@ -291,8 +307,8 @@ class Trainer:
         kernel = train_kernel(self.width)
         gradients = np.zeros((self.workers, flat.size), np.float32)
         touched = np.zeros((self.workers, count + 1), np.uint8)
-        if self.mean_square is None:
-            self.mean_square = np.zeros_like(flat)
+        if self.state is None:
+            self.state = np.zeros((count + 1, 2), np.float32)
         losses, unused = np.zeros((self.workers, 3)), np.zeros((self.workers, 1), np.float32)
         neighbours = lattice.neighbours()
         options = self.options()
@@ -346,12 +362,13 @@ class Trainer:
             rate_sh = self._rate(config.lr_sh, config.lr_sh_final, done)
             if not data.has_alpha and self.level == 0:
                 rate *= np.float32(min(1.0, 0.01 + self.step / 100.0))
-            rmsprop(density, flat, self.width, gradients, touched, self.mean_square, rate, rate_sh,
-                    np.float32(config.rms_beta), np.float32(1e-8), lowest)
+            descend(density, flat, self.width, gradients, touched, self.state, rate,
+                    np.float32(config.rms_beta), lowest, self._color_gains(16 * len(tiles)),
+                    np.float32(1.0) / rate_sh)
             gradients[:, -self.width:] = 0.0
             if behind is not None and rays is not None:
                 behind.step(rays, ground, slopes,
-                            float(config.lr_color_bg * rate_sh / config.lr_sh),
+                            float(config.lr_color_bg * 0.05 ** done),
                             float(config.lr_sigma_bg * rate / config.lr_sigma))
             self.step += 1
             self.rays_done += 16 * len(tiles)

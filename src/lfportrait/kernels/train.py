@@ -53,7 +53,8 @@ def train_kernel(width: int) -> Callable[..., Any]:
         threshold, stop, alpha weight, sparsity, distortion, 1 to record the largest weight only,
         distance from the camera that rays start at (world units). ``losses`` float64 [W, 3] is
         written: squared errors, rays, samples. Gradients are added to ``grad_rows``, the density's
-        in the last value of its row; ``grad_rows``, ``touched``,
+        in the last value of its row, the weight of the rays that the row colours in the last but
+        one; ``grad_rows``, ``touched``,
         ``weight`` and ``losses`` carry a leading axis of workers.
     """
     locate = make_locate(LANES)
@@ -94,8 +95,11 @@ def train_kernel(width: int) -> Callable[..., Any]:
 
     @identified("train scatter", width)
     @njit(cache=True)
-    def scatter(links, base, weights, basis, start, red, green, blue, sigma, grad_rows, touched):
-        own = where(iota() == np.int32(15), floats(sigma), floats(zero))
+    def scatter(links, base, weights, basis, start, red, green, blue, sigma, weight, grad_rows,
+                touched):
+        lane = iota()
+        own = where(lane == np.int32(15), floats(sigma),
+                    where(lane == np.int32(14), floats(weight), floats(zero)))
         if two:
             first = (load(basis, start) * red + load(basis, start + np.uintp(16)) * green)
             rest = (load(basis, start + np.uintp(32)) * green
@@ -284,7 +288,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
                 scatter(links, places[lane_base + lane], weights, basis, lane * np.uintp(64),
                         slopes[np.uintp(80) + lane], slopes[np.uintp(96) + lane],
                         slopes[np.uintp(112) + lane], slopes[np.uintp(128) + lane],
-                        grad_rows, touched)
+                        record[at + np.uintp(48)], grad_rows, touched)
 
     @identified("train largest", width)
     @njit(cache=True)
