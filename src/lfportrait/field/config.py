@@ -65,8 +65,9 @@ class ReconstructConfig:
     0.01 for a room."""
     lambda_alpha: float = 0.3
     """Weight of the squared opacity error where the photos have mattes."""
-    prune: float = 0.01
-    """Lattice points whose largest weight on any training ray is below this are dropped."""
+    prune: float = -1.0
+    """Lattice points whose largest weight on any training ray is below this are dropped; by default
+    0.01, and 0.02 for a room."""
     max_voxels: float = 8.0
     """Millions of lattice points at most: before they are more, the weakest are dropped. A million
     takes about 0.55 GB while training (two threads, degree 2)."""
@@ -148,6 +149,6 @@ class ReconstructConfig:
             lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
             lambda_tv_sh=chosen(self.lambda_tv_sh, 0.0, 5e-3),
             lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),
-            step_size=chosen(self.step_size, 0.5, 1.0),
+            step_size=chosen(self.step_size, 0.5, 1.0), prune=chosen(self.prune, 0.01, 0.02),
             background_nlayers=(32 if room else 0) if layers < 0 else layers,
             near_clip=chosen(self.near_clip, 0.0, distance / 4.0))
