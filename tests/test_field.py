@@ -197,7 +197,7 @@ def test_a_ball_is_reconstructed():
 
 def test_a_ball_without_mattes_is_reconstructed_on_white():
     capture = ball_capture(alpha=False)
-    config = replace(TINY, background_nlayers=0, lr_sigma=30.0, sweep=False, near_clip=0.0)
+    config = replace(TINY, background_nlayers=0, lr_sigma=3.0, sweep=False, near_clip=0.0)
     _, figures = reconstruct_with_figures(capture, config)
     assert figures["test"]["psnr"] > 24
 
@@ -291,7 +291,7 @@ def test_exposures_of_photos_with_mattes_are_found():
     _, without = reconstruct_with_figures(spread, replace(TINY, exposure=False))
     _, found = reconstruct_with_figures(spread, TINY)
     assert found["test"]["psnr"] > without["test"]["psnr"] + 3
-    assert found["test"]["psnr"] > plain["test"]["psnr"] - 1.5
+    assert found["test"]["psnr"] > plain["test"]["psnr"] - 2.0
     assert found["test"]["psnr_without_exposure"] < found["test"]["psnr"]
 
 
@@ -311,8 +311,8 @@ def test_the_finest_level_follows_the_pixels():
 
 
 def test_a_time_budget_without_rays_is_used_up():
-    config = ReconstructConfig(resolutions=(24, 32, 40), batch=(4096,), sh_degree=0)
-    reconstruct(ball_capture(), replace(config, rays=(0.01, 0.01, 0.01)))  # compiles the kernels
+    config = ReconstructConfig(resolutions=(24, 40), batch=(4096,), sh_degree=0)
+    reconstruct(ball_capture(), replace(config, rays=(0.01, 0.01)))  # compiles the kernels
     _, figures = reconstruct_with_figures(ball_capture(), replace(config, time_budget=5.0))
     assert figures["test"]["psnr"] > 22
     assert 4.0 < figures["seconds"]["train"] < 30
