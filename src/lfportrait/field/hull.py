@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..capture import Camera
+from ..kernels.fuse import pixel_of
 
 __all__ = ["hull_box", "visual_hull"]
 
@@ -19,15 +20,8 @@ def _carve(x, y, z, camera, covered, seen, against):  # type: ignore[no-untyped-
     for k in prange(len(z)):
         for j in range(len(y)):
             for i in range(len(x)):
-                dx, dy, dz = x[i] - camera[3], y[j] - camera[7], z[k] - camera[11]
-                depth = camera[2] * dx + camera[6] * dy + camera[10] * dz
-                if depth <= 1e-9:
-                    continue
-                u = (camera[0] * dx + camera[4] * dy + camera[8] * dz) / depth
-                v = (camera[1] * dx + camera[5] * dy + camera[9] * dz) / depth
-                column = int(np.floor(u * camera[12] + camera[14]))
-                row = int(np.floor(v * camera[13] + camera[15]))
-                if 0 <= column < width and 0 <= row < height:
+                row, column, _ = pixel_of(x[i], y[j], z[k], camera, height, width)
+                if row >= 0:
                     seen[k, j, i] += 1
                     if not covered[row, column]:
                         against[k, j, i] += 1

@@ -174,7 +174,7 @@ class Trainer:
         else:
             start = start_room(self.capture, self.views, self.data, self.config, resolution,
                                self.width)
-            if start.haze and self.config.sweep:
+            if start.haze:
                 # Rays see through most of the cube at first, and the density must grow slowly:
                 # wrong matter near the cameras would hide the rest.
                 self.config = replace(self.config, lr_sigma=min(self.config.lr_sigma, 0.3))

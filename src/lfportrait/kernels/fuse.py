@@ -5,7 +5,27 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-__all__ = ["fuse_depth"]
+__all__ = ["fuse_depth", "pixel_of"]
+
+
+@njit(cache=True, inline="always")
+def pixel_of(x, y, z, camera, height, width):
+    """Where a camera has a point: row and column of the pixel, and distance along the optical axis.
+
+    ``camera`` is float64 [16], pose row by row, focal, principal point. The row is -1 where the
+    point lies outside the picture of ``height`` x ``width`` pixels or behind the camera.
+    """
+    dx, dy, dz = x - camera[3], y - camera[7], z - camera[11]
+    along = camera[2] * dx + camera[6] * dy + camera[10] * dz
+    if along <= 1e-6:
+        return -1, -1, along
+    u = (camera[0] * dx + camera[4] * dy + camera[8] * dz) / along
+    v = (camera[1] * dx + camera[5] * dy + camera[9] * dz) / along
+    column = int(np.floor(u * camera[12] + camera[14]))
+    row = int(np.floor(v * camera[13] + camera[15]))
+    if not (0 <= column < width and 0 <= row < height):
+        return -1, -1, along
+    return row, column, along
 
 
 @njit(cache=True, parallel=True)
@@ -33,15 +53,8 @@ def fuse_depth(x, y, z, camera, depth, sure, image, margin, slack, empty, solid,
     for k in prange(len(z)):
         for j in range(len(y)):
             for i in range(len(x)):
-                dx, dy, dz = x[i] - camera[3], y[j] - camera[7], z[k] - camera[11]
-                along = camera[2] * dx + camera[6] * dy + camera[10] * dz
-                if along <= 1e-6:
-                    continue
-                u = (camera[0] * dx + camera[4] * dy + camera[8] * dz) / along
-                v = (camera[1] * dx + camera[5] * dy + camera[9] * dz) / along
-                column = int(np.floor(u * camera[12] + camera[14]))
-                row = int(np.floor(v * camera[13] + camera[15]))
-                if not (0 <= column < width and 0 <= row < height):
+                row, column, along = pixel_of(x[i], y[j], z[k], camera, height, width)
+                if row < 0:
                     continue
                 there = depth[row, column]
                 thick = margin if sure[row, column] else max(margin, slack * there)

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from .fuse import pixel_of
+
 __all__ = ["fuse_distance", "outline_distance"]
 
 
@@ -43,15 +45,8 @@ def fuse_distance(  # type: ignore[no-untyped-def]
     for k in prange(size):
         for j in range(size):
             for i in range(size):
-                dx, dy, dz = axis[i] - camera[3], axis[j] - camera[7], axis[k] - camera[11]
-                along = camera[2] * dx + camera[6] * dy + camera[10] * dz
-                if along <= 1e-6:
-                    continue
-                u = (camera[0] * dx + camera[4] * dy + camera[8] * dz) / along
-                v = (camera[1] * dx + camera[5] * dy + camera[9] * dz) / along
-                column = int(np.floor(u * camera[12] + camera[14]))
-                row = int(np.floor(v * camera[13] + camera[15]))
-                if not (0 <= column < width and 0 <= row < height):
+                row, column, along = pixel_of(axis[i], axis[j], axis[k], camera, height, width)
+                if row < 0:
                     continue
                 there = depth[row, column]
                 if there <= 0.0:
