@@ -1,19 +1,108 @@
-"""What casting training rays costs on the lattice that a reconstruction arrived at."""
+"""Training rays cast through one lattice, and what casting them costs."""
 
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..kernels.packet import Records, make_pad
 from ..kernels.train import train_kernel
-from .pixels import Batches
-from .trainer import Trainer
+from .lattice import Lattice
+from .pixels import Batches, TrainingPixels
 
-__all__ = ["casting_figures"]
+if TYPE_CHECKING:
+    from .trainer import Trainer
+
+__all__ = ["Caster", "casting_figures"]
 
 
-def casting_figures(trainer: Trainer, batches: int = 4) -> dict[str, float]:
+class Caster:
+    """Casts rays through a lattice, forward and backward.
+
+    Parameters
+    ----------
+    lattice
+        What to cast through; its values may change between casts, its points may not.
+    data
+        The pixels.
+    basis
+        Harmonics a channel.
+    workers
+        Threads that cast, each with records of its own.
+
+    Attributes
+    ----------
+    records
+        What the last cast found (`lfportrait.kernels.packet.Records`).
+    bases
+        float32 [T, 64], harmonics of the last cast's packets.
+    losses
+        float64 [workers, 3], of the last cast: squared errors, rays, samples.
+    """
+
+    def __init__(self, lattice: Lattice, data: TrainingPixels, basis: int, workers: int) -> None:
+        self.lattice, self.data, self.basis = lattice, data, basis
+        self.table, self.links, self.geometry = lattice.geometry()
+        self.pad = make_pad(workers, self.table, len(self.links) // 128)
+        self.records = Records.empty(workers, 1 << 14)
+        self.bases = np.zeros((0, 64), np.float32)
+        self.losses = np.zeros((workers, 3))
+
+    def _run(self, tiles: NDArray[np.int32], ground: NDArray[np.float32],
+             scale: NDArray[np.float32], options: NDArray[np.float64],
+             slopes: NDArray[np.float32], seen: NDArray[np.float32]) -> None:
+        lattice, data = self.lattice, self.data
+        if len(self.bases) != len(tiles):
+            self.bases = np.zeros((len(tiles), 64), np.float32)
+        train_kernel(lattice.rows.shape[1])(
+            self.table, self.links, lattice.density, lattice.rows.ravel(), self.geometry,
+            self.basis, data.cameras, data.sizes, data.starts, data.pixels, scale, tiles, ground,
+            options, self.pad, self.records.arrays, self.bases, slopes, seen, self.losses)
+
+    def cast(self, tiles: NDArray[np.int32], ground: NDArray[np.float32],
+             scale: NDArray[np.float32], options: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Cast the rays of tiles; leaves ``records``, ``bases`` and ``losses``.
+
+        Parameters
+        ----------
+        tiles
+            int32 [T, 3] (view, row, column).
+        ground
+            float32 [16 T, 3], the background of each ray.
+        scale
+            float32 [V, 3], what 8-bit colours of each view are multiplied with.
+        options
+            See `lfportrait.kernels.train.train_kernel`.
+
+        Returns
+        -------
+        slopes
+            float32 [16 T, 3], slope of the loss by each ray's background.
+        """
+        slopes = np.empty_like(ground)
+        unused = np.zeros((len(self.losses), 1), np.float32)
+        while True:
+            self._run(tiles, ground, scale, options, slopes, unused)
+            grown = self.records.grown()
+            if grown is None:
+                return slopes
+            self.records = grown
+
+    def largest(self, tiles: NDArray[np.int32], scale: NDArray[np.float32],
+                options: NDArray[np.float64]) -> NDArray[np.float32]:
+        """The largest weight of each row on the rays of tiles: float32 [N + 1]."""
+        seen = np.zeros((len(self.losses), len(self.lattice.density)), np.float32)
+        options = options.copy()
+        options[6] = 1.0
+        self._run(tiles, np.zeros((16 * len(tiles), 3), np.float32), scale, options,
+                  np.zeros((1, 3), np.float32), seen)
+        return np.asarray(seen.max(axis=0))
+
+
+def casting_figures(trainer: Trainer, batches: int = 8) -> dict[str, float]:
     """What casting rays forward and backward costs, nothing else.
 
     Parameters
@@ -26,31 +115,23 @@ def casting_figures(trainer: Trainer, batches: int = 4) -> dict[str, float]:
     Returns
     -------
     figures
-        ``rays_per_second`` of the kernel alone; ``samples_per_ray``; ``rows_per_ray``, lattice
-        points that a worker's share of a batch touches by its number of rays; ``row_width``, values
-        a point.
+        ``rays_per_second`` of the kernel alone; ``samples_per_ray``; ``rows_per_ray``, records
+        of lattice points that a batch leaves by its number of rays; ``row_width``, values a point.
     """
     lattice, data, config = trainer.lattice, trainer.data, trainer.config
     assert lattice is not None
-    table, links, geometry = lattice.geometry()
+    caster = Caster(lattice, data, trainer.basis, trainer.workers)
     last = len(config.resolutions) - 1
     order = Batches(data, config.batch[last] // 16, config.seed, last)
-    gradients = np.zeros((trainer.workers, lattice.rows.size), np.float32)
-    losses = np.zeros((trainer.workers, 3))
-    fastest, samples, rows, rays = np.inf, 0.0, 0, 0
+    fastest, samples, records, rays = np.inf, 0.0, 0, 0
     for number in range(batches):
         tiles = order.step(number)
-        touched = np.zeros((trainer.workers, lattice.count + 1), np.uint8)
         ground = np.ones((16 * len(tiles), 3), np.float32)
         start = time.perf_counter()
-        train_kernel(trainer.width)(
-            table, links, lattice.density, lattice.rows.ravel(), geometry, trainer.basis,
-            data.cameras, data.sizes, data.starts, data.pixels, trainer.scale, tiles, ground,
-            trainer.options(), gradients, np.empty_like(ground), touched,
-            np.zeros((trainer.workers, 1), np.float32), losses)
+        caster.cast(tiles, ground, trainer.scale, trainer.options())
         fastest = min(fastest, (time.perf_counter() - start) / (16 * len(tiles)))
-        samples += float(losses[:, 2].sum())
-        rows += int(touched[:, :-1].sum())
+        samples += float(caster.losses[:, 2].sum())
+        records += int(caster.records.counts.sum())
         rays += 16 * len(tiles)
     return {"rays_per_second": 1.0 / fastest, "samples_per_ray": samples / rays,
-            "rows_per_ray": rows / rays, "row_width": trainer.width}
+            "rows_per_ray": records / rays, "row_width": trainer.width}

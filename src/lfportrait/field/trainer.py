@@ -16,10 +16,10 @@ from ..capture import Capture
 from ..errors import UserError
 from ..files import atomic_write
 from ..kernels.bricks import row_width
-from ..kernels.descent import descend, total_variation
-from ..kernels.train import train_kernel
+from ..kernels.descent import descend, smooth, total_variation
 from ..progress import Progress
 from .background import Background, BackgroundTrainer
+from .casting import Caster
 from .config import ReconstructConfig
 from .exposure import matte_gains
 from .grid import VoxelField
@@ -52,15 +52,12 @@ class Trainer:
             raise UserError("the mattes of all photos are empty: there is nothing to reconstruct")
         self.basis = (config.sh_degree + 1) ** 2
         self.width = row_width(self.basis)
-        # One gradient array per worker, summed in a fixed order.
+        # Each worker casts its share of the packets, and owns its share of the lattice.
         self.workers = min(numba.get_num_threads(), 16)
         self.level, self.step, self.level_done, self.rays_done = 0, 0, 0.0, 0
         self.log: list[dict[str, Any]] = []
         self.lattice: Lattice | None = None
         self.background: Background | None = None
-        # Of the level that is being trained: what the optimiser remembers of each point, squared
-        # error and colours that it is of.
-        self.state: NDArray[np.float32] | None = None
         self.behind: BackgroundTrainer | None = None
         self.recent = np.zeros(2)
         # Exposures: what photos are divided by; held-out photos have theirs, too.
@@ -99,8 +96,6 @@ class Trainer:
             "center": self.lattice.center, "radius": self.lattice.radius, "gains": self.gains,
             "test_gains": self.test_gains, "recent": self.recent,
             "rates": np.array([self.level_done, self.config.lr_sigma])}
-        if self.state is not None:
-            state["state"] = self.state
         if self.background is not None:
             state["background_links"] = self.background.links
             state["background_data"] = self.background.data
@@ -139,7 +134,6 @@ class Trainer:
         self.level_done = level_done
         self.began -= elapsed
         self.config = replace(self.config, lr_sigma=lr_sigma)
-        self.state = state.get("state")
         if "background_links" in state:
             self.background = Background(state["background_links"], state["background_data"])
         if "background_mean_square" in state:
@@ -157,13 +151,16 @@ class Trainer:
                 self._first(resolution)
             else:
                 self._refine(resolution)
+            assert self.lattice is not None
+            # What the optimiser remembers of each point: it begins anew.
+            self.lattice.rows[:, -2:] = 0.0
         error = self._train()
         assert self.lattice is not None
         self.log.append({"resolution": resolution, "voxels": self.lattice.count,
                          "train_psnr": round(-10 * float(np.log10(max(error, 1e-12))), 2),
                          "seconds": round(time.perf_counter() - begun, 2)})
         self.level, self.step, self.level_done = self.level + 1, 0, 0.0
-        self.state, self.behind, self.recent = None, None, np.zeros(2)
+        self.behind, self.recent = None, np.zeros(2)
         self.save()
 
     def _first(self, resolution: int) -> None:
@@ -240,21 +237,11 @@ class Trainer:
     def _largest_weights(self) -> NDArray[np.float32]:
         """The largest weight of each row on an eighth of the training tiles."""
         assert self.lattice is not None
-        lattice = self.lattice
-        table, links, geometry = lattice.geometry()
-        seen = np.zeros((self.workers, len(lattice.density)), np.float32)
-        tiles = self.data.tiles[self.level % 8::8]
         # Behind a transmittance of ``prune`` no weight is larger than that: a ray may end there.
         options = self.options()
-        options[2], options[6] = self.config.prune, 1.0
-        one = np.zeros((self.workers, 1), np.float32)
-        train_kernel(self.width)(
-            table, links, lattice.density, lattice.rows.ravel(), geometry, self.basis,
-            self.data.cameras, self.data.sizes, self.data.starts, self.data.pixels, self.scale,
-            tiles, np.zeros((16 * len(tiles), 3), np.float32), options, one,
-            np.zeros((1, 3), np.float32), np.zeros((self.workers, 1), np.uint8), seen,
-            np.zeros((self.workers, 3)))
-        return np.asarray(seen.max(axis=0))
+        options[2] = self.config.prune
+        return Caster(self.lattice, self.data, self.basis, self.workers).largest(
+            self.data.tiles[self.level % 8::8], self.scale, options)
 
     def _color_gains(self, rays: int) -> NDArray[np.float32]:
         """What gradients of a step of ``rays`` rays are multiplied with, [width].
@@ -301,23 +288,13 @@ class Trainer:
         config, data, lattice = self.config, self.data, self.lattice
         begun, deadline = time.perf_counter(), self._deadline()
         steps = max(1.0, np.round(config.rays[self.level] * 1e6 / config.batch[self.level]))
-        density, flat, count = lattice.density, lattice.rows.ravel(), lattice.count
-        table, links, geometry = lattice.geometry()
-        resolution = config.resolutions[self.level]
-        kernel = train_kernel(self.width)
-        gradients = np.zeros((self.workers, flat.size), np.float32)
-        touched = np.zeros((self.workers, count + 1), np.uint8)
-        if self.state is None:
-            self.state = np.zeros((count + 1, 2), np.float32)
-        losses, unused = np.zeros((self.workers, 3)), np.zeros((self.workers, 1), np.float32)
+        caster = Caster(lattice, data, self.basis, self.workers)
         neighbours = lattice.neighbours()
         options = self.options()
         finest = self.level == len(config.resolutions) - 1
         # Without mattes the first, wrong, gradients would clear space for good: until the last
         # level a trace of density stays, which can grow again.
         lowest = np.float32(0.0 if data.has_alpha or finest else 2.0 * options[1])
-        tv = config.lambda_tv * 0.5 ** self.level
-        tv_sh = config.lambda_tv_sh * (0.1 if finest else 1.0)
         if self.behind is None:
             self.behind = self._background_trainer()
         behind = self.behind
@@ -337,21 +314,7 @@ class Trainer:
                     (len(tiles), 1), np.float32), 3, axis=1), 16, axis=0)
             else:
                 ground = np.full((16 * len(tiles), 3), config.background, np.float32)
-            slopes = np.empty_like(ground)
-            losses[:] = 0.0
-            kernel(table, links, density, flat, geometry, self.basis, data.cameras, data.sizes,
-                   data.starts, data.pixels, self.scale, tiles, ground, options, gradients,
-                   slopes, touched, unused, losses)
-            first = int(generator.integers(0, max(1, count)))
-            run = max(1, int(config.tv_sparsity * count))
-            last = min(count, first + run)
-            scale = resolution / 256.0
-            if tv > 0:
-                total_variation(neighbours, first, last, density, self.width, tv / run, scale,
-                                gradients[0], touched[0])
-            if tv_sh > 0:
-                total_variation(neighbours, first, last, flat, self.width, tv_sh / run, scale,
-                                gradients[0], touched[0])
+            slopes = caster.cast(tiles, ground, self.scale, options)
             now = time.perf_counter()
             # Rates fall by rays, or by the clock where that is ahead.
             self.level_done = min(1.0, max(
@@ -362,23 +325,44 @@ class Trainer:
             rate_sh = self._rate(config.lr_sh, config.lr_sh_final, done)
             if not data.has_alpha and self.level == 0:
                 rate *= np.float32(min(1.0, 0.01 + self.step / 100.0))
-            descend(density, flat, self.width, gradients, touched, self.state, rate,
-                    np.float32(config.rms_beta), lowest, self._color_gains(16 * len(tiles)),
+            gains = self._color_gains(16 * len(tiles))
+            descend(lattice.density, lattice.rows.ravel(), self.width, caster.records.arrays,
+                    caster.bases, rate, np.float32(config.rms_beta), lowest, gains,
                     np.float32(1.0) / rate_sh)
-            gradients[:, -self.width:] = 0.0
+            self._smooth(neighbours, float(generator.random()), rate, lowest, gains)
             if behind is not None and rays is not None:
                 behind.step(rays, ground, slopes,
                             float(config.lr_color_bg * 0.05 ** done),
                             float(config.lr_sigma_bg * rate / config.lr_sigma))
             self.step += 1
             self.rays_done += 16 * len(tiles)
-            added = losses.sum(axis=0)
+            added = caster.losses.sum(axis=0)
             self.recent = 0.98 * self.recent + np.array([added[0], 3 * added[1]])
             self._tell(done)
             if now > deadline:
                 break
             self._save_now_and_then()
         return float(self.recent[0] / max(self.recent[1], 1.0))
+
+    def _smooth(self, neighbours: NDArray[np.int32], place: float, rate: np.float32,
+                lowest: np.float32, gains: NDArray[np.float32]) -> None:
+        """Total variation on a run of rows that begins at ``place``, from 0 to 1."""
+        assert self.lattice is not None
+        config, lattice = self.config, self.lattice
+        finest = self.level == len(config.resolutions) - 1
+        first = int(place * lattice.count)
+        run = max(1, int(config.tv_sparsity * lattice.count))
+        last = min(lattice.count, first + run)
+        scale = config.resolutions[self.level] / 256.0
+        flat = lattice.rows.ravel()
+        for values, width, weight in (
+                (lattice.density, 1, config.lambda_tv * 0.5 ** self.level),
+                (flat, self.width, config.lambda_tv_sh * (0.1 if finest else 1.0))):
+            if weight > 0:
+                slopes = np.empty((last - first) * width, np.float32)
+                total_variation(neighbours, first, last, values, width, weight / run, scale, slopes)
+                smooth(lattice.density, flat, self.width, slopes, first, last, rate,
+                       np.float32(config.rms_beta), lowest, gains)
 
     def _tell(self, done: float) -> None:
         """Tell the progress line and the meter how far the reconstruction is."""

@@ -3,13 +3,15 @@
 Colour is linear in its coefficients, so that a step need not be guessed. As in SART, the
 simultaneous algebraic reconstruction technique (Andersen & Kak 1984), a lattice point takes up the
 mean error of the rays that it colours, weighted by how much of each ray's light it gives: the
-gradient is divided by the sum of those weights, and the sum is remembered, up to a bound, so that
+slopes are divided by the sum of those weights, and the sum is remembered, up to a bound, so that
 many rays are averaged. One number a point replaces RMSProp's 27, and colours are right after tens
 of rays, where steps of a fixed length take thousands. Density is not linear and keeps RMSProp.
 
-A lattice point's gradient is one row: its colour coefficients, the weight of its rays in the last
-value but one, and its density's in the last. Rows are 16 or 32 values wide and go through the lanes
-of `lfportrait.kernels.lanes`, 16 at a time.
+What packets of rays found comes as records (`lfportrait.kernels.packet`), and each is taken up by
+itself, one after the other, as in Kaczmarz's method, of which SART is the simultaneous form: there
+is no gradient as large as the lattice. A row keeps what is remembered of it in its last two values:
+the weight of its rays, and the running mean of the density's squared slope. Rows are 16 or 32
+values wide and go through the lanes of `lfportrait.kernels.lanes`, 16 at a time.
 """
 
 from __future__ import annotations
@@ -17,80 +19,124 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from .example_lanes import prefetch
 from .lanes import LANES
 
-__all__ = ["descend", "total_variation"]
+__all__ = ["descend", "smooth", "total_variation"]
 
-_floats, _where, _iota, _sqrt = LANES.floats, LANES.where, LANES.iota, LANES.sqrt
-_load, _store, _lane = LANES.load, LANES.store, LANES.lane
+_floats, _sqrt = LANES.floats, LANES.sqrt
+_load, _store = LANES.load, LANES.store
 _FAINT = np.float32(0.02)
 """Weight of rays below which a colour is not trusted: it takes up less of their error."""
+_TINY = np.float32(1e-8)
+_AHEAD = 6
+"""Records that rows are asked for ahead."""
+
+
+@njit(cache=True)
+def _step_density(row, place, slope, density, rows, rate, decay, lowest):
+    """RMSProp on one density; ``place`` is where its row keeps the mean squared slope."""
+    square = decay * rows[place] + (np.float32(1.0) - decay) * slope * slope
+    rows[place] = square
+    density[row] = max(density[row] - rate * slope / (np.sqrt(square) + _TINY), lowest)
 
 
 @njit(cache=True, parallel=True)
-def descend(density, rows, width, gradients, touched, state, rate, decay, lowest, gains, memory):
-    """One step on the rows that any worker touched; gradients and marks are set to zero.
+def descend(density, rows, width, records, bases, rate, decay, lowest, gains, memory):
+    """Take up the records of a step.
 
     Parameters
     ----------
     density, rows
-        float32 [N + 1] and [(N + 1) * width], the parameters; the last row stays as it is.
+        float32 [N + 1] and [(N + 1) * width], the parameters; the last row stays as it is. A row's
+        last two values are no parameters but its state: remembered weight of rays, and running mean
+        of the density's squared slope.
     width
-        Row width, 16 or 32; a row's last two values are no parameters.
-    gradients, touched
-        float32 [workers, (N + 1) * width] and uint8 [workers, N + 1].
-    state
-        float32 [N + 1, 2]: running mean of the density's squared gradient, and remembered weight of
-        rays.
+        Row width, 16 or 32.
+    records
+        Keys, values, counts and scratch of `lfportrait.kernels.packet.Records`.
+    bases
+        float32 [tiles, 64], each packet's harmonics.
     rate, decay
         Learning rate of the density, and decay of the running mean (0.95).
     lowest
         Densities are kept at or above this.
     gains
-        float32 [width], what a coefficient's gradient is multiplied with to be its change for rays
+        float32 [width], what a coefficient's slope is multiplied with to be its change for rays
         of weight one; zero for what is no colour.
     memory
-        Weight of rays that a colour is a running mean of, at most. The weight of this step's rays
-        counts in full whatever the bound.
+        Weight of rays that a colour is a running mean of, at most. The weight of a record's own
+        rays counts in full whatever the bound.
     """
-    workers = len(gradients)
-    rest = np.float32(1.0) - decay
-    zero, tiny = np.float32(0.0), np.float32(1e-8)
-    last = width // 16 - 1
-    for row in prange(touched.shape[1] - 1):
-        marks = 0
+    all_keys, all_values, all_counts, _ = records
+    workers = len(all_counts)
+    for owner in prange(workers):
+        first_gain = _load(gains, np.uintp(0))
+        rest_gain = _load(gains, np.uintp(width - 16))
         for worker in range(workers):
-            marks += np.int32(touched[worker, row])
-        if marks == 0:
-            continue
-        scale = zero
-        for number in range(last + 1):
-            # The last block first: it has the weight.
-            block = last - number
-            place = np.uintp(row * width + 16 * block)
-            gradient = _floats(zero)
-            for worker in range(workers):
-                if touched[worker, row] != 0:
-                    own = gradients[worker]
-                    gradient = gradient + _load(own, place)
-                    _store(own, place, _floats(zero))
-            if number == 0:
-                slope, weight = _lane(gradient, 15), _lane(gradient, 14)
-                square = decay * state[row, 0] + rest * slope * slope
-                change = rate * slope / (np.sqrt(square) + tiny)
-                density[row] = max(density[row] - change, lowest)
-                known = min(state[row, 1] + weight, max(memory, weight))
-                state[row, 0], state[row, 1] = square, known
+            keys, values = all_keys[worker, owner], all_values[worker, owner]
+            count = all_counts[worker, owner]
+            for number in range(count):
+                ahead = np.uintp(keys[np.uintp(min(number + _AHEAD, count - 1)), 0])
+                prefetch(rows, ahead * np.uintp(width))
+                prefetch(rows, ahead * np.uintp(width) + np.uintp(16))
+                prefetch(density, ahead)
+                row, basis = np.uintp(keys[number, 0]), bases[np.uintp(keys[number, 1])]
+                red, green, blue = values[number, 0], values[number, 1], values[number, 2]
+                weight, slope = values[number, 3], values[number, 4]
+                start = row * np.uintp(width)
+                end = start + np.uintp(width)
+                known = max(min(rows[end - np.uintp(2)] + weight, memory), weight)
                 scale = np.float32(1.0) / (known + _FAINT)
-            factor = scale * _load(gains, np.uintp(16 * block))
-            _store(rows, place, _load(rows, place) - factor * gradient)
-        for worker in range(workers):
-            touched[worker, row] = 0
+                square = rows[end - np.uintp(1)]
+                red, green, blue = scale * red, scale * green, scale * blue
+                if width == 32:
+                    change = (red * _load(basis, np.uintp(0))
+                              + green * _load(basis, np.uintp(16)))
+                    _store(rows, start, _load(rows, start) - first_gain * change)
+                    change = (green * _load(basis, np.uintp(32))
+                              + blue * _load(basis, np.uintp(48)))
+                    _store(rows, start + np.uintp(16),
+                           _load(rows, start + np.uintp(16)) - rest_gain * change)
+                else:
+                    change = (red * _load(basis, np.uintp(0)) + green * _load(basis, np.uintp(16))
+                              + blue * _load(basis, np.uintp(32)))
+                    _store(rows, start, _load(rows, start) - first_gain * change)
+                rows[end - np.uintp(2)], rows[end - np.uintp(1)] = known, square
+                _step_density(row, end - np.uintp(1), slope, density, rows, rate, decay, lowest)
 
 
 @njit(cache=True, parallel=True)
-def total_variation(neighbours, first, last, values, width, weight, scale, gradient, touched):
-    """Gradient of total variation (Shen et al. 2023, Eq. 3) on a run of rows, into worker 0's.
+def smooth(density, rows, width, slopes, first, last, rate, decay, lowest, gains):
+    """Take up the slopes of the total variation on a run of rows.
+
+    Parameters
+    ----------
+    density, rows, width, rate, decay, lowest, gains
+        As in `descend`.
+    slopes
+        float32 [last - first] of densities, or [(last - first) * width] of colours.
+    first, last
+        Range of rows.
+    """
+    colors = len(slopes) > last - first
+    for row in prange(first, last):
+        end = np.uintp((row + 1) * width)
+        if not colors:
+            _step_density(row, end - np.uintp(1), slopes[row - first], density, rows, rate, decay,
+                          lowest)
+            continue
+        scale = np.float32(1.0) / (rows[end - np.uintp(2)] + _FAINT)
+        for block in range(width // 16):
+            place = np.uintp(row * width + 16 * block)
+            slope = _load(slopes, np.uintp((row - first) * width + 16 * block))
+            _store(rows, place, _load(rows, place)
+                   - scale * _load(gains, np.uintp(16 * block)) * slope)
+
+
+@njit(cache=True, parallel=True)
+def total_variation(neighbours, first, last, values, width, weight, scale, slopes):
+    """Gradient of total variation (Shen et al. 2023, Eq. 3) on a run of rows.
 
     Each row gathers its own gradient from the differences that it takes part in, so that no two
     threads write the same place.
@@ -102,31 +148,25 @@ def total_variation(neighbours, first, last, values, width, weight, scale, gradi
     first, last
         Range of rows.
     values
-        float32 [rows * width], colours; what is no coefficient must be zero. Or float32
-        [rows], densities: their gradient goes to the last value of each row.
+        float32 [rows * width], colours, or [rows], densities with a width of 1.
     width
-        Width of a row of the gradient, 16 or 32.
+        1, 16 or 32.
     weight
         Weight of the loss, divided by the number of rows in the range.
     scale
         Difference between neighbours is multiplied by this (resolution / 256).
-    gradient
-        float32 [rows * width], added to.
-    touched
-        uint8 [rows], set for the range.
+    slopes
+        float32 [(last - first) * width], written.
     """
     factor = np.float32(scale)
     share = np.float32(weight) * factor
-    colors = len(values) > len(touched)
     for row in prange(first, last):
-        touched[row] = 1
-        if not colors:
-            gradient[row * width + width - 1] += share * _pull(neighbours, row, values, factor)
+        if width == 1:
+            slopes[row - first] = share * _pull(neighbours, row, values, factor)
             continue
         for block in range(width // 16):
-            place = np.uintp(row * width + 16 * block)
             slope = _pull_row(neighbours, row, values, width, 16 * block, factor)
-            _store(gradient, place, _load(gradient, place) + share * slope)
+            _store(slopes, np.uintp((row - first) * width + 16 * block), share * slope)
 
 
 @njit(cache=True)
