@@ -7,8 +7,9 @@ from scipy import ndimage
 from lfportrait.capture import Camera
 from lfportrait.field import VoxelField
 from lfportrait.kernels.bricks import brick_table, build_bricks, row_width
-from lfportrait.kernels.descent import descend, total_variation
+from lfportrait.kernels.descent import descend, smooth, total_variation
 from lfportrait.kernels.march import sh_basis as kernel_basis
+from lfportrait.kernels.packet import Records, make_pad
 from lfportrait.kernels.render import render_kernel_one_lane
 from lfportrait.kernels.train import train_kernel
 
@@ -179,39 +180,71 @@ class Training:
         self.table, self.links = brick_table(self.field.links, len(self.field.density))
         self.lattice = self.field.lattice
 
-    def run(self, density, sh, sparsity=0.0, distortion=0.0):
-        count = len(density)
+    def run(self, density, sh, sparsity=0.0, distortion=0.0, room=4000):
+        """Losses, and gradients of densities and coefficients: the sum of the records."""
+        count, workers = len(density), self.workers
         rows = np.zeros((count + 1, self.width), np.float32)
         rows[:count, :3 * self.basis] = sh.reshape(count, -1)
-        grad_rows = np.zeros((self.workers, rows.size), np.float32)
-        touched = np.zeros((self.workers, count + 1), np.uint8)
-        losses = np.zeros((self.workers, 3))
+        # What a row remembers is no colour.
+        rows[:count, -2:] = 1e6
+        losses = np.zeros((workers, 3))
+        self.records = Records.empty(workers, room)
+        self.bases = np.zeros((len(self.tiles), 64), np.float32)
+        self.errors = np.zeros(len(self.tiles), np.float32)
         options = np.array([0.5, 1e-9, 1e-7, 0.4, sparsity, distortion, 0.0, 0.0])
         train_kernel(self.width)(
             self.table, self.links, np.append(density, np.float32(0)), rows.ravel(), self.lattice,
             self.basis, self.cameras, np.array([[10, 9], [10, 9]]), np.array([0, 90]), self.pixels,
             np.full((2, 3), 1 / 255, np.float32), self.tiles,
-            np.repeat(self.background, 16, axis=0), options, grad_rows,
-            np.zeros((16 * len(self.tiles), 3), np.float32), touched,
-            np.zeros((self.workers, 1), np.float32), losses)
-        self.grad_rows, self.touched = grad_rows, touched
-        grad = grad_rows.sum(0).reshape(count + 1, self.width)[:count]
-        self.weights = grad_rows.sum(0).reshape(count + 1, self.width)[:, -2]
-        return losses, grad[:, -1], grad[:, :3 * self.basis].reshape(sh.shape)
+            np.repeat(self.background, 16, axis=0), options,
+            make_pad(workers, self.table, len(self.links) // 128), self.records.arrays, self.bases,
+            np.zeros((16 * len(self.tiles), 3), np.float32), np.zeros((workers, 1), np.float32),
+            self.errors, losses)
+        grad_density, grad_sh = np.zeros(count), np.zeros((count, 3, self.basis))
+        self.weights = np.zeros(count)
+        for row, tile, red, green, blue, weight, slope in self.listed():
+            basis = sh_basis(self.toward(tile), self.basis)
+            grad_sh[row] += np.outer((red, green, blue), basis)
+            grad_density[row] += slope
+            self.weights[row] += weight
+        return losses, grad_density, grad_sh
+
+    def listed(self):
+        """All records: row, tile, slopes of three colours, weight, slope of the density."""
+        for writer, counts in enumerate(self.records.counts):
+            for owner, count in enumerate(counts):
+                for number in range(min(count, self.records.keys.shape[2])):
+                    yield (*self.records.keys[writer, owner, number].tolist(),
+                           *self.records.values[writer, owner, number].tolist())
+
+    def rays(self, tile):
+        """Views' place and the 16 directions of a tile, of length one: [3], [16, 3]."""
+        camera = self.cameras[self.tiles[tile][0]]
+        pose = camera[:12].reshape(3, 4)
+        found = []
+        for i in range(16):
+            x = min(self.tiles[tile][2] + (i & 3), 9)
+            y = min(self.tiles[tile][1] + (i >> 2), 8)
+            ray = pose[:, :3] @ np.array([(x + 0.5 - camera[14]) / camera[12],
+                                          (y + 0.5 - camera[15]) / camera[13], 1.0])
+            found.append(ray / np.linalg.norm(ray))
+        return pose[:, 3], np.array(found)
+
+    def toward(self, tile):
+        """The middle direction of a tile, for which its colours are."""
+        mean = self.rays(tile)[1].mean(axis=0)
+        return mean / np.linalg.norm(mean)
 
     def loss(self, density, sh, narrow=0.0):
         """The loss in float64 by the reference: colour, opacity and distortion."""
         field = VoxelField(self.field.links, density, sh)
         total = 0.0
-        for tile, ground in zip(self.tiles, self.background):
-            camera = self.cameras[tile[0]]
-            pose = camera[:12].reshape(3, 4)
-            for i in range(16):
+        for number, (tile, ground) in enumerate(zip(self.tiles, self.background)):
+            origin, directions = self.rays(number)
+            for i, direction in enumerate(directions):
                 x, y = min(tile[2] + (i & 3), 9), min(tile[1] + (i >> 2), 8)
-                local = np.array([(x + 0.5 - camera[14]) / camera[12],
-                                  (y + 0.5 - camera[15]) / camera[13], 1.0])
-                color, through, _, samples = cast(field, pose[:, 3], pose[:, :3] @ local,
-                                                  threshold=1e-9, stop=1e-7)
+                color, through, _, samples = cast(field, origin, direction, threshold=1e-9,
+                                                  stop=1e-7, toward=self.toward(number))
                 if narrow and samples:
                     total += narrow * distortion([s[2] for s in samples], [s[4] for s in samples],
                                                  samples[0][3])
@@ -271,57 +304,113 @@ def test_sparsity_pushes_densities_down():
     assert sparse.sum() > plain.sum()
 
 
-@pytest.mark.parametrize("width, used", [(16, 12), (32, 27)])
-def test_descent_equals_numpy(width, used):
+def test_each_point_leaves_one_record_a_packet():
+    training = Training(4)
+    training.run(training.field.density, training.field.sh)
+    found = [(row, tile) for row, tile, *_ in training.listed()]
+    assert len(found) > 500
+    assert len(set(found)) == len(found)
+    assert all(row < len(training.field.density) for row, _ in found)
+    # A row's records are with one owner, whichever worker found them.
+    keys, counts = training.records.keys, training.records.counts
+    owned = [{row for writer in (0, 1) for row in keys[writer, owner, :counts[writer, owner], 0]}
+             for owner in (0, 1)]
+    assert not owned[0] & owned[1]
+    assert min(map(len, owned)) > 0.2 * max(map(len, owned))
+
+
+def test_records_without_room_are_counted_and_given_more():
+    training = Training(1)
+    training.run(training.field.density, training.field.sh)
+    needed, whole = training.records.counts.copy(), list(training.listed())
+    training.run(training.field.density, training.field.sh, room=50)
+    assert (training.records.counts >= np.minimum(needed, 51)).all()
+    grown = training.records.grown()
+    while grown is not None:
+        training.run(training.field.density, training.field.sh, room=grown.keys.shape[2])
+        grown = training.records.grown()
+    assert np.array_equal(training.records.counts, needed)
+    assert list(training.listed()) == whole
+
+
+def test_a_colour_below_zero_is_black_and_can_rise():
+    training = Training(1)
+    links, density = training.field.links, training.field.density.copy()
+    # The outermost layer is clear: no sample that is seen mixes a colour with an empty point's.
+    inner = ndimage.binary_erosion(links >= 0, np.ones((3, 3, 3)))
+    density[links[(links >= 0) & ~inner]] = 0.0
+    dark = np.full_like(training.field.sh, -5.0)
+    training.background[:] = 0.0
+    training.pixels[:] = (200, 200, 200, 255)
+    _, _, grad = training.run(density, dark)
+    assert (grad[training.weights > 1e-3] < 0).all()
+    assert (training.weights > 1e-3).sum() > 20
+    # In front of black, black is right.
+    training.pixels[:] = (0, 0, 0, 255)
+    losses, _, grad = training.run(density, dark)
+    assert not losses[:, 0].any()
+    assert not grad.any()
+
+
+@pytest.mark.parametrize("width, basis", [(16, 4), (32, 9)])
+def test_descent_equals_numpy(width, basis):
     random = np.random.default_rng(0)
-    rows, memory = 8, 0.5
+    rows, memory, used = 300, 0.5, 3 * basis
     density = random.random(rows).astype(np.float32)
-    values = random.standard_normal((rows, width)).astype(np.float32)
-    state = random.random((rows, 2)).astype(np.float32)
-    gradients = random.standard_normal((2, rows, width)).astype(np.float32)
-    gradients[:, :, used:-2] = 0.0
-    gradients[:, :, -2] = random.random((2, rows)) * [0.1, 0.1, 0.1, 0.1, 2.0, 0.1, 0.1, 0.1]
-    touched = np.zeros((2, rows), np.uint8)
-    touched[0, 1] = touched[1, 3] = touched[0, 4] = touched[1, 4] = touched[0, 7] = 1
-    gradients[touched == 0] = 0.0
+    values = np.zeros((rows, width), np.float32)
+    values[:, :used] = random.standard_normal((rows, used))
+    values[:, -2:] = random.random((rows, 2))
+    records = Records.empty(2, 50)
+    records.counts[:] = [[50, 30], [0, 1]]
+    records.values[:] = random.standard_normal(records.values.shape)
+    records.values[..., 3] = random.random((2, 2, 50)) * random.choice([0.1, 2.0], (2, 2, 50))
+    harmonics = random.standard_normal((3, basis)).astype(np.float32)
+    bases = np.zeros((3, 64), np.float32)
+    for tile, harmonic in enumerate(harmonics):
+        laid = np.zeros((3, 32), np.float32)
+        for channel in range(3):
+            laid[channel, channel * basis:(channel + 1) * basis] = harmonic
+        # Shares of the row's first 16 values in red, green (and blue), and of its rest.
+        bases[tile] = (np.concatenate([laid[0, :16], laid[1, :16], laid[1, 16:], laid[2, 16:]])
+                       if width == 32 else np.append(laid[:, :16].ravel(), np.zeros(16)))
     gains = np.where(np.arange(width) < used, random.random(width), 0.0).astype(np.float32)
-    expected, expected_state = values.astype(float), state.astype(float)
-    expected_density = density.astype(float)
-    for row in (1, 3, 4):  # the last row is the empty one, which never changes
-        gradient = gradients[:, row].sum(0, dtype=float)
-        weight, slope = gradient[-2:]
-        square = 0.9 * state[row, 0] + 0.1 * slope ** 2
-        known = max(min(state[row, 1] + weight, memory), weight)
-        expected_state[row] = square, known
-        expected[row] -= gains * gradient / (known + 0.02)
-        expected_density[row] = max(density[row] - 0.3 * slope / np.sqrt(square), 0.1)
-    others = gradients[:, rows - 1].copy()
-    descend(density, values.ravel(), width, gradients.reshape(2, -1), touched, state,
-            np.float32(0.3), np.float32(0.9), np.float32(0.1), gains, np.float32(memory))
-    assert expected_state[4, 1] > memory  # one step's own rays count in full
-    assert np.allclose(values, expected, atol=1e-5)
-    assert np.allclose(density, expected_density, atol=1e-5)
-    assert np.allclose(state, expected_state, atol=1e-5)
-    assert not touched[:, :-1].any()
-    assert not gradients[:, :-1].any()
-    assert np.array_equal(gradients[:, -1], others)
+    expected, expected_density = values.astype(float), density.astype(float)
+    for owner in (0, 1):
+        own = np.flatnonzero((np.arange(rows - 1) >> 6) % 2 == owner)
+        records.keys[:, owner, :, 0] = random.choice(own[:20], (2, 50))
+        records.keys[:, owner, :, 1] = random.integers(0, 3, (2, 50))
+    for owner in (0, 1):
+        for writer in (0, 1):
+            for number in range(records.counts[writer, owner]):
+                row, tile = records.keys[writer, owner, number]
+                *color, weight, slope = records.values[writer, owner, number].astype(float)
+                known = max(min(expected[row, -2] + weight, memory), weight)
+                square = 0.9 * expected[row, -1] + 0.1 * slope ** 2
+                change = np.zeros(width)
+                change[:used] = np.outer(color, harmonics[tile]).ravel()
+                expected[row] -= gains * change / (known + 0.02)
+                expected[row, -2:] = known, square
+                expected_density[row] = max(
+                    expected_density[row] - 0.3 * slope / np.sqrt(square), 0.1)
+    descend(density, values.ravel(), width, records.arrays, bases, np.float32(0.3),
+            np.float32(0.9), np.float32(0.1), gains, np.float32(memory))
+    assert np.allclose(values, expected, rtol=1e-3, atol=1e-4)
+    assert np.allclose(density, expected_density, atol=1e-4)
 
 
 @pytest.mark.parametrize("basis", [1, 9])
 def test_a_row_knows_the_weight_of_the_rays_that_it_colours(basis):
     training = Training(basis)
     training.run(training.field.density, training.field.sh)
-    light = 0.0
-    for tile in training.tiles:
-        camera = training.cameras[tile[0]]
-        pose = camera[:12].reshape(3, 4)
-        for i in range(16):
-            x, y = min(tile[2] + (i & 3), 9), min(tile[1] + (i >> 2), 8)
-            local = np.array([(x + 0.5 - camera[14]) / camera[12],
-                              (y + 0.5 - camera[15]) / camera[13], 1.0])
-            light += 1.0 - cast(training.field, pose[:, 3], pose[:, :3] @ local,
-                                threshold=1e-9, stop=1e-7)[1]
-    assert np.isclose(training.weights.sum(), light, rtol=1e-4)
+    light = np.zeros(len(training.field.density))
+    for tile in range(len(training.tiles)):
+        origin, directions = training.rays(tile)
+        for direction in directions:
+            for rows, shares, weight, *_ in cast(training.field, origin, direction, threshold=1e-9,
+                                                 stop=1e-7)[3]:
+                light[rows[rows >= 0]] += weight * shares[rows >= 0]
+    assert np.allclose(training.weights, light, atol=1e-5)
+    assert light.sum() > 20
 
 
 def test_colours_are_right_after_a_few_steps():
@@ -333,14 +422,13 @@ def test_colours_are_right_after_a_few_steps():
     count, width = len(field.density), training.width
     density = np.append(field.density, np.float32(0))
     values = np.zeros((count + 1, width), np.float32)
-    state = np.zeros((count + 1, 2), np.float32)
     gains = np.zeros(width, np.float32)
     gains[:3] = 1.5 * 16 * len(training.tiles) * 4 * np.pi
     errors = []
     for _ in range(4):
         losses, _, _ = training.run(density[:-1], values[:-1, :3].reshape(-1, 3, 1))
         errors.append(losses[:, 0].sum())
-        descend(density, values.ravel(), width, training.grad_rows, training.touched, state,
+        descend(density, values.ravel(), width, training.records.arrays, training.bases,
                 np.float32(0.0), np.float32(0.95), np.float32(0.0), gains, np.float32(1.0))
     assert errors[1] < 0.25 * errors[0] and errors[-1] < 0.1 * errors[0]
 
@@ -376,21 +464,42 @@ def test_total_variation_equals_finite_differences():
             found[place] = (loss(up) - loss(down)) / 2e-5
         return found
 
-    width = 32
-    gradient, touched = np.zeros(61 * width, np.float32), np.zeros(61, np.uint8)
-    total_variation(neighbours, 0, 60, np.append(values, 0).astype(np.float32), width, 0.3, 1.7,
-                    gradient, touched)
-    found = gradient.reshape(61, width)
-    assert np.abs(slopes(values) - found[:60, -1]).max() < 2e-3
-    assert not found[:, :-1].any()
-    assert touched[:60].all()
-    colors = np.zeros((61, width), np.float32)
+    found = np.full(60, np.nan, np.float32)
+    total_variation(neighbours, 0, 60, np.append(values, 0).astype(np.float32), 1, 0.3, 1.7, found)
+    assert np.abs(slopes(values) - found).max() < 2e-3
+    colors = np.zeros((61, 32), np.float32)
     colors[:60, [0, 15, 16, 26]] = random.standard_normal((60, 4))
-    gradient[:] = 0
-    total_variation(neighbours, 0, 60, colors.ravel(), width, 0.3, 1.7, gradient, touched)
+    found = np.full((60, 32), np.nan, np.float32)
+    total_variation(neighbours, 0, 60, colors.ravel(), 32, 0.3, 1.7, found.ravel())
     for column in (0, 15, 16, 26):
         assert np.abs(slopes(colors[:60, column].astype(float)) - found[:60, column]).max() < 2e-3
     assert not found[:, [1, 14, 17, 27, 31]].any()
+    part = np.full((10, 32), np.nan, np.float32)
+    total_variation(neighbours, 20, 30, colors.ravel(), 32, 0.3, 1.7, part.ravel())
+    assert np.array_equal(part, found[20:30])
+
+
+@pytest.mark.parametrize("width", [16, 32])
+def test_smoothing_steps_a_run_of_rows(width):
+    random = np.random.default_rng(3)
+    density = random.random(9).astype(np.float32)
+    values = random.standard_normal((9, width)).astype(np.float32)
+    values[:, -2:] = random.random((9, 2))
+    gains = np.where(np.arange(width) < 12, 0.5, 0.0).astype(np.float32)
+    slopes = random.standard_normal((4, width)).astype(np.float32)
+    before = values.copy()
+    smooth(density, values.ravel(), width, slopes.ravel(), 3, 7, np.float32(0.3), np.float32(0.9),
+           np.float32(0.1), gains)
+    expected = before.copy()
+    expected[3:7] -= gains * slopes / (before[3:7, -2:-1] + 0.02)
+    assert np.allclose(values, expected, atol=1e-5)
+    thick = density.copy()
+    smooth(density, values.ravel(), width, slopes[:, 0].copy(), 3, 7, np.float32(0.3),
+           np.float32(0.9), np.float32(0.1), gains)
+    square = 0.9 * before[3:7, -1] + 0.1 * slopes[:, 0] ** 2
+    thick[3:7] = np.maximum(thick[3:7] - 0.3 * slopes[:, 0] / np.sqrt(square), 0.1)
+    assert np.allclose(density, thick, atol=1e-5)
+    assert np.allclose(values[3:7, -1], square, atol=1e-5)
 
 
 def test_bricks_store_what_they_are_given():

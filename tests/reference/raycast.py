@@ -26,15 +26,17 @@ def trilinear(position, shape):
     return np.array(corners), np.array(weights)
 
 
-def cast(field, origin, direction, step=0.5, threshold=1e-2, stop=1e-3):
+def cast(field, origin, direction, step=0.5, threshold=1e-2, stop=1e-3, toward=None):
     """Color [3] without background, transmittance, distance of the surface in lattice units,
-    and the samples [(rows, weights, weight, delta, number of the step)], for a world ray."""
+    and the samples [(rows, weights, weight, delta, number of the step)], for a world ray; colours
+    as seen along ``toward`` if it is given."""
     shape = field.links.shape
     size = np.array(shape[::-1], float)
     scale = size / (2 * field.radius)
     offset = size / 2 - 0.5 - field.center * scale
     unit = direction / np.linalg.norm(direction)
-    basis = sh_basis(unit, field.sh.shape[2])
+    seen = unit if toward is None else toward / np.linalg.norm(toward)
+    basis = sh_basis(seen, field.sh.shape[2])
     start_point, along = origin * scale + offset, unit * scale
     norm = np.linalg.norm(along)
     along = along / norm

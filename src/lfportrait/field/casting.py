@@ -39,6 +39,8 @@ class Caster:
         What the last cast found (`lfportrait.kernels.packet.Records`).
     bases
         float32 [T, 64], harmonics of the last cast's packets.
+    errors
+        float32 [T], squared errors of the last cast's tiles.
     losses
         float64 [workers, 3], of the last cast: squared errors, rays, samples.
     """
@@ -48,7 +50,7 @@ class Caster:
         self.table, self.links, self.geometry = lattice.geometry()
         self.pad = make_pad(workers, self.table, len(self.links) // 128)
         self.records = Records.empty(workers, 1 << 14)
-        self.bases = np.zeros((0, 64), np.float32)
+        self.bases, self.errors = np.zeros((0, 64), np.float32), np.zeros(0, np.float32)
         self.losses = np.zeros((workers, 3))
 
     def _run(self, tiles: NDArray[np.int32], ground: NDArray[np.float32],
@@ -57,10 +59,12 @@ class Caster:
         lattice, data = self.lattice, self.data
         if len(self.bases) != len(tiles):
             self.bases = np.zeros((len(tiles), 64), np.float32)
+            self.errors = np.zeros(len(tiles), np.float32)
         train_kernel(lattice.rows.shape[1])(
             self.table, self.links, lattice.density, lattice.rows.ravel(), self.geometry,
             self.basis, data.cameras, data.sizes, data.starts, data.pixels, scale, tiles, ground,
-            options, self.pad, self.records.arrays, self.bases, slopes, seen, self.losses)
+            options, self.pad, self.records.arrays, self.bases, slopes, seen, self.errors,
+            self.losses)
 
     def cast(self, tiles: NDArray[np.int32], ground: NDArray[np.float32],
              scale: NDArray[np.float32], options: NDArray[np.float64]) -> NDArray[np.float32]:

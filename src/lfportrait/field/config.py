@@ -23,10 +23,12 @@ class ReconstructConfig:
     """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
     about two pixels, but at least 256 points and at most 512 (`make` takes 256)."""
     rays: tuple[float, ...] = ()
-    """Training rays of each level in millions; by default 2.5 9, more above 256 points, and 2 6 for
-    a room. With a time budget the last level takes what time is left."""
+    """Training rays of each level in millions; by default 1.5 10, more above 256 points, and 2 6
+    for a room. With a time budget the last level takes what time is left."""
     batch: tuple[int, ...] = ()
-    """Rays per step of each level; by default 8192, and 6144 12288 for a room."""
+    """Rays per step of each level; by default 2048, and 6144 12288 for a room."""
+    importance: float = 0.7
+    """Share of the rays that go where the error is large; 0: each pixel as often as the others."""
     sh_degree: int = 2
     """Degree of the spherical harmonics: 0 (matt), 1 or 2."""
     step_size: float = -1.0
@@ -36,9 +38,9 @@ class ReconstructConfig:
     init_opacity: float = 0.1
     """Share of the light that a voxel of the mattes' visual hull takes at the start."""
     lr_sigma: float = -1.0
-    """Learning rate of the density at the start; by default 10, and 15 for a room."""
+    """Learning rate of the density at the start; by default 5, and 15 for a room."""
     lr_sigma_final: float = -1.0
-    """Learning rate of the density at the end; by default 1, and 2 for a room."""
+    """Learning rate of the density at the end; by default 0.5, and 2 for a room."""
     lr_sh: float = 2.5
     """Learning rate of the colours at the start: one over the number of rays that a lattice point's
     colour is the running mean of. (Colours step as in SART, not by RMSProp as in svox2.)"""
@@ -97,7 +99,7 @@ class ReconstructConfig:
         """Each level's share of the schedule, adding up to one."""
         rays = list(self.rays)
         if np.isinf(rays[-1]):
-            rays[-1] = 4.0 * sum(rays[:-1]) or 1.0
+            rays[-1] = 9.0 * sum(rays[:-1]) or 1.0
         return tuple(count / sum(rays) for count in rays)
 
     def resolved(self, room: bool, distance: float, pixel: float = 0.0) -> ReconstructConfig:
@@ -126,14 +128,16 @@ class ReconstructConfig:
         rays = self.rays
         if not rays:
             more = float(np.clip((resolutions[-1] / 256.0) ** 2, 1.0, 4.0))
-            rays = (2.0, 6.0) if room else (2.5 * more, 9.0 * more)
+            rays = (2.0, 6.0) if room else (1.5 * more, 10.0 * more)
             if len(rays) == levels and self.time_budget > 0:
                 rays = (*rays[:-1], float("inf"))
         if len(rays) != levels:
             raise UserError("give as many --rays as --resolutions, one a level")
-        batch = self.batch or ((6144, 12288) if room else (8192,))
+        batch = self.batch or ((6144, 12288) if room else (2048,))
         if len(batch) not in (1, levels) and self.batch:
             raise UserError("give one --batch, or as many as --resolutions")
+        if not 0 <= self.importance <= 1:
+            raise UserError(f"--importance must be from 0 to 1, not {self.importance:g}")
         if self.sh_degree not in (0, 1, 2):
             raise UserError(f"--sh-degree must be 0, 1 or 2, not {self.sh_degree}")
 
@@ -144,8 +148,8 @@ class ReconstructConfig:
         return replace(
             self, resolutions=resolutions, rays=rays,
             batch=tuple(batch[min(level, len(batch) - 1)] for level in range(levels)),
-            lr_sigma=chosen(self.lr_sigma, 10.0, 15.0),
-            lr_sigma_final=chosen(self.lr_sigma_final, 1.0, 2.0),
+            lr_sigma=chosen(self.lr_sigma, 5.0, 15.0),
+            lr_sigma_final=chosen(self.lr_sigma_final, 0.5, 2.0),
             lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
             lambda_tv_sh=chosen(self.lambda_tv_sh, 0.0, 5e-3),
             lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -65,9 +67,12 @@ class TrainingPixels:
 
 
 class Batches:
-    """Tiles in random order, each as often as the others; a function of the step's number.
+    """Tiles in random order, more often where the error is large (importance sampling).
 
-    Nothing but the number of the step need be kept to go on from any step.
+    Every eighth of a pass over the tiles, the next eighth is chosen. Each tile is given a share of
+    it by its importance, which is one part the same for all and another the mean squared error
+    lately found in the tile's block of 12x12 pixels; the tiles with the most unused shares have
+    their turn. While nothing is known of errors each tile comes once a pass.
 
     Parameters
     ----------
@@ -77,27 +82,74 @@ class Batches:
         Tiles a step.
     seed, level
         What the order follows from.
+    importance
+        Share of the rays that errors draw, from 0 to 1.
     """
 
-    def __init__(self, data: TrainingPixels, size: int, seed: int, level: int) -> None:
+    _PARTS, _BLOCK, _KEEP = 8, 12, 0.6
+
+    def __init__(self, data: TrainingPixels, size: int, seed: int, level: int,
+                 importance: float = 0.0) -> None:
         self.data, self.size = data, max(1, min(size, len(data.tiles)))
-        self.seed, self.level = seed, level
-        self._epoch = -1
-        self._order = np.zeros(0, np.int64)
+        self.seed, self.level, self.importance = seed, level, importance
+        places = data.tiles // np.array([1, self._BLOCK, self._BLOCK], np.int32)
+        _, self._block = np.unique(np.ravel_multi_index(
+            tuple(places.T), tuple(places.max(axis=0) + 1)), return_inverse=True)
+        # Error and tiles of each block, fading from one choice to the next; unused shares.
+        self._error, self._seen = np.zeros((2, self._block.max() + 1))
+        self._credit = np.zeros(len(data.tiles), np.float32)
+        self._part, self._order, self._now = -1, np.zeros(0, np.int64), np.zeros(0, np.int64)
 
     def generator(self, kind: int, number: int) -> np.random.Generator:
-        """Random numbers of one step (``kind`` 0) or one pass over the tiles (``kind`` 1)."""
+        """Random numbers of one step (``kind`` 0) or one choice of tiles (``kind`` 1)."""
         return np.random.Generator(np.random.Philox(
             key=[self.seed, self.level], counter=[0, 0, kind, number]))
 
     def step(self, number: int) -> NDArray[np.int32]:
         """The tiles of a step: those of one view side by side, so that neighbours share the cache.
 
-        int32 [T, 3].
+        Steps are taken one after the other. int32 [T, 3].
         """
-        epoch, place = divmod(number, len(self.data.tiles) // self.size)
-        if epoch != self._epoch:
-            self._epoch = epoch
-            self._order = self.generator(1, epoch).permutation(len(self.data.tiles))
-        tiles = self.data.tiles[self._order[place * self.size:(place + 1) * self.size]]
-        return np.asarray(tiles[np.lexsort((tiles[:, 2], tiles[:, 1], tiles[:, 0]))])
+        steps = max(1, len(self.data.tiles) // self.size // self._PARTS)
+        part, place = divmod(number, steps)
+        if part != self._part:
+            self._part = part
+            self._order = self._chosen(self.generator(1, part), steps * self.size)
+        now = self._order[place * self.size:(place + 1) * self.size]
+        tiles = self.data.tiles[now]
+        sorting = np.lexsort((tiles[:, 2], tiles[:, 1], tiles[:, 0]))
+        self._now = now[sorting]
+        return np.asarray(tiles[sorting])
+
+    def _chosen(self, generator: np.random.Generator, count: int) -> NDArray[np.int64]:
+        """The next ``count`` tiles, in random order."""
+        weight = np.ones(len(self._credit), np.float32)
+        if self.importance > 0 and self._error.any():
+            mean = self._error.sum() / self._seen.sum()
+            error = ((self._error + mean) / (self._seen + 1.0))[self._block]
+            weight += self.importance * (error / error.mean() - 1.0).astype(np.float32)
+            self._error *= self._KEEP
+            self._seen *= self._KEEP
+        self._credit += weight * np.float32(count / len(weight))
+        turn = generator.random(len(weight), np.float32) - self._credit
+        chosen = np.argpartition(turn, count - 1)[:count]
+        self._credit[chosen] -= 1.0
+        return np.asarray(chosen[generator.permutation(count)])
+
+    def learn(self, errors: NDArray[np.float32]) -> None:
+        """Take in the squared errors of the last step's tiles, [T]."""
+        block = self._block[self._now]
+        self._error += np.bincount(block, errors, len(self._error))
+        self._seen += np.bincount(block, minlength=len(self._seen))
+
+    @property
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What the next steps follow from."""
+        return {"batch_error": self._error, "batch_seen": self._seen, "batch_credit": self._credit,
+                "batch_order": self._order, "batch_part": np.array(self._part)}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Go on from such a state."""
+        self._error, self._seen = state["batch_error"], state["batch_seen"]
+        self._credit, self._order = state["batch_credit"], state["batch_order"]
+        self._part = int(state["batch_part"])

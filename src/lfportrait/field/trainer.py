@@ -58,7 +58,9 @@ class Trainer:
         self.log: list[dict[str, Any]] = []
         self.lattice: Lattice | None = None
         self.background: Background | None = None
+        # Of the level that is being trained.
         self.behind: BackgroundTrainer | None = None
+        self.batches: Batches | None = None
         self.recent = np.zeros(2)
         # Exposures: what photos are divided by; held-out photos have theirs, too.
         self.gains = np.ones((len(self.views), 3))
@@ -101,6 +103,8 @@ class Trainer:
             state["background_data"] = self.background.data
             if self.behind is not None:
                 state["background_mean_square"] = self.behind.mean_square
+        if self.batches is not None:
+            state |= self.batches.state
         with atomic_write(self.checkpoint) as stream:
             np.savez(stream, **state)
         self._saved = time.perf_counter()
@@ -138,6 +142,9 @@ class Trainer:
             self.background = Background(state["background_links"], state["background_data"])
         if "background_mean_square" in state:
             self.behind = self._background_trainer(state["background_mean_square"])
+        if "batch_part" in state:
+            self.batches = self._new_batches()
+            self.batches.restore(state)
 
     # -- levels -----------------------------------------------------------------------------------
 
@@ -160,7 +167,7 @@ class Trainer:
                          "train_psnr": round(-10 * float(np.log10(max(error, 1e-12))), 2),
                          "seconds": round(time.perf_counter() - begun, 2)})
         self.level, self.step, self.level_done = self.level + 1, 0, 0.0
-        self.behind, self.recent = None, np.zeros(2)
+        self.behind, self.batches, self.recent = None, None, np.zeros(2)
         self.save()
 
     def _first(self, resolution: int) -> None:
@@ -282,6 +289,11 @@ class Trainer:
             trainer.mean_square = mean_square
         return trainer
 
+    def _new_batches(self) -> Batches:
+        config = self.config
+        return Batches(self.data, config.batch[self.level] // 16, config.seed, self.level,
+                       config.importance)
+
     def _train(self) -> float:
         """Train one level; returns the mean squared error of the last steps."""
         assert self.lattice is not None
@@ -298,7 +310,9 @@ class Trainer:
         if self.behind is None:
             self.behind = self._background_trainer()
         behind = self.behind
-        batches = Batches(data, config.batch[self.level] // 16, config.seed, self.level)
+        batches = self.batches
+        if batches is None:
+            batches = self.batches = self._new_batches()
         shares = config.shares()
         before, share = sum(shares[:self.level]), shares[self.level]
         resumed = self.level_done
@@ -315,6 +329,7 @@ class Trainer:
             else:
                 ground = np.full((16 * len(tiles), 3), config.background, np.float32)
             slopes = caster.cast(tiles, ground, self.scale, options)
+            batches.learn(caster.errors)
             now = time.perf_counter()
             # Rates fall by rays, or by the clock where that is ahead.
             self.level_done = min(1.0, max(

@@ -27,8 +27,8 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
-from .identity import identified
 from .example_lanes import gather_signed
+from .identity import identified
 from .lanes import LANES
 from .march import enter_box, make_basis, make_locate
 from .packet import make_color_points, mix_color, open_brick, scatter, use_cell, write_records
@@ -48,7 +48,8 @@ def train_kernel(width: int) -> Callable[..., Any]:
     -------
     train
         ``train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, gains,
-        tiles, background, options, pad, records, bases, grad_background, weight, losses)``;
+        tiles, background, options, pad, records, bases, grad_background, weight,
+        tile_errors, losses)``;
         ``tiles`` int32 [T, 3] (view, first row, first column) in blocks of 4x4 pixels,
         ``cameras`` float64 [V, 16], ``sizes`` int64 [V, 2] (width, height), ``starts`` int64 [V]
         first pixel of each view in ``pixels`` uint8 [P, 4] (colour, composited by the kernel, and
@@ -59,7 +60,8 @@ def train_kernel(width: int) -> Callable[..., Any]:
         `lfportrait.kernels.packet`, the latter written; ``bases`` float32 [T, 64], written: the
         harmonics of each packet's middle direction as the vectors that rows are multiplied with.
         ``weight`` float32 [W, N + 1], raised to the largest weight of each row if only that is
-        asked. ``losses`` float64 [W, 3] is written: squared errors, rays, samples.
+        asked. ``tile_errors`` float32 [T], squared errors of each tile, and ``losses`` float64
+        [W, 3] are written: squared errors, rays, samples.
     """
     locate = make_locate(LANES)
     fill_basis, color_points = make_basis(width), make_color_points(width)
@@ -344,7 +346,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
     @njit(cache=True, parallel=True)
     def train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, gains,
               tiles, background, options, pad, records, bases, grad_background, weight_seen,
-              losses):
+              tile_errors, losses):
         workers = len(losses)
         step, threshold, stop = (np.float32(options[0]), np.float32(options[1]),
                                  np.float32(options[2]))
@@ -387,8 +389,10 @@ def train_kernel(width: int) -> Callable[..., Any]:
                 else:
                     color_points(links, rows, opened, basis, colors, slopes, used, counts)
                     visible += shade(found, places, words, notes, colors, out)
-                    squared += errors(number, tile, sizes[view], starts[view], pixels, gains[view],
-                                      background, alpha_weight, share, out, grads, grad_background)
+                    error = errors(number, tile, sizes[view], starts[view], pixels, gains[view],
+                                   background, alpha_weight, share, out, grads, grad_background)
+                    tile_errors[number] = error
+                    squared += error
                     rays += 16
                     backward(found, flat, grads, out, sparsity * share, narrow * share, step,
                              places, words, notes, slopes)
