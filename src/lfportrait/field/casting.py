@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.bricks import bright_table
 from ..kernels.packet import Records, make_pad
 from ..kernels.train import train_kernel
 from .lattice import Lattice
@@ -47,7 +48,8 @@ class Caster:
 
     def __init__(self, lattice: Lattice, data: TrainingPixels, basis: int, workers: int) -> None:
         self.lattice, self.data, self.basis = lattice, data, basis
-        self.table, self.links, self.geometry = lattice.geometry()
+        self._whole, self.links, self.geometry = lattice.geometry()
+        self.table = self._whole
         self.pad = make_pad(workers, self.table, len(self.links) // 128)
         self.records = Records.empty(workers, 1 << 14)
         self.bases, self.errors = np.zeros((0, 64), np.float32), np.zeros(0, np.float32)
@@ -94,6 +96,10 @@ class Caster:
             if grown is None:
                 return slopes
             self.records = grown
+
+    def skip_clear(self, least: float) -> None:
+        """Let rays leap over bricks in which no density is above ``least``, from now on."""
+        self.table = bright_table(self._whole, self.links, self.lattice.density, least)
 
     def largest(self, tiles: NDArray[np.int32], scale: NDArray[np.float32],
                 options: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -58,8 +58,9 @@ class ReconstructConfig:
     lambda_tv_sh: float = -1.0
     """Weight of total variation on the colour, a tenth at the finest level; by default 0, and
     5e-3 for a room."""
-    tv_sparsity: float = 0.03
-    """Share of the lattice points that total variation visits at each step."""
+    tv_sparsity: float = -1.0
+    """Share of the lattice points that total variation visits at each step; by default 0.003, and
+    0.03 for a room."""
     lambda_sparsity: float = 0.0
     """Weight of the Cauchy sparsity loss log(1 + 2 sigma^2) on the samples."""
     lambda_distortion: float = -1.0
@@ -153,6 +154,7 @@ class ReconstructConfig:
             lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
             lambda_tv_sh=chosen(self.lambda_tv_sh, 0.0, 5e-3),
             lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),
+            tv_sparsity=chosen(self.tv_sparsity, 0.003, 0.03),
             step_size=chosen(self.step_size, 0.5, 1.0), prune=chosen(self.prune, 0.01, 0.02),
             background_nlayers=(32 if room else 0) if layers < 0 else layers,
             near_clip=chosen(self.near_clip, 0.0, distance / 4.0))

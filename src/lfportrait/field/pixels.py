@@ -139,8 +139,8 @@ class Batches:
     def learn(self, errors: NDArray[np.float32]) -> None:
         """Take in the squared errors of the last step's tiles, [T]."""
         block = self._block[self._now]
-        self._error += np.bincount(block, errors, len(self._error))
-        self._seen += np.bincount(block, minlength=len(self._seen))
+        np.add.at(self._error, block, errors)
+        np.add.at(self._seen, block, 1.0)
 
     @property
     def state(self) -> dict[str, NDArray[Any]]:

@@ -31,6 +31,8 @@ from .start import start_person, start_room
 __all__ = ["Trainer"]
 
 _SAVE_EVERY = 20.0  # seconds
+_LOOK_AGAIN = 400
+"""Steps after which it is looked again for bricks that have become clear."""
 _BANDS = (0.7, 0.15, 0.15)
 """Share of a ray's error that each band of harmonics takes up: mostly the colour that all
 directions share, so that highlights do not settle where matter is still wrong."""
@@ -234,9 +236,10 @@ class Trainer:
         """What the kernel is told: step, least density and so on."""
         assert self.lattice is not None
         config = self.config
-        # A density that takes less than 1e-4 of the light in a step is left alone: it teaches
+        # A density that takes less than this of the light in a step is left alone: it teaches
         # nothing, and most samples are of this kind.
-        least = 1e-4 / (config.step_size * self.lattice.voxel)
+        faint = 2e-3 if self.data.has_alpha else 1e-4
+        least = faint / (config.step_size * self.lattice.voxel)
         return np.array([config.step_size, least, config.stop_thresh,
                          config.lambda_alpha if self.data.has_alpha else 0.0,
                          config.lambda_sparsity, config.lambda_distortion, 0.0, config.near_clip])
@@ -328,6 +331,8 @@ class Trainer:
                     (len(tiles), 1), np.float32), 3, axis=1), 16, axis=0)
             else:
                 ground = np.full((16 * len(tiles), 3), config.background, np.float32)
+            if self.step % _LOOK_AGAIN == 0:
+                caster.skip_clear(options[1])
             slopes = caster.cast(tiles, ground, self.scale, options)
             batches.learn(caster.errors)
             now = time.perf_counter()

@@ -21,7 +21,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 from scipy import ndimage
 
-__all__ = ["BRICK", "SLOTS", "Bricks", "brick_table", "build_bricks", "row_width"]
+__all__ = ["BRICK", "SLOTS", "Bricks", "brick_table", "bright_table", "build_bricks", "row_width"]
 
 BRICK = 4
 """Cells along a brick's edge."""
@@ -116,6 +116,42 @@ def _fill_links(links, places, empty, out):
                         out[brick * 128 + z * 25 + y * 5 + x] = links[gz, gy, gx]
 
 
+def _distances(occupied: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Minus the distance to the nearest occupied brick, int32 [BZ, BY, BX]."""
+    if not occupied.any():
+        return np.full(occupied.shape, -max(occupied.shape), np.int32)
+    away = ndimage.distance_transform_cdt(~occupied, metric="chessboard")
+    return -np.maximum(away, 1).astype(np.int32)
+
+
+@njit(cache=True, parallel=True)
+def _brighter(links, density, least, found):
+    for brick in prange(len(found)):
+        most = np.float32(0.0)
+        for slot in range(128):
+            most = max(most, density[links[brick * 128 + slot]])
+        found[brick] = most > least
+
+
+def bright_table(table: NDArray[np.int32], brick_links: NDArray[np.int32],
+                 density: NDArray[np.float32], least: float) -> NDArray[np.int32]:
+    """The table without the bricks in which no density is above ``least``, as `brick_table`'s.
+
+    Parameters
+    ----------
+    table, brick_links
+        From `brick_table`; bricks keep their numbers.
+    density
+        float32 [N + 1].
+    least
+        Per world unit.
+    """
+    found = np.zeros(len(brick_links) // SLOTS, np.bool_)
+    _brighter(brick_links, density, np.float32(least), found)
+    bright = (table >= 0) & found[np.maximum(table, 0)]
+    return np.where(bright, table, _distances(bright)).astype(np.int32)
+
+
 def brick_table(links: NDArray[np.int32], rows: int,
                 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Table and links of the bricks of a lattice.
@@ -137,13 +173,8 @@ def brick_table(links: NDArray[np.int32], rows: int,
     shape = tuple(max(1, -(-(n - 1) // BRICK)) for n in links.shape)
     occupied = np.zeros(shape, np.bool_)
     _occupied(links, occupied)
-    table = np.empty(shape, np.int32)
-    if occupied.any():
-        away = ndimage.distance_transform_cdt(~occupied, metric="chessboard")
-        table[:] = -np.maximum(away, 1)
-    else:
-        table[:] = -max(shape)
     places = np.argwhere(occupied).astype(np.int64)
+    table = _distances(occupied)
     table[occupied] = np.arange(len(places), dtype=np.int32)
     brick_links = np.full(max(1, len(places)) * SLOTS, rows, np.int32)
     _fill_links(links, places, np.int32(rows), brick_links)
