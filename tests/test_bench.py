@@ -101,10 +101,10 @@ def test_reconstruct_reports_speed_and_quality(tmp_path):
 def test_the_floor_is_counted_by_hand():
     rates = {"random_lines_per_second": 1.2e8, "multiply_adds_per_second": 1e11}
     floor = training_floor(rates, samples=10.0, rows=5.0, width=32)
-    # Parameters read, gradients read and written: three times two lines a row.
+    # Rows read to be seen, read and written to be changed: three times two lines a row.
     assert floor["lines_per_ray"] == 30.0
     assert floor["memory_rays_per_second"] == pytest.approx(4e6)
-    assert floor["multiply_adds_per_ray"] == 10 * (2 * (8 * 32 + 48) + 60)
+    assert floor["multiply_adds_per_ray"] == 10 * (8 * 9 + 60) + 5 * (48 + 96)
     assert floor["rays_per_second"] == floor["memory_rays_per_second"]
 
 

@@ -305,7 +305,7 @@ def test_the_finest_level_follows_the_pixels():
     assert own.resolutions == (64, 128)
     assert np.isinf(own.rays[-1])
     assert sum(own.shares()) == pytest.approx(1.0)
-    assert own.shares() == pytest.approx((0.2, 0.8))
+    assert own.shares() == pytest.approx((0.1, 0.9))
     with pytest.raises(UserError, match="--finest"):
         replace(config, finest=3).resolved(False, 4.0, 0.0041)
 

@@ -18,7 +18,7 @@ __all__ = ["Demo", "Make"]
 
 
 DEMO = MakeConfig(
-    reconstruct=ReconstructConfig(resolutions=(96, 192, 256), rays=(1.5, 3.5, 6.0)),
+    reconstruct=ReconstructConfig(resolutions=(128, 256), rays=(1.0, 7.0)),
     stylize=StylizeConfig(size=512, views=11, pitches=(-8.0, 16.0), fit_iterations=12, steps=44,
                           content_network="embedded", style_network="embedded"))
 """The demo's parameters: a smaller field and fewer views, and the network that ships with us."""

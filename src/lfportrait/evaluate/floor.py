@@ -49,8 +49,8 @@ def training_floor(rates: dict[str, float], samples: float, rows: float, width: 
     samples
         Samples of a ray that take light.
     rows
-        Lattice points that a ray touches and no other ray of its batch touched before: each must
-        come from memory once, and its gradient must come and go.
+        Records of lattice points that a ray leaves (its packet's, by sixteen): each point's row
+        must come from memory to be seen, and come and go when its record is taken up.
     width
         Values of a lattice point's row, 4 bytes each.
 
@@ -58,13 +58,12 @@ def training_floor(rates: dict[str, float], samples: float, rows: float, width: 
     -------
     figures
         ``lines_per_ray`` of 64 bytes, ``multiply_adds_per_ray``, ``memory_rays_per_second``,
-        ``compute_rays_per_second`` and the smaller of the two, ``rays_per_second``. The optimiser
-        and total variation, which pass over the lattice at each step, come on top.
+        ``compute_rays_per_second`` and the smaller of the two, ``rays_per_second``.
     """
     lines = rows * 3.0 * width * 4.0 / 64.0
-    # Forward: eight corners mixed, three dot products, density and exponential; backward the same
-    # the other way round.
-    adds = samples * (2.0 * (8.0 * width + 3.0 * 16.0) + 60.0)
+    # A sample: density, three colours and back five slopes of eight corners, and an exponential.
+    # A point: three dot products, and its step.
+    adds = samples * (8.0 * (1.0 + 3.0 + 5.0) + 60.0) + rows * (3.0 * 16.0 + 3.0 * width)
     memory = rates["random_lines_per_second"] / max(lines, 1e-9)
     compute = rates["multiply_adds_per_second"] / max(adds, 1e-9)
     return {"samples_per_ray": samples, "rows_per_ray": rows, "lines_per_ray": lines,

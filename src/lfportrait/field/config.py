@@ -23,7 +23,7 @@ class ReconstructConfig:
     """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
     about two pixels, but at least 256 points and at most 512 (`make` takes 256)."""
     rays: tuple[float, ...] = ()
-    """Training rays of each level in millions; by default 1.5 10, more above 256 points, and 2 6
+    """Training rays of each level in millions; by default 1.5 13.5, more above 256 points, and 2 6
     for a room. With a time budget the last level takes what time is left."""
     batch: tuple[int, ...] = ()
     """Rays per step of each level; by default 2048, and 6144 12288 for a room."""
@@ -129,7 +129,7 @@ class ReconstructConfig:
         rays = self.rays
         if not rays:
             more = float(np.clip((resolutions[-1] / 256.0) ** 2, 1.0, 4.0))
-            rays = (2.0, 6.0) if room else (1.5 * more, 10.0 * more)
+            rays = (2.0, 6.0) if room else (1.5 * more, 13.5 * more)
             if len(rays) == levels and self.time_budget > 0:
                 rays = (*rays[:-1], float("inf"))
         if len(rays) != levels:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,12 +13,12 @@ from numpy.typing import NDArray
 
 from ..capture import Capture
 from ..errors import UserError
-from ..files import atomic_write
 from ..kernels.bricks import row_width
 from ..kernels.descent import descend, smooth, total_variation
 from ..progress import Progress
 from .background import Background, BackgroundTrainer
 from .casting import Caster
+from .checkpoint import read_checkpoint, write_checkpoint
 from .config import ReconstructConfig
 from .exposure import matte_gains
 from .grid import VoxelField
@@ -63,6 +62,7 @@ class Trainer:
         # Of the level that is being trained.
         self.behind: BackgroundTrainer | None = None
         self.batches: Batches | None = None
+        self.table: NDArray[np.int32] | None = None
         self.recent = np.zeros(2)
         # Exposures: what photos are divided by; held-out photos have theirs, too.
         self.gains = np.ones((len(self.views), 3))
@@ -90,27 +90,11 @@ class Trainer:
 
     def save(self) -> None:
         """Write the state: between two levels, or in the middle of one."""
-        if self.checkpoint is None or self.lattice is None:
-            return
-        start = time.perf_counter()
-        state: dict[str, Any] = {
-            "key": self.key, "counts": np.array([self.level, self.step, self.rays_done]),
-            "elapsed": start - self.began, "links": self.lattice.links,
-            "density": self.lattice.density, "rows": self.lattice.rows,
-            "center": self.lattice.center, "radius": self.lattice.radius, "gains": self.gains,
-            "test_gains": self.test_gains, "recent": self.recent,
-            "rates": np.array([self.level_done, self.config.lr_sigma])}
-        if self.background is not None:
-            state["background_links"] = self.background.links
-            state["background_data"] = self.background.data
-            if self.behind is not None:
-                state["background_mean_square"] = self.behind.mean_square
-        if self.batches is not None:
-            state |= self.batches.state
-        with atomic_write(self.checkpoint) as stream:
-            np.savez(stream, **state)
-        self._saved = time.perf_counter()
-        self._save_took = self._saved - start
+        if self.checkpoint is not None and self.lattice is not None:
+            start = time.perf_counter()
+            write_checkpoint(self, self.checkpoint)
+            self._saved = time.perf_counter()
+            self._save_took = self._saved - start
 
     def _save_now_and_then(self) -> None:
         """Save every 20 s, or as seldom as takes a twentieth of the time where a state is large."""
@@ -120,33 +104,8 @@ class Trainer:
 
     def restore(self) -> None:
         """Go on from a checkpoint of the same capture and parameters, if there is one."""
-        if self.checkpoint is None or not self.checkpoint.is_file():
-            return
-        try:
-            with np.load(self.checkpoint, allow_pickle=False) as data:
-                if str(data["key"]) != self.key:
-                    return
-                state = {name: data[name] for name in data.files}
-            level, step, rays = (int(count) for count in state["counts"])
-            lattice = Lattice(state["links"], state["density"], state["rows"], state["center"],
-                              state["radius"])
-            gains, test_gains, recent = state["gains"], state["test_gains"], state["recent"]
-            elapsed = float(state["elapsed"])
-            level_done, lr_sigma = (float(number) for number in state["rates"])
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-            return
-        self.level, self.step, self.rays_done, self.lattice = level, step, rays, lattice
-        self.gains, self.test_gains, self.recent = gains, test_gains, recent
-        self.level_done = level_done
-        self.began -= elapsed
-        self.config = replace(self.config, lr_sigma=lr_sigma)
-        if "background_links" in state:
-            self.background = Background(state["background_links"], state["background_data"])
-        if "background_mean_square" in state:
-            self.behind = self._background_trainer(state["background_mean_square"])
-        if "batch_part" in state:
-            self.batches = self._new_batches()
-            self.batches.restore(state)
+        if self.checkpoint is not None and self.checkpoint.is_file():
+            read_checkpoint(self, self.checkpoint)
 
     # -- levels -----------------------------------------------------------------------------------
 
@@ -169,7 +128,7 @@ class Trainer:
                          "train_psnr": round(-10 * float(np.log10(max(error, 1e-12))), 2),
                          "seconds": round(time.perf_counter() - begun, 2)})
         self.level, self.step, self.level_done = self.level + 1, 0, 0.0
-        self.behind, self.batches, self.recent = None, None, np.zeros(2)
+        self.behind, self.batches, self.table, self.recent = None, None, None, np.zeros(2)
         self.save()
 
     def _first(self, resolution: int) -> None:
@@ -283,8 +242,9 @@ class Trainer:
         share = own / (own + sum(shares[self.level + 1:]))
         return now + share * max(1.0, 0.93 * config.time_budget - (now - self.began))
 
-    def _background_trainer(self, mean_square: NDArray[np.float32] | None = None,
+    def background_trainer(self, mean_square: NDArray[np.float32] | None = None,
                             ) -> BackgroundTrainer | None:
+        """What trains the background, if there is one; goes on from what it remembers."""
         if self.background is None:
             return None
         trainer = BackgroundTrainer(self.background, self.workers, self.config.background)
@@ -292,7 +252,8 @@ class Trainer:
             trainer.mean_square = mean_square
         return trainer
 
-    def _new_batches(self) -> Batches:
+    def new_batches(self) -> Batches:
+        """The order of the level's rays, from its beginning."""
         config = self.config
         return Batches(self.data, config.batch[self.level] // 16, config.seed, self.level,
                        config.importance)
@@ -304,6 +265,8 @@ class Trainer:
         begun, deadline = time.perf_counter(), self._deadline()
         steps = max(1.0, np.round(config.rays[self.level] * 1e6 / config.batch[self.level]))
         caster = Caster(lattice, data, self.basis, self.workers)
+        if self.table is not None:
+            caster.table = self.table
         neighbours = lattice.neighbours()
         options = self.options()
         finest = self.level == len(config.resolutions) - 1
@@ -311,11 +274,11 @@ class Trainer:
         # level a trace of density stays, which can grow again.
         lowest = np.float32(0.0 if data.has_alpha or finest else 2.0 * options[1])
         if self.behind is None:
-            self.behind = self._background_trainer()
+            self.behind = self.background_trainer()
         behind = self.behind
         batches = self.batches
         if batches is None:
-            batches = self.batches = self._new_batches()
+            batches = self.batches = self.new_batches()
         shares = config.shares()
         before, share = sum(shares[:self.level]), shares[self.level]
         resumed = self.level_done
@@ -333,6 +296,7 @@ class Trainer:
                 ground = np.full((16 * len(tiles), 3), config.background, np.float32)
             if self.step % _LOOK_AGAIN == 0:
                 caster.skip_clear(options[1])
+                self.table = caster.table
             slopes = caster.cast(tiles, ground, self.scale, options)
             batches.learn(caster.errors)
             now = time.perf_counter()

@@ -28,8 +28,8 @@ from .example_lanes import gather_signed, load_ints, prefetch
 from .identity import identified
 from .lanes import LANES
 
-__all__ = ["Records", "make_color_points", "make_pad", "mix_color", "open_brick", "scatter",
-           "use_cell", "write_records"]
+__all__ = ["Records", "make_color_points", "make_pad", "mix_color", "mix_density", "open_brick",
+           "scatter", "slopes_of_errors", "use_cell", "write_records"]
 
 _floats, _where, _iota, _lane = LANES.floats, LANES.where, LANES.iota, LANES.lane
 _load, _store, _total = LANES.load, LANES.store, LANES.total
@@ -128,6 +128,24 @@ def open_brick(brick, links, density, place, opened, own_density, ready, counts)
         _store(own_density, start, gather_signed(density, rows))
         for slot in range(16):
             ready[start + np.uintp(slot)] = np.uint8(0)
+
+
+@identified("packet mix density")
+@njit(cache=True)
+def mix_density(own_density, base, fx, fy, fz):
+    """Density in the cells ``base`` of the pad, 16 lanes."""
+    d000 = gather_signed(own_density, base)
+    d001 = gather_signed(own_density, base + np.int32(1))
+    d010 = gather_signed(own_density, base + np.int32(5))
+    d011 = gather_signed(own_density, base + np.int32(6))
+    d100 = gather_signed(own_density, base + np.int32(25))
+    d101 = gather_signed(own_density, base + np.int32(26))
+    d110 = gather_signed(own_density, base + np.int32(30))
+    d111 = gather_signed(own_density, base + np.int32(31))
+    d00, d01 = d000 + fx * (d001 - d000), d010 + fx * (d011 - d010)
+    d10, d11 = d100 + fx * (d101 - d100), d110 + fx * (d111 - d110)
+    d0, d1 = d00 + fy * (d01 - d00), d10 + fy * (d11 - d10)
+    return d0 + fz * (d1 - d0)
 
 
 @identified("packet use cell")
@@ -263,3 +281,29 @@ def write_records(tile, links, empty, opened, used, slopes, counts, keys, values
             keys[owner, count, 0], keys[owner, count, 1] = row, tile
             for value in range(5):
                 values[owner, count, value] = slopes[at + np.uintp(value)]
+
+
+@identified("packet slopes of errors")
+@njit(cache=True)
+def slopes_of_errors(number, tile, size, first, pixels, gain, background, alpha_weight, share, out,
+                     grads, grad_background):
+    """Slopes of the loss by the colours and the opacity of 16 rays; their squared errors."""
+    squared = 0.0
+    for i in range(16):
+        x = min(tile[2] + (i & 3), size[0] - 1)
+        y = min(tile[1] + (i >> 2), size[1] - 1)
+        pixel = first + y * size[0] + x
+        opacity = np.float32(pixels[pixel, 3]) / np.float32(255.0)
+        end = out[48 + i]
+        for channel in range(3):
+            ground = background[16 * number + i, channel]
+            truth = (np.float32(pixels[pixel, channel]) * gain[channel] * opacity
+                     + (_one - opacity) * ground)
+            error = out[16 * channel + i] + end * ground - truth
+            squared += error * error
+            slope = np.float32(2.0) * error * share / np.float32(3.0)
+            grads[16 * channel + i] = slope
+            grads[48 + 16 * channel + i] = end * ground
+            grad_background[16 * number + i, channel] = slope * end
+        grads[96 + i] = (np.float32(2.0) * alpha_weight * (_one - end - opacity) * share * end)
+    return squared

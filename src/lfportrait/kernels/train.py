@@ -31,7 +31,16 @@ from .example_lanes import gather_signed
 from .identity import identified
 from .lanes import LANES
 from .march import enter_box, make_basis, make_locate
-from .packet import make_color_points, mix_color, open_brick, scatter, use_cell, write_records
+from .packet import (
+    make_color_points,
+    mix_color,
+    mix_density,
+    open_brick,
+    scatter,
+    slopes_of_errors,
+    use_cell,
+    write_records,
+)
 
 __all__ = ["train_kernel"]
 
@@ -117,22 +126,6 @@ def train_kernel(width: int) -> Callable[..., Any]:
             lane = np.uintp(lowest(missing))
             missing &= missing - np.uint32(1)
             open_brick(numbers[lane], links, density, place, opened, own_density, ready, counts)
-
-    @identified("train density", width)
-    @njit(cache=True)
-    def mix_density(own_density, base, fx, fy, fz):
-        d000 = gather_signed(own_density, base)
-        d001 = gather_signed(own_density, base + np.int32(1))
-        d010 = gather_signed(own_density, base + np.int32(5))
-        d011 = gather_signed(own_density, base + np.int32(6))
-        d100 = gather_signed(own_density, base + np.int32(25))
-        d101 = gather_signed(own_density, base + np.int32(26))
-        d110 = gather_signed(own_density, base + np.int32(30))
-        d111 = gather_signed(own_density, base + np.int32(31))
-        d00, d01 = d000 + fx * (d001 - d000), d010 + fx * (d011 - d010)
-        d10, d11 = d100 + fx * (d101 - d100), d110 + fx * (d111 - d110)
-        d0, d1 = d00 + fy * (d01 - d00), d10 + fy * (d11 - d10)
-        return d0 + fz * (d1 - d0)
 
     @identified("train forward", width)
     @njit(cache=True)
@@ -317,31 +310,6 @@ def train_kernel(width: int) -> Callable[..., Any]:
                     row = np.uintp(links[np.uintp(128 * brick + (cell & 127) + offset)])
                     seen[row] = max(seen[row], value)
 
-    @identified("train errors", width)
-    @njit(cache=True)
-    def errors(number, tile, size, first, pixels, gain, background, alpha_weight, share, out, grads,
-               grad_background):
-        """Slopes of the loss by the colours and the opacity of 16 rays; their squared errors."""
-        squared = 0.0
-        for i in range(16):
-            x = min(tile[2] + (i & 3), size[0] - 1)
-            y = min(tile[1] + (i >> 2), size[1] - 1)
-            pixel = first + y * size[0] + x
-            opacity = np.float32(pixels[pixel, 3]) / np.float32(255.0)
-            end = out[48 + i]
-            for channel in range(3):
-                ground = background[16 * number + i, channel]
-                truth = (np.float32(pixels[pixel, channel]) * gain[channel] * opacity
-                         + (one - opacity) * ground)
-                error = out[16 * channel + i] + end * ground - truth
-                squared += error * error
-                slope = np.float32(2.0) * error * share / np.float32(3.0)
-                grads[16 * channel + i] = slope
-                grads[48 + 16 * channel + i] = end * ground
-                grad_background[16 * number + i, channel] = slope * end
-            grads[96 + i] = (np.float32(2.0) * alpha_weight * (one - end - opacity) * share * end)
-        return squared
-
     @identified("train", width)
     @njit(cache=True, parallel=True)
     def train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, gains,
@@ -389,8 +357,9 @@ def train_kernel(width: int) -> Callable[..., Any]:
                 else:
                     color_points(links, rows, opened, basis, colors, slopes, used, counts)
                     visible += shade(found, places, words, notes, colors, out)
-                    error = errors(number, tile, sizes[view], starts[view], pixels, gains[view],
-                                   background, alpha_weight, share, out, grads, grad_background)
+                    error = slopes_of_errors(
+                        number, tile, sizes[view], starts[view], pixels, gains[view], background,
+                        alpha_weight, share, out, grads, grad_background)
                     tile_errors[number] = error
                     squared += error
                     rays += 16

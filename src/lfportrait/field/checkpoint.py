@@ -1,0 +1,74 @@
+"""The state of a reconstruction on the disk, so that it goes on where it was stopped."""
+
+from __future__ import annotations
+
+import time
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..files import atomic_write
+from .background import Background
+from .lattice import Lattice
+
+if TYPE_CHECKING:
+    from .trainer import Trainer
+
+__all__ = ["read_checkpoint", "write_checkpoint"]
+
+
+def write_checkpoint(trainer: Trainer, path: Path) -> None:
+    """Write all that the rest of the training follows from."""
+    lattice = trainer.lattice
+    assert lattice is not None
+    state: dict[str, Any] = {
+        "key": trainer.key,
+        "counts": np.array([trainer.level, trainer.step, trainer.rays_done]),
+        "elapsed": time.perf_counter() - trainer.began, "links": lattice.links,
+        "density": lattice.density, "rows": lattice.rows, "center": lattice.center,
+        "radius": lattice.radius, "gains": trainer.gains, "test_gains": trainer.test_gains,
+        "recent": trainer.recent,
+        "rates": np.array([trainer.level_done, trainer.config.lr_sigma])}
+    if trainer.background is not None:
+        state["background_links"] = trainer.background.links
+        state["background_data"] = trainer.background.data
+        if trainer.behind is not None:
+            state["background_mean_square"] = trainer.behind.mean_square
+    if trainer.batches is not None:
+        state |= trainer.batches.state
+    if trainer.table is not None:
+        state["table"] = trainer.table
+    with atomic_write(path) as stream:
+        np.savez(stream, **state)
+
+
+def read_checkpoint(trainer: Trainer, path: Path) -> None:
+    """Take over a checkpoint of the same capture and parameters; others leave all as it is."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            if str(data["key"]) != trainer.key:
+                return
+            state = {name: data[name] for name in data.files}
+        level, step, rays = (int(count) for count in state["counts"])
+        lattice = Lattice(state["links"], state["density"], state["rows"], state["center"],
+                          state["radius"])
+        gains, test_gains, recent = state["gains"], state["test_gains"], state["recent"]
+        elapsed = float(state["elapsed"])
+        level_done, lr_sigma = (float(number) for number in state["rates"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return
+    trainer.level, trainer.step, trainer.rays_done, trainer.lattice = level, step, rays, lattice
+    trainer.gains, trainer.test_gains, trainer.recent = gains, test_gains, recent
+    trainer.level_done, trainer.table = level_done, state.get("table")
+    trainer.began -= elapsed
+    trainer.config = replace(trainer.config, lr_sigma=lr_sigma)
+    if "background_links" in state:
+        trainer.background = Background(state["background_links"], state["background_data"])
+    if "background_mean_square" in state:
+        trainer.behind = trainer.background_trainer(state["background_mean_square"])
+    if "batch_part" in state:
+        trainer.batches = trainer.new_batches()
+        trainer.batches.restore(state)
