@@ -6,7 +6,7 @@ from scipy import ndimage
 
 from lfportrait.capture import Camera
 from lfportrait.field import VoxelField
-from lfportrait.kernels.bricks import brick_table, build_bricks, row_width
+from lfportrait.kernels.bricks import brick_table, bright_table, build_bricks, row_width
 from lfportrait.kernels.descent import descend, smooth, total_variation
 from lfportrait.kernels.march import sh_basis as kernel_basis
 from lfportrait.kernels.packet import Records, make_pad
@@ -509,3 +509,23 @@ def test_bricks_store_what_they_are_given():
     assert np.array_equal(rows[:-1, :12], field.sh.reshape(-1, 12).astype(np.float16))
     assert not rows[-1].any()
     assert not rows[:, 12:].any()
+
+
+def test_bricks_that_became_clear_are_leapt_over():
+    random = np.random.default_rng(4)
+    links = np.full((30, 22, 41), -1, np.int32)
+    filled = random.random(links.shape) < 0.02
+    links[filled] = np.arange(filled.sum())
+    density = random.random(filled.sum() + 1).astype(np.float32)
+    density[-1] = 0.0
+    table, brick_links = brick_table(links, filled.sum())
+    bright = bright_table(table, brick_links, density, 0.9)
+    for place in np.argwhere(table >= 0):
+        brick = table[tuple(place)]
+        most = density[brick_links[128 * brick:128 * brick + 128]].max()
+        assert bright[tuple(place)] == brick if most > 0.9 else bright[tuple(place)] < 0
+    kept = np.argwhere(bright >= 0)
+    assert 0 < len(kept) < (table >= 0).sum()
+    for place in np.argwhere(bright < 0):
+        assert -bright[tuple(place)] <= np.abs(kept - place).max(axis=1).min()
+    assert (bright_table(table, brick_links, density, 2.0) < 0).all()
