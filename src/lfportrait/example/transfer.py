@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 from numpy.typing import NDArray
+from PIL import Image
 
 from ..errors import UserError
 from ..kernels.example_labels import pixel_weights, shrink_label
@@ -33,6 +34,7 @@ from .guides import (
 from .labels import LABELS, missing_labels
 from .outline import EdgeMatch, signed_distances
 from .regions import Regions, find_regions
+from .segment import resize
 from .styleblit import (
     BlitConfig,
     Seeds,
@@ -138,15 +140,18 @@ class Transfer:
         Parameters.
     cache
         Folder for look-up tables, by content hash; None keeps none.
+    regions
+        Of the painting, where they are known.
     """
 
     def __init__(self, exemplar: Exemplar, config: TransferConfig | None = None,
-                 cache: str | Path | None = None) -> None:
+                 cache: str | Path | None = None, regions: Regions | None = None) -> None:
         self.exemplar = exemplar
         self.config = config or TransferConfig()
         start = time.perf_counter()
         self.unit = exemplar.size / 50.0
-        self.regions: Regions = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask)
+        self.regions: Regions = regions or find_regions(exemplar.image, exemplar.landmarks,
+                                                        exemplar.mask)
         self.labels = self.regions.labels()
         self.appearance = appearance_guide(exemplar.image, self.config.blur * exemplar.size)
         self.prepare_seconds = time.perf_counter() - start
@@ -238,6 +243,25 @@ class Transfer:
                    "synthesis_seconds": time.perf_counter() - synthesising}
         return TransferResult(result, guides, cover, synthesis, seconds,
                               self.exemplar.image.shape[:2], self.appearance)
+
+    def reduced(self, factor: float) -> Transfer:
+        """The same painting, ``factor`` times smaller, for targets of one exemplar pixel each.
+
+        Where a target's pixel covers several of the exemplar's, as many frames of a video do, what
+        is copied lies closer together: that saves a third of the look-ups' time.
+        """
+        height, width = (max(8, round(n / factor)) for n in self.exemplar.image.shape[:2])
+        picture = np.asarray(Image.fromarray(self.exemplar.image).resize(
+            (width, height), Image.Resampling.LANCZOS))
+        ratio = np.array([width, height]) / self.exemplar.image.shape[1::-1]
+        exemplar = Exemplar(picture, self.exemplar.landmarks * ratio, self.exemplar.name)
+        person, hair = self.regions.person, self.regions.hair
+        regions = Regions(exemplar.landmarks, resize(person, picture.shape),
+                          None if hair is None else resize(hair, picture.shape))
+        levels = max(1, self.config.blit.levels - round(np.log2(factor)))
+        config = replace(self.config, stroke_scale=1.0, blit=replace(self.config.blit,
+                                                                    levels=levels))
+        return Transfer(exemplar, config, regions=regions)
 
     def _photo_anchor(self, shape: tuple[int, ...], scale: float) -> tuple[Float32, Seeds]:
         """Anchor plane and seeds of a photo: the same for all of one size."""

@@ -234,6 +234,9 @@ class VideoTransfer:
         if self._anchor is None or self._first is None:
             self._first = points
             self._scale = self.prepared.scale(points)
+            if self._scale > 1:
+                self.prepared = self.prepared.reduced(self._scale)
+                self._scale = 1.0
             blocks = -(-shape[0] // side), -(-shape[1] // side)
             self._anchor = pixel_centres(blocks) * np.float32(self._scale * side)
             return pixel_centres(shape) * np.float32(self._scale)

@@ -10,12 +10,16 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from .lean import lean
+
 __all__ = ["finite_range", "seed_points", "seed_regular", "seed_splat"]
 
 _M1, _M2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _K1, _K2, _K3 = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F),
                  np.uint64(0x165667B19E3779F9))
-_S30, _S27, _S31, _S40 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(40)
+_S30, _S27, _S31, _S32, _S40 = (np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(32),
+                                np.uint64(40))
+_NOTHING = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
 @numba.njit(cache=True, inline="always")
@@ -59,53 +63,59 @@ def seed_regular(points, scale, height, width, pixels):
                 points[j, i, 0] = points[j, i, 1] = np.float32(np.inf)
 
 
-@numba.njit(cache=True, nogil=True)
-def _splat_finest(anchor, share, first_x, first_y, start, rows, columns, points, pixels):
-    """Pixel nearest to each seed of the finest level among those in its cell.
+@lean
+def _splat_finest(anchor, share, first_x, first_y, start, columns, points, nearest):
+    """Pixel nearest to each seed of the finest level among those in its cell, into ``nearest``.
 
-    ``share`` is one over the cells' side. The first in scan order wins among equals.
+    ``share`` is one over the cells' side. ``nearest`` uint64 [rows * columns] holds the squared
+    distance in its upper half and the pixel in its lower one, so that one comparison without a
+    branch decides; the first in scan order wins among equals.
     """
-    best = np.full(rows * columns, np.inf, np.float32)
+    width = anchor.shape[1]
+    left, top = np.float32(first_x), np.float32(first_y)
     for y in range(anchor.shape[0]):
-        for x in range(anchor.shape[1]):
+        for x in range(width):
             ax, ay = anchor[y, x, 0], anchor[y, x, 1]
             if not np.isfinite(ax):
                 continue
-            n = ((np.int64(np.floor(ay * share)) - first_y) * columns
-                 + np.int64(np.floor(ax * share)) - first_x)
+            # Cells count from the first, so that cutting off the fraction is rounding down.
+            n = np.uintp(np.uint32(ay * share - top) * np.uint32(columns)
+                         + np.uint32(ax * share - left))
             dx, dy = ax - points[start + n, 0], ay - points[start + n, 1]
-            distance = dx * dx + dy * dy
-            if distance < best[n]:
-                best[n] = distance
-                pixels[start + n] = y * anchor.shape[1] + x
+            bits = np.uint64(np.float32(dx * dx + dy * dy).view(np.uint32))
+            key = (bits << _S32) | np.uint64(y * width + x)
+            nearest[n] = min(nearest[n], key)
 
 
-@numba.njit(cache=True, nogil=True)
-def _nearest_of_finest(anchors, x, y, reach, share, first_x, first_y, start, rows, columns, pixels):
-    """The pixel nearest to (x, y) among those that stand for the finest cells around it.
+@lean
+def _nearest_of_finest(anchors, row, reach, share, first_x, first_y, rows, columns, finest, points,
+                       pixels):
+    """The pixels nearest to a row of seeds among those that stand for the finest cells around.
 
     Rings of cells are searched until one holds a pixel, at the most ``reach``; -1: there is none.
+    ``finest`` are the pixels of the finest cells, ``points`` and ``pixels`` all seeds; ``row`` is
+    the first seed of the row and the one after its last.
     """
-    middle_i = np.int64(np.floor(x * share)) - first_x
-    middle_j = np.int64(np.floor(y * share)) - first_y
-    found, best = np.int32(-1), np.float32(np.inf)
-    for ring in range(1, reach + 1):
-        for j in range(max(middle_j - ring, 0), min(middle_j + ring + 1, rows)):
-            # Within the first ring all nine, then the border alone.
-            edge = ring == 1 or abs(j - middle_j) == ring
-            step = 1 if edge else 2 * ring
-            for i in range(middle_i - ring, middle_i + ring + 1, step):
-                if not 0 <= i < columns:
-                    continue
-                pixel = pixels[start + j * columns + i]
-                if pixel >= 0:
-                    dx, dy = anchors[pixel, 0] - x, anchors[pixel, 1] - y
-                    distance = dx * dx + dy * dy
-                    if distance < best:
-                        best, found = distance, pixel
-        if found >= 0:
-            break
-    return found
+    for n in range(row[0], row[1]):
+        x, y = points[n, 0], points[n, 1]
+        i, j = np.int64(np.floor(x * share)) - first_x, np.int64(np.floor(y * share)) - first_y
+        found, best = np.int32(-1), np.float32(np.inf)
+        for ring in range(1, reach + 1):
+            for v in range(max(j - ring, 0), min(j + ring + 1, rows)):
+                # Within the first ring all nine, then the border alone.
+                step = 1 if ring == 1 or abs(v - j) == ring else 2 * ring
+                for u in range(i - ring, i + ring + 1, step):
+                    if not 0 <= u < columns:
+                        continue
+                    pixel = finest[np.uintp(v * columns + u)]
+                    if pixel >= 0:
+                        dx, dy = anchors[pixel, 0] - x, anchors[pixel, 1] - y
+                        distance = dx * dx + dy * dy
+                        if distance < best:
+                            best, found = distance, pixel
+            if found >= 0:
+                break
+        pixels[n] = found
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
@@ -121,15 +131,17 @@ def seed_splat(anchor, firsts, starts, shapes, finest, points, pixels):
     begin, rows, columns = starts[finest], shapes[finest, 0], shapes[finest, 1]
     first_x, first_y = firsts[finest, 0], firsts[finest, 1]
     share = np.float32(1) / np.float32(1 << finest)
-    _splat_finest(anchor, share, first_x, first_y, begin, rows, columns, points, pixels)
+    nearest = np.full(rows * columns, _NOTHING, np.uint64)
+    _splat_finest(anchor, share, first_x, first_y, begin, columns, points, nearest)
+    for n in range(rows * columns):
+        pixels[begin + n] = np.int32(np.uint32(nearest[n] & np.uint64(0xFFFFFFFF)))
     for level in range(finest + 1, starts.shape[0]):
         reach = min(1 << (level - finest), 3)
         for j in numba.prange(shapes[level, 0]):
-            for i in range(shapes[level, 1]):
-                n = starts[level] + j * shapes[level, 1] + i
-                pixels[n] = _nearest_of_finest(anchors, points[n, 0], points[n, 1], reach,
-                                               share, first_x, first_y, begin, rows, columns,
-                                               pixels)
+            first = starts[level] + j * shapes[level, 1]
+            _nearest_of_finest(anchors, (first, first + shapes[level, 1]), reach, share, first_x,
+                               first_y, rows, columns, pixels[begin:begin + rows * columns],
+                               points, pixels)
     for n in range(points.shape[0]):
         if pixels[n] < 0:
             points[n, 0] = points[n, 1] = np.float32(np.inf)

@@ -14,6 +14,7 @@ import numpy as np
 
 from .example_lanes import gather_signed, load_pairs, store_triples
 from .lanes import LANES
+from .lean import lean
 
 __all__ = ["blend", "elect", "pack", "vote"]
 
@@ -48,6 +49,53 @@ def _beside(anchors, n, ax, ay, reach):
     return _absolute(ax - bx) + _absolute(ay - by) < reach
 
 
+@lean
+def _elect_row(y, anchor, reach, shift, radius, width, out):
+    """`elect` of one row."""
+    anchors = anchor.reshape(-1)
+    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
+    values, outs = shift.reshape(-1), out.reshape(-1)
+    side = 2 * radius + 1
+    zero, one, half = np.float32(0), np.float32(1), np.float32(side * side) / np.float32(2)
+    for first in range(0, width, 16):
+        corner = y * stride + first
+        middle = corner + radius * stride + radius
+        x, z = _load(values, middle), _load(values, plane + middle)
+        most = _floats(zero)
+        for v in range(side):
+            for u in range(side):
+                n = corner + v * stride + u
+                alike = (_load(values, n) == x) & (_load(values, plane + n) == z)
+                most += _where(alike, _floats(one), zero)
+        own_x, own_z = x, z
+        # A majority can't be beaten, and a pixel without a shift gets none.
+        if _bits((most < half) & (x == x)) != 0:
+            here = y * width + first
+            if 2 * here + 32 <= anchors.size:
+                ax, ay = load_pairs(anchors, 2 * here)
+            else:
+                pair = _minimum(_iota() + np.int32(here),
+                                np.int32(anchors.size // 2 - 1)) * np.int32(2)
+                ax = gather_signed(anchors, pair)
+                ay = gather_signed(anchors, pair + np.int32(1))
+            for a in range(side * side):
+                n = corner + (a // side) * stride + a % side
+                other_x, other_z = _load(values, n), _load(values, plane + n)
+                votes = _floats(zero)
+                for b in range(side * side):
+                    m = corner + (b // side) * stride + b % side
+                    alike = ((_load(values, m) == other_x)
+                             & (_load(values, plane + m) == other_z))
+                    votes += _where(alike, _floats(one), zero)
+                near = _beside(anchors, here + (a // side - radius) * width
+                               + a % side - radius, ax, ay, reach)
+                better = (votes > most) & (x == x) & near
+                most = _where(better, votes, most)
+                own_x, own_z = _where(better, other_x, own_x), _where(better, other_z, own_z)
+        _store(outs, middle, own_x)
+        _store(outs, plane + middle, own_z)
+
+
 @numba.njit(cache=True, nogil=True, parallel=True)
 def elect(anchor, reach, shift, radius, width, out):
     """Mode filter: the most frequent shift of each window of side 2 radius + 1, into ``out``.
@@ -57,49 +105,8 @@ def elect(anchor, reach, shift, radius, width, out):
     shift of a pixel whose anchor is not within ``reach`` (L1) is no candidate: it belongs to
     another piece of the anchor plane.
     """
-    anchors = anchor.reshape(-1)
-    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
-    values, outs = shift.reshape(-1), out.reshape(-1)
-    side = 2 * radius + 1
-    zero, one, half = np.float32(0), np.float32(1), np.float32(side * side) / np.float32(2)
     for y in numba.prange(shift.shape[1] - 2 * radius):
-        for first in range(0, width, 16):
-            corner = y * stride + first
-            middle = corner + radius * stride + radius
-            x, z = _load(values, middle), _load(values, plane + middle)
-            most = _floats(zero)
-            for v in range(side):
-                for u in range(side):
-                    n = corner + v * stride + u
-                    alike = (_load(values, n) == x) & (_load(values, plane + n) == z)
-                    most += _where(alike, _floats(one), zero)
-            own_x, own_z = x, z
-            # A majority can't be beaten, and a pixel without a shift gets none.
-            if _bits((most < half) & (x == x)) != 0:
-                here = y * width + first
-                if 2 * here + 32 <= anchors.size:
-                    ax, ay = load_pairs(anchors, 2 * here)
-                else:
-                    pair = _minimum(_iota() + np.int32(here),
-                                    np.int32(anchors.size // 2 - 1)) * np.int32(2)
-                    ax = gather_signed(anchors, pair)
-                    ay = gather_signed(anchors, pair + np.int32(1))
-                for a in range(side * side):
-                    n = corner + (a // side) * stride + a % side
-                    other_x, other_z = _load(values, n), _load(values, plane + n)
-                    votes = _floats(zero)
-                    for b in range(side * side):
-                        m = corner + (b // side) * stride + b % side
-                        alike = ((_load(values, m) == other_x)
-                                 & (_load(values, plane + m) == other_z))
-                        votes += _where(alike, _floats(one), zero)
-                    near = _beside(anchors, here + (a // side - radius) * width
-                                   + a % side - radius, ax, ay, reach)
-                    better = (votes > most) & (x == x) & near
-                    most = _where(better, votes, most)
-                    own_x, own_z = _where(better, other_x, own_x), _where(better, other_z, own_z)
-            _store(outs, middle, own_x)
-            _store(outs, plane + middle, own_z)
+        _elect_row(y, anchor, reach, shift, radius, width, out)
 
 
 @numba.njit(cache=True, inline="always")
@@ -133,6 +140,65 @@ def _sample(colours, height, width, x, y, exact):
     return ar + fy * (cr - ar), ag + fy * (cg - ag), ab + fy * (cb - ab)
 
 
+@lean
+def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
+    """`vote` of one row."""
+    height, width = out.shape[:2]
+    style_height, style_width = colours.shape
+    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
+    values, anchors, flat = shift.reshape(-1), anchor.reshape(-1), colours.reshape(-1)
+    flat_out = out.reshape(-1)
+    zero, one = np.float32(0), np.float32(1)
+    for first in range(0, width, 16):
+        middle = (y + margin) * stride + margin + first
+        x, z = _load(values, middle), _load(values, plane + middle)
+        known = x == x
+        if _bits(known) == 0:
+            for n in range(min(16, width - first)):
+                out[y, first + n, 0] = out[y, first + n, 1] = out[y, first + n, 2] = zero
+            continue
+        here = y * width + first
+        if 2 * here + 32 <= anchors.size:
+            ax, ay = load_pairs(anchors, 2 * here)
+        else:
+            pair = (_minimum(_iota() + np.int32(first), np.int32(width - 1))
+                    + np.int32(y * width)) * np.int32(2)
+            ax, ay = gather_signed(anchors, pair), gather_signed(anchors, pair + np.int32(1))
+        ax, ay = _where(known, ax, zero), _where(known, ay, zero)
+        red, green, blue = _sample(flat, style_height, style_width, ax + _where(known, x, zero),
+                                   ay + _where(known, z, zero), exact)
+        count = _floats(one)
+        if radius > 0:
+            own_red, own_green, own_blue = red, green, blue
+            for v in range(-radius, radius + 1):
+                for u in range(-radius, radius + 1):
+                    if u == 0 and v == 0:
+                        continue
+                    n = middle + v * stride + u
+                    tx, tz = _load(values, n), _load(values, plane + n)
+                    there = (tx == tx) & known & _beside(anchors, here + v * width + u, ax,
+                                                         ay, reach)
+                    alike = (tx == x) & (tz == z)
+                    r, g, b = own_red, own_green, own_blue
+                    if _bits(there & ~alike) != 0:
+                        r, g, b = _sample(flat, style_height, style_width,
+                                          ax + _where(there, tx, zero),
+                                          ay + _where(there, tz, zero), exact)
+                    red += _where(there, r, zero)
+                    green += _where(there, g, zero)
+                    blue += _where(there, b, zero)
+                    count += _where(there, _floats(one), zero)
+        share = _where(known, np.float32(1 / 1020) / count, zero)
+        red, green, blue = red * share, green * share, blue * share
+        if first + 16 <= width:
+            store_triples(flat_out, 3 * here, red, green, blue)
+        else:
+            for n in range(width - first):
+                out[y, first + n, 0] = _lane(red, n)
+                out[y, first + n, 1] = _lane(green, n)
+                out[y, first + n, 2] = _lane(blue, n)
+
+
 @numba.njit(cache=True, nogil=True, parallel=True)
 def vote(colours, anchor, reach, shift, margin, radius, exact, out):
     """Mean of the colours that the window's shifts vote for, into ``out`` [H, W, 3] float32.
@@ -141,61 +207,8 @@ def vote(colours, anchor, reach, shift, margin, radius, exact, out):
     Pixels without a shift (NaN) stay 0. ``exact`` reads whole pixels, else bilinearly. Pixels whose
     anchor is not within ``reach`` (L1) have no vote: their shifts mean other places here.
     """
-    height, width = out.shape[:2]
-    style_height, style_width = colours.shape
-    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
-    values, anchors, flat = shift.reshape(-1), anchor.reshape(-1), colours.reshape(-1)
-    flat_out = out.reshape(-1)
-    zero, one = np.float32(0), np.float32(1)
-    for y in numba.prange(height):
-        for first in range(0, width, 16):
-            middle = (y + margin) * stride + margin + first
-            x, z = _load(values, middle), _load(values, plane + middle)
-            known = x == x
-            if _bits(known) == 0:
-                for n in range(min(16, width - first)):
-                    out[y, first + n, 0] = out[y, first + n, 1] = out[y, first + n, 2] = zero
-                continue
-            here = y * width + first
-            if 2 * here + 32 <= anchors.size:
-                ax, ay = load_pairs(anchors, 2 * here)
-            else:
-                pair = (_minimum(_iota() + np.int32(first), np.int32(width - 1))
-                        + np.int32(y * width)) * np.int32(2)
-                ax, ay = gather_signed(anchors, pair), gather_signed(anchors, pair + np.int32(1))
-            ax, ay = _where(known, ax, zero), _where(known, ay, zero)
-            red, green, blue = _sample(flat, style_height, style_width, ax + _where(known, x, zero),
-                                       ay + _where(known, z, zero), exact)
-            count = _floats(one)
-            if radius > 0:
-                own_red, own_green, own_blue = red, green, blue
-                for v in range(-radius, radius + 1):
-                    for u in range(-radius, radius + 1):
-                        if u == 0 and v == 0:
-                            continue
-                        n = middle + v * stride + u
-                        tx, tz = _load(values, n), _load(values, plane + n)
-                        there = (tx == tx) & known & _beside(anchors, here + v * width + u, ax,
-                                                             ay, reach)
-                        alike = (tx == x) & (tz == z)
-                        r, g, b = own_red, own_green, own_blue
-                        if _bits(there & ~alike) != 0:
-                            r, g, b = _sample(flat, style_height, style_width,
-                                              ax + _where(there, tx, zero),
-                                              ay + _where(there, tz, zero), exact)
-                        red += _where(there, r, zero)
-                        green += _where(there, g, zero)
-                        blue += _where(there, b, zero)
-                        count += _where(there, _floats(one), zero)
-            share = _where(known, np.float32(1 / 1020) / count, zero)
-            red, green, blue = red * share, green * share, blue * share
-            if first + 16 <= width:
-                store_triples(flat_out, 3 * here, red, green, blue)
-            else:
-                for n in range(width - first):
-                    out[y, first + n, 0] = _lane(red, n)
-                    out[y, first + n, 1] = _lane(green, n)
-                    out[y, first + n, 2] = _lane(blue, n)
+    for y in numba.prange(out.shape[0]):
+        _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out)
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
