@@ -12,7 +12,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .example_lanes import gather_signed, load_pairs, store_triples
+from .example_lanes import gather_neighbours, gather_signed, load_pairs, store_triples
 from .lanes import LANES
 from .lean import lean
 
@@ -120,7 +120,7 @@ def _channels(word):
 @numba.njit(cache=True, inline="always")
 def _sample(colours, height, width, x, y, exact):
     """Colour of the packed picture at the continuous places (x, y), clamped inside, 0 to 1020."""
-    zero, one, half = np.float32(0), np.int32(1), np.float32(0.5)
+    zero, half = np.float32(0), np.float32(0.5)
     right, bottom = np.float32(width - 1), np.float32(height - 1)
     pitch = np.int32(width)
     if exact:
@@ -131,10 +131,12 @@ def _sample(colours, height, width, x, y, exact):
     i, j = _minimum(_ints(x), np.int32(width - 2)), _minimum(_ints(y), np.int32(height - 2))
     fx, fy = x - _floats(i), y - _floats(j)
     n = j * pitch + i
-    ar, ag, ab = _channels(gather_signed(colours, n))
-    br, bg, bb = _channels(gather_signed(colours, n + one))
-    cr, cg, cb = _channels(gather_signed(colours, n + pitch))
-    dr, dg, db = _channels(gather_signed(colours, n + pitch + one))
+    left, right_one = gather_neighbours(colours, n)
+    ar, ag, ab = _channels(left)
+    br, bg, bb = _channels(right_one)
+    left, right_one = gather_neighbours(colours, n + pitch)
+    cr, cg, cb = _channels(left)
+    dr, dg, db = _channels(right_one)
     ar, ag, ab = ar + fx * (br - ar), ag + fx * (bg - ag), ab + fx * (bb - ab)
     cr, cg, cb = cr + fx * (dr - cr), cg + fx * (dg - cg), cb + fx * (db - cb)
     return ar + fy * (cr - ar), ag + fy * (cg - ag), ab + fy * (cb - ab)
@@ -169,25 +171,35 @@ def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
                                    ay + _where(known, z, zero), exact)
         count = _floats(one)
         if radius > 0:
-            own_red, own_green, own_blue = red, green, blue
-            for v in range(-radius, radius + 1):
-                for u in range(-radius, radius + 1):
+            # Neighbours mostly share a shift with the middle or with the one looked at before.
+            own_votes = _floats(one)
+            last_x, last_z, last_red, last_green, last_blue = x, z, red, green, blue
+            other_red, other_green, other_blue = _floats(zero), _floats(zero), _floats(zero)
+            for u in range(-radius, radius + 1):
+                for v in range(-radius, radius + 1):
                     if u == 0 and v == 0:
                         continue
                     n = middle + v * stride + u
                     tx, tz = _load(values, n), _load(values, plane + n)
-                    there = (tx == tx) & known & _beside(anchors, here + v * width + u, ax,
-                                                         ay, reach)
-                    alike = (tx == x) & (tz == z)
-                    r, g, b = own_red, own_green, own_blue
-                    if _bits(there & ~alike) != 0:
-                        r, g, b = _sample(flat, style_height, style_width,
-                                          ax + _where(there, tx, zero),
-                                          ay + _where(there, tz, zero), exact)
-                    red += _where(there, r, zero)
-                    green += _where(there, g, zero)
-                    blue += _where(there, b, zero)
-                    count += _where(there, _floats(one), zero)
+                    own = (tx == x) & (tz == z)
+                    own_votes += _where(own, _floats(one), zero)
+                    others = (tx == tx) & known & ~own
+                    if _bits(others) == 0:
+                        continue
+                    others = others & _beside(anchors, here + v * width + u, ax, ay, reach)
+                    if _bits(others & ~((tx == last_x) & (tz == last_z))) != 0:
+                        last_x, last_z = tx, tz
+                        last_red, last_green, last_blue = _sample(
+                            flat, style_height, style_width, ax + _where(tx == tx, tx, zero),
+                            ay + _where(tx == tx, tz, zero), exact)
+                    other_red += _where(others, last_red, zero)
+                    other_green += _where(others, last_green, zero)
+                    other_blue += _where(others, last_blue, zero)
+                    count += _where(others, _floats(one), zero)
+            red = red * own_votes + other_red
+            green = green * own_votes + other_green
+            blue = blue * own_votes + other_blue
+            count += own_votes - one
         share = _where(known, np.float32(1 / 1020) / count, zero)
         red, green, blue = red * share, green * share, blue * share
         if first + 16 <= width:
