@@ -134,7 +134,7 @@ def test_changes_are_those_of_the_carried_frame():
     trusted = np.ones((6, 8), bool)
     trusted[:, 0] = False
     sums = np.empty((6, 8))
-    squared_changes(image, before, back, 2, trusted, sums)
+    squared_changes(image, before, back, 2, trusted, 1, sums)
     seen = image[1::2, 3::2]
     assert sums[:, 0].sum() == 42 and sums[:, 1].sum() < 1e-9
     assert np.allclose(sums[:, 2:5].sum(0), seen.sum((0, 1)), rtol=1e-5)

@@ -199,6 +199,7 @@ class Transfer:
         points = np.asarray(landmarks, np.float64)
         photo = np.asarray(image[..., :3])
         start = time.perf_counter()
+        flat = position is None
         if position is None and regions is None:
             regions = find_regions(photo, points, mask, size=384)
         guided = time.perf_counter()
@@ -229,7 +230,9 @@ class Transfer:
         blit = config.blit
         if seeds is None:
             blit = replace(blit, gain=config.steadiness * blit.gain)
-            weights[..., 0] *= relative_stretch(guides.position, guides.anchor)
+            # On a photo the position is as smooth as the grid that it was computed on.
+            weights[..., 0] *= relative_stretch(guides.position, guides.anchor,
+                                                cell=config.grid if flat else 1)
         synthesising = time.perf_counter()
         synthesis = synthesise(
             guides, weights, config.label_weight, self.appearance, self.labels, self.table,

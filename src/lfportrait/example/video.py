@@ -18,11 +18,12 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from ..kernels.example_video import mend, squared_changes, to_bytes, unfold
 from .ahead import ahead, in_turn
 from .exemplar import face_size
-from .guides import enlarged, pixel_centres, shrunk
+from .guides import enlarged, pixel_centres
 from .motion import Flow, Motion, block_side
 from .regions import Regions, find_regions
 from .transfer import Transfer, face_landmarks
@@ -36,9 +37,9 @@ FRESH = 0.25
 """Share of the detected landmarks in the carried ones."""
 TORN = (0.6, 1.7)
 """Range of the anchor plane's stretch against a new one."""
-DETECT = 2
+DETECT = 4
 """Landmarks are detected in every so manieth frame."""
-SEGMENT = 3
+SEGMENT = 8
 """And person and hair segmented."""
 MOST_PAINTERS = 4
 """More frames are not painted at a time: one thread can't follow the motion faster."""
@@ -89,8 +90,8 @@ class VideoTransfer:
     ----------
     flicker
         For each frame but the first, the root mean square difference to the stylised frame before,
-        warped by the flow, over the contrast of the frame; empty without OpenCV. Every second
-        pixel of every second row is looked at.
+        warped by the flow, over the contrast of the frame; empty without OpenCV. Every fourth
+        pixel of every fourth row is looked at.
     """
 
     def __init__(self, prepared: Transfer, carry: bool = True, detect: int = DETECT,
@@ -209,22 +210,21 @@ class VideoTransfer:
     def _segmented(self, frame: NDArray[np.uint8], points: Float64,
                    motion: Motion | None) -> Regions:
         """Person and hair of the frame before, carried along, or found, or both."""
-        if motion is None or self._masks is None:
-            found = find_regions(frame, points, size=256)
-            self._masks = _on_blocks(found, block_side(frame.shape))
-            return found
-        masks = motion.carry(self._masks)
-        if self._number % self.segment == 0:
-            fresh = _on_blocks(find_regions(frame, points, size=256), motion.factor)
-            if fresh.shape == masks.shape:
+        side = block_side(frame.shape)
+        masks = None
+        if motion is not None and self._masks is not None:
+            masks = motion.carry(self._masks)
+        if motion is None or masks is None or self._number % self.segment == 0:
+            fresh = _found_masks(frame, points, side)
+            if motion is not None and masks is not None and masks.shape == fresh.shape:
                 share = np.where(motion.trusted, np.float32(FRESH_MASKS), np.float32(1))
                 masks += share[..., None] * (fresh - masks)
             else:
-                # Now there is hair, or there is none any more.
+                # The first frame, a cut, or now there is hair, or there is none any more.
                 masks = fresh
         self._masks = masks
         size = frame.shape[0], frame.shape[1]
-        person, *hair = (enlarged(plane, motion.factor, size)
+        person, *hair = (enlarged(plane, side, size)
                          for plane in np.moveaxis(masks, -1, 0))
         return Regions(points, person, hair[0] if hair else None)
 
@@ -262,12 +262,13 @@ class VideoTransfer:
         That of the person: new parts then join the old ones. A new plane in the picture where the
         person has become much larger or smaller.
         """
-        every = slice(None, None, 3)
+        every = slice(2, None, 5)
         person = motion.trusted[every, every]
         if self._masks is not None:
             person = person & (self._masks[every, every, 0] > 0.5)
-        if person.sum() > 50:
-            places = pixel_centres(anchor.shape)[every, every][person] * motion.factor
+        if person.sum() > 30:
+            rows, columns = np.nonzero(person)
+            places = (np.stack([columns, rows], axis=-1) * 5 + 2.5) * motion.factor
             values = anchor[every, every][person]
             for _ in range(2):
                 a, b = _similarity(places.astype(np.float64), values.astype(np.float64))
@@ -285,7 +286,7 @@ class VideoTransfer:
         if motion is None or before is None:
             return
         sums = np.empty((motion.trusted.shape[0], 8), np.float64)
-        squared_changes(image, before, motion.back, motion.factor, motion.trusted, sums)
+        squared_changes(image, before, motion.back, motion.factor, motion.trusted, 2, sums)
         total = sums.sum(axis=0)
         count = max(float(total[0]), 1.0)
         contrast = float(np.sqrt(max((total[5:] / count - (total[2:5] / count) ** 2).mean(), 0.0)))
@@ -299,10 +300,15 @@ def _bytes_of(image: Float32) -> NDArray[np.uint8]:
     return out
 
 
-def _on_blocks(regions: Regions, side: int) -> Float32:
-    """Masks of the person and, if it is known, the hair on blocks, [h, w, 1 or 2]."""
+def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int) -> Float32:
+    """Masks of the person and, if it is known, the hair on blocks of a frame, [h, w, 1 or 2].
+
+    The networks see less than that: nothing is gained by showing them the whole frame.
+    """
+    small = np.asarray(Image.fromarray(frame).reduce(side))
+    regions = find_regions(small, points / side, size=256)
     masks = [regions.person] if regions.hair is None else [regions.person, regions.hair]
-    return np.stack([shrunk(np.ascontiguousarray(mask), side) for mask in masks], axis=-1)
+    return np.stack(masks, axis=-1)
 
 
 def _threads_share_kernels() -> bool:

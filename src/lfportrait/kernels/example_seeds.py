@@ -10,6 +10,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from .example_lanes import load_pairs
+from .lanes import LANES
 from .lean import lean
 
 __all__ = ["finite_range", "seed_points", "seed_regular", "seed_splat"]
@@ -19,6 +21,8 @@ _K1, _K2, _K3 = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F),
                  np.uint64(0x165667B19E3779F9))
 _S30, _S27, _S31, _S32, _S40 = (np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(32),
                                 np.uint64(40))
+_floats, _where, _lane = LANES.floats, LANES.where, LANES.lane
+_minimum, _maximum = LANES.minimum, LANES.maximum
 _NOTHING = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
@@ -147,14 +151,36 @@ def seed_splat(anchor, firsts, starts, shapes, finest, points, pixels):
             points[n, 0] = points[n, 1] = np.float32(np.inf)
 
 
+@lean
+def _finite_range_row(row, low, high):
+    """`finite_range` of one row: ``row`` [2 W] interleaved, ``low`` and ``high`` [2]."""
+    infinite = np.float32(np.inf)
+    least_x, least_y, most_x, most_y = infinite, infinite, -infinite, -infinite
+    whole = row.size // 32 * 32
+    if whole > 0:
+        lows, lows_y = _floats(infinite), _floats(infinite)
+        highs, highs_y = _floats(-infinite), _floats(-infinite)
+        for first in range(0, whole, 32):
+            x, y = load_pairs(row, first)
+            lows = _minimum(lows, _where(x > -infinite, x, infinite))
+            lows_y = _minimum(lows_y, _where(y > -infinite, y, infinite))
+            highs = _maximum(highs, _where(x < infinite, x, -infinite))
+            highs_y = _maximum(highs_y, _where(y < infinite, y, -infinite))
+        for k in range(16):
+            least_x, least_y = min(least_x, _lane(lows, k)), min(least_y, _lane(lows_y, k))
+            most_x, most_y = max(most_x, _lane(highs, k)), max(most_y, _lane(highs_y, k))
+    for n in range(whole, row.size, 2):
+        if -infinite < row[n] < infinite:
+            least_x, most_x = min(least_x, row[n]), max(most_x, row[n])
+        if -infinite < row[n + 1] < infinite:
+            least_y, most_y = min(least_y, row[n + 1]), max(most_y, row[n + 1])
+    low[0], low[1], high[0], high[1] = least_x, least_y, most_x, most_y
+
+
 @numba.njit(cache=True, nogil=True, parallel=True)
 def finite_range(values, low, high):
     """Least and largest finite value of every row: ``values`` [H, W, 2] into [H, 2] each."""
-    for y in numba.prange(values.shape[0]):
-        for c in range(2):
-            least, most = np.float32(np.inf), np.float32(-np.inf)
-            for x in range(values.shape[1]):
-                value = values[y, x, c]
-                if np.isfinite(value):
-                    least, most = min(least, value), max(most, value)
-            low[y, c], high[y, c] = least, most
+    height, width = values.shape[:2]
+    rows = values.reshape(height, 2 * width)
+    for y in numba.prange(height):
+        _finite_range_row(rows[y], low[y], high[y])

@@ -49,6 +49,85 @@ def _beside(anchors, n, ax, ay, reach):
     return _absolute(ax - bx) + _absolute(ay - by) < reach
 
 
+@numba.njit(cache=True, inline="always")
+def _places(anchors, n):
+    """The anchors of the pixels n .. n + 15; past the end the last one."""
+    if 2 * n + 32 <= anchors.size:
+        return load_pairs(anchors, 2 * n)
+    pair = _minimum(_iota() + np.int32(n), np.int32(anchors.size // 2 - 1)) * np.int32(2)
+    return gather_signed(anchors, pair), gather_signed(anchors, pair + np.int32(1))
+
+
+@numba.njit(cache=True, inline="always")
+def _votes(x, z, xs, zs):
+    """How many of the nine shifts ``xs``, ``zs`` are (x, z), lane by lane."""
+    one, zero = _floats(np.float32(1)), np.float32(0)
+    first = _where((xs[0] == x) & (zs[0] == z), one, zero)
+    other = _where((xs[1] == x) & (zs[1] == z), one, zero)
+    first += _where((xs[2] == x) & (zs[2] == z), one, zero)
+    other += _where((xs[3] == x) & (zs[3] == z), one, zero)
+    first += _where((xs[4] == x) & (zs[4] == z), one, zero)
+    other += _where((xs[5] == x) & (zs[5] == z), one, zero)
+    first += _where((xs[6] == x) & (zs[6] == z), one, zero)
+    other += _where((xs[7] == x) & (zs[7] == z), one, zero)
+    return first + other + _where((xs[8] == x) & (zs[8] == z), one, zero)
+
+
+@numba.njit(cache=True, inline="always")
+def _stand(x, z, xs, zs, anchors, n, ax, ay, reach, known, most, own_x, own_z):
+    """The winner so far, or (x, z) of the pixels n .. n + 15 where it has more votes and is near."""
+    votes = _votes(x, z, xs, zs)
+    better = known & (votes > most)
+    if _bits(better) != 0:
+        better = better & _beside(anchors, n, ax, ay, reach)
+        most = _where(better, votes, most)
+        own_x, own_z = _where(better, x, own_x), _where(better, z, own_z)
+    return most, own_x, own_z
+
+
+@lean
+def _elect_row_of_nine(y, anchor, reach, shift, width, out):
+    """`elect` of one row for a radius of 1: all nine shifts stay in registers."""
+    anchors = anchor.reshape(-1)
+    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
+    values, outs = shift.reshape(-1), out.reshape(-1)
+    half = np.float32(4.5)
+    for first in range(0, width, 16):
+        a = y * stride + first
+        b, c = a + stride, a + 2 * stride
+        xs = (_load(values, a), _load(values, a + 1), _load(values, a + 2),
+              _load(values, b), _load(values, b + 1), _load(values, b + 2),
+              _load(values, c), _load(values, c + 1), _load(values, c + 2))
+        a, b, c = plane + a, plane + b, plane + c
+        zs = (_load(values, a), _load(values, a + 1), _load(values, a + 2),
+              _load(values, b), _load(values, b + 1), _load(values, b + 2),
+              _load(values, c), _load(values, c + 1), _load(values, c + 2))
+        x, z = xs[4], zs[4]
+        known, most = x == x, _votes(x, z, xs, zs)
+        # A majority can't be beaten, and a pixel without a shift gets none.
+        if _bits((most < half) & known) != 0:
+            n = y * width + first
+            ax, ay = _places(anchors, n)
+            m, p = n - width - 1, n + width - 1
+            most, x, z = _stand(xs[0], zs[0], xs, zs, anchors, m, ax, ay, reach, known, most, x, z)
+            most, x, z = _stand(xs[1], zs[1], xs, zs, anchors, m + 1, ax, ay, reach, known, most,
+                                x, z)
+            most, x, z = _stand(xs[2], zs[2], xs, zs, anchors, m + 2, ax, ay, reach, known, most,
+                                x, z)
+            most, x, z = _stand(xs[3], zs[3], xs, zs, anchors, n - 1, ax, ay, reach, known, most,
+                                x, z)
+            most, x, z = _stand(xs[5], zs[5], xs, zs, anchors, n + 1, ax, ay, reach, known, most,
+                                x, z)
+            most, x, z = _stand(xs[6], zs[6], xs, zs, anchors, p, ax, ay, reach, known, most, x, z)
+            most, x, z = _stand(xs[7], zs[7], xs, zs, anchors, p + 1, ax, ay, reach, known, most,
+                                x, z)
+            most, x, z = _stand(xs[8], zs[8], xs, zs, anchors, p + 2, ax, ay, reach, known, most,
+                                x, z)
+        middle = (y + 1) * stride + first + 1
+        _store(outs, middle, x)
+        _store(outs, plane + middle, z)
+
+
 @lean
 def _elect_row(y, anchor, reach, shift, radius, width, out):
     """`elect` of one row."""
@@ -71,13 +150,7 @@ def _elect_row(y, anchor, reach, shift, radius, width, out):
         # A majority can't be beaten, and a pixel without a shift gets none.
         if _bits((most < half) & (x == x)) != 0:
             here = y * width + first
-            if 2 * here + 32 <= anchors.size:
-                ax, ay = load_pairs(anchors, 2 * here)
-            else:
-                pair = _minimum(_iota() + np.int32(here),
-                                np.int32(anchors.size // 2 - 1)) * np.int32(2)
-                ax = gather_signed(anchors, pair)
-                ay = gather_signed(anchors, pair + np.int32(1))
+            ax, ay = _places(anchors, here)
             for a in range(side * side):
                 n = corner + (a // side) * stride + a % side
                 other_x, other_z = _load(values, n), _load(values, plane + n)
@@ -106,7 +179,10 @@ def elect(anchor, reach, shift, radius, width, out):
     another piece of the anchor plane.
     """
     for y in numba.prange(shift.shape[1] - 2 * radius):
-        _elect_row(y, anchor, reach, shift, radius, width, out)
+        if radius == 1:
+            _elect_row_of_nine(y, anchor, reach, shift, width, out)
+        else:
+            _elect_row(y, anchor, reach, shift, radius, width, out)
 
 
 @numba.njit(cache=True, inline="always")
@@ -142,6 +218,15 @@ def _sample(colours, height, width, x, y, exact):
     return ar + fy * (cr - ar), ag + fy * (cg - ag), ab + fy * (cb - ab)
 
 
+@numba.njit(cache=True, inline="always")
+def _counted(x, z, voters, own_x, own_z, votes):
+    """Count (x, z) where it is the shift counted here, or none is yet; and who is left."""
+    mine = voters & ((votes == np.float32(0)) | ((x == own_x) & (z == own_z)))
+    one, zero = _floats(np.float32(1)), np.float32(0)
+    return (_where(mine, x, own_x), _where(mine, z, own_z), votes + _where(mine, one, zero),
+            voters & ~mine)
+
+
 @lean
 def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
     """`vote` of one row."""
@@ -171,35 +256,51 @@ def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
                                    ay + _where(known, z, zero), exact)
         count = _floats(one)
         if radius > 0:
-            # Neighbours mostly share a shift with the middle or with the one looked at before.
-            own_votes = _floats(one)
-            last_x, last_z, last_red, last_green, last_blue = x, z, red, green, blue
-            other_red, other_green, other_blue = _floats(zero), _floats(zero), _floats(zero)
-            for u in range(-radius, radius + 1):
-                for v in range(-radius, radius + 1):
+            # Few shifts meet in a window: those that differ from the middle's are counted first,
+            # up to three at a pixel, and looked up once each.
+            own_votes, none = _floats(one), _floats(zero)
+            x1, z1, n1, x2, z2, n2, x3, z3, n3 = x, z, none, x, z, none, x, z, none
+            red2, green2, blue2 = none, none, none
+            for v in range(-radius, radius + 1):
+                for u in range(-radius, radius + 1):
                     if u == 0 and v == 0:
                         continue
                     n = middle + v * stride + u
                     tx, tz = _load(values, n), _load(values, plane + n)
                     own = (tx == x) & (tz == z)
                     own_votes += _where(own, _floats(one), zero)
-                    others = (tx == tx) & known & ~own
-                    if _bits(others) == 0:
+                    rest = (tx == tx) & known & ~own
+                    if _bits(rest) == 0:
                         continue
-                    others = others & _beside(anchors, here + v * width + u, ax, ay, reach)
-                    if _bits(others & ~((tx == last_x) & (tz == last_z))) != 0:
-                        last_x, last_z = tx, tz
-                        last_red, last_green, last_blue = _sample(
-                            flat, style_height, style_width, ax + _where(tx == tx, tx, zero),
-                            ay + _where(tx == tx, tz, zero), exact)
-                    other_red += _where(others, last_red, zero)
-                    other_green += _where(others, last_green, zero)
-                    other_blue += _where(others, last_blue, zero)
-                    count += _where(others, _floats(one), zero)
-            red = red * own_votes + other_red
-            green = green * own_votes + other_green
-            blue = blue * own_votes + other_blue
-            count += own_votes - one
+                    rest = rest & _beside(anchors, here + v * width + u, ax, ay, reach)
+                    x1, z1, n1, rest = _counted(tx, tz, rest, x1, z1, n1)
+                    if _bits(rest) == 0:
+                        continue
+                    x2, z2, n2, rest = _counted(tx, tz, rest, x2, z2, n2)
+                    x3, z3, n3, rest = _counted(tx, tz, rest, x3, z3, n3)
+                    if _bits(rest) != 0:
+                        r, g, b = _sample(flat, style_height, style_width,
+                                          ax + _where(rest, tx, zero), ay + _where(rest, tz, zero),
+                                          exact)
+                        red2 += _where(rest, r, zero)
+                        green2 += _where(rest, g, zero)
+                        blue2 += _where(rest, b, zero)
+                        count += _where(rest, _floats(one), zero)
+            red, green, blue = (red * own_votes + red2, green * own_votes + green2,
+                                blue * own_votes + blue2)
+            count += own_votes - one + n1 + n2 + n3
+            if _bits(n1 > zero) != 0:
+                r, g, b = _sample(flat, style_height, style_width, ax + _where(known, x1, zero),
+                                  ay + _where(known, z1, zero), exact)
+                red, green, blue = red + n1 * r, green + n1 * g, blue + n1 * b
+            if _bits(n2 > zero) != 0:
+                r, g, b = _sample(flat, style_height, style_width, ax + _where(known, x2, zero),
+                                  ay + _where(known, z2, zero), exact)
+                red, green, blue = red + n2 * r, green + n2 * g, blue + n2 * b
+            if _bits(n3 > zero) != 0:
+                r, g, b = _sample(flat, style_height, style_width, ax + _where(known, x3, zero),
+                                  ay + _where(known, z3, zero), exact)
+                red, green, blue = red + n3 * r, green + n3 * g, blue + n3 * b
         share = _where(known, np.float32(1 / 1020) / count, zero)
         red, green, blue = red * share, green * share, blue * share
         if first + 16 <= width:
