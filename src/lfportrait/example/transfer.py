@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 from numpy.typing import NDArray
-from PIL import Image
 
 from ..errors import UserError
 from ..kernels.example_labels import pixel_weights, shrink_label
@@ -34,7 +33,6 @@ from .guides import (
 from .labels import LABELS, missing_labels
 from .outline import EdgeMatch, signed_distances
 from .regions import Regions, find_regions
-from .segment import resize
 from .styleblit import (
     BlitConfig,
     Seeds,
@@ -206,7 +204,7 @@ class Transfer:
         if position is None:
             assert regions is not None
             person = regions.person
-            cover = self._cover(photo, points, person)
+            cover = self.cover(photo, points, person)
             labels = regions.labels(self._like)
             position = self._flat_guide(cover, points, regions, labels)
         else:
@@ -216,7 +214,7 @@ class Transfer:
             person = np.isfinite(position[..., 0]).astype(np.float32)
             if mask is not None:
                 person = person * mask
-            cover = np.where(np.isfinite(position[..., 0]), self._cover(photo, points, person),
+            cover = np.where(np.isfinite(position[..., 0]), self.cover(photo, points, person),
                              np.float32(0))
         if seeds_anchor is None:
             scale = self.scale(points)
@@ -236,7 +234,7 @@ class Transfer:
         synthesising = time.perf_counter()
         synthesis = synthesise(
             guides, weights, config.label_weight, self.appearance, self.labels, self.table,
-            self._colours(scale), blit, seed=config.seed,
+            self.colours(scale), blit, seed=config.seed,
             scale=scale if seeds is not None else None, seeds=seeds, finest=finest_level(scale))
         result = np.empty(photo.shape, np.float32)
         blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), synthesis.image, cover,
@@ -246,25 +244,6 @@ class Transfer:
                    "synthesis_seconds": time.perf_counter() - synthesising}
         return TransferResult(result, guides, cover, synthesis, seconds,
                               self.exemplar.image.shape[:2], self.appearance)
-
-    def reduced(self, factor: float) -> Transfer:
-        """The same painting, ``factor`` times smaller, for targets of one exemplar pixel each.
-
-        Where a target's pixel covers several of the exemplar's, as many frames of a video do, what
-        is copied lies closer together: that saves a third of the look-ups' time.
-        """
-        height, width = (max(8, round(n / factor)) for n in self.exemplar.image.shape[:2])
-        picture = np.asarray(Image.fromarray(self.exemplar.image).resize(
-            (width, height), Image.Resampling.LANCZOS))
-        ratio = np.array([width, height]) / self.exemplar.image.shape[1::-1]
-        exemplar = Exemplar(picture, self.exemplar.landmarks * ratio, self.exemplar.name)
-        person, hair = self.regions.person, self.regions.hair
-        regions = Regions(exemplar.landmarks, resize(person, picture.shape),
-                          None if hair is None else resize(hair, picture.shape))
-        levels = max(1, self.config.blit.levels - round(np.log2(factor)))
-        config = replace(self.config, stroke_scale=1.0, blit=replace(self.config.blit,
-                                                                    levels=levels))
-        return Transfer(exemplar, config, regions=regions)
 
     def _photo_anchor(self, shape: tuple[int, ...], scale: float) -> tuple[Float32, Seeds]:
         """Anchor plane and seeds of a photo: the same for all of one size."""
@@ -283,7 +262,7 @@ class Transfer:
         scale = self.exemplar.size / face_size(landmarks)
         return 1.0 if 0.75 < scale < 4 / 3 else scale
 
-    def _colours(self, scale: float) -> NDArray[np.int32]:
+    def colours(self, scale: float) -> NDArray[np.int32]:
         """The exemplar's colours, low-passed where a target pixel covers several of its pixels.
 
         Packed (`styleblit.pack_colours`), int32 [h, w].
@@ -340,7 +319,7 @@ class Transfer:
                       np.float32(config.hair_appearance), np.float32(config.body_appearance), out)
         return out
 
-    def _cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
+    def cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
                person: Float32) -> Float32:
         """Weight of the synthesis against the photo."""
         config = self.config

@@ -25,8 +25,9 @@ from .ahead import ahead, in_turn
 from .exemplar import face_size
 from .guides import enlarged, pixel_centres
 from .motion import Flow, Motion, block_side
+from .onward import paint_onward, reduced
 from .regions import Regions, find_regions
-from .transfer import Transfer, face_landmarks
+from .transfer import Transfer, TransferResult, face_landmarks
 
 __all__ = ["VideoTransfer"]
 
@@ -41,6 +42,10 @@ DETECT = 4
 """Landmarks are detected in every so manieth frame."""
 SEGMENT = 8
 """And person and hair segmented."""
+PAINT = 2
+"""Frames are painted anew every so manieth time, and onward between."""
+KEPT = 0.9
+"""Share of carried anchors below which a frame is painted anew in any case."""
 MOST_PAINTERS = 4
 """More frames are not painted at a time: one thread can't follow the motion faster."""
 FRESH_MASKS = 0.5
@@ -71,6 +76,8 @@ class _Followed:
     anchor: Float32
     regions: Regions
     motion: Motion | None
+    kept: NDArray[np.bool_] | None
+    """Blocks whose anchors were carried; None where the frame is to be painted anew."""
 
 
 class VideoTransfer:
@@ -85,6 +92,8 @@ class VideoTransfer:
     detect, segment
         Landmarks are detected, person and hair segmented, in every so manieth frame; between they
         are carried.
+    paint
+        Every so manieth frame is painted anew; between the strokes are carried, too.
 
     Attributes
     ----------
@@ -95,10 +104,10 @@ class VideoTransfer:
     """
 
     def __init__(self, prepared: Transfer, carry: bool = True, detect: int = DETECT,
-                 segment: int = SEGMENT) -> None:
+                 segment: int = SEGMENT, paint: int = PAINT) -> None:
         self.prepared = prepared
         self.carry = carry
-        self.detect, self.segment = detect, segment
+        self.detect, self.segment, self.paint = detect, segment, paint
         self.flicker: list[float] = []
         self._flow = Flow()
         self._number = 0
@@ -107,6 +116,7 @@ class VideoTransfer:
         self._anchor: Float32 | None = None
         self._masks: Float32 | None = None
         self._painted: Float32 | None = None
+        self._result: TransferResult | None = None
         self._scale = 1.0
 
     def apply(self, frame: NDArray[np.uint8],
@@ -130,15 +140,16 @@ class VideoTransfer:
             If there is no face in the first frame.
         """
         step = self._follow(frame, landmarks)
-        image = self._painting(step)
-        self._compare(step, image)
-        return image
+        self._result = self._painting(step, self._result)
+        self._compare(step, self._result.image)
+        return self._result.image
 
     def frames(self, frames: Iterable[NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
         """Stylise frames one after the other, several at a time.
 
-        One thread follows the motion through the video; others paint a frame each, for that needs
-        nothing from the frame before. Each kernel keeps to its thread, so none waits for another.
+        One thread follows the motion through the video; others paint, each a frame that needs
+        nothing from the one before, and those that go on from it. Each kernel keeps to its thread,
+        so none waits for another.
 
         Parameters
         ----------
@@ -158,29 +169,40 @@ class VideoTransfer:
         def start() -> None:
             numba.set_num_threads(max(1, cores // (painters + 1)))
 
-        def paint(step: _Followed) -> tuple[_Followed, Float32, NDArray[np.uint8]]:
-            image = self._painting(step)
-            return step, image, _bytes_of(image)
+        def paint(steps: list[_Followed],
+                  ) -> list[tuple[_Followed, Float32, NDArray[np.uint8]]]:
+            made, result = [], None
+            for step in steps:
+                result = self._painting(step, result)
+                made.append((step, result.image, _bytes_of(result.image)))
+            return made
 
-        followed = ahead((self._follow(frame) for frame in frames), start=start)
-        for step, image, picture in in_turn(paint, followed, painters, start):
-            self._compare(step, image)
-            yield picture
+        followed = _runs(ahead((self._follow(frame) for frame in frames), start=start))
+        for run in in_turn(paint, followed, painters, start):
+            for step, image, picture in run:
+                self._compare(step, image)
+                yield picture
 
     def _follow(self, frame: NDArray[np.uint8],
                 landmarks: NDArray[np.floating] | None = None) -> _Followed:
         """Landmarks, regions and anchor plane of the next frame."""
         motion = self._flow.next(frame)
         points = self._points(frame, landmarks, motion)
-        anchor = self._carried(frame.shape, points, motion)
+        anchor, kept = self._carried(frame.shape, points, motion)
         regions = self._segmented(frame, points, motion)
+        if self._number % self.paint == 0 or kept is None or kept.mean() < KEPT or not self.carry:
+            kept = None
         self._landmarks = points
         self._number += 1
-        return _Followed(frame, points, anchor, regions, motion)
+        return _Followed(frame, points, anchor, regions, motion, kept)
 
-    def _painting(self, step: _Followed) -> Float32:
-        return self.prepared.apply(step.frame, step.points, regions=step.regions,
-                                   seeds_anchor=step.anchor if self.carry else None).image
+    def _painting(self, step: _Followed, before: TransferResult | None) -> TransferResult:
+        """A frame painted anew, or onward from the one before."""
+        if step.kept is None or step.motion is None or before is None:
+            return self.prepared.apply(step.frame, step.points, regions=step.regions,
+                                       seeds_anchor=step.anchor if self.carry else None)
+        return paint_onward(self.prepared, step.frame, step.points, step.regions.person,
+                            step.anchor, step.motion, step.kept, before)
 
     def _find(self, frame: NDArray[np.uint8]) -> Float64:
         from ..face import detect_landmarks
@@ -228,18 +250,20 @@ class VideoTransfer:
                          for plane in np.moveaxis(masks, -1, 0))
         return Regions(points, person, hair[0] if hair else None)
 
-    def _carried(self, shape: tuple[int, ...], points: Float64, motion: Motion | None) -> Float32:
-        """The anchor plane of this frame."""
+    def _carried(self, shape: tuple[int, ...], points: Float64,
+                 motion: Motion | None) -> tuple[Float32, NDArray[np.bool_] | None]:
+        """The anchor plane of this frame, and the blocks whose anchors come from the one before."""
         side = block_side(shape)
         if self._anchor is None or self._first is None:
             self._first = points
             self._scale = self.prepared.scale(points)
             if self._scale > 1:
-                self.prepared = self.prepared.reduced(self._scale)
+                self.prepared = reduced(self.prepared, self._scale)
                 self._scale = 1.0
             blocks = -(-shape[0] // side), -(-shape[1] // side)
             self._anchor = pixel_centres(blocks) * np.float32(self._scale * side)
-            return pixel_centres(shape) * np.float32(self._scale)
+            return pixel_centres(shape) * np.float32(self._scale), None
+        kept = None
         scale = np.float32(self._scale)
         if motion is None:
             a, b = _similarity(points, self._first)
@@ -252,9 +276,10 @@ class VideoTransfer:
             self._anchor = np.empty_like(anchor)
             mend(anchor, motion.trusted, side, scale, np.float32(TORN[0]), np.float32(TORN[1]),
                  turn, offset, self._anchor)
+            kept = (anchor[..., 0] == self._anchor[..., 0]) & motion.trusted
         out = np.empty((*shape[:2], 2), np.float32)
         unfold(self._anchor, side, scale, np.float32(TORN[1]), out)
-        return out
+        return out, kept
 
     def _continued(self, anchor: Float32, motion: Motion) -> tuple[complex, complex]:
         """The similarity (a, b), z -> a z + b, that continues a carried plane where it is anew.
@@ -292,6 +317,23 @@ class VideoTransfer:
         contrast = float(np.sqrt(max((total[5:] / count - (total[2:5] / count) ** 2).mean(), 0.0)))
         if contrast > 1 / 255:
             self.flicker.append(float(np.sqrt(total[1] / (3 * count))) / contrast)
+
+
+def _runs(steps: Iterator[_Followed]) -> Iterator[list[_Followed]]:
+    """Each frame that is painted anew, with those that go on from it."""
+    run: list[_Followed] = []
+    try:
+        for step in steps:
+            if run and step.kept is None:
+                yield run
+                run = []
+            run.append(step)
+        if run:
+            yield run
+    finally:
+        close = getattr(steps, "close", None)
+        if close is not None:
+            close()
 
 
 def _bytes_of(image: Float32) -> NDArray[np.uint8]:

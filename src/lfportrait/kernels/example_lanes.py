@@ -15,8 +15,8 @@ from numba.extending import intrinsic
 from .identity import identified
 from .lanes import F, I
 
-__all__ = ["gather_neighbours", "gather_pairs", "gather_signed", "load_ints", "load_pairs", "prefetch", "store_bytes",
-           "store_pairs", "store_triples"]
+__all__ = ["gather_neighbours", "gather_pairs", "gather_signed", "load_ints", "load_pairs",
+           "prefetch", "store_bytes", "store_pairs", "store_triples"]
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _EVEN, _ODD = (ir.Constant(ir.VectorType(_I32, 16), list(range(n, 32, 2))) for n in (0, 1))

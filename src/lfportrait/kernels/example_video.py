@@ -9,7 +9,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["carry", "mend", "squared_changes", "to_bytes", "trust", "unfold"]
+__all__ = ["carry", "carry_shifts", "mend", "squared_changes", "to_bytes", "trust", "unfold"]
 
 
 @numba.njit(cache=True, inline="always")
@@ -59,6 +59,30 @@ def carry(field, motion, out):
                 top = field[j, i, c] + fx * (field[j, right, c] - field[j, i, c])
                 low = field[below, i, c] + fx * (field[below, right, c] - field[below, i, c])
                 out[y, x, c] = top + fy * (low - top)
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def carry_shifts(before, motion, factor, kept, position, anchor, out):
+    """Shifts [H, W, 2] of the frame ``before`` as they lie in this one, into ``out``.
+
+    ``motion`` [h, w, 2] is the place before minus the one here, in pixels, of blocks of ``factor``
+    pixels; the nearest pixel's shift is taken. Where a block is not ``kept`` (bool [h, w]) it is
+    ``position`` minus ``anchor`` [H, W, 2].
+    """
+    height, width = out.shape[:2]
+    half = np.float32(0.5)
+    for y in numba.prange(height):
+        j = y // factor
+        for x in range(width):
+            i = x // factor
+            if kept[j, i]:
+                v = np.int64(np.floor(np.float32(y) + motion[j, i, 1] + half))
+                u = np.int64(np.floor(np.float32(x) + motion[j, i, 0] + half))
+                v, u = min(max(v, 0), height - 1), min(max(u, 0), width - 1)
+                out[y, x, 0], out[y, x, 1] = before[v, u, 0], before[v, u, 1]
+            else:
+                out[y, x, 0] = position[y, x, 0] - anchor[y, x, 0]
+                out[y, x, 1] = position[y, x, 1] - anchor[y, x, 1]
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)

@@ -75,7 +75,7 @@ def _votes(x, z, xs, zs):
 
 @numba.njit(cache=True, inline="always")
 def _stand(x, z, xs, zs, anchors, n, ax, ay, reach, known, most, own_x, own_z):
-    """The winner so far, or (x, z) of the pixels n .. n + 15 where it has more votes and is near."""
+    """The winner so far, or (x, z) of the pixels n .. n + 15 where it has more votes."""
     votes = _votes(x, z, xs, zs)
     better = known & (votes > most)
     if _bits(better) != 0:
@@ -230,7 +230,7 @@ def _counted(x, z, voters, own_x, own_z, votes):
 @lean
 def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
     """`vote` of one row."""
-    height, width = out.shape[:2]
+    width = out.shape[1]
     style_height, style_width = colours.shape
     stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
     values, anchors, flat = shift.reshape(-1), anchor.reshape(-1), colours.reshape(-1)
@@ -260,7 +260,7 @@ def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
             # up to three at a pixel, and looked up once each.
             own_votes, none = _floats(one), _floats(zero)
             x1, z1, n1, x2, z2, n2, x3, z3, n3 = x, z, none, x, z, none, x, z, none
-            red2, green2, blue2 = none, none, none
+            more_red, more_green, more_blue = none, none, none
             for v in range(-radius, radius + 1):
                 for u in range(-radius, radius + 1):
                     if u == 0 and v == 0:
@@ -282,12 +282,12 @@ def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
                         r, g, b = _sample(flat, style_height, style_width,
                                           ax + _where(rest, tx, zero), ay + _where(rest, tz, zero),
                                           exact)
-                        red2 += _where(rest, r, zero)
-                        green2 += _where(rest, g, zero)
-                        blue2 += _where(rest, b, zero)
+                        more_red += _where(rest, r, zero)
+                        more_green += _where(rest, g, zero)
+                        more_blue += _where(rest, b, zero)
                         count += _where(rest, _floats(one), zero)
-            red, green, blue = (red * own_votes + red2, green * own_votes + green2,
-                                blue * own_votes + blue2)
+            red = red * own_votes + more_red
+            green, blue = green * own_votes + more_green, blue * own_votes + more_blue
             count += own_votes - one + n1 + n2 + n3
             if _bits(n1 > zero) != 0:
                 r, g, b = _sample(flat, style_height, style_width, ax + _where(known, x1, zero),

@@ -22,4 +22,6 @@ def lean(function: Callable[..., Any]) -> Any:
 
     Divisions by zero give infinity or NaN, as in NumPy.
     """
-    return numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)(function)
+    # Numba's types leave the last option out; without it all of this is right, but slow.
+    compiler: Any = numba.njit
+    return compiler(cache=True, nogil=True, error_model="numpy", _nrt=False)(function)
