@@ -8,6 +8,7 @@ chunks. Where a frame shows what the one before did not, the guided place of tha
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -49,16 +50,18 @@ def reduced(prepared: Transfer, factor: float) -> Transfer:
 
 
 def paint_onward(prepared: Transfer, frame: NDArray[np.uint8], landmarks: NDArray[np.float64],
-                 person: Float32, anchor: Float32, motion: Motion, kept: NDArray[np.bool_],
-                 before: TransferResult) -> TransferResult:
+                 person: Callable[[], Float32], anchor: Float32, motion: Motion,
+                 kept: NDArray[np.bool_], before: TransferResult) -> TransferResult:
     """Paint a frame with the shifts of the one before.
 
     Parameters
     ----------
     prepared
         The exemplar.
-    frame, landmarks, person
-        uint8 [H, W, 3], [68, 2], and float32 [H, W].
+    frame, landmarks
+        uint8 [H, W, 3] and [68, 2].
+    person
+        Gives the person's mask, float32 [H, W], if it is needed.
     anchor
         float32 [H, W, 2].
     motion, kept
@@ -82,8 +85,10 @@ def paint_onward(prepared: Transfer, frame: NDArray[np.uint8], landmarks: NDArra
     reach = np.float32((3 * config.radius + 2) * pitch)
     vote(prepared.colours(pitch), anchor, reach, shift, margin,
          config.radius if config.voting in ("mean", "both") else 0, False, image)
-    cover = prepared.cover(frame, landmarks, person)
-    result = np.empty_like(image)
-    blend(frame, np.float32(1 / 255), image, cover, result)
+    result, cover = image, before.mask
+    if not prepared.covers_all:
+        cover = prepared.cover(frame, landmarks, person())
+        result = np.empty_like(image)
+        blend(frame, np.float32(1 / 255), image, cover, result)
     return replace(before, image=result, guides=replace(guides, anchor=anchor), mask=cover,
                    synthesis=replace(before.synthesis, image=image, shift=inside))

@@ -236,9 +236,11 @@ class Transfer:
             guides, weights, config.label_weight, self.appearance, self.labels, self.table,
             self.colours(scale), blit, seed=config.seed,
             scale=scale if seeds is not None else None, seeds=seeds, finest=finest_level(scale))
-        result = np.empty(photo.shape, np.float32)
-        blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), synthesis.image, cover,
-              result)
+        result = synthesis.image
+        if not (flat and self.covers_all):
+            result = np.empty(photo.shape, np.float32)
+            blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), synthesis.image,
+                  cover, result)
         seconds = {"table_seconds": self.table_seconds, "regions_seconds": guided - start,
                    "guides_seconds": synthesising - guided,
                    "synthesis_seconds": time.perf_counter() - synthesising}
@@ -318,6 +320,11 @@ class Transfer:
                       look * np.array([config.background_appearance, 1], np.float32),
                       np.float32(config.hair_appearance), np.float32(config.body_appearance), out)
         return out
+
+    @property
+    def covers_all(self) -> bool:
+        """Whether nothing of a photo is left."""
+        return self.config.region == "picture" and self.config.strength == 1
 
     def cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
                person: Float32) -> Float32:

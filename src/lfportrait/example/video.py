@@ -74,10 +74,19 @@ class _Followed:
     frame: NDArray[np.uint8]
     points: Float64
     anchor: Float32
-    regions: Regions
+    masks: Float32
+    """Person and, if it is known, hair on blocks, [h, w, 1 or 2]."""
     motion: Motion | None
     kept: NDArray[np.bool_] | None
     """Blocks whose anchors were carried; None where the frame is to be painted anew."""
+
+    @property
+    def regions(self) -> Regions:
+        """Person and hair at full size."""
+        size = self.frame.shape[0], self.frame.shape[1]
+        person, *hair = (enlarged(plane, block_side(size), size)
+                         for plane in np.moveaxis(self.masks, -1, 0))
+        return Regions(self.points, person, hair[0] if hair else None)
 
 
 class VideoTransfer:
@@ -189,20 +198,21 @@ class VideoTransfer:
         motion = self._flow.next(frame)
         points = self._points(frame, landmarks, motion)
         anchor, kept = self._carried(frame.shape, points, motion)
-        regions = self._segmented(frame, points, motion)
+        masks = self._segmented(frame, points, motion)
         if self._number % self.paint == 0 or kept is None or kept.mean() < KEPT or not self.carry:
             kept = None
         self._landmarks = points
         self._number += 1
-        return _Followed(frame, points, anchor, regions, motion, kept)
+        return _Followed(frame, points, anchor, masks, motion, kept)
 
     def _painting(self, step: _Followed, before: TransferResult | None) -> TransferResult:
         """A frame painted anew, or onward from the one before."""
         if step.kept is None or step.motion is None or before is None:
             return self.prepared.apply(step.frame, step.points, regions=step.regions,
                                        seeds_anchor=step.anchor if self.carry else None)
-        return paint_onward(self.prepared, step.frame, step.points, step.regions.person,
-                            step.anchor, step.motion, step.kept, before)
+        return paint_onward(self.prepared, step.frame, step.points,
+                            lambda: step.regions.person, step.anchor, step.motion, step.kept,
+                            before)
 
     def _find(self, frame: NDArray[np.uint8]) -> Float64:
         from ..face import detect_landmarks
@@ -230,8 +240,8 @@ class VideoTransfer:
         return np.asarray(moved + FRESH * (found - moved), np.float64)
 
     def _segmented(self, frame: NDArray[np.uint8], points: Float64,
-                   motion: Motion | None) -> Regions:
-        """Person and hair of the frame before, carried along, or found, or both."""
+                   motion: Motion | None) -> Float32:
+        """Masks of the frame before, carried along, or found, or both."""
         side = block_side(frame.shape)
         masks = None
         if motion is not None and self._masks is not None:
@@ -245,10 +255,7 @@ class VideoTransfer:
                 # The first frame, a cut, or now there is hair, or there is none any more.
                 masks = fresh
         self._masks = masks
-        size = frame.shape[0], frame.shape[1]
-        person, *hair = (enlarged(plane, side, size)
-                         for plane in np.moveaxis(masks, -1, 0))
-        return Regions(points, person, hair[0] if hair else None)
+        return masks
 
     def _carried(self, shape: tuple[int, ...], points: Float64,
                  motion: Motion | None) -> tuple[Float32, NDArray[np.bool_] | None]:

@@ -31,7 +31,7 @@ _MOST_CELLS, _MOST_SEEDS, _SEEDS_OF_TILE = 300, 96, 128
 _floats, _ints, _where, _iota = LANES.floats, LANES.ints, LANES.where, LANES.iota
 _load, _store, _bits = LANES.load, LANES.store, LANES.bits
 _floor, _absolute, _lane = LANES.floor, LANES.absolute, LANES.lane
-_minimum, _maximum, _lowest = LANES.minimum, LANES.maximum, LANES.lowest
+_minimum, _maximum = LANES.minimum, LANES.maximum
 
 
 @numba.njit(cache=True, inline="always")
@@ -84,34 +84,25 @@ def _near_seeds(box, share, first_x, first_y, start, columns, points, pixels, ne
     bottom = np.int64(np.floor(box[3] * share)) - first_y + 1
     if (right - left + 1) * (bottom - top + 1) > _MOST_CELLS:
         return -1
-    flat, zero = points.reshape(-1), np.float32(0)
-    least = _floats(np.float32(np.inf))
+    bound = np.float32(np.inf)
     for j in range(top, bottom + 1):
-        for i in range(left, right + 1, 16):
-            x, y = pairs(flat, start + j * columns + i)
-            dx, dy = _maximum(x - box[0], box[2] - x), _maximum(y - box[1], box[3] - y)
-            inside = _iota() <= np.int32(right - i)
-            least = _minimum(least, _where(inside, dx * dx + dy * dy, np.float32(np.inf)))
-    bound = _lane(least, 0)
-    for k in range(1, 16):
-        bound = min(bound, _lane(least, k))
+        for i in range(left, right + 1):
+            n = np.uintp(start + j * columns + i)
+            x, y = points[n, 0], points[n, 1]
+            dx, dy = max(x - box[0], box[2] - x), max(y - box[1], box[3] - y)
+            bound = min(bound, dx * dx + dy * dy)
     count = 0
     for j in range(top, bottom + 1):
-        for i in range(left, right + 1, 16):
-            n = start + j * columns + i
-            x, y = pairs(flat, n)
-            dx = _maximum(_maximum(box[0] - x, x - box[2]), zero)
-            dy = _maximum(_maximum(box[1] - y, y - box[3]), zero)
-            word = _bits((dx * dx + dy * dy <= bound) & (_iota() <= np.int32(right - i)))
-            while word != np.uint32(0):
-                k = _lowest(word)
-                word &= word - np.uint32(1)
-                seed = np.uintp(n + np.int64(k))
-                if pixels[seed] >= 0:
-                    if count == _MOST_SEEDS:
-                        return -1
-                    near[count] = seed
-                    count += 1
+        for i in range(left, right + 1):
+            n = np.uintp(start + j * columns + i)
+            x, y = points[n, 0], points[n, 1]
+            dx = max(max(box[0] - x, x - box[2]), np.float32(0))
+            dy = max(max(box[1] - y, y - box[3]), np.float32(0))
+            if pixels[n] >= 0 and dx * dx + dy * dy <= bound:
+                if count == _MOST_SEEDS:
+                    return -1
+                near[count] = n
+                count += 1
     return count
 
 
