@@ -11,7 +11,15 @@ from lfportrait.example import Transfer, VideoTransfer
 from lfportrait.example.ahead import ahead, in_turn
 from lfportrait.example.guides import pixel_centres
 from lfportrait.example.motion import Flow, Motion
-from lfportrait.kernels.example_video import mend, squared_changes, to_bytes, trust, unfold
+from lfportrait.example.onward import paint_onward, reduced
+from lfportrait.kernels.example_video import (
+    carry_shifts,
+    mend,
+    squared_changes,
+    to_bytes,
+    trust,
+    unfold,
+)
 
 from .portraits import drawn_face
 
@@ -134,7 +142,7 @@ def test_changes_are_those_of_the_carried_frame():
     trusted = np.ones((6, 8), bool)
     trusted[:, 0] = False
     sums = np.empty((6, 8))
-    squared_changes(image, before, back, 2, trusted, sums)
+    squared_changes(image, before, back, 2, trusted, 1, sums)
     seen = image[1::2, 3::2]
     assert sums[:, 0].sum() == 42 and sums[:, 1].sum() < 1e-9
     assert np.allclose(sums[:, 2:5].sum(0), seen.sum((0, 1)), rtol=1e-5)
@@ -183,10 +191,60 @@ def test_most_is_carried_from_frame_to_frame(counted):
         # Neither the landmarks nor the masks lag behind.
         assert np.abs(followed.points - points).max() < 1.5
         assert np.abs(followed.points - points).mean() < 0.5
-    assert counts == {"landmarks": 5, "regions": 3}
+    assert counts == {"landmarks": 3, "regions": 2}
     found = video_module.find_regions(frames[8][0], frames[8][1])
     person = followed.regions.person
     assert ((person > 0.5) == (found.person > 0.5)).mean() > 0.98
+
+
+def test_shifts_go_along_and_start_anew():
+    """Kept blocks take the shift that lay where they came from, others the guided place."""
+    random = np.random.default_rng(2)
+    before, position, anchor = (random.random((6, 10, 2)).astype(np.float32) for _ in range(3))
+    motion = np.zeros((3, 5, 2), np.float32)
+    motion[..., 0], motion[..., 1] = -2.3, 0.6
+    kept = np.ones((3, 5), bool)
+    kept[1, 2] = False
+    out = np.empty_like(before)
+    carry_shifts(before, motion, 2, kept, position, anchor, out)
+    y, x = np.mgrid[:6, :10]
+    wanted = before[np.minimum(y + 1, 5), np.maximum(x - 2, 0)]
+    anew = np.zeros((6, 10), bool)
+    anew[2:4, 4:6] = True
+    assert np.array_equal(out[~anew], wanted[~anew])
+    assert np.array_equal(out[anew], (position - anchor)[anew])
+
+
+def test_a_frame_painted_onward_shows_what_the_one_before_did():
+    """Of a picture that stands still the same; of one that moves the same strokes, moved."""
+    style = Transfer(drawn_face(200, 160, seed=5))
+    (frame, points), *_ = _walk(1)
+    plane = pixel_centres(frame.shape)
+    first = style.apply(frame, points, seeds_anchor=plane)
+    height, width = (-(-n // 2) for n in frame.shape[:2])
+    back = np.zeros((height, width, 2), np.float32)
+    motion = Motion(back, -back, np.ones((height, width), bool), 2)
+
+    def unused():
+        raise AssertionError("nothing of the photo is left, so no mask is needed")
+
+    still = paint_onward(style, frame, points, unused, plane, motion, motion.trusted, first)
+    assert np.abs(still.image - first.image).max() < 1e-5
+    back[..., 0] = -4
+    moved_plane = plane - np.array([4, 0], np.float32)
+    later = paint_onward(style, frame, points, unused, moved_plane, motion, motion.trusted, first)
+    assert np.abs(later.image[:, 8:-4] - first.image[:, 4:-8]).max() < 1e-3
+
+
+def test_an_exemplar_of_half_the_size_paints_alike():
+    exemplar = drawn_face(400, 320, seed=5)
+    whole = Transfer(exemplar)
+    half = reduced(whole, 2.0)
+    assert half.exemplar.image.shape == (200, 160, 3)
+    assert half.config.blit.levels == whole.config.blit.levels - 1
+    (frame, points), *_ = _walk(1)
+    one, other = (style.apply(frame, points).image for style in (whole, half))
+    assert np.abs(one - other).mean() < 0.03
 
 
 def test_frames_are_the_same_bytes_as_one_after_the_other(counted):

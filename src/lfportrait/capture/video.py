@@ -207,9 +207,11 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
 def _upright(frame: Any, max_side: int) -> NDArray[np.uint8]:
     """A decoded frame as uint8 [H, W, 3], turned upright and reduced."""
     turns = round(getattr(frame, "rotation", 0) / 90) % 4
-    picture = Image.fromarray(np.ascontiguousarray(
-        np.rot90(frame.to_ndarray(format="rgb24"), turns)))
-    if max_side and max(picture.size) > max_side:
+    upright = np.ascontiguousarray(np.rot90(frame.to_ndarray(format="rgb24"), turns))
+    if not max_side or max(upright.shape[:2]) <= max_side:
+        return upright
+    picture = Image.fromarray(upright)
+    if max(picture.size) > max_side:
         ratio = max_side / max(picture.size)
         picture = picture.resize((max(1, round(picture.width * ratio)),
                                   max(1, round(picture.height * ratio))),

@@ -118,7 +118,7 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
             progress.update(number, f"frame {number + 1}")
             yield frame
 
-    count = write_video(out, painted(), rate, preset="veryfast")
+    count = write_video(out, painted(), rate, quality=18, preset="superfast")
     seconds = time.perf_counter() - start
     flicker = float(np.mean(video.flicker)) if video.flicker else None
     return {"frames": count, "fps": rate, "seconds": seconds,

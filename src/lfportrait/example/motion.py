@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.example_video import carry, trust
-from .guides import grey, shrunk
 
 __all__ = ["Flow", "Motion", "block_side"]
 
@@ -55,7 +54,7 @@ class Motion:
         """A field [h, w, C] on the blocks of the frame before as it lies in this one."""
         field = np.ascontiguousarray(field)
         out = np.empty_like(field)
-        carry(field, self.back / np.float32(self.factor), 1, out)
+        carry(field, self.back / np.float32(self.factor), out)
         return out
 
     def onward(self, points: Float64) -> Float64:
@@ -76,15 +75,26 @@ class Flow:
     """The flow through a video, or nothing where there is no OpenCV."""
 
     def __init__(self) -> None:
-        self._network = _network()
+        self._library = _library()
+        self._network: Any = None
+        if self._library is not None:
+            self._network = self._library.DISOpticalFlow_create(
+                self._library.DISOPTICAL_FLOW_PRESET_FAST)
         self._before: NDArray[np.uint8] | None = None
+
+    def _luma(self, frame: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
+        """The frame in grey, means of blocks of ``factor`` pixels."""
+        size = (-(-frame.shape[1] // factor), -(-frame.shape[0] // factor))
+        luma = self._library.cvtColor(frame, self._library.COLOR_RGB2GRAY)
+        return np.asarray(self._library.resize(luma, size,
+                                               interpolation=self._library.INTER_AREA))
 
     def next(self, frame: NDArray[np.uint8]) -> Motion | None:
         """Motion to the next frame; None for the first one and after a cut."""
         if self._network is None:
             return None
         factor = block_side(frame.shape)
-        luma = np.asarray(shrunk(grey(frame), factor) * np.float32(255), np.uint8)
+        luma = self._luma(frame, factor)
         before, self._before = self._before, luma
         if before is None or before.shape != luma.shape:
             return None
@@ -99,19 +109,27 @@ class Flow:
 
 
 def _unlike(luma: NDArray[np.uint8], before: NDArray[np.uint8], back: Float32) -> bool:
-    """Whether the frame before, carried along, explains less than half of what is seen."""
-    here = luma.astype(np.float32)
-    carried = np.empty((*luma.shape, 1), np.float32)
-    carry(before.astype(np.float32)[..., None], back, 1, carried)
-    left, all_of_it = np.abs(here - carried[..., 0]).mean(), np.abs(here - here.mean()).mean()
+    """Whether the frame before, carried along, explains less than half of what is seen.
+
+    By every fourth sample of every fourth row.
+    """
+    height, width = luma.shape
+    y, x = np.mgrid[1:height:4, 1:width:4]
+    v = np.clip(y + back[1::4, 1::4, 1], 0, height - 1)
+    u = np.clip(x + back[1::4, 1::4, 0], 0, width - 1)
+    j, i = (np.minimum(at.astype(np.int64), size - 2) for at, size in ((v, height), (u, width)))
+    fy, fx = v - j, u - i
+    carried = ((before[j, i] * (1 - fx) + before[j, i + 1] * fx) * (1 - fy)
+               + (before[j + 1, i] * (1 - fx) + before[j + 1, i + 1] * fx) * fy)
+    here = luma[1::4, 1::4].astype(np.float32)
+    left, all_of_it = np.abs(here - carried).mean(), np.abs(here - here.mean()).mean()
     return bool(left > 0.5 * all_of_it and left > 2)
 
 
-def _network() -> Any:
-    """OpenCV's DIS flow, or None where there is no OpenCV."""
+def _library() -> Any:
+    """OpenCV, which has the flow, or None."""
     try:
         import cv2
     except ImportError:
         return None
-    library: Any = cv2  # its stubs lack the flow
-    return library.DISOpticalFlow_create(library.DISOPTICAL_FLOW_PRESET_FAST)
+    return cv2

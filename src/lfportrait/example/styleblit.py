@@ -14,7 +14,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.example_blit import blit, look_up
+from ..kernels.example_blit import blit
+from ..kernels.example_lookup import look_up
 from ..kernels.example_seeds import finite_range, seed_points, seed_regular, seed_splat
 from ..kernels.example_vote import elect, pack, vote
 from .guides import Guides, anchor_scale

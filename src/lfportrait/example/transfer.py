@@ -138,15 +138,18 @@ class Transfer:
         Parameters.
     cache
         Folder for look-up tables, by content hash; None keeps none.
+    regions
+        Of the painting, where they are known.
     """
 
     def __init__(self, exemplar: Exemplar, config: TransferConfig | None = None,
-                 cache: str | Path | None = None) -> None:
+                 cache: str | Path | None = None, regions: Regions | None = None) -> None:
         self.exemplar = exemplar
         self.config = config or TransferConfig()
         start = time.perf_counter()
         self.unit = exemplar.size / 50.0
-        self.regions: Regions = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask)
+        self.regions: Regions = regions or find_regions(exemplar.image, exemplar.landmarks,
+                                                        exemplar.mask)
         self.labels = self.regions.labels()
         self.appearance = appearance_guide(exemplar.image, self.config.blur * exemplar.size)
         self.prepare_seconds = time.perf_counter() - start
@@ -194,13 +197,14 @@ class Transfer:
         points = np.asarray(landmarks, np.float64)
         photo = np.asarray(image[..., :3])
         start = time.perf_counter()
+        flat = position is None
         if position is None and regions is None:
             regions = find_regions(photo, points, mask, size=384)
         guided = time.perf_counter()
         if position is None:
             assert regions is not None
             person = regions.person
-            cover = self._cover(photo, points, person)
+            cover = self.cover(photo, points, person)
             labels = regions.labels(self._like)
             position = self._flat_guide(cover, points, regions, labels)
         else:
@@ -210,7 +214,7 @@ class Transfer:
             person = np.isfinite(position[..., 0]).astype(np.float32)
             if mask is not None:
                 person = person * mask
-            cover = np.where(np.isfinite(position[..., 0]), self._cover(photo, points, person),
+            cover = np.where(np.isfinite(position[..., 0]), self.cover(photo, points, person),
                              np.float32(0))
         if seeds_anchor is None:
             scale = self.scale(points)
@@ -224,15 +228,19 @@ class Transfer:
         blit = config.blit
         if seeds is None:
             blit = replace(blit, gain=config.steadiness * blit.gain)
-            weights[..., 0] *= relative_stretch(guides.position, guides.anchor)
+            # On a photo the position is as smooth as the grid that it was computed on.
+            weights[..., 0] *= relative_stretch(guides.position, guides.anchor,
+                                                cell=config.grid if flat else 1)
         synthesising = time.perf_counter()
         synthesis = synthesise(
             guides, weights, config.label_weight, self.appearance, self.labels, self.table,
-            self._colours(scale), blit, seed=config.seed,
+            self.colours(scale), blit, seed=config.seed,
             scale=scale if seeds is not None else None, seeds=seeds, finest=finest_level(scale))
-        result = np.empty(photo.shape, np.float32)
-        blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), synthesis.image, cover,
-              result)
+        result = synthesis.image
+        if not (flat and self.covers_all):
+            result = np.empty(photo.shape, np.float32)
+            blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), synthesis.image,
+                  cover, result)
         seconds = {"table_seconds": self.table_seconds, "regions_seconds": guided - start,
                    "guides_seconds": synthesising - guided,
                    "synthesis_seconds": time.perf_counter() - synthesising}
@@ -256,7 +264,7 @@ class Transfer:
         scale = self.exemplar.size / face_size(landmarks)
         return 1.0 if 0.75 < scale < 4 / 3 else scale
 
-    def _colours(self, scale: float) -> NDArray[np.int32]:
+    def colours(self, scale: float) -> NDArray[np.int32]:
         """The exemplar's colours, low-passed where a target pixel covers several of its pixels.
 
         Packed (`styleblit.pack_colours`), int32 [h, w].
@@ -313,7 +321,12 @@ class Transfer:
                       np.float32(config.hair_appearance), np.float32(config.body_appearance), out)
         return out
 
-    def _cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
+    @property
+    def covers_all(self) -> bool:
+        """Whether nothing of a photo is left."""
+        return self.config.region == "picture" and self.config.strength == 1
+
+    def cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
                person: Float32) -> Float32:
         """Weight of the synthesis against the photo."""
         config = self.config

@@ -18,14 +18,16 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from ..kernels.example_video import mend, squared_changes, to_bytes, unfold
 from .ahead import ahead, in_turn
 from .exemplar import face_size
-from .guides import enlarged, pixel_centres, shrunk
+from .guides import enlarged, pixel_centres
 from .motion import Flow, Motion, block_side
+from .onward import paint_onward, reduced
 from .regions import Regions, find_regions
-from .transfer import Transfer, face_landmarks
+from .transfer import Transfer, TransferResult, face_landmarks
 
 __all__ = ["VideoTransfer"]
 
@@ -36,10 +38,14 @@ FRESH = 0.25
 """Share of the detected landmarks in the carried ones."""
 TORN = (0.6, 1.7)
 """Range of the anchor plane's stretch against a new one."""
-DETECT = 2
+DETECT = 4
 """Landmarks are detected in every so manieth frame."""
-SEGMENT = 3
+SEGMENT = 8
 """And person and hair segmented."""
+PAINT = 2
+"""Frames are painted anew every so manieth time, and onward between."""
+KEPT = 0.9
+"""Share of carried anchors below which a frame is painted anew in any case."""
 MOST_PAINTERS = 4
 """More frames are not painted at a time: one thread can't follow the motion faster."""
 FRESH_MASKS = 0.5
@@ -68,8 +74,19 @@ class _Followed:
     frame: NDArray[np.uint8]
     points: Float64
     anchor: Float32
-    regions: Regions
+    masks: Float32
+    """Person and, if it is known, hair on blocks, [h, w, 1 or 2]."""
     motion: Motion | None
+    kept: NDArray[np.bool_] | None
+    """Blocks whose anchors were carried; None where the frame is to be painted anew."""
+
+    @property
+    def regions(self) -> Regions:
+        """Person and hair at full size."""
+        size = self.frame.shape[0], self.frame.shape[1]
+        person, *hair = (enlarged(plane, block_side(size), size)
+                         for plane in np.moveaxis(self.masks, -1, 0))
+        return Regions(self.points, person, hair[0] if hair else None)
 
 
 class VideoTransfer:
@@ -84,20 +101,22 @@ class VideoTransfer:
     detect, segment
         Landmarks are detected, person and hair segmented, in every so manieth frame; between they
         are carried.
+    paint
+        Every so manieth frame is painted anew; between the strokes are carried, too.
 
     Attributes
     ----------
     flicker
         For each frame but the first, the root mean square difference to the stylised frame before,
-        warped by the flow, over the contrast of the frame; empty without OpenCV. Every second
-        pixel of every second row is looked at.
+        warped by the flow, over the contrast of the frame; empty without OpenCV. Every fourth
+        pixel of every fourth row is looked at.
     """
 
     def __init__(self, prepared: Transfer, carry: bool = True, detect: int = DETECT,
-                 segment: int = SEGMENT) -> None:
+                 segment: int = SEGMENT, paint: int = PAINT) -> None:
         self.prepared = prepared
         self.carry = carry
-        self.detect, self.segment = detect, segment
+        self.detect, self.segment, self.paint = detect, segment, paint
         self.flicker: list[float] = []
         self._flow = Flow()
         self._number = 0
@@ -106,6 +125,7 @@ class VideoTransfer:
         self._anchor: Float32 | None = None
         self._masks: Float32 | None = None
         self._painted: Float32 | None = None
+        self._result: TransferResult | None = None
         self._scale = 1.0
 
     def apply(self, frame: NDArray[np.uint8],
@@ -129,15 +149,16 @@ class VideoTransfer:
             If there is no face in the first frame.
         """
         step = self._follow(frame, landmarks)
-        image = self._painting(step)
-        self._compare(step, image)
-        return image
+        self._result = self._painting(step, self._result)
+        self._compare(step, self._result.image)
+        return self._result.image
 
     def frames(self, frames: Iterable[NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
         """Stylise frames one after the other, several at a time.
 
-        One thread follows the motion through the video; others paint a frame each, for that needs
-        nothing from the frame before. Each kernel keeps to its thread, so none waits for another.
+        One thread follows the motion through the video; others paint, each a frame that needs
+        nothing from the one before, and those that go on from it. Each kernel keeps to its thread,
+        so none waits for another.
 
         Parameters
         ----------
@@ -157,29 +178,41 @@ class VideoTransfer:
         def start() -> None:
             numba.set_num_threads(max(1, cores // (painters + 1)))
 
-        def paint(step: _Followed) -> tuple[_Followed, Float32, NDArray[np.uint8]]:
-            image = self._painting(step)
-            return step, image, _bytes_of(image)
+        def paint(steps: list[_Followed],
+                  ) -> list[tuple[_Followed, Float32, NDArray[np.uint8]]]:
+            made, result = [], None
+            for step in steps:
+                result = self._painting(step, result)
+                made.append((step, result.image, _bytes_of(result.image)))
+            return made
 
-        followed = ahead((self._follow(frame) for frame in frames), start=start)
-        for step, image, picture in in_turn(paint, followed, painters, start):
-            self._compare(step, image)
-            yield picture
+        followed = _runs(ahead((self._follow(frame) for frame in frames), start=start))
+        for run in in_turn(paint, followed, painters, start):
+            for step, image, picture in run:
+                self._compare(step, image)
+                yield picture
 
     def _follow(self, frame: NDArray[np.uint8],
                 landmarks: NDArray[np.floating] | None = None) -> _Followed:
         """Landmarks, regions and anchor plane of the next frame."""
         motion = self._flow.next(frame)
         points = self._points(frame, landmarks, motion)
-        anchor = self._carried(frame.shape, points, motion)
-        regions = self._segmented(frame, points, motion)
+        anchor, kept = self._carried(frame.shape, points, motion)
+        masks = self._segmented(frame, points, motion)
+        if self._number % self.paint == 0 or kept is None or kept.mean() < KEPT or not self.carry:
+            kept = None
         self._landmarks = points
         self._number += 1
-        return _Followed(frame, points, anchor, regions, motion)
+        return _Followed(frame, points, anchor, masks, motion, kept)
 
-    def _painting(self, step: _Followed) -> Float32:
-        return self.prepared.apply(step.frame, step.points, regions=step.regions,
-                                   seeds_anchor=step.anchor if self.carry else None).image
+    def _painting(self, step: _Followed, before: TransferResult | None) -> TransferResult:
+        """A frame painted anew, or onward from the one before."""
+        if step.kept is None or step.motion is None or before is None:
+            return self.prepared.apply(step.frame, step.points, regions=step.regions,
+                                       seeds_anchor=step.anchor if self.carry else None)
+        return paint_onward(self.prepared, step.frame, step.points,
+                            lambda: step.regions.person, step.anchor, step.motion, step.kept,
+                            before)
 
     def _find(self, frame: NDArray[np.uint8]) -> Float64:
         from ..face import detect_landmarks
@@ -207,36 +240,37 @@ class VideoTransfer:
         return np.asarray(moved + FRESH * (found - moved), np.float64)
 
     def _segmented(self, frame: NDArray[np.uint8], points: Float64,
-                   motion: Motion | None) -> Regions:
-        """Person and hair of the frame before, carried along, or found, or both."""
-        if motion is None or self._masks is None:
-            found = find_regions(frame, points, size=256)
-            self._masks = _on_blocks(found, block_side(frame.shape))
-            return found
-        masks = motion.carry(self._masks)
-        if self._number % self.segment == 0:
-            fresh = _on_blocks(find_regions(frame, points, size=256), motion.factor)
-            if fresh.shape == masks.shape:
+                   motion: Motion | None) -> Float32:
+        """Masks of the frame before, carried along, or found, or both."""
+        side = block_side(frame.shape)
+        masks = None
+        if motion is not None and self._masks is not None:
+            masks = motion.carry(self._masks)
+        if motion is None or masks is None or self._number % self.segment == 0:
+            fresh = _found_masks(frame, points, side)
+            if motion is not None and masks is not None and masks.shape == fresh.shape:
                 share = np.where(motion.trusted, np.float32(FRESH_MASKS), np.float32(1))
                 masks += share[..., None] * (fresh - masks)
             else:
-                # Now there is hair, or there is none any more.
+                # The first frame, a cut, or now there is hair, or there is none any more.
                 masks = fresh
         self._masks = masks
-        size = frame.shape[0], frame.shape[1]
-        person, *hair = (enlarged(plane, motion.factor, size)
-                         for plane in np.moveaxis(masks, -1, 0))
-        return Regions(points, person, hair[0] if hair else None)
+        return masks
 
-    def _carried(self, shape: tuple[int, ...], points: Float64, motion: Motion | None) -> Float32:
-        """The anchor plane of this frame."""
+    def _carried(self, shape: tuple[int, ...], points: Float64,
+                 motion: Motion | None) -> tuple[Float32, NDArray[np.bool_] | None]:
+        """The anchor plane of this frame, and the blocks whose anchors come from the one before."""
         side = block_side(shape)
         if self._anchor is None or self._first is None:
             self._first = points
             self._scale = self.prepared.scale(points)
+            if self._scale > 1:
+                self.prepared = reduced(self.prepared, self._scale)
+                self._scale = 1.0
             blocks = -(-shape[0] // side), -(-shape[1] // side)
             self._anchor = pixel_centres(blocks) * np.float32(self._scale * side)
-            return pixel_centres(shape) * np.float32(self._scale)
+            return pixel_centres(shape) * np.float32(self._scale), None
+        kept = None
         scale = np.float32(self._scale)
         if motion is None:
             a, b = _similarity(points, self._first)
@@ -249,9 +283,10 @@ class VideoTransfer:
             self._anchor = np.empty_like(anchor)
             mend(anchor, motion.trusted, side, scale, np.float32(TORN[0]), np.float32(TORN[1]),
                  turn, offset, self._anchor)
+            kept = (anchor[..., 0] == self._anchor[..., 0]) & motion.trusted
         out = np.empty((*shape[:2], 2), np.float32)
         unfold(self._anchor, side, scale, np.float32(TORN[1]), out)
-        return out
+        return out, kept
 
     def _continued(self, anchor: Float32, motion: Motion) -> tuple[complex, complex]:
         """The similarity (a, b), z -> a z + b, that continues a carried plane where it is anew.
@@ -259,12 +294,13 @@ class VideoTransfer:
         That of the person: new parts then join the old ones. A new plane in the picture where the
         person has become much larger or smaller.
         """
-        every = slice(None, None, 3)
+        every = slice(2, None, 5)
         person = motion.trusted[every, every]
         if self._masks is not None:
             person = person & (self._masks[every, every, 0] > 0.5)
-        if person.sum() > 50:
-            places = pixel_centres(anchor.shape)[every, every][person] * motion.factor
+        if person.sum() > 30:
+            rows, columns = np.nonzero(person)
+            places = (np.stack([columns, rows], axis=-1) * 5 + 2.5) * motion.factor
             values = anchor[every, every][person]
             for _ in range(2):
                 a, b = _similarity(places.astype(np.float64), values.astype(np.float64))
@@ -282,12 +318,29 @@ class VideoTransfer:
         if motion is None or before is None:
             return
         sums = np.empty((motion.trusted.shape[0], 8), np.float64)
-        squared_changes(image, before, motion.back, motion.factor, motion.trusted, sums)
+        squared_changes(image, before, motion.back, motion.factor, motion.trusted, 2, sums)
         total = sums.sum(axis=0)
         count = max(float(total[0]), 1.0)
         contrast = float(np.sqrt(max((total[5:] / count - (total[2:5] / count) ** 2).mean(), 0.0)))
         if contrast > 1 / 255:
             self.flicker.append(float(np.sqrt(total[1] / (3 * count))) / contrast)
+
+
+def _runs(steps: Iterator[_Followed]) -> Iterator[list[_Followed]]:
+    """Each frame that is painted anew, with those that go on from it."""
+    run: list[_Followed] = []
+    try:
+        for step in steps:
+            if run and step.kept is None:
+                yield run
+                run = []
+            run.append(step)
+        if run:
+            yield run
+    finally:
+        close = getattr(steps, "close", None)
+        if close is not None:
+            close()
 
 
 def _bytes_of(image: Float32) -> NDArray[np.uint8]:
@@ -296,10 +349,15 @@ def _bytes_of(image: Float32) -> NDArray[np.uint8]:
     return out
 
 
-def _on_blocks(regions: Regions, side: int) -> Float32:
-    """Masks of the person and, if it is known, the hair on blocks, [h, w, 1 or 2]."""
+def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int) -> Float32:
+    """Masks of the person and, if it is known, the hair on blocks of a frame, [h, w, 1 or 2].
+
+    The networks see less than that: nothing is gained by showing them the whole frame.
+    """
+    small = np.asarray(Image.fromarray(frame).reduce(side))
+    regions = find_regions(small, points / side, size=256)
     masks = [regions.person] if regions.hair is None else [regions.person, regions.hair]
-    return np.stack([shrunk(np.ascontiguousarray(mask), side) for mask in masks], axis=-1)
+    return np.stack(masks, axis=-1)
 
 
 def _threads_share_kernels() -> bool:

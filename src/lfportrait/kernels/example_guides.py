@@ -299,14 +299,17 @@ def map_values(values, table, reach):
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
-def stretch(position, anchor, least, out):
+def stretch(position, anchor, least, cell, out):
     """Steps of ``position`` [H, W, 2] over those of ``anchor``, the smaller of along x and along y.
 
-    ``out`` float32 [H, W] in [``least``, 1]; 1 where a step is not known.
+    ``out`` float32 [h, w] in [``least``, 1], one value for each ``cell`` x ``cell`` pixels, from
+    that in its middle; 1 where a step is not known.
     """
-    height, width = out.shape
-    for y in numba.prange(height):
-        for x in range(width):
+    height, width = position.shape[:2]
+    for j in numba.prange(out.shape[0]):
+        y = min(j * cell + cell // 2, height - 1)
+        for i in range(out.shape[1]):
+            x = min(i * cell + cell // 2, width - 1)
             ratio = np.float32(1)
             for axis in range(2):
                 v, u = min(y + axis, height - 1), min(x + 1 - axis, width - 1)
@@ -317,4 +320,4 @@ def stretch(position, anchor, least, out):
                 # Comparisons with NaN are false, and so is this one at the borders.
                 if moved < ratio * ratio * steady:
                     ratio = np.sqrt(moved / steady)
-            out[y, x] = max(ratio, least)
+            out[j, i] = max(ratio, least)

@@ -15,8 +15,8 @@ from numba.extending import intrinsic
 from .identity import identified
 from .lanes import F, I
 
-__all__ = ["gather_pairs", "gather_signed", "load_ints", "load_pairs", "prefetch", "store_bytes",
-           "store_pairs", "store_triples"]
+__all__ = ["gather_neighbours", "gather_pairs", "gather_signed", "load_ints", "load_pairs",
+           "prefetch", "store_bytes", "store_pairs", "store_triples"]
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _EVEN, _ODD = (ir.Constant(ir.VectorType(_I32, 16), list(range(n, 32, 2))) for n in (0, 1))
@@ -75,13 +75,14 @@ def load_pairs(typing, array, start):
     return result(array, start), code
 
 
-def _gathered(context, builder, sig, args, element, name):
-    """Elements of an array at signed 32-bit offsets."""
+def _gathered(context, builder, sig, args, element, name, pitch=None):
+    """Elements of an array at signed 32-bit offsets, which count elements of type ``pitch``."""
     base = context.make_array(sig.args[0])(context, builder, args[0]).data
     # Sign extension folds into the instruction, zero extension takes two of them.
     wide = builder.sext(args[1], ir.VectorType(_I64, 16))
     pointers = ir.instructions.GEPInstr(builder.block, builder.bitcast(base, ir.PointerType()),
-                                        [wide], inbounds=False, name="", source_etype=element)
+                                        [wide], inbounds=False, name="",
+                                        source_etype=pitch or element)
     pointers.type = ir.VectorType(ir.PointerType(), 16)
     builder._insert(pointers)
     vector = ir.VectorType(element, 16)
@@ -116,6 +117,21 @@ def gather_pairs(typing, array, index):
 
     def code(context, builder, sig, args):
         words = _gathered(context, builder, sig, args, _I64, "i64")
+        return _split(context, builder, result,
+                      builder.bitcast(words, ir.VectorType(_I32, 32)))
+    return result(array, index), code
+
+
+@identified("example lanes", "gather neighbours")
+@intrinsic
+def gather_neighbours(typing, array, index):
+    """array[index] and array[index + 1] lane by lane; int32, C-contiguous."""
+    if not isinstance(array, types.Array) or array.dtype != types.int32 or index is not I:
+        return None
+    result = types.UniTuple(I, 2)
+
+    def code(context, builder, sig, args):
+        words = _gathered(context, builder, sig, args, _I64, "i64", _I32)
         return _split(context, builder, result,
                       builder.bitcast(words, ir.VectorType(_I32, 32)))
     return result(array, index), code

@@ -10,12 +10,20 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from .example_lanes import load_pairs
+from .lanes import LANES
+from .lean import lean
+
 __all__ = ["finite_range", "seed_points", "seed_regular", "seed_splat"]
 
 _M1, _M2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _K1, _K2, _K3 = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F),
                  np.uint64(0x165667B19E3779F9))
-_S30, _S27, _S31, _S40 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(40)
+_S30, _S27, _S31, _S32, _S40 = (np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(32),
+                                np.uint64(40))
+_floats, _where, _lane = LANES.floats, LANES.where, LANES.lane
+_minimum, _maximum = LANES.minimum, LANES.maximum
+_NOTHING = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
 @numba.njit(cache=True, inline="always")
@@ -59,53 +67,59 @@ def seed_regular(points, scale, height, width, pixels):
                 points[j, i, 0] = points[j, i, 1] = np.float32(np.inf)
 
 
-@numba.njit(cache=True, nogil=True)
-def _splat_finest(anchor, share, first_x, first_y, start, rows, columns, points, pixels):
-    """Pixel nearest to each seed of the finest level among those in its cell.
+@lean
+def _splat_finest(anchor, share, first_x, first_y, start, columns, points, nearest):
+    """Pixel nearest to each seed of the finest level among those in its cell, into ``nearest``.
 
-    ``share`` is one over the cells' side. The first in scan order wins among equals.
+    ``share`` is one over the cells' side. ``nearest`` uint64 [rows * columns] holds the squared
+    distance in its upper half and the pixel in its lower one, so that one comparison without a
+    branch decides; the first in scan order wins among equals.
     """
-    best = np.full(rows * columns, np.inf, np.float32)
+    width = anchor.shape[1]
+    left, top = np.float32(first_x), np.float32(first_y)
     for y in range(anchor.shape[0]):
-        for x in range(anchor.shape[1]):
+        for x in range(width):
             ax, ay = anchor[y, x, 0], anchor[y, x, 1]
             if not np.isfinite(ax):
                 continue
-            n = ((np.int64(np.floor(ay * share)) - first_y) * columns
-                 + np.int64(np.floor(ax * share)) - first_x)
+            # Cells count from the first, so that cutting off the fraction is rounding down.
+            n = np.uintp(np.uint32(ay * share - top) * np.uint32(columns)
+                         + np.uint32(ax * share - left))
             dx, dy = ax - points[start + n, 0], ay - points[start + n, 1]
-            distance = dx * dx + dy * dy
-            if distance < best[n]:
-                best[n] = distance
-                pixels[start + n] = y * anchor.shape[1] + x
+            bits = np.uint64(np.float32(dx * dx + dy * dy).view(np.uint32))
+            key = (bits << _S32) | np.uint64(y * width + x)
+            nearest[n] = min(nearest[n], key)
 
 
-@numba.njit(cache=True, nogil=True)
-def _nearest_of_finest(anchors, x, y, reach, share, first_x, first_y, start, rows, columns, pixels):
-    """The pixel nearest to (x, y) among those that stand for the finest cells around it.
+@lean
+def _nearest_of_finest(anchors, row, reach, share, first_x, first_y, rows, columns, finest, points,
+                       pixels):
+    """The pixels nearest to a row of seeds among those that stand for the finest cells around.
 
     Rings of cells are searched until one holds a pixel, at the most ``reach``; -1: there is none.
+    ``finest`` are the pixels of the finest cells, ``points`` and ``pixels`` all seeds; ``row`` is
+    the first seed of the row and the one after its last.
     """
-    middle_i = np.int64(np.floor(x * share)) - first_x
-    middle_j = np.int64(np.floor(y * share)) - first_y
-    found, best = np.int32(-1), np.float32(np.inf)
-    for ring in range(1, reach + 1):
-        for j in range(max(middle_j - ring, 0), min(middle_j + ring + 1, rows)):
-            # Within the first ring all nine, then the border alone.
-            edge = ring == 1 or abs(j - middle_j) == ring
-            step = 1 if edge else 2 * ring
-            for i in range(middle_i - ring, middle_i + ring + 1, step):
-                if not 0 <= i < columns:
-                    continue
-                pixel = pixels[start + j * columns + i]
-                if pixel >= 0:
-                    dx, dy = anchors[pixel, 0] - x, anchors[pixel, 1] - y
-                    distance = dx * dx + dy * dy
-                    if distance < best:
-                        best, found = distance, pixel
-        if found >= 0:
-            break
-    return found
+    for n in range(row[0], row[1]):
+        x, y = points[n, 0], points[n, 1]
+        i, j = np.int64(np.floor(x * share)) - first_x, np.int64(np.floor(y * share)) - first_y
+        found, best = np.int32(-1), np.float32(np.inf)
+        for ring in range(1, reach + 1):
+            for v in range(max(j - ring, 0), min(j + ring + 1, rows)):
+                # Within the first ring all nine, then the border alone.
+                step = 1 if ring == 1 or abs(v - j) == ring else 2 * ring
+                for u in range(i - ring, i + ring + 1, step):
+                    if not 0 <= u < columns:
+                        continue
+                    pixel = finest[np.uintp(v * columns + u)]
+                    if pixel >= 0:
+                        dx, dy = anchors[pixel, 0] - x, anchors[pixel, 1] - y
+                        distance = dx * dx + dy * dy
+                        if distance < best:
+                            best, found = distance, pixel
+            if found >= 0:
+                break
+        pixels[n] = found
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
@@ -121,28 +135,52 @@ def seed_splat(anchor, firsts, starts, shapes, finest, points, pixels):
     begin, rows, columns = starts[finest], shapes[finest, 0], shapes[finest, 1]
     first_x, first_y = firsts[finest, 0], firsts[finest, 1]
     share = np.float32(1) / np.float32(1 << finest)
-    _splat_finest(anchor, share, first_x, first_y, begin, rows, columns, points, pixels)
+    nearest = np.full(rows * columns, _NOTHING, np.uint64)
+    _splat_finest(anchor, share, first_x, first_y, begin, columns, points, nearest)
+    for n in range(rows * columns):
+        pixels[begin + n] = np.int32(np.uint32(nearest[n] & np.uint64(0xFFFFFFFF)))
     for level in range(finest + 1, starts.shape[0]):
         reach = min(1 << (level - finest), 3)
         for j in numba.prange(shapes[level, 0]):
-            for i in range(shapes[level, 1]):
-                n = starts[level] + j * shapes[level, 1] + i
-                pixels[n] = _nearest_of_finest(anchors, points[n, 0], points[n, 1], reach,
-                                               share, first_x, first_y, begin, rows, columns,
-                                               pixels)
+            first = starts[level] + j * shapes[level, 1]
+            _nearest_of_finest(anchors, (first, first + shapes[level, 1]), reach, share, first_x,
+                               first_y, rows, columns, pixels[begin:begin + rows * columns],
+                               points, pixels)
     for n in range(points.shape[0]):
         if pixels[n] < 0:
             points[n, 0] = points[n, 1] = np.float32(np.inf)
 
 
+@lean
+def _finite_range_row(row, low, high):
+    """`finite_range` of one row: ``row`` [2 W] interleaved, ``low`` and ``high`` [2]."""
+    infinite = np.float32(np.inf)
+    least_x, least_y, most_x, most_y = infinite, infinite, -infinite, -infinite
+    whole = row.size // 32 * 32
+    if whole > 0:
+        lows, lows_y = _floats(infinite), _floats(infinite)
+        highs, highs_y = _floats(-infinite), _floats(-infinite)
+        for first in range(0, whole, 32):
+            x, y = load_pairs(row, first)
+            lows = _minimum(lows, _where(x > -infinite, x, infinite))
+            lows_y = _minimum(lows_y, _where(y > -infinite, y, infinite))
+            highs = _maximum(highs, _where(x < infinite, x, -infinite))
+            highs_y = _maximum(highs_y, _where(y < infinite, y, -infinite))
+        for k in range(16):
+            least_x, least_y = min(least_x, _lane(lows, k)), min(least_y, _lane(lows_y, k))
+            most_x, most_y = max(most_x, _lane(highs, k)), max(most_y, _lane(highs_y, k))
+    for n in range(whole, row.size, 2):
+        if -infinite < row[n] < infinite:
+            least_x, most_x = min(least_x, row[n]), max(most_x, row[n])
+        if -infinite < row[n + 1] < infinite:
+            least_y, most_y = min(least_y, row[n + 1]), max(most_y, row[n + 1])
+    low[0], low[1], high[0], high[1] = least_x, least_y, most_x, most_y
+
+
 @numba.njit(cache=True, nogil=True, parallel=True)
 def finite_range(values, low, high):
     """Least and largest finite value of every row: ``values`` [H, W, 2] into [H, 2] each."""
-    for y in numba.prange(values.shape[0]):
-        for c in range(2):
-            least, most = np.float32(np.inf), np.float32(-np.inf)
-            for x in range(values.shape[1]):
-                value = values[y, x, c]
-                if np.isfinite(value):
-                    least, most = min(least, value), max(most, value)
-            low[y, c], high[y, c] = least, most
+    height, width = values.shape[:2]
+    rows = values.reshape(height, 2 * width)
+    for y in numba.prange(height):
+        _finite_range_row(rows[y], low[y], high[y])

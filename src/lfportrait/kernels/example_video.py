@@ -9,7 +9,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["carry", "mend", "squared_changes", "to_bytes", "trust", "unfold"]
+__all__ = ["carry", "carry_shifts", "mend", "squared_changes", "to_bytes", "trust", "unfold"]
 
 
 @numba.njit(cache=True, inline="always")
@@ -44,18 +44,45 @@ def _corners(v, u, height, width):
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
-def carry(field, motion, factor, out):
-    """``field`` [H, W, C] of the frame before as it lies in this one, bilinear, into ``out``."""
+def carry(field, motion, out):
+    """``field`` [h, w, C] of the frame before as it lies in this one, bilinear, into ``out``.
+
+    ``motion`` [h, w, 2] comes in samples of the field, one for each.
+    """
     height, width, channels = field.shape
     for y in numba.prange(height):
         for x in range(width):
-            v, u = _source(motion, factor, y, x)
-            j, i, fy, fx = _corners(v, u, height, width)
+            j, i, fy, fx = _corners(np.float32(y) + motion[y, x, 1],
+                                    np.float32(x) + motion[y, x, 0], height, width)
             below, right = min(j + 1, height - 1), min(i + 1, width - 1)
             for c in range(channels):
                 top = field[j, i, c] + fx * (field[j, right, c] - field[j, i, c])
                 low = field[below, i, c] + fx * (field[below, right, c] - field[below, i, c])
                 out[y, x, c] = top + fy * (low - top)
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def carry_shifts(before, motion, factor, kept, position, anchor, out):
+    """Shifts [H, W, 2] of the frame ``before`` as they lie in this one, into ``out``.
+
+    ``motion`` [h, w, 2] is the place before minus the one here, in pixels, of blocks of ``factor``
+    pixels; the nearest pixel's shift is taken. Where a block is not ``kept`` (bool [h, w]) it is
+    ``position`` minus ``anchor`` [H, W, 2].
+    """
+    height, width = out.shape[:2]
+    half = np.float32(0.5)
+    for y in numba.prange(height):
+        j = y // factor
+        for x in range(width):
+            i = x // factor
+            if kept[j, i]:
+                v = np.int64(np.floor(np.float32(y) + motion[j, i, 1] + half))
+                u = np.int64(np.floor(np.float32(x) + motion[j, i, 0] + half))
+                v, u = min(max(v, 0), height - 1), min(max(u, 0), width - 1)
+                out[y, x, 0], out[y, x, 1] = before[v, u, 0], before[v, u, 1]
+            else:
+                out[y, x, 0] = position[y, x, 0] - anchor[y, x, 0]
+                out[y, x, 1] = position[y, x, 1] - anchor[y, x, 1]
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
@@ -168,17 +195,20 @@ def unfold(coarse, factor, scale, most, out):
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
-def squared_changes(image, before, motion, factor, trusted, sums):
+def squared_changes(image, before, motion, factor, trusted, step, sums):
     """Sums over a row of blocks, at the blocks' middles where ``trusted``, into ``sums`` [h, 8].
 
+    Every ``step``-th block of every ``step``-th row counts.
     Count; squared difference to the frame ``before`` carried along, of all channels; sum of each
     channel; squares of each channel in one.
     """
     height, width = image.shape[:2]
     sums[:] = 0
     for j in numba.prange(trusted.shape[0]):
+        if j % step != 0:
+            continue
         y = min(j * factor + factor // 2, height - 1)
-        for i in range(trusted.shape[1]):
+        for i in range(0, trusted.shape[1], step):
             if not trusted[j, i]:
                 continue
             x = min(i * factor + factor // 2, width - 1)

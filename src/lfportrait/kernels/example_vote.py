@@ -12,8 +12,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .example_lanes import gather_signed, load_pairs, store_triples
+from .example_lanes import gather_neighbours, gather_signed, load_pairs, store_triples
 from .lanes import LANES
+from .lean import lean
 
 __all__ = ["blend", "elect", "pack", "vote"]
 
@@ -48,6 +49,126 @@ def _beside(anchors, n, ax, ay, reach):
     return _absolute(ax - bx) + _absolute(ay - by) < reach
 
 
+@numba.njit(cache=True, inline="always")
+def _places(anchors, n):
+    """The anchors of the pixels n .. n + 15; past the end the last one."""
+    if 2 * n + 32 <= anchors.size:
+        return load_pairs(anchors, 2 * n)
+    pair = _minimum(_iota() + np.int32(n), np.int32(anchors.size // 2 - 1)) * np.int32(2)
+    return gather_signed(anchors, pair), gather_signed(anchors, pair + np.int32(1))
+
+
+@numba.njit(cache=True, inline="always")
+def _votes(x, z, xs, zs):
+    """How many of the nine shifts ``xs``, ``zs`` are (x, z), lane by lane."""
+    one, zero = _floats(np.float32(1)), np.float32(0)
+    first = _where((xs[0] == x) & (zs[0] == z), one, zero)
+    other = _where((xs[1] == x) & (zs[1] == z), one, zero)
+    first += _where((xs[2] == x) & (zs[2] == z), one, zero)
+    other += _where((xs[3] == x) & (zs[3] == z), one, zero)
+    first += _where((xs[4] == x) & (zs[4] == z), one, zero)
+    other += _where((xs[5] == x) & (zs[5] == z), one, zero)
+    first += _where((xs[6] == x) & (zs[6] == z), one, zero)
+    other += _where((xs[7] == x) & (zs[7] == z), one, zero)
+    return first + other + _where((xs[8] == x) & (zs[8] == z), one, zero)
+
+
+@numba.njit(cache=True, inline="always")
+def _stand(x, z, xs, zs, anchors, n, ax, ay, reach, known, most, own_x, own_z):
+    """The winner so far, or (x, z) of the pixels n .. n + 15 where it has more votes."""
+    votes = _votes(x, z, xs, zs)
+    better = known & (votes > most)
+    if _bits(better) != 0:
+        better = better & _beside(anchors, n, ax, ay, reach)
+        most = _where(better, votes, most)
+        own_x, own_z = _where(better, x, own_x), _where(better, z, own_z)
+    return most, own_x, own_z
+
+
+@lean
+def _elect_row_of_nine(y, anchor, reach, shift, width, out):
+    """`elect` of one row for a radius of 1: all nine shifts stay in registers."""
+    anchors = anchor.reshape(-1)
+    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
+    values, outs = shift.reshape(-1), out.reshape(-1)
+    half = np.float32(4.5)
+    for first in range(0, width, 16):
+        a = y * stride + first
+        b, c = a + stride, a + 2 * stride
+        xs = (_load(values, a), _load(values, a + 1), _load(values, a + 2),
+              _load(values, b), _load(values, b + 1), _load(values, b + 2),
+              _load(values, c), _load(values, c + 1), _load(values, c + 2))
+        a, b, c = plane + a, plane + b, plane + c
+        zs = (_load(values, a), _load(values, a + 1), _load(values, a + 2),
+              _load(values, b), _load(values, b + 1), _load(values, b + 2),
+              _load(values, c), _load(values, c + 1), _load(values, c + 2))
+        x, z = xs[4], zs[4]
+        known, most = x == x, _votes(x, z, xs, zs)
+        # A majority can't be beaten, and a pixel without a shift gets none.
+        if _bits((most < half) & known) != 0:
+            n = y * width + first
+            ax, ay = _places(anchors, n)
+            m, p = n - width - 1, n + width - 1
+            most, x, z = _stand(xs[0], zs[0], xs, zs, anchors, m, ax, ay, reach, known, most, x, z)
+            most, x, z = _stand(xs[1], zs[1], xs, zs, anchors, m + 1, ax, ay, reach, known, most,
+                                x, z)
+            most, x, z = _stand(xs[2], zs[2], xs, zs, anchors, m + 2, ax, ay, reach, known, most,
+                                x, z)
+            most, x, z = _stand(xs[3], zs[3], xs, zs, anchors, n - 1, ax, ay, reach, known, most,
+                                x, z)
+            most, x, z = _stand(xs[5], zs[5], xs, zs, anchors, n + 1, ax, ay, reach, known, most,
+                                x, z)
+            most, x, z = _stand(xs[6], zs[6], xs, zs, anchors, p, ax, ay, reach, known, most, x, z)
+            most, x, z = _stand(xs[7], zs[7], xs, zs, anchors, p + 1, ax, ay, reach, known, most,
+                                x, z)
+            most, x, z = _stand(xs[8], zs[8], xs, zs, anchors, p + 2, ax, ay, reach, known, most,
+                                x, z)
+        middle = (y + 1) * stride + first + 1
+        _store(outs, middle, x)
+        _store(outs, plane + middle, z)
+
+
+@lean
+def _elect_row(y, anchor, reach, shift, radius, width, out):
+    """`elect` of one row."""
+    anchors = anchor.reshape(-1)
+    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
+    values, outs = shift.reshape(-1), out.reshape(-1)
+    side = 2 * radius + 1
+    zero, one, half = np.float32(0), np.float32(1), np.float32(side * side) / np.float32(2)
+    for first in range(0, width, 16):
+        corner = y * stride + first
+        middle = corner + radius * stride + radius
+        x, z = _load(values, middle), _load(values, plane + middle)
+        most = _floats(zero)
+        for v in range(side):
+            for u in range(side):
+                n = corner + v * stride + u
+                alike = (_load(values, n) == x) & (_load(values, plane + n) == z)
+                most += _where(alike, _floats(one), zero)
+        own_x, own_z = x, z
+        # A majority can't be beaten, and a pixel without a shift gets none.
+        if _bits((most < half) & (x == x)) != 0:
+            here = y * width + first
+            ax, ay = _places(anchors, here)
+            for a in range(side * side):
+                n = corner + (a // side) * stride + a % side
+                other_x, other_z = _load(values, n), _load(values, plane + n)
+                votes = _floats(zero)
+                for b in range(side * side):
+                    m = corner + (b // side) * stride + b % side
+                    alike = ((_load(values, m) == other_x)
+                             & (_load(values, plane + m) == other_z))
+                    votes += _where(alike, _floats(one), zero)
+                near = _beside(anchors, here + (a // side - radius) * width
+                               + a % side - radius, ax, ay, reach)
+                better = (votes > most) & (x == x) & near
+                most = _where(better, votes, most)
+                own_x, own_z = _where(better, other_x, own_x), _where(better, other_z, own_z)
+        _store(outs, middle, own_x)
+        _store(outs, plane + middle, own_z)
+
+
 @numba.njit(cache=True, nogil=True, parallel=True)
 def elect(anchor, reach, shift, radius, width, out):
     """Mode filter: the most frequent shift of each window of side 2 radius + 1, into ``out``.
@@ -57,49 +178,11 @@ def elect(anchor, reach, shift, radius, width, out):
     shift of a pixel whose anchor is not within ``reach`` (L1) is no candidate: it belongs to
     another piece of the anchor plane.
     """
-    anchors = anchor.reshape(-1)
-    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
-    values, outs = shift.reshape(-1), out.reshape(-1)
-    side = 2 * radius + 1
-    zero, one, half = np.float32(0), np.float32(1), np.float32(side * side) / np.float32(2)
     for y in numba.prange(shift.shape[1] - 2 * radius):
-        for first in range(0, width, 16):
-            corner = y * stride + first
-            middle = corner + radius * stride + radius
-            x, z = _load(values, middle), _load(values, plane + middle)
-            most = _floats(zero)
-            for v in range(side):
-                for u in range(side):
-                    n = corner + v * stride + u
-                    alike = (_load(values, n) == x) & (_load(values, plane + n) == z)
-                    most += _where(alike, _floats(one), zero)
-            own_x, own_z = x, z
-            # A majority can't be beaten, and a pixel without a shift gets none.
-            if _bits((most < half) & (x == x)) != 0:
-                here = y * width + first
-                if 2 * here + 32 <= anchors.size:
-                    ax, ay = load_pairs(anchors, 2 * here)
-                else:
-                    pair = _minimum(_iota() + np.int32(here),
-                                    np.int32(anchors.size // 2 - 1)) * np.int32(2)
-                    ax = gather_signed(anchors, pair)
-                    ay = gather_signed(anchors, pair + np.int32(1))
-                for a in range(side * side):
-                    n = corner + (a // side) * stride + a % side
-                    other_x, other_z = _load(values, n), _load(values, plane + n)
-                    votes = _floats(zero)
-                    for b in range(side * side):
-                        m = corner + (b // side) * stride + b % side
-                        alike = ((_load(values, m) == other_x)
-                                 & (_load(values, plane + m) == other_z))
-                        votes += _where(alike, _floats(one), zero)
-                    near = _beside(anchors, here + (a // side - radius) * width
-                                   + a % side - radius, ax, ay, reach)
-                    better = (votes > most) & (x == x) & near
-                    most = _where(better, votes, most)
-                    own_x, own_z = _where(better, other_x, own_x), _where(better, other_z, own_z)
-            _store(outs, middle, own_x)
-            _store(outs, plane + middle, own_z)
+        if radius == 1:
+            _elect_row_of_nine(y, anchor, reach, shift, width, out)
+        else:
+            _elect_row(y, anchor, reach, shift, radius, width, out)
 
 
 @numba.njit(cache=True, inline="always")
@@ -113,7 +196,7 @@ def _channels(word):
 @numba.njit(cache=True, inline="always")
 def _sample(colours, height, width, x, y, exact):
     """Colour of the packed picture at the continuous places (x, y), clamped inside, 0 to 1020."""
-    zero, one, half = np.float32(0), np.int32(1), np.float32(0.5)
+    zero, half = np.float32(0), np.float32(0.5)
     right, bottom = np.float32(width - 1), np.float32(height - 1)
     pitch = np.int32(width)
     if exact:
@@ -124,13 +207,109 @@ def _sample(colours, height, width, x, y, exact):
     i, j = _minimum(_ints(x), np.int32(width - 2)), _minimum(_ints(y), np.int32(height - 2))
     fx, fy = x - _floats(i), y - _floats(j)
     n = j * pitch + i
-    ar, ag, ab = _channels(gather_signed(colours, n))
-    br, bg, bb = _channels(gather_signed(colours, n + one))
-    cr, cg, cb = _channels(gather_signed(colours, n + pitch))
-    dr, dg, db = _channels(gather_signed(colours, n + pitch + one))
+    left, right_one = gather_neighbours(colours, n)
+    ar, ag, ab = _channels(left)
+    br, bg, bb = _channels(right_one)
+    left, right_one = gather_neighbours(colours, n + pitch)
+    cr, cg, cb = _channels(left)
+    dr, dg, db = _channels(right_one)
     ar, ag, ab = ar + fx * (br - ar), ag + fx * (bg - ag), ab + fx * (bb - ab)
     cr, cg, cb = cr + fx * (dr - cr), cg + fx * (dg - cg), cb + fx * (db - cb)
     return ar + fy * (cr - ar), ag + fy * (cg - ag), ab + fy * (cb - ab)
+
+
+@numba.njit(cache=True, inline="always")
+def _counted(x, z, voters, own_x, own_z, votes):
+    """Count (x, z) where it is the shift counted here, or none is yet; and who is left."""
+    mine = voters & ((votes == np.float32(0)) | ((x == own_x) & (z == own_z)))
+    one, zero = _floats(np.float32(1)), np.float32(0)
+    return (_where(mine, x, own_x), _where(mine, z, own_z), votes + _where(mine, one, zero),
+            voters & ~mine)
+
+
+@lean
+def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
+    """`vote` of one row."""
+    width = out.shape[1]
+    style_height, style_width = colours.shape
+    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
+    values, anchors, flat = shift.reshape(-1), anchor.reshape(-1), colours.reshape(-1)
+    flat_out = out.reshape(-1)
+    zero, one = np.float32(0), np.float32(1)
+    for first in range(0, width, 16):
+        middle = (y + margin) * stride + margin + first
+        x, z = _load(values, middle), _load(values, plane + middle)
+        known = x == x
+        if _bits(known) == 0:
+            for n in range(min(16, width - first)):
+                out[y, first + n, 0] = out[y, first + n, 1] = out[y, first + n, 2] = zero
+            continue
+        here = y * width + first
+        if 2 * here + 32 <= anchors.size:
+            ax, ay = load_pairs(anchors, 2 * here)
+        else:
+            pair = (_minimum(_iota() + np.int32(first), np.int32(width - 1))
+                    + np.int32(y * width)) * np.int32(2)
+            ax, ay = gather_signed(anchors, pair), gather_signed(anchors, pair + np.int32(1))
+        ax, ay = _where(known, ax, zero), _where(known, ay, zero)
+        red, green, blue = _sample(flat, style_height, style_width, ax + _where(known, x, zero),
+                                   ay + _where(known, z, zero), exact)
+        count = _floats(one)
+        if radius > 0:
+            # Few shifts meet in a window: those that differ from the middle's are counted first,
+            # up to three at a pixel, and looked up once each.
+            own_votes, none = _floats(one), _floats(zero)
+            x1, z1, n1, x2, z2, n2, x3, z3, n3 = x, z, none, x, z, none, x, z, none
+            more_red, more_green, more_blue = none, none, none
+            for v in range(-radius, radius + 1):
+                for u in range(-radius, radius + 1):
+                    if u == 0 and v == 0:
+                        continue
+                    n = middle + v * stride + u
+                    tx, tz = _load(values, n), _load(values, plane + n)
+                    own = (tx == x) & (tz == z)
+                    own_votes += _where(own, _floats(one), zero)
+                    rest = (tx == tx) & known & ~own
+                    if _bits(rest) == 0:
+                        continue
+                    rest = rest & _beside(anchors, here + v * width + u, ax, ay, reach)
+                    x1, z1, n1, rest = _counted(tx, tz, rest, x1, z1, n1)
+                    if _bits(rest) == 0:
+                        continue
+                    x2, z2, n2, rest = _counted(tx, tz, rest, x2, z2, n2)
+                    x3, z3, n3, rest = _counted(tx, tz, rest, x3, z3, n3)
+                    if _bits(rest) != 0:
+                        r, g, b = _sample(flat, style_height, style_width,
+                                          ax + _where(rest, tx, zero), ay + _where(rest, tz, zero),
+                                          exact)
+                        more_red += _where(rest, r, zero)
+                        more_green += _where(rest, g, zero)
+                        more_blue += _where(rest, b, zero)
+                        count += _where(rest, _floats(one), zero)
+            red = red * own_votes + more_red
+            green, blue = green * own_votes + more_green, blue * own_votes + more_blue
+            count += own_votes - one + n1 + n2 + n3
+            if _bits(n1 > zero) != 0:
+                r, g, b = _sample(flat, style_height, style_width, ax + _where(known, x1, zero),
+                                  ay + _where(known, z1, zero), exact)
+                red, green, blue = red + n1 * r, green + n1 * g, blue + n1 * b
+            if _bits(n2 > zero) != 0:
+                r, g, b = _sample(flat, style_height, style_width, ax + _where(known, x2, zero),
+                                  ay + _where(known, z2, zero), exact)
+                red, green, blue = red + n2 * r, green + n2 * g, blue + n2 * b
+            if _bits(n3 > zero) != 0:
+                r, g, b = _sample(flat, style_height, style_width, ax + _where(known, x3, zero),
+                                  ay + _where(known, z3, zero), exact)
+                red, green, blue = red + n3 * r, green + n3 * g, blue + n3 * b
+        share = _where(known, np.float32(1 / 1020) / count, zero)
+        red, green, blue = red * share, green * share, blue * share
+        if first + 16 <= width:
+            store_triples(flat_out, 3 * here, red, green, blue)
+        else:
+            for n in range(width - first):
+                out[y, first + n, 0] = _lane(red, n)
+                out[y, first + n, 1] = _lane(green, n)
+                out[y, first + n, 2] = _lane(blue, n)
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
@@ -141,61 +320,8 @@ def vote(colours, anchor, reach, shift, margin, radius, exact, out):
     Pixels without a shift (NaN) stay 0. ``exact`` reads whole pixels, else bilinearly. Pixels whose
     anchor is not within ``reach`` (L1) have no vote: their shifts mean other places here.
     """
-    height, width = out.shape[:2]
-    style_height, style_width = colours.shape
-    stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
-    values, anchors, flat = shift.reshape(-1), anchor.reshape(-1), colours.reshape(-1)
-    flat_out = out.reshape(-1)
-    zero, one = np.float32(0), np.float32(1)
-    for y in numba.prange(height):
-        for first in range(0, width, 16):
-            middle = (y + margin) * stride + margin + first
-            x, z = _load(values, middle), _load(values, plane + middle)
-            known = x == x
-            if _bits(known) == 0:
-                for n in range(min(16, width - first)):
-                    out[y, first + n, 0] = out[y, first + n, 1] = out[y, first + n, 2] = zero
-                continue
-            here = y * width + first
-            if 2 * here + 32 <= anchors.size:
-                ax, ay = load_pairs(anchors, 2 * here)
-            else:
-                pair = (_minimum(_iota() + np.int32(first), np.int32(width - 1))
-                        + np.int32(y * width)) * np.int32(2)
-                ax, ay = gather_signed(anchors, pair), gather_signed(anchors, pair + np.int32(1))
-            ax, ay = _where(known, ax, zero), _where(known, ay, zero)
-            red, green, blue = _sample(flat, style_height, style_width, ax + _where(known, x, zero),
-                                       ay + _where(known, z, zero), exact)
-            count = _floats(one)
-            if radius > 0:
-                own_red, own_green, own_blue = red, green, blue
-                for v in range(-radius, radius + 1):
-                    for u in range(-radius, radius + 1):
-                        if u == 0 and v == 0:
-                            continue
-                        n = middle + v * stride + u
-                        tx, tz = _load(values, n), _load(values, plane + n)
-                        there = (tx == tx) & known & _beside(anchors, here + v * width + u, ax,
-                                                             ay, reach)
-                        alike = (tx == x) & (tz == z)
-                        r, g, b = own_red, own_green, own_blue
-                        if _bits(there & ~alike) != 0:
-                            r, g, b = _sample(flat, style_height, style_width,
-                                              ax + _where(there, tx, zero),
-                                              ay + _where(there, tz, zero), exact)
-                        red += _where(there, r, zero)
-                        green += _where(there, g, zero)
-                        blue += _where(there, b, zero)
-                        count += _where(there, _floats(one), zero)
-            share = _where(known, np.float32(1 / 1020) / count, zero)
-            red, green, blue = red * share, green * share, blue * share
-            if first + 16 <= width:
-                store_triples(flat_out, 3 * here, red, green, blue)
-            else:
-                for n in range(width - first):
-                    out[y, first + n, 0] = _lane(red, n)
-                    out[y, first + n, 1] = _lane(green, n)
-                    out[y, first + n, 2] = _lane(blue, n)
+    for y in numba.prange(out.shape[0]):
+        _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out)
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)

@@ -43,7 +43,7 @@ def _picture(frame: NDArray[Any], even: bool) -> NDArray[np.uint8]:
 
 def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 30.0, *,
                 quality: int = 17, coding: Literal["420", "444", "lossless"] = "420",
-                preset: Literal["medium", "veryfast"] = "medium") -> int:
+                preset: Literal["medium", "veryfast", "superfast"] = "medium") -> int:
     """Write a video (H.264).
 
     Parameters
@@ -63,8 +63,9 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
         latter two hold no frames back, which would take gigabytes at a panel's size.
 
     preset
-        How thoroughly ``"420"`` is coded: ``"veryfast"`` takes less than half the time, and its
-        files are a twentieth larger.
+        How thoroughly ``"420"`` is coded: ``"veryfast"`` takes less than half the time of
+        ``"medium"`` for files that are a twentieth larger, ``"superfast"`` a quarter of it for
+        files that are a third larger.
 
     Returns
     -------
