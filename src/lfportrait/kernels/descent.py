@@ -21,6 +21,7 @@ from numba import njit, prange
 
 from .example_lanes import prefetch
 from .lanes import LANES
+from .lean import lean
 
 __all__ = ["descend", "smooth", "total_variation"]
 
@@ -33,12 +34,46 @@ _AHEAD = 6
 """Records that rows are asked for ahead."""
 
 
-@njit(cache=True)
+@lean
 def _step_density(row, place, slope, density, rows, rate, decay, lowest):
     """RMSProp on one density; ``place`` is where its row keeps the mean squared slope."""
     square = decay * rows[place] + (np.float32(1.0) - decay) * slope * slope
     rows[place] = square
     density[row] = max(density[row] - rate * slope / (np.sqrt(square) + _TINY), lowest)
+
+
+@lean
+def _take_up(keys, values, count, density, rows, width, bases, rate, decay, lowest, gains, memory):
+    """Take up the first ``count`` records of one worker for one owner."""
+    first_gain = _load(gains, np.uintp(0))
+    rest_gain = _load(gains, np.uintp(width - 16))
+    for number in range(count):
+        ahead = np.uintp(keys[np.uintp(min(number + _AHEAD, count - 1)), 0])
+        prefetch(rows, ahead * np.uintp(width))
+        prefetch(rows, ahead * np.uintp(width) + np.uintp(16))
+        prefetch(density, ahead)
+        row, basis = np.uintp(keys[number, 0]), np.uintp(keys[number, 1]) << np.uintp(6)
+        weight = values[number, 3]
+        start = row * np.uintp(width)
+        end = start + np.uintp(width)
+        known = max(min(rows[end - np.uintp(2)] + weight, memory), weight)
+        square = rows[end - np.uintp(1)]
+        scale = np.float32(1.0) / (known + _FAINT)
+        red, green, blue = (scale * values[number, 0], scale * values[number, 1],
+                            scale * values[number, 2])
+        if width == 32:
+            change = red * _load(bases, basis) + green * _load(bases, basis + np.uintp(16))
+            _store(rows, start, _load(rows, start) - first_gain * change)
+            change = (green * _load(bases, basis + np.uintp(32))
+                      + blue * _load(bases, basis + np.uintp(48)))
+            _store(rows, start + np.uintp(16),
+                   _load(rows, start + np.uintp(16)) - rest_gain * change)
+        else:
+            change = (red * _load(bases, basis) + green * _load(bases, basis + np.uintp(16))
+                      + blue * _load(bases, basis + np.uintp(32)))
+            _store(rows, start, _load(rows, start) - first_gain * change)
+        rows[end - np.uintp(2)], rows[end - np.uintp(1)] = known, square
+        _step_density(row, end - np.uintp(1), values[number, 4], density, rows, rate, decay, lowest)
 
 
 @njit(cache=True, parallel=True)
@@ -70,40 +105,12 @@ def descend(density, rows, width, records, bases, rate, decay, lowest, gains, me
     """
     all_keys, all_values, all_counts, _ = records
     workers = len(all_counts)
+    flat = bases.reshape(bases.size)
     for owner in prange(workers):
-        first_gain = _load(gains, np.uintp(0))
-        rest_gain = _load(gains, np.uintp(width - 16))
         for worker in range(workers):
-            keys, values = all_keys[worker, owner], all_values[worker, owner]
-            count = all_counts[worker, owner]
-            for number in range(count):
-                ahead = np.uintp(keys[np.uintp(min(number + _AHEAD, count - 1)), 0])
-                prefetch(rows, ahead * np.uintp(width))
-                prefetch(rows, ahead * np.uintp(width) + np.uintp(16))
-                prefetch(density, ahead)
-                row, basis = np.uintp(keys[number, 0]), bases[np.uintp(keys[number, 1])]
-                red, green, blue = values[number, 0], values[number, 1], values[number, 2]
-                weight, slope = values[number, 3], values[number, 4]
-                start = row * np.uintp(width)
-                end = start + np.uintp(width)
-                known = max(min(rows[end - np.uintp(2)] + weight, memory), weight)
-                scale = np.float32(1.0) / (known + _FAINT)
-                square = rows[end - np.uintp(1)]
-                red, green, blue = scale * red, scale * green, scale * blue
-                if width == 32:
-                    change = (red * _load(basis, np.uintp(0))
-                              + green * _load(basis, np.uintp(16)))
-                    _store(rows, start, _load(rows, start) - first_gain * change)
-                    change = (green * _load(basis, np.uintp(32))
-                              + blue * _load(basis, np.uintp(48)))
-                    _store(rows, start + np.uintp(16),
-                           _load(rows, start + np.uintp(16)) - rest_gain * change)
-                else:
-                    change = (red * _load(basis, np.uintp(0)) + green * _load(basis, np.uintp(16))
-                              + blue * _load(basis, np.uintp(32)))
-                    _store(rows, start, _load(rows, start) - first_gain * change)
-                rows[end - np.uintp(2)], rows[end - np.uintp(1)] = known, square
-                _step_density(row, end - np.uintp(1), slope, density, rows, rate, decay, lowest)
+            _take_up(all_keys[worker, owner], all_values[worker, owner],
+                     all_counts[worker, owner], density, rows, width, flat, rate, decay, lowest,
+                     gains, memory)
 
 
 @njit(cache=True, parallel=True)
@@ -169,12 +176,12 @@ def total_variation(neighbours, first, last, values, width, weight, scale, slope
             _store(slopes, np.uintp((row - first) * width + 16 * block), share * slope)
 
 
-@njit(cache=True)
+@lean
 def _length(ex, ey, ez):
     return np.sqrt(ex * ex + ey * ey + ez * ez + np.float32(1e-9))
 
 
-@njit(cache=True)
+@lean
 def _differences(neighbours, row, values, scale):
     """Differences of a value to the next ones along x, y, z."""
     here = values[row]
@@ -182,7 +189,7 @@ def _differences(neighbours, row, values, scale):
     return (values[x] - here) * scale, (values[y] - here) * scale, (values[z] - here) * scale
 
 
-@njit(cache=True)
+@lean
 def _pull(neighbours, row, values, scale):
     """Slope of the lengths of all differences that one value takes part in."""
     ex, ey, ez = _differences(neighbours, row, values, scale)
@@ -196,7 +203,7 @@ def _pull(neighbours, row, values, scale):
     return slope
 
 
-@njit(cache=True)
+@lean
 def _row_differences(neighbours, row, values, width, start, scale):
     """The same for 16 values of a row from ``start`` on."""
     here = _load(values, np.uintp(row) * np.uintp(width) + np.uintp(start))
@@ -205,7 +212,7 @@ def _row_differences(neighbours, row, values, width, start, scale):
             (_load(values, np.uintp(neighbours[row, 2] * width + start)) - here) * scale)
 
 
-@njit(cache=True)
+@lean
 def _pull_row(neighbours, row, values, width, start, scale):
     """`_pull` for 16 values of a row."""
     small = np.float32(1e-9)

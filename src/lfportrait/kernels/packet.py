@@ -21,12 +21,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from .example_lanes import gather_signed, load_ints, prefetch
 from .identity import identified
 from .lanes import LANES
+from .lean import lean
 
 __all__ = ["Records", "make_color_points", "make_pad", "mix_color", "mix_density", "open_brick",
            "scatter", "slopes_of_errors", "use_cell", "write_records"]
@@ -113,7 +113,7 @@ class Records:
 
 
 @identified("packet open brick")
-@njit(cache=True)
+@lean
 def open_brick(brick, links, density, place, opened, own_density, ready, counts):
     """Copy a brick's densities into the pad, unless they are there."""
     if place[np.uintp(brick)] >= 0:
@@ -131,7 +131,7 @@ def open_brick(brick, links, density, place, opened, own_density, ready, counts)
 
 
 @identified("packet mix density")
-@njit(cache=True)
+@lean
 def mix_density(own_density, base, fx, fy, fz):
     """Density in the cells ``base`` of the pad, 16 lanes."""
     d000 = gather_signed(own_density, base)
@@ -149,7 +149,7 @@ def mix_density(own_density, base, fx, fy, fz):
 
 
 @identified("packet use cell")
-@njit(cache=True)
+@lean
 def use_cell(cell, ready, used, counts):
     """Note the corners of a cell that need colours and have none yet."""
     if ready[np.uintp(cell)] & _CELL:
@@ -164,7 +164,7 @@ def use_cell(cell, ready, used, counts):
 
 
 @identified("packet row of")
-@njit(cache=True)
+@lean
 def _row_of(point, links, opened):
     """The lattice's row of a point in the pad."""
     brick = np.uintp(opened[point >> np.uintp(7)])
@@ -176,7 +176,7 @@ def make_color_points(width: int) -> Callable[..., Any]:
     two = width == 32
 
     @identified("packet color points", width)
-    @njit(cache=True)
+    @lean
     def color_points(links, rows, opened, basis, colors, slopes, used, counts):
         count = counts[1]
         for number in range(-_AHEAD, count):
@@ -211,7 +211,7 @@ def make_color_points(width: int) -> Callable[..., Any]:
 
 
 @identified("packet shares")
-@njit(cache=True)
+@lean
 def _shares(x, y, z):
     """Shares of the corners along y and z, and a vector of those along x."""
     along = _where(_iota() < np.int32(8), _floats(_one - x), _floats(x))
@@ -219,7 +219,7 @@ def _shares(x, y, z):
 
 
 @identified("packet mix color")
-@njit(cache=True)
+@lean
 def mix_color(cell, x, y, z, colors):
     """Colour in a cell whose corners have theirs, below zero where those are."""
     near, high, deep, both, along = _shares(x, y, z)
@@ -232,7 +232,7 @@ def mix_color(cell, x, y, z, colors):
 
 
 @identified("packet scatter")
-@njit(cache=True)
+@lean
 def scatter(cell, x, y, z, red, green, blue, weight, sigma, slopes):
     """Share a sample's slopes out to its cell's corners."""
     near, high, deep, both, along = _shares(x, y, z)
@@ -253,7 +253,7 @@ def scatter(cell, x, y, z, red, green, blue, weight, sigma, slopes):
 
 
 @identified("packet write records")
-@njit(cache=True)
+@lean
 def write_records(tile, links, empty, opened, used, slopes, counts, keys, values, written, recent):
     """One record for each point that the packet used.
 
@@ -284,7 +284,7 @@ def write_records(tile, links, empty, opened, used, slopes, counts, keys, values
 
 
 @identified("packet slopes of errors")
-@njit(cache=True)
+@lean
 def slopes_of_errors(number, tile, size, first, pixels, gain, background, alpha_weight, share, out,
                      grads, grad_background):
     """Slopes of the loss by the colours and the opacity of 16 rays; their squared errors."""

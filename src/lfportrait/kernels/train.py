@@ -30,6 +30,7 @@ from numba import njit, prange
 from .example_lanes import gather_signed
 from .identity import identified
 from .lanes import LANES
+from .lean import lean
 from .march import enter_box, make_basis, make_locate
 from .packet import (
     make_color_points,
@@ -80,7 +81,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
     one, zero = np.float32(1.0), np.float32(0.0)
 
     @identified("train setup_ray", width)
-    @njit(cache=True)
+    @lean
     def setup_ray(camera, lattice, x, y, step, near, i, ray):
         cx = (x + 0.5 - camera[14]) / camera[12]
         cy = (y + 0.5 - camera[15]) / camera[13]
@@ -103,7 +104,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
         return wx, wy, wz
 
     @identified("train setup_packet", width)
-    @njit(cache=True)
+    @lean
     def setup_packet(tile, camera, size, lattice, count, step, near, ray, basis, scratch):
         """All rays, and the harmonics of their mean direction."""
         mx, my, mz = 0.0, 0.0, 0.0
@@ -117,7 +118,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
                    basis, 0, scratch)
 
     @identified("train open_bricks", width)
-    @njit(cache=True)
+    @lean
     def open_bricks(brick, missing, numbers, links, density, place, opened, own_density, ready,
                     counts):
         """Open the bricks of the lanes that ``missing`` marks."""
@@ -128,14 +129,13 @@ def train_kernel(width: int) -> Callable[..., Any]:
             open_brick(numbers[lane], links, density, place, opened, own_density, ready, counts)
 
     @identified("train forward", width)
-    @njit(cache=True)
+    @lean
     def forward(table, links, density, nx, ny, nz, flat, step, threshold, stop, places, words,
-                notes, out, place, opened, own_density, ready, used, counts):
+                notes, out, numbers, place, opened, own_density, ready, used, counts):
         """March through the densities; notes what is visible, and which points it takes."""
         ox, oy, oz = load(flat, 0), load(flat, 16), load(flat, 32)
         dx, dy, dz = load(flat, 48), load(flat, 64), load(flat, 80)
         start, end, delta = load(flat, 96), load(flat, 112), load(flat, 128)
-        numbers = np.empty(16, np.int32)
         spread = floats(zero)
         through, k, t = floats(one), floats(zero), start
         tiny = np.float32(1e-9)
@@ -203,7 +203,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
         return count
 
     @identified("train shade", width)
-    @njit(cache=True)
+    @lean
     def shade(count, places, words, notes, colors, out):
         """Colours of all samples and of the rays; returns the number of samples."""
         red, green, blue = floats(zero), floats(zero), floats(zero)
@@ -236,13 +236,13 @@ def train_kernel(width: int) -> Callable[..., Any]:
         return samples
 
     @identified("train taught", width)
-    @njit(cache=True)
+    @lean
     def taught(color, slope, weight):
         """Slope of a sample's colour: one below zero, shown as zero, can only rise."""
         return where((color > zero) | (slope < zero), slope * weight, zero)
 
     @identified("train backward", width)
-    @njit(cache=True)
+    @lean
     def backward(count, flat, grads, out, sparsity, narrow, step, places, words, notes, slopes):
         red, green, blue = load(grads, 0), load(grads, 16), load(grads, 32)
         # What lies behind all samples: the background.
@@ -295,7 +295,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
                         notes[at + np.uintp(48)], out[np.uintp(128) + lane], slopes)
 
     @identified("train largest", width)
-    @njit(cache=True)
+    @lean
     def largest(links, opened, count, places, words, notes, seen):
         for entry in range(count):
             word = words[entry]
@@ -338,7 +338,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
             ray = np.zeros((9, 16), np.float32)
             flat = ray.reshape(9 * 16)
             out = np.zeros(9 * 16, np.float32)
-            grads = np.zeros(7 * 16, np.float32)
+            grads, numbers = np.zeros(7 * 16, np.float32), np.zeros(16, np.int32)
             places, words = np.empty(16 * samples, np.int32), np.empty(samples, np.uint32)
             notes = np.empty(samples * _STEP, np.float32)
             squared, rays, visible = 0.0, 0, 0
@@ -350,8 +350,8 @@ def train_kernel(width: int) -> Callable[..., Any]:
                 setup_packet(tile, cameras[view], sizes[view], lattice, count, step, near, ray,
                              basis, scratch)
                 found = forward(table, links, density, nx, ny, nz, flat, step, threshold, stop,
-                                places, words, notes, out, place, opened, own_density, ready, used,
-                                counts)
+                                places, words, notes, out, numbers, place, opened, own_density,
+                                ready, used, counts)
                 if only_weights:
                     largest(links, opened, found, places, words, notes, weight_seen[worker])
                 else:
