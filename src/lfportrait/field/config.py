@@ -26,7 +26,7 @@ class ReconstructConfig:
     """Training rays of each level in millions; by default 1.5 13.5, more above 256 points, and 2 6
     for a room. With a time budget the last level takes what time is left."""
     batch: tuple[int, ...] = ()
-    """Rays per step of each level; by default 2048, and 6144 12288 for a room."""
+    """Rays per step of each level; by default 2048, and 2048 4096 for a room."""
     importance: float = 0.7
     """Share of the rays that go where the error is large; 0: each pixel as often as the others."""
     sh_degree: int = 2
@@ -38,9 +38,9 @@ class ReconstructConfig:
     init_opacity: float = 0.1
     """Share of the light that a voxel of the mattes' visual hull takes at the start."""
     lr_sigma: float = -1.0
-    """Learning rate of the density at the start; by default 5, and 15 for a room."""
+    """Learning rate of the density at the start; by default 5, and 7 for a room."""
     lr_sigma_final: float = -1.0
-    """Learning rate of the density at the end; by default 0.5, and 2 for a room."""
+    """Learning rate of the density at the end; by default 0.5, and 1 for a room."""
     lr_sh: float = 2.5
     """Learning rate of the colours at the start: one over the number of rays that a lattice point's
     colour is the running mean of. (Colours step as in SART, not by RMSProp as in svox2.)"""
@@ -60,7 +60,7 @@ class ReconstructConfig:
     5e-3 for a room."""
     tv_sparsity: float = -1.0
     """Share of the lattice points that total variation visits at each step; by default 0.003, and
-    0.03 for a room."""
+    0.005 for a room."""
     lambda_sparsity: float = 0.0
     """Weight of the Cauchy sparsity loss log(1 + 2 sigma^2) on the samples."""
     lambda_distortion: float = -1.0
@@ -134,7 +134,7 @@ class ReconstructConfig:
                 rays = (*rays[:-1], float("inf"))
         if len(rays) != levels:
             raise UserError("give as many --rays as --resolutions, one a level")
-        batch = self.batch or ((6144, 12288) if room else (2048,))
+        batch = self.batch or ((2048, 4096) if room else (2048,))
         if len(batch) not in (1, levels) and self.batch:
             raise UserError("give one --batch, or as many as --resolutions")
         if not 0 <= self.importance <= 1:
@@ -149,12 +149,12 @@ class ReconstructConfig:
         return replace(
             self, resolutions=resolutions, rays=rays,
             batch=tuple(batch[min(level, len(batch) - 1)] for level in range(levels)),
-            lr_sigma=chosen(self.lr_sigma, 5.0, 15.0),
-            lr_sigma_final=chosen(self.lr_sigma_final, 0.5, 2.0),
+            lr_sigma=chosen(self.lr_sigma, 5.0, 7.0),
+            lr_sigma_final=chosen(self.lr_sigma_final, 0.5, 1.0),
             lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
             lambda_tv_sh=chosen(self.lambda_tv_sh, 0.0, 5e-3),
             lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),
-            tv_sparsity=chosen(self.tv_sparsity, 0.003, 0.03),
+            tv_sparsity=chosen(self.tv_sparsity, 0.003, 0.005),
             step_size=chosen(self.step_size, 0.5, 1.0), prune=chosen(self.prune, 0.01, 0.02),
             background_nlayers=(32 if room else 0) if layers < 0 else layers,
             near_clip=chosen(self.near_clip, 0.0, distance / 4.0))
