@@ -26,6 +26,7 @@ from .grid import VoxelField
 from .lattice import Lattice, box_shape
 from .meter import Meter
 from .pixels import Batches, TrainingPixels
+from .poses import PoseRefiner
 from .start import start_person, start_room
 
 __all__ = ["Trainer"]
@@ -66,6 +67,7 @@ class Trainer:
         # Exposures: what photos are divided by; held-out photos have theirs, too.
         self.gains = np.ones((len(self.views), 3))
         self.test_gains = np.ones((len(capture.testing()), 3))
+        self.poses = PoseRefiner(capture, self.views) if config.refine_poses else None
         self.key = (f"{config} {len(self.views)} {int(self.data.pixels[::997].sum())} "
                     f"{self.workers}")
         self.began = self._saved = time.perf_counter()
@@ -99,6 +101,8 @@ class Trainer:
             "center": self.lattice.center, "radius": self.lattice.radius, "gains": self.gains,
             "test_gains": self.test_gains, "recent": self.recent,
             "rates": np.array([self.level_done, self.config.lr_sigma])}
+        if self.poses is not None:
+            state.update(self.poses.state())
         if self.state is not None:
             state["state"] = self.state
         if self.background is not None:
@@ -132,11 +136,14 @@ class Trainer:
             gains, test_gains, recent = state["gains"], state["test_gains"], state["recent"]
             elapsed = float(state["elapsed"])
             level_done, lr_sigma = (float(number) for number in state["rates"])
+            capture = (self.capture if self.poses is None
+                       else self.poses.restore(state, self.capture))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return
         self.level, self.step, self.rays_done, self.lattice = level, step, rays, lattice
         self.gains, self.test_gains, self.recent = gains, test_gains, recent
         self.level_done = level_done
+        self._place(capture)
         self.began -= elapsed
         self.config = replace(self.config, lr_sigma=lr_sigma)
         self.state = state.get("state")
@@ -213,6 +220,11 @@ class Trainer:
             found = matte_gains(field, self.capture, tests, least=0.0)
             if found is not None:
                 self.test_gains = found
+
+    def _place(self, capture: Capture) -> None:
+        """Go on with the cameras of ``capture``, whose photos are the same."""
+        self.capture = capture
+        self.data.place(capture.cameras[self.views])
 
     def finish(self) -> None:
         """Remove what no ray sees and what is not attached, once the last level is trained."""
@@ -375,6 +387,8 @@ class Trainer:
             added = losses.sum(axis=0)
             self.recent = 0.98 * self.recent + np.array([added[0], 3 * added[1]])
             self._tell(done)
+            if self.poses is not None and self.poses.due(self.level, self.level_done, finest):
+                self._place(self.poses.refine(self.field(), self.capture, self.gains))
             if now > deadline:
                 break
             self._save_now_and_then()
@@ -409,5 +423,8 @@ class Trainer:
         if not len(tests):
             return None
         some = np.unique(np.linspace(0, len(tests) - 1, 4).astype(int))
-        return held_out_quality(self.field(), self.capture, self.config.background,
-                                self.test_gains, some)["psnr"]
+        field, capture = self.field(), self.capture
+        if self.poses is not None:
+            capture = self.poses.tested(field, capture, self.test_gains, some)
+        return held_out_quality(field, capture, self.config.background, self.test_gains,
+                                some)["psnr"]
