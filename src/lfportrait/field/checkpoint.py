@@ -32,6 +32,8 @@ def write_checkpoint(trainer: Trainer, path: Path) -> None:
         "radius": lattice.radius, "gains": trainer.gains, "test_gains": trainer.test_gains,
         "recent": trainer.recent,
         "rates": np.array([trainer.level_done, trainer.config.lr_sigma])}
+    if trainer.poses is not None:
+        state.update(trainer.poses.state())
     if trainer.background is not None:
         state["background_links"] = trainer.background.links
         state["background_data"] = trainer.background.data
@@ -58,11 +60,14 @@ def read_checkpoint(trainer: Trainer, path: Path) -> None:
         gains, test_gains, recent = state["gains"], state["test_gains"], state["recent"]
         elapsed = float(state["elapsed"])
         level_done, lr_sigma = (float(number) for number in state["rates"])
+        capture = (trainer.capture if trainer.poses is None
+                   else trainer.poses.restore(state, trainer.capture))
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return
     trainer.level, trainer.step, trainer.rays_done, trainer.lattice = level, step, rays, lattice
     trainer.gains, trainer.test_gains, trainer.recent = gains, test_gains, recent
     trainer.level_done, trainer.table = level_done, state.get("table")
+    trainer.place(capture)
     trainer.began -= elapsed
     trainer.config = replace(trainer.config, lr_sigma=lr_sigma)
     if "background_links" in state:

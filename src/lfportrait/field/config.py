@@ -88,6 +88,9 @@ class ReconstructConfig:
     exposure: bool = True
     """Even out the exposure of photos of a room, one gain a photo and channel; held-out photos are
     compared at theirs."""
+    refine_poses: bool = False
+    """Correct the cameras a little while the field is trained, for cameras that are off by a pixel
+    or more; held-out photos are compared at their corrected cameras."""
     sweep: bool = True
     """Start a room from the surfaces that a plane sweep of small photos finds, not from haze."""
     time_budget: float = 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..capture import Capture
+from ..capture import Camera, Capture
 from .grid import camera_row
 
 __all__ = ["Batches", "TrainingPixels"]
@@ -34,7 +34,11 @@ class TrainingPixels:
         self.tiles = np.concatenate(tiles)
         cameras = capture.cameras[views]
         self.sizes = np.stack([cameras.width, cameras.height], 1)
-        self.cameras = np.stack([camera_row(cameras, view) for view in range(len(views))])
+        self.place(cameras)
+
+    def place(self, cameras: Camera) -> None:
+        """Cast the rays from these cameras from now on."""
+        self.cameras = np.stack([camera_row(cameras, view) for view in range(len(cameras))])
 
     def cube_rays(self, tiles: NDArray[np.int32], center: NDArray[np.float64],
                   radius: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -68,7 +68,8 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     field, figures
         The field and the figures for ``--json``: ``test.psnr`` (dB) and ``test.ssim`` over the
         held-out views, ``train.rays``, ``train.rays_per_second``, ``voxels``, ``seconds``; with
-        ``measure_every`` also ``curve``, a list of `CurvePoint`.
+        ``measure_every`` also ``curve``, a list of `CurvePoint`; with ``refine_poses`` also
+        ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB).
 
     Raises
     ------
@@ -112,10 +113,18 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
                   "rays_per_second": (trainer.rays_done - first_rays) / max(trained, 1e-9)},
         "voxels": len(field.density), "resolution": config.resolutions[-1],
         "levels": trainer.log, "device": "cpu", "peak_memory_bytes": peak_memory_bytes()}
+    if trainer.poses is not None:
+        figures["cameras"] = trainer.poses.figures()
     if len(capture.testing()):
-        figures["test"] = held_out_quality(field, capture, config.background, trainer.test_gains)
+        tested = capture
+        if trainer.poses is not None:
+            tested = trainer.poses.tested(field, trainer.capture, trainer.test_gains)
+        figures["test"] = held_out_quality(field, tested, config.background, trainer.test_gains)
+        if trainer.poses is not None:
+            plain = held_out_quality(field, capture, config.background, trainer.test_gains)
+            figures["test"]["psnr_at_given_cameras"] = plain["psnr"]
         if not np.allclose(trainer.test_gains, 1.0):
-            plain = held_out_quality(field, capture, config.background)
+            plain = held_out_quality(field, tested, config.background)
             figures["test"]["psnr_without_exposure"] = plain["psnr"]
         if meter is not None:
             meter.finish(trainer.rays_done, trained, figures["test"]["psnr"])

@@ -25,6 +25,7 @@ from .grid import VoxelField
 from .lattice import Lattice, box_shape
 from .meter import Meter
 from .pixels import Batches, TrainingPixels
+from .poses import PoseRefiner
 from .start import start_person, start_room
 
 __all__ = ["Trainer"]
@@ -67,6 +68,7 @@ class Trainer:
         # Exposures: what photos are divided by; held-out photos have theirs, too.
         self.gains = np.ones((len(self.views), 3))
         self.test_gains = np.ones((len(capture.testing()), 3))
+        self.poses = PoseRefiner(capture, self.views) if config.refine_poses else None
         self.key = (f"{config} {len(self.views)} {int(self.data.pixels[::997].sum())} "
                     f"{self.workers}")
         self.began = self._saved = time.perf_counter()
@@ -178,6 +180,11 @@ class Trainer:
             found = matte_gains(field, self.capture, tests, least=0.0)
             if found is not None:
                 self.test_gains = found
+
+    def place(self, capture: Capture) -> None:
+        """Go on with the cameras of ``capture``, whose photos are the same."""
+        self.capture = capture
+        self.data.place(capture.cameras[self.views])
 
     def finish(self) -> None:
         """Remove what no ray sees and what is not attached, once the last level is trained."""
@@ -323,6 +330,8 @@ class Trainer:
             added = caster.losses.sum(axis=0)
             self.recent = 0.98 * self.recent + np.array([added[0], 3 * added[1]])
             self._tell(done)
+            if self.poses is not None and self.poses.due(self.level, self.level_done, finest):
+                self.place(self.poses.refine(self.field(), self.capture, self.gains))
             if now > deadline:
                 break
             self._save_now_and_then()
@@ -377,5 +386,8 @@ class Trainer:
         if not len(tests):
             return None
         some = np.unique(np.linspace(0, len(tests) - 1, 4).astype(int))
-        return held_out_quality(self.field(), self.capture, self.config.background,
-                                self.test_gains, some)["psnr"]
+        field, capture = self.field(), self.capture
+        if self.poses is not None:
+            capture = self.poses.tested(field, capture, self.test_gains, some)
+        return held_out_quality(field, capture, self.config.background, self.test_gains,
+                                some)["psnr"]
