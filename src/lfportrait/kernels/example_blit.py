@@ -19,6 +19,7 @@ import numba
 import numpy as np
 
 from .example_lanes import gather_pairs, gather_signed, load_pairs, prefetch, store_bytes
+from .example_seeds import seed_correction
 from .lanes import LANES, round_even
 
 __all__ = ["TILE", "blit", "look_up"]
@@ -282,14 +283,16 @@ def _box(anchors, width, top, bottom, first, low_x, low_y, box):
 
 @numba.njit(cache=True, nogil=True, parallel=True)
 def blit(position, appearance, anchor, weights, words, weight_label, style_appearance, style_words,
-         own_shift, own_error, top, finest, points, pixels, starts, firsts, shapes, threshold,
-         slack, margin, shift, level_map):
+         own_shift, own_error, top, usual, calm, finest, points, pixels, starts, firsts, shapes,
+         threshold, slack, free, margin, shift, level_map):
     """Chunks from coarse to fine: the first shift whose error is small enough is taken.
 
     ``points`` [N, 2] and ``pixels`` [N] hold the seeds of levels ``finest`` .. ``top``;
     level l begins at ``starts[l]``, its cells at ``firsts[l]``, ``shapes[l]`` rows and columns.
     A chunk is accepted below max(threshold, own error + slack): where the exemplar has nothing
-    alike, coherence is kept instead of scattering pixels. ``level_map`` gets the level, 0 = own.
+    alike, coherence is kept instead of scattering pixels. Levels above ``usual`` serve only pixels
+    whose appearance weighs less than ``calm``. ``free`` anchors are those of surfaces: shifts are
+    taken at the seed itself, not at the pixel next to it. ``level_map`` gets the level, 0 = own.
     """
     height, width = appearance.shape
     style_height, style_width = style_appearance.shape
@@ -349,6 +352,12 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
                                 seeds[stored, 1] = points[seed, 1]
                                 seeds[stored, 2] = flat_own[at]
                                 seeds[stored, 3] = flat_own[np.uintp(plane) + at]
+                                if free:
+                                    more_x, more_y = seed_correction(
+                                        places, anchors, np.int64(pixels[seed]), width,
+                                        points[seed, 0], points[seed, 1])
+                                    seeds[stored, 2] += more_x
+                                    seeds[stored, 3] += more_y
                                 if level >= 4:
                                     _ask_rows(style_looks, style_flat, style_width, style_height,
                                               box, lower - y, seeds[stored])
@@ -378,9 +387,16 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
                                         at = _place(np.int64(pixels[seed]), width, margin, stride)
                                         buffer[k] = flat_own[at]
                                         buffer_y[k] = flat_own[np.uintp(plane) + at]
+                                        if free:
+                                            more_x, more_y = seed_correction(
+                                                places, anchors, np.int64(pixels[seed]), width,
+                                                points[seed, 0], points[seed, 1])
+                                            buffer[k] += more_x
+                                            buffer_y[k] += more_y
                             kx, ky = _load(buffer, 0), _load(buffer_y, 0)
                         sx, sy = ax + kx, ay + ky
-                        good = (todo & (sx >= zero) & (sx < wide) & (sy >= zero) & (sy < high))
+                        ready = todo if level <= usual else todo & (look < calm)
+                        good = (ready & (sx >= zero) & (sx < wide) & (sy >= zero) & (sy < high))
                         other = _where(good, _ints(sy) * np.int32(style_width) + _ints(sx),
                                        np.int32(0))
                         e = (place * (_absolute(gx - sx) + _absolute(gy - sy))

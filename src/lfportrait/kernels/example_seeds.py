@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-__all__ = ["finite_range", "seed_points", "seed_regular", "seed_splat"]
+__all__ = ["finite_range", "seed_correction", "seed_points", "seed_regular", "seed_splat"]
 
 _M1, _M2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _K1, _K2, _K3 = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F),
@@ -108,6 +108,27 @@ def _nearest_of_finest(anchors, x, y, reach, share, first_x, first_y, start, row
     return found
 
 
+@numba.njit(cache=True, nogil=True)
+def _walk(anchors, width, pixel, x, y):
+    """The pixel nearest to (x, y) that steps downhill from ``pixel`` lead to."""
+    for _ in range(8):
+        dx, dy = anchors[pixel, 0] - x, anchors[pixel, 1] - y
+        best, found = dx * dx + dy * dy, pixel
+        column = pixel % width
+        for down in range(-1, 2):
+            for right in range(-1, 2):
+                other = pixel + down * width + right
+                if 0 <= column + right < width and 0 <= other < anchors.shape[0]:
+                    dx, dy = anchors[other, 0] - x, anchors[other, 1] - y
+                    distance = dx * dx + dy * dy
+                    if distance < best:
+                        best, found = distance, np.int32(other)
+        if found == pixel:
+            break
+        pixel = found
+    return pixel
+
+
 @numba.njit(cache=True, nogil=True, parallel=True)
 def seed_splat(anchor, firsts, starts, shapes, finest, points, pixels):
     """Pixel whose anchor is near each seed; -1 where there is none.
@@ -127,9 +148,11 @@ def seed_splat(anchor, firsts, starts, shapes, finest, points, pixels):
         for j in numba.prange(shapes[level, 0]):
             for i in range(shapes[level, 1]):
                 n = starts[level] + j * shapes[level, 1] + i
-                pixels[n] = _nearest_of_finest(anchors, points[n, 0], points[n, 1], reach,
-                                               share, first_x, first_y, begin, rows, columns,
-                                               pixels)
+                near = _nearest_of_finest(anchors, points[n, 0], points[n, 1], reach, share,
+                                          first_x, first_y, begin, rows, columns, pixels)
+                if near >= 0:
+                    near = _walk(anchors, width, near, points[n, 0], points[n, 1])
+                pixels[n] = near
     for n in range(points.shape[0]):
         if pixels[n] < 0:
             points[n, 0] = points[n, 1] = np.float32(np.inf)
@@ -146,3 +169,38 @@ def finite_range(values, low, high):
                 if np.isfinite(value):
                     least, most = min(least, value), max(most, value)
             low[y, c], high[y, c] = least, most
+
+
+@numba.njit(cache=True, inline="always")
+def _slope(values, pixel, other, c):
+    """Change of a component of pairs from ``pixel`` to ``other``; 0 where one of them is NaN."""
+    step = values[2 * other + c] - values[2 * pixel + c]
+    return step if np.isfinite(step) else np.float32(0)
+
+
+@numba.njit(cache=True)
+def seed_correction(places, anchors, pixel, width, x, y):
+    """What a shift changes by from the middle of a pixel to the seed (x, y) near it.
+
+    The guide and the anchor are taken for linear there. Without this the same seed would mean
+    another place in every view, by a part of a pixel.
+    """
+    zero = np.float32(0)
+    row, column = pixel // width, pixel % width
+    last = places.size // 2 - 1
+    right = pixel + 1 if column + 1 < width else pixel
+    below = min(pixel + width, last) if row * width + width <= last else pixel
+    ux, uy = _slope(anchors, pixel, right, 0), _slope(anchors, pixel, right, 1)
+    vx, vy = _slope(anchors, pixel, below, 0), _slope(anchors, pixel, below, 1)
+    area = ux * vy - uy * vx
+    if abs(area) < np.float32(0.05):
+        return zero, zero
+    ox, oy = x - anchors[2 * pixel], y - anchors[2 * pixel + 1]
+    along, down = (ox * vy - oy * vx) / area, (oy * ux - ox * uy) / area
+    # Further off the guide is no longer linear: the seed lies beside the surface that is seen.
+    if abs(along) > np.float32(2) or abs(down) > np.float32(2):
+        return zero, zero
+    gx = along * _slope(places, pixel, right, 0) + down * _slope(places, pixel, below, 0) - ox
+    gy = along * _slope(places, pixel, right, 1) + down * _slope(places, pixel, below, 1) - oy
+    most = np.float32(2)
+    return (zero, zero) if abs(gx) > most or abs(gy) > most else (gx, gy)
