@@ -338,7 +338,8 @@ class Transfer:
         rows, columns = (-(-n // factor) for n in position.shape[:2])
         middles = np.pad(middles, ((0, rows - middles.shape[0]), (0, columns - middles.shape[1]),
                                    (0, 0)), mode="edge")
-        return sample_labels(self._face[..., None], middles)[..., 0].astype(np.float32) / 255
+        found = sample_labels(self._face[..., None], middles)[..., 0]
+        return found.astype(np.float32) * np.float32(1 / 255)
 
 
     def _cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
