@@ -41,7 +41,9 @@ def weights(person, label, soft, face, factor, place, outline, look, hair, body,
     held, share = (1 - (1 - hair[n]) * label[..., 5] / 255 - (1 - body[n]) * label[..., 6] / 255
                    for n in range(2))
     share = share - (1 - skin) * away * label[..., 4] / 255
-    near = (place[0] + (place[1] - place[0]) * person) * held + 4 * outline * edge * (1 - edge)
+    near = (place[0] + (place[1] - place[0]) * person) * held
+    near = near + 4 * outline * np.maximum(
+        edge * (1 - edge), label[..., 4] * (label[..., 6] / 65025 + label[..., 7] / 65025))
     return np.stack([near, (look[0] + (look[1] - look[0]) * person) * share], axis=-1)
 
 

@@ -161,7 +161,7 @@ def pixel_weights(person, labels, soft, face, factor, place, outline, look, hair
     face
         float32 [h, w], 1 between jaw and brows, blurred, at the middles of the same blocks.
     outline
-        Added to the weight of the place where ``soft`` is one half.
+        Added to the weight of the place where ``soft`` is one half, and along the jaw.
     hair, body
         float32 [2] each, factors of the weights of place and appearance there.
     skin
@@ -196,9 +196,12 @@ def pixel_weights(person, labels, soft, face, factor, place, outline, look, hair
                     (_iota() + np.int32(n)) * np.int32(2) + np.int32(1), np.int32(words.size - 1)))
             crown, below = (_floats((high >> np.int32(8)) & byte),
                             _floats((high >> np.int32(16)) & byte))
+            # Skin against neck, clothes or ground: the jaw must not break where chunks meet.
+            jaw = (_floats(high & byte) * (below + _floats((high >> np.int32(24)) & byte))
+                   * np.float32(1 / 65025))
             held = one - free_hair * crown - free_body * below
             near = ((place_out + place_step * inside) * held
-                    + four * outline * edge * (one - edge))
+                    + four * outline * _maximum(edge * (one - edge), jaw))
             share = (one - less_hair * crown - less_body * below
                      - less_skin * away * _floats(high & byte))
             looks = (look_out + look_step * inside) * share
