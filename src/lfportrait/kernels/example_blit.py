@@ -337,6 +337,9 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
                     for level in range(top, finest - 1, -1):
                         if _bits(todo) == 0:
                             break
+                        ready = todo if level <= usual else todo & (look < calm)
+                        if _bits(ready) == 0:
+                            continue
                         share = np.float32(1) / np.float32(1 << level)
                         if counts[tile, level] == -2:
                             count = _near_seeds(box, share, firsts[level, 0], firsts[level, 1],
@@ -395,7 +398,6 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
                                             buffer_y[k] += more_y
                             kx, ky = _load(buffer, 0), _load(buffer_y, 0)
                         sx, sy = ax + kx, ay + ky
-                        ready = todo if level <= usual else todo & (look < calm)
                         good = (ready & (sx >= zero) & (sx < wide) & (sy >= zero) & (sy < high))
                         other = _where(good, _ints(sy) * np.int32(style_width) + _ints(sx),
                                        np.int32(0))
