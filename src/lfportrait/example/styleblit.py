@@ -32,8 +32,8 @@ LANES = 16
 class BlitConfig:
     """Chunks and voting."""
 
-    threshold: float = 45.0
-    """Largest guide error of a chunk, 0 to 200: 24 is smooth and steady, 45 keeps strokes, above
+    threshold: float = 52.0
+    """Largest guide error of a chunk, 0 to 200: 24 is smooth and steady, 52 keeps strokes, above
     100 the exemplar's own face is copied."""
     slack: float = 8.0
     """A chunk is also kept if its error exceeds the pixel's own look-up by less than this."""
@@ -42,11 +42,18 @@ class BlitConfig:
     keep noise of the photo from scattering pixels."""
     levels: int = 6
     """Coarsest level, 1 to 8: its cells are 2^levels exemplar pixels wide."""
+    calm_levels: int = 8
+    """Coarsest level where the appearance hardly counts (background, clothes), 1 to 8."""
     radius: int = 1
     """Voting window: 0 none, 1 is 3 x 3, 2 is 5 x 5."""
     voting: Literal["mean", "mode", "both"] = "both"
     """mean of the colours that neighbours vote for, most frequent chunk, or the one after the
     other."""
+
+    @property
+    def top(self) -> int:
+        """The coarsest of all levels."""
+        return max(self.levels, self.calm_levels)
 
 
 @dataclass
@@ -178,7 +185,7 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
                table: LookUpTable, picture: NDArray[np.float32] | NDArray[np.int32],
                config: BlitConfig, *,
                seed: int = 0, scale: float | None = None, seeds: Seeds | None = None,
-               finest: int = 1) -> Synthesis:
+               finest: int = 1, calm: float = 0.0) -> Synthesis:
     """Synthesise a picture from an exemplar.
 
     Parameters
@@ -205,6 +212,8 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
         Of an earlier picture of the same size and ``scale`` (`plant`); None plants new ones.
     finest
         The finest level of new ones.
+    calm
+        Weight of the appearance below which chunks may be as large as ``config.calm_levels`` says.
     """
     height, width = guides.appearance.shape
     exact = scale == 1.0
@@ -218,13 +227,14 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
             style_appearance, style_words, np.float32(config.gain), exact, margin, own_shift,
             error)
     if seeds is None:
-        seeds = plant(guides.anchor, config.levels, seed, scale, min(finest, config.levels))
+        seeds = plant(guides.anchor, config.top, seed, scale, min(finest, config.levels))
     shift = shift_planes(height, width, margin)
     level = np.empty((height, width), np.uint8)
     blit(guides.position, guides.appearance, guides.anchor, weights, words, per_label,
-         style_appearance, style_words, own_shift, error, config.levels, seeds.finest, seeds.points,
-         seeds.pixels, seeds.starts, seeds.firsts, seeds.shapes, np.float32(config.threshold),
-         np.float32(config.slack), margin, shift, level)
+         style_appearance, style_words, own_shift, error, config.top, config.levels,
+         np.float32(calm), seeds.finest, seeds.points, seeds.pixels, seeds.starts, seeds.firsts,
+         seeds.shapes, np.float32(config.threshold), np.float32(config.slack),
+         scale is None, margin, shift, level)
     # Neighbours on one piece of the anchor plane; a photo's is one piece.
     pitch = scale if scale is not None else anchor_scale(guides.anchor)
     reach = np.float32((3 * config.radius + 2) * pitch)

@@ -30,7 +30,7 @@ from .guides import (
     sample_labels,
     shrunk,
 )
-from .labels import LABELS, missing_labels
+from .labels import LABELS, missing_labels, soft_face
 from .outline import EdgeMatch, signed_distances
 from .regions import Regions, find_regions
 from .styleblit import (
@@ -53,6 +53,10 @@ EDGES = (("background", True), ("hair", False))
 """Regions whose edges are made to meet, by label: all that is not background, and the hair."""
 
 
+CALM = 0.25
+"""Share of the face's weight of the appearance below which it hardly counts."""
+
+
 @dataclass(frozen=True)
 class TransferConfig:
     """Parameters of the example-based transfer; lengths are relative to the face."""
@@ -69,19 +73,25 @@ class TransferConfig:
     """Exemplar pixels per target pixel; 0 = from the sizes of the faces, 1 if nearly alike."""
     background_appearance: float = 0.05
     """Weight of the appearance guide outside the person, against 1 on the face."""
-    hair_appearance: float = 0.4
+    skin_appearance: float = 0.1
+    """Weight of the appearance guide on forehead and ears."""
+    hair_appearance: float = 0.1
     """Weight of the appearance guide in the hair."""
     body_appearance: float = 0.1
     """Weight of the appearance guide on neck and clothes."""
     background_position: float = 0.4
     """Weight of the position guide outside the person, against 1 on the face."""
-    outline: float = 2.0
+    hair_position: float = 1.0
+    """Weight of the position guide in the hair."""
+    body_position: float = 0.5
+    """Weight of the position guide on neck and clothes."""
+    outline: float = 4.0
     """Added weight of the position guide along the outline of the person, 0 to 10."""
-    label_weight: float = 60.0
+    label_weight: float = 40.0
     """Error of copying from a wrong region (hair for skin, lips for skin, ...), 0 to 200."""
     contours: bool = True
     """Let hairline and outline of the head join the landmarks in the position guide."""
-    steadiness: float = 3.0
+    steadiness: float = 10.0
     """Factor of `blit.gain` in the views of a capture, 1 to 20: there a look-up that only one view
     makes is a stroke that jumps."""
     table: TableConfig = field(default_factory=TableConfig)
@@ -158,7 +168,10 @@ class Transfer:
                                   Path(cache) if cache is not None else None)
         self.table_seconds = time.perf_counter() - start
         self._distribution = Distribution.of(self.appearance, self.regions.person)
+        # In a capture a chunk must not depend on which pixel of a hatching a view happens to hit.
+        self._steady = gaussian_blur(self.appearance, 0.2 * self.config.blur * exemplar.size)
         self._box = self.regions.box()
+        self._face = soft_face(exemplar.image.shape, exemplar.landmarks)
         self._like = missing_labels(self.labels)
         edges = [np.float32(1) - plane if invert else plane for plane, invert in (
             (_label(self.labels, name), invert) for name, invert in EDGES)]
@@ -224,7 +237,7 @@ class Transfer:
             scale = anchor_scale(anchor)
         appearance = self._appearance(photo, scale, person)
         guides = Guides(position, appearance, labels, anchor)
-        weights = self._weights(person, labels, scale)
+        weights = self._weights(person, labels, position, scale)
         blit = config.blit
         if seeds is None:
             blit = replace(blit, gain=config.steadiness * blit.gain)
@@ -233,9 +246,11 @@ class Transfer:
                                                 cell=config.grid if flat else 1)
         synthesising = time.perf_counter()
         synthesis = synthesise(
-            guides, weights, config.label_weight, self.appearance, self.labels, self.table,
+            guides, weights, config.label_weight,
+            self.appearance if seeds is not None else self._steady, self.labels, self.table,
             self.colours(scale), blit, seed=config.seed,
-            scale=scale if seeds is not None else None, seeds=seeds, finest=finest_level(scale))
+            scale=scale if seeds is not None else None, seeds=seeds, finest=finest_level(scale),
+            calm=CALM * 255 * config.table.appearance_weight)
         result = synthesis.image
         if not (flat and self.covers_all):
             result = np.empty(photo.shape, np.float32)
@@ -253,7 +268,7 @@ class Transfer:
         if self._plan is None or self._plan[0] != key:
             anchor = np.float32(scale) * pixel_centres(shape)
             self._plan = key, anchor, plant(
-                anchor, self.config.blit.levels, self.config.seed, scale,
+                anchor, self.config.blit.top, self.config.seed, scale,
                 min(finest_level(scale), self.config.blit.levels))
         return self._plan[1:]
 
@@ -304,7 +319,8 @@ class Transfer:
         appearance = appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
         return match_histogram(appearance, self._distribution, person)
 
-    def _weights(self, person: Float32, labels: NDArray[np.uint8], scale: float) -> Float32:
+    def _weights(self, person: Float32, labels: NDArray[np.uint8], position: Float32,
+                 scale: float) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
         config = self.config
         # Along the outline a chunk that is off shows as a step.
@@ -314,12 +330,24 @@ class Transfer:
         place = np.float32(config.table.position_weight / self.unit)
         look = np.float32(config.table.appearance_weight * 255)
         out = np.empty((*person.shape, 2), np.float32)
-        pixel_weights(np.ascontiguousarray(person, np.float32), label_words(labels), soft, factor,
+        pixel_weights(np.ascontiguousarray(person, np.float32), label_words(labels), soft,
+                      self._face_of(position, factor), factor,
                       place * np.array([config.background_position, 1], np.float32),
                       place * np.float32(config.outline),
                       look * np.array([config.background_appearance, 1], np.float32),
-                      np.float32(config.hair_appearance), np.float32(config.body_appearance), out)
+                      np.array([config.hair_position, config.hair_appearance], np.float32),
+                      np.array([config.body_position, config.body_appearance], np.float32),
+                      np.float32(config.skin_appearance), out)
         return out
+
+    def _face_of(self, position: Float32, factor: int) -> Float32:
+        """The exemplar's soft face at the middles of blocks of ``factor`` pixels of a position."""
+        middles = position[factor // 2::factor, factor // 2::factor]
+        rows, columns = (-(-n // factor) for n in position.shape[:2])
+        middles = np.pad(middles, ((0, rows - middles.shape[0]), (0, columns - middles.shape[1]),
+                                   (0, 0)), mode="edge")
+        found = sample_labels(self._face[..., None], middles)[..., 0]
+        return found.astype(np.float32) * np.float32(1 / 255)
 
     @property
     def covers_all(self) -> bool:

@@ -20,6 +20,7 @@ import numpy as np
 
 from .example_lanes import gather_signed, store_bytes
 from .example_lookup import ask, label_difference, pairs, singles
+from .example_seeds import seed_correction
 from .lanes import LANES
 from .lean import lean
 
@@ -129,9 +130,9 @@ def _box(anchors, width, top, bottom, first, low_x, low_y, box):
 
 @lean
 def _blit_band(band, position, appearance, anchor, weights, words, weight_label, style_appearance,
-               style_words, own_shift, own_error, top, finest, points, pixels, starts, firsts,
-               shapes, threshold, slack, margin, near, seeds, begins, counts, boxes, buffers, shift,
-               level_map):
+               style_words, own_shift, own_error, top, usual, calm, finest, points, pixels, starts,
+               firsts, shapes, threshold, slack, free, margin, near, seeds, begins, counts, boxes,
+               buffers, shift, level_map):
     """`blit` of one row of tiles.
 
     ``seeds`` gets the seeds near the band's tiles, one after the other: places and shifts.
@@ -173,6 +174,9 @@ def _blit_band(band, position, appearance, anchor, weights, words, weight_label,
                 for level in range(top, finest - 1, -1):
                     if _bits(todo) == 0:
                         break
+                    ready = todo if level <= usual else todo & (look < calm)
+                    if _bits(ready) == 0:
+                        continue
                     share = np.float32(1) / np.float32(1 << level)
                     if counts[tile, level] == -2:
                         count = _near_seeds(box, share, firsts[level, 0], firsts[level, 1],
@@ -188,6 +192,12 @@ def _blit_band(band, position, appearance, anchor, weights, words, weight_label,
                             seeds[stored, 1] = points[seed, 1]
                             seeds[stored, 2] = flat_own[at]
                             seeds[stored, 3] = flat_own[np.uintp(plane) + at]
+                            if free:
+                                more_x, more_y = seed_correction(
+                                    places, anchors, np.int64(pixels[seed]), width,
+                                    points[seed, 0], points[seed, 1])
+                                seeds[stored, 2] += more_x
+                                seeds[stored, 3] += more_y
                             if level >= 4:
                                 _ask_rows(style_looks, style_flat, style_width, style_height,
                                           box, lower - y, seeds[stored])
@@ -217,9 +227,15 @@ def _blit_band(band, position, appearance, anchor, weights, words, weight_label,
                                     at = _place(np.int64(pixels[seed]), width, margin, stride)
                                     buffer[k] = flat_own[at]
                                     buffer_y[k] = flat_own[np.uintp(plane) + at]
+                                    if free:
+                                        more_x, more_y = seed_correction(
+                                            places, anchors, np.int64(pixels[seed]), width,
+                                            points[seed, 0], points[seed, 1])
+                                        buffer[k] += more_x
+                                        buffer_y[k] += more_y
                         kx, ky = _load(buffer, 0), _load(buffer_y, 0)
                     sx, sy = ax + kx, ay + ky
-                    good = (todo & (sx >= zero) & (sx < wide) & (sy >= zero) & (sy < high))
+                    good = (ready & (sx >= zero) & (sx < wide) & (sy >= zero) & (sy < high))
                     other = _where(good, _ints(sy) * np.int32(style_width) + _ints(sx),
                                    np.int32(0))
                     e = (place * (_absolute(gx - sx) + _absolute(gy - sy))
@@ -245,14 +261,16 @@ def _blit_band(band, position, appearance, anchor, weights, words, weight_label,
 
 @numba.njit(cache=True, nogil=True, parallel=True)
 def blit(position, appearance, anchor, weights, words, weight_label, style_appearance, style_words,
-         own_shift, own_error, top, finest, points, pixels, starts, firsts, shapes, threshold,
-         slack, margin, shift, level_map):
+         own_shift, own_error, top, usual, calm, finest, points, pixels, starts, firsts, shapes,
+         threshold, slack, free, margin, shift, level_map):
     """Chunks from coarse to fine: the first shift whose error is small enough is taken.
 
     ``points`` [N, 2] and ``pixels`` [N] hold the seeds of levels ``finest`` .. ``top``;
     level l begins at ``starts[l]``, its cells at ``firsts[l]``, ``shapes[l]`` rows and columns.
     A chunk is accepted below max(threshold, own error + slack): where the exemplar has nothing
-    alike, coherence is kept instead of scattering pixels. ``level_map`` gets the level, 0 = own.
+    alike, coherence is kept instead of scattering pixels. Levels above ``usual`` serve only pixels
+    whose appearance weighs less than ``calm``. ``free`` anchors are those of surfaces: shifts are
+    taken at the seed itself, not at the pixel next to it. ``level_map`` gets the level, 0 = own.
     """
     height, width = appearance.shape
     tiles = (width + 15) // 16
@@ -262,6 +280,6 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
         begins, counts = np.empty((tiles, top + 1), np.int64), np.full((tiles, top + 1), -2)
         boxes, buffers = np.empty((tiles, 4), np.float32), np.empty((2, 16), np.float32)
         _blit_band(band, position, appearance, anchor, weights, words, weight_label,
-                   style_appearance, style_words, own_shift, own_error, top, finest, points, pixels,
-                   starts, firsts, shapes, threshold, slack, margin, near, seeds, begins, counts,
-                   boxes, buffers, shift, level_map)
+                   style_appearance, style_words, own_shift, own_error, top, usual, calm, finest,
+                   points, pixels, starts, firsts, shapes, threshold, slack, free, margin, near,
+                   seeds, begins, counts, boxes, buffers, shift, level_map)

@@ -145,7 +145,7 @@ def soft_labels(person, hair, planes, factor, hair_is_skin, body_is_ground, out)
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
-def pixel_weights(person, labels, soft, factor, place, outline, look, hair, body, out):
+def pixel_weights(person, labels, soft, face, factor, place, outline, look, hair, body, skin, out):
     """Weights of place and appearance of every pixel, float32 [H, W, 2].
 
     Parameters
@@ -158,37 +158,52 @@ def pixel_weights(person, labels, soft, factor, place, outline, look, hair, body
         float32 [h, w], the person blurred, means over blocks of ``factor`` pixels.
     place, look
         float32 [2] each, weight outside the person and on it.
+    face
+        float32 [h, w], 1 between jaw and brows, blurred, at the middles of the same blocks.
     outline
-        Added to the weight of the place where ``soft`` is one half.
+        Added to the weight of the place where ``soft`` is one half, and along the jaw.
     hair, body
-        Factors of the appearance's weight there.
+        float32 [2] each, factors of the weights of place and appearance there.
+    skin
+        Factor of the weight of the appearance on skin where ``face`` is 0.
     """
     height, width = person.shape
     rows, columns = soft.shape
     people, words, flat = person.reshape(-1), labels.reshape(-1), out.reshape(-1)
     one, four, byte = np.float32(1), np.float32(4), np.int32(255)
-    less_hair, less_body = (one - hair) / np.float32(255), (one - body) / np.float32(255)
+    less_skin = (one - skin) / np.float32(255)
+    less_hair, less_body = (one - hair[1]) / np.float32(255), (one - body[1]) / np.float32(255)
+    free_hair, free_body = (one - hair[0]) / np.float32(255), (one - body[0]) / np.float32(255)
     place_out, place_step = place[0], place[1] - place[0]
     look_out, look_step = look[0], look[1] - look[0]
     for y in numba.prange(height):
         j, fy = _place(y, factor, rows)
         below = min(j + 1, rows - 1)
-        line = np.empty(columns, np.float32)
+        line, faces = np.empty(columns, np.float32), np.empty(columns, np.float32)
         for i in range(columns):
             line[i] = soft[j, i] + fy * (soft[below, i] - soft[j, i])
+            faces[i] = one - (face[j, i] + fy * (face[below, i] - face[j, i]))
         for first in range(0, width, 16):
             n = y * width + first
             i, fx = _places(first, factor, columns)
-            edge = _between(line, i, _minimum(i + np.int32(1), np.int32(columns - 1)), fx)
+            right = _minimum(i + np.int32(1), np.int32(columns - 1))
+            edge, away = _between(line, i, right, fx), _between(faces, i, right, fx)
             inside = _values(people, n)
             if 2 * n + 32 <= words.size:
                 _, high = load_pairs(words, 2 * n)
             else:
                 high = gather_signed(words, _minimum(
                     (_iota() + np.int32(n)) * np.int32(2) + np.int32(1), np.int32(words.size - 1)))
-            near = place_out + place_step * inside + four * outline * edge * (one - edge)
-            share = (one - less_hair * _floats((high >> np.int32(8)) & byte)
-                     - less_body * _floats((high >> np.int32(16)) & byte))
+            crown, below = (_floats((high >> np.int32(8)) & byte),
+                            _floats((high >> np.int32(16)) & byte))
+            # Skin against neck, clothes or ground: the jaw must not break where chunks meet.
+            jaw = (_floats(high & byte) * (below + _floats((high >> np.int32(24)) & byte))
+                   * np.float32(1 / 65025))
+            held = one - free_hair * crown - free_body * below
+            near = ((place_out + place_step * inside) * held
+                    + four * outline * _maximum(edge * (one - edge), jaw))
+            share = (one - less_hair * crown - less_body * below
+                     - less_skin * away * _floats(high & byte))
             looks = (look_out + look_step * inside) * share
             if first + 16 <= width:
                 store_pairs(flat, 2 * n, near, looks)

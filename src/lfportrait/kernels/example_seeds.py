@@ -14,7 +14,7 @@ from .example_lanes import load_pairs
 from .lanes import LANES
 from .lean import lean
 
-__all__ = ["finite_range", "seed_points", "seed_regular", "seed_splat"]
+__all__ = ["finite_range", "seed_correction", "seed_points", "seed_regular", "seed_splat"]
 
 _M1, _M2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _K1, _K2, _K3 = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F),
@@ -92,8 +92,29 @@ def _splat_finest(anchor, share, first_x, first_y, start, columns, points, neare
 
 
 @lean
-def _nearest_of_finest(anchors, row, reach, share, first_x, first_y, rows, columns, finest, points,
-                       pixels):
+def _walk(anchors, width, pixel, x, y):
+    """The pixel nearest to (x, y) that steps downhill from ``pixel`` lead to."""
+    for _ in range(8):
+        dx, dy = anchors[pixel, 0] - x, anchors[pixel, 1] - y
+        best, found = dx * dx + dy * dy, pixel
+        column = pixel % width
+        for down in range(-1, 2):
+            for right in range(-1, 2):
+                other = pixel + down * width + right
+                if 0 <= column + right < width and 0 <= other < anchors.shape[0]:
+                    dx, dy = anchors[other, 0] - x, anchors[other, 1] - y
+                    distance = dx * dx + dy * dy
+                    if distance < best:
+                        best, found = distance, np.int32(other)
+        if found == pixel:
+            break
+        pixel = found
+    return pixel
+
+
+@lean
+def _nearest_of_finest(anchors, width, row, reach, share, first_x, first_y, rows, columns, finest,
+                       points, pixels):
     """The pixels nearest to a row of seeds among those that stand for the finest cells around.
 
     Rings of cells are searched until one holds a pixel, at the most ``reach``; -1: there is none.
@@ -119,6 +140,8 @@ def _nearest_of_finest(anchors, row, reach, share, first_x, first_y, rows, colum
                             best, found = distance, pixel
             if found >= 0:
                 break
+        if found >= 0:
+            found = _walk(anchors, width, found, x, y)
         pixels[n] = found
 
 
@@ -143,9 +166,9 @@ def seed_splat(anchor, firsts, starts, shapes, finest, points, pixels):
         reach = min(1 << (level - finest), 3)
         for j in numba.prange(shapes[level, 0]):
             first = starts[level] + j * shapes[level, 1]
-            _nearest_of_finest(anchors, (first, first + shapes[level, 1]), reach, share, first_x,
-                               first_y, rows, columns, pixels[begin:begin + rows * columns],
-                               points, pixels)
+            _nearest_of_finest(anchors, width, (first, first + shapes[level, 1]), reach, share,
+                               first_x, first_y, rows, columns,
+                               pixels[begin:begin + rows * columns], points, pixels)
     for n in range(points.shape[0]):
         if pixels[n] < 0:
             points[n, 0] = points[n, 1] = np.float32(np.inf)
@@ -184,3 +207,38 @@ def finite_range(values, low, high):
     rows = values.reshape(height, 2 * width)
     for y in numba.prange(height):
         _finite_range_row(rows[y], low[y], high[y])
+
+
+@numba.njit(cache=True, inline="always")
+def _slope(values, pixel, other, c):
+    """Change of a component of pairs from ``pixel`` to ``other``; 0 where one of them is NaN."""
+    step = values[2 * other + c] - values[2 * pixel + c]
+    return step if np.isfinite(step) else np.float32(0)
+
+
+@lean
+def seed_correction(places, anchors, pixel, width, x, y):
+    """What a shift changes by from the middle of a pixel to the seed (x, y) near it.
+
+    The guide and the anchor are taken for linear there. Without this the same seed would mean
+    another place in every view, by a part of a pixel.
+    """
+    zero = np.float32(0)
+    row, column = pixel // width, pixel % width
+    last = places.size // 2 - 1
+    right = pixel + 1 if column + 1 < width else pixel
+    below = min(pixel + width, last) if row * width + width <= last else pixel
+    ux, uy = _slope(anchors, pixel, right, 0), _slope(anchors, pixel, right, 1)
+    vx, vy = _slope(anchors, pixel, below, 0), _slope(anchors, pixel, below, 1)
+    area = ux * vy - uy * vx
+    if abs(area) < np.float32(0.05):
+        return zero, zero
+    ox, oy = x - anchors[2 * pixel], y - anchors[2 * pixel + 1]
+    along, down = (ox * vy - oy * vx) / area, (oy * ux - ox * uy) / area
+    # Further off the guide is no longer linear: the seed lies beside the surface that is seen.
+    if abs(along) > np.float32(2) or abs(down) > np.float32(2):
+        return zero, zero
+    gx = along * _slope(places, pixel, right, 0) + down * _slope(places, pixel, below, 0) - ox
+    gy = along * _slope(places, pixel, right, 1) + down * _slope(places, pixel, below, 1) - oy
+    most = np.float32(2)
+    return (zero, zero) if abs(gx) > most or abs(gy) > most else (gx, gy)
