@@ -272,7 +272,6 @@ def test_real_exemplar_on_the_reference_photo(shared_data, name):
     result = transfer(photo, style, landmarks=het)
     mean = style.image.reshape(-1, 3).mean(axis=0) / 255
     assert np.abs(result.image.reshape(-1, 3).mean(axis=0) - mean).max() < 0.12
-    assert result.seconds["table_seconds"] < 3.0
 
 
 def test_load_finds_landmarks_and_masks_beside(tmp_path):

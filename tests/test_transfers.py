@@ -122,7 +122,7 @@ def test_strokes_are_carried_along():
 
 
 def test_without_opencv_strokes_follow_the_face(monkeypatch):
-    monkeypatch.setattr(motion_module, "_network", lambda: None)
+    monkeypatch.setattr(motion_module, "_library", lambda: None)
     style = drawn_face(200, 160, seed=5)
     video = VideoTransfer(Transfer(style))
     anchors = []
