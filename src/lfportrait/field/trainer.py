@@ -247,6 +247,10 @@ class Trainer:
         shares = config.shares()
         own = shares[self.level] * (1.0 - self.level_done)
         share = own / (own + sum(shares[self.level + 1:]))
+        if self.level < len(shares) - 1:
+            # Coarse levels end with their rays: what they lack for a slow beginning, while kernels
+            # are compiled, no finer level can make good.
+            share = max(share, 0.5)
         return now + share * max(1.0, 0.93 * config.time_budget - (now - self.began))
 
     def background_trainer(self, mean_square: NDArray[np.float32] | None = None,
