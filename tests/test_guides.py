@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar, SurfaceGuide, position_guide
+from lfportrait.example.frame import FaceFrame
 from lfportrait.example.guides import (
     anchor_scale,
     appearance_guide,
@@ -17,10 +18,11 @@ from lfportrait.example.guides import (
     pixel_centres,
     relative_stretch,
 )
+from lfportrait.example.labels import LABELS, without_hair
 from lfportrait.example.regions import find_regions
 from lfportrait.example.surface import squeeze
 
-from .portraits import HEAD_LANDMARKS, ball_head, drawn_face
+from .portraits import CANONICAL, HEAD_LANDMARKS, ball_head, drawn_face
 from .reference import mls
 
 
@@ -211,3 +213,20 @@ def test_exemplar_checks_its_parts():
         Exemplar(face.image, face.landmarks[:5])
     with pytest.raises(ValueError, match="mask"):
         Exemplar(face.image, face.landmarks, "x", np.zeros((3, 3), np.float32))
+
+
+def test_hair_counts_as_skin_where_the_target_has_none():
+    labels = np.zeros((2, 3, len(LABELS)), np.uint8)
+    labels[0, :, LABELS.index("hair")], labels[0, :, LABELS.index("skin")] = 200, 70
+    labels[1, :, LABELS.index("body")] = 255
+    bald = without_hair(labels)
+    assert (bald[..., LABELS.index("hair")] == 0).all()
+    assert (bald[0, :, LABELS.index("skin")] == 255).all()
+    assert (bald[1] == labels[1]).all()
+
+
+def test_turn_of_a_face():
+    landmarks = CANONICAL * 50 + 100
+    assert abs(FaceFrame.of(landmarks).turn(landmarks)) < 0.01
+    landmarks[30, 0] += 0.5 * 0.62 * 50
+    assert abs(FaceFrame.of(landmarks).turn(landmarks) - 0.5) < 0.02

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
+from lfportrait.example.correspond import lay_body
 from lfportrait.example.guides import pixel_centres
 from lfportrait.example.outline import EdgeMatch, signed_distance
+from lfportrait.example.regions import Regions
+
+from .portraits import CANONICAL
 
 
 def disc(shape, middle, radius):
@@ -80,3 +84,39 @@ def test_odd_sizes_and_grids():
             assert np.isfinite(nodes).all()
             # The same outline on both sides: nothing to move but rounding of the cells.
             assert np.abs(nodes - nodes_of(shape, grid)).max() < 1.6
+
+
+@pytest.mark.parametrize("aside", [-40, 40])
+def test_person_and_background_keep_to_their_sides(aside):
+    """The guide is the identity, but the target's disc lies ``aside`` the exemplar's."""
+    style, target = disc((200, 200), (100, 100), 30.0), disc((200, 200), (100 + aside, 100), 30.0)
+    match = EdgeMatch.of(style, reach=10.0, most=5.0)
+    nodes = nodes_of((200, 200), 4)
+    away = np.linalg.norm(nodes - (100 + aside, 100), axis=-1)
+    # In the very middle of the exemplar's disc all sides are alike.
+    middle = np.linalg.norm(nodes - 100, axis=-1) < 14
+    match.pull(nodes, signed_distance(target, 4), 4, 1.0, keep=12.0)
+    found = np.linalg.norm(nodes - 100, axis=-1)
+    assert found[away < 24].max() < 31
+    assert found[(away > 36) & (away < 80) & ~middle].min() > 27
+
+
+def test_body_is_laid_between_its_edges():
+    """Two straight necks, one of them beside the face and of another width."""
+    points = CANONICAL * 60 + (100, 80)
+    pictures = []
+    for middle, half in ((100, 30), (125, 20)):
+        person = disc((240, 200), (100, 80), 60.0)
+        person[120:, middle - half:middle + half] = 1
+        pictures.append(Regions(points, person, None))
+    style, own = pictures
+    nodes = nodes_of((240, 200), 4)
+    before = nodes.copy()
+    lay_body(nodes, 4, own, style)
+    down = (before - own.frame.origin) @ own.frame.down / own.frame.height
+    assert (nodes[down < 1.0] == before[down < 1.0]).all()
+    low = (down > 1.4) & (before[..., 1] < 225)
+    x, found = before[low][:, 0], nodes[low][:, 0]
+    inside = np.abs(x - 125) < 20
+    assert np.abs(found - (100 + 1.5 * (x - 125)))[inside].max() < 3
+    assert np.abs(found - (x - 25 + 10 * np.sign(x - 125)))[~inside].max() < 3

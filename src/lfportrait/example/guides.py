@@ -166,7 +166,7 @@ def _strips(shape: tuple[int, ...], inner: tuple[float, float, float, float],
 
 
 def fold_inside(position: Float32, shape: tuple[int, ...],
-                inner: tuple[float, float, float, float]) -> Float32:
+                inner: tuple[float, float, float, float], out: Float32 | None = None) -> Float32:
     """Bring positions outside the exemplar back inside by reflection, never into the head.
 
     A position beyond a border is reflected to and fro between the border and the head's box, so
@@ -181,8 +181,13 @@ def fold_inside(position: Float32, shape: tuple[int, ...],
         (H, W, ...) of the exemplar.
     inner
         (left, top, right, bottom): the head's box in the exemplar.
+    out
+        What to change; None makes a copy. ``position`` itself will do.
     """
-    out = np.array(position, np.float32, order="C")
+    if out is None:
+        out = np.empty(position.shape, np.float32)
+    if out is not position:
+        out[:] = position
     fold_points(out.reshape(-1, 2), *_strips(shape, inner))
     return out
 

@@ -15,7 +15,8 @@ from ..kernels.example_labels import soft_labels
 from .frame import FaceFrame
 from .guides import broad_blur, gaussian_blur, shrunk
 
-__all__ = ["LABELS", "missing_labels", "polygon", "region_labels", "soft_face"]
+__all__ = ["LABELS", "missing_labels", "polygon", "region_labels", "soft_face",
+           "without_hair"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -74,6 +75,15 @@ def missing_labels(style: NDArray[np.uint8]) -> frozenset[str]:
     """
     return frozenset(name for name in ("hair", "body")
                      if style[..., LABELS.index(name)].mean() < 0.5)
+
+
+def without_hair(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Labels [h, w, len(LABELS)] whose hair is skin, for a target that shows no hair."""
+    out = labels.copy()
+    hair, skin = LABELS.index("hair"), LABELS.index("skin")
+    out[..., skin] = np.minimum(out[..., skin].astype(np.int64) + out[..., hair], 255)
+    out[..., hair] = 0
+    return out
 
 
 def _feature_planes(shape: tuple[int, ...], landmarks: Float64, factor: int,

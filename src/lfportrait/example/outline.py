@@ -22,7 +22,7 @@ __all__ = ["EdgeMatch", "signed_distance", "signed_distances"]
 
 Float32 = NDArray[np.float32]
 
-FAR = 60.0
+FAR = 250.0
 """Distances are known up to so many cells."""
 
 
@@ -89,8 +89,12 @@ class EdgeMatch:
         """Distance in cells of ``grid`` target pixels beyond which nothing moves."""
         return 3.1 * self.reach / (scale * grid) + 4.0
 
-    def pull(self, nodes: Float32, distance: Float32, grid: int, scale: float) -> None:
-        """`move` by the target's signed distances in pixels, [ceil(H / grid), ceil(W / grid)]."""
+    def pull(self, nodes: Float32, distance: Float32, grid: int, scale: float,
+             keep: float = 0.0) -> None:
+        """`move` by the target's signed distances in pixels, [ceil(H / grid), ceil(W / grid)].
+
+        For ``keep`` see `kernels.example_outline.snap`, in exemplar pixels.
+        """
         # As smooth as the exemplar's.
         sigma = max(self.cell / (scale * grid), 0.5)
         own = gaussian_blur(distance, sigma) * np.float32(scale)
@@ -103,7 +107,7 @@ class EdgeMatch:
         wanted = np.ascontiguousarray(along[:-1] * share + along[1:] * (1 - share))
         before = nodes.copy()
         snap(nodes, wanted, self.distance, self.cell, np.float32(self.reach),
-             np.float32(self.most), 4)
+             np.float32(self.most), np.float32(keep), 4)
         for c in range(2):
             moved = np.ascontiguousarray(nodes[..., c] - before[..., c])
             nodes[..., c] = before[..., c] + gaussian_blur(moved, 1.0)

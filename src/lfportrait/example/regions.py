@@ -60,23 +60,37 @@ class Regions:
         return max(1.02, float((self.person.shape[0] - 3 - frame.origin[1]) / frame.height))
 
     def edges(self, depth: float) -> tuple[Float64, Float64]:
-        """Left and right edge of neck or body, [2] pixels each, ``depth`` below the brows.
+        """Left and right edge of neck or body, [2] pixels each, ``depth`` below the brows."""
+        left, right = self.frame.point(self.spans(np.array([depth]))[0], np.full(2, depth))
+        return left, right
 
-        Where the person's mask shows none they are two thirds as far apart as the ears.
+    def spans(self, depths: Float64) -> Float64:
+        """Left and right edge of neck or body at some ``depths`` below the brows.
+
+        That is the longest piece of the line across: the neck of a turned head lies beside the
+        face. Where the person's mask shows none they are two thirds as far apart as the ears.
+
+        Returns
+        -------
+        float64 [D, 2], to the right of the brows' middle, in units of the frame's height.
         """
         frame = self.frame
         across = np.linspace(-2.0, 2.0, 321)
-        points = frame.point(across, np.full(across.size, depth))
-        line = map_coordinates(self.person, [points[:, 1] - 0.5, points[:, 0] - 0.5], order=1,
-                               mode="constant", cval=0.0) > 0.5
+        points = frame.point(*np.broadcast_arrays(across, depths[:, None]))
+        lines = map_coordinates(self.person, [points[..., 1] - 0.5, points[..., 0] - 0.5], order=1,
+                                mode="constant", cval=0.0) > 0.5
         half = 0.33 * frame.width / frame.height
-        distances = []
-        for side in (-1, 1):
-            outside = np.flatnonzero(~line & (across * side > 0))
-            nearest = float(np.min(np.abs(across[outside])))
-            distances.append(side * (nearest if nearest > 0.4 * half else half))
-        ends = frame.point(np.array(distances), np.array([depth, depth]))
-        return ends[0], ends[1]
+        out = np.tile([-half, half], (len(depths), 1))
+        for span, line in zip(out, lines):
+            # Where the line enters and leaves the person, in turn.
+            ends = np.flatnonzero(np.diff(line, prepend=False, append=False))
+            if len(ends) == 0:
+                continue
+            starts, stops = across[ends[::2]], across[ends[1::2] - 1]
+            longest = int(np.argmax(stops - starts))
+            if stops[longest] - starts[longest] > 0.8 * half:
+                span[:] = starts[longest], stops[longest]
+        return out
 
     def hairline(self, rays: Float64 = RAYS) -> Float64:
         """Where ``rays`` enter the hair, [R, 2] pixels; NaN where there is none."""

@@ -94,8 +94,10 @@ def _sample(field, x, y):
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
-def snap(nodes, wanted, style, cell, reach, most, rounds):
+def snap(nodes, wanted, style, cell, reach, most, keep, rounds):
     """Move places so that their distance from the exemplar's edge is the wanted one, in place.
+
+    Where edges disagree too much to be matched, a place at least stays on its side of the edge.
 
     Parameters
     ----------
@@ -111,33 +113,42 @@ def snap(nodes, wanted, style, cell, reach, most, rounds):
         The move fades over this distance from the edge (Gaussian sigma).
     most
         And where the distances disagree by more than about this: other edges are meant.
+    keep
+        What is inside ends up inside by half the wanted distance or by this one, whichever is less,
+        and what is outside likewise outside; 0 lets it lie where it does.
     rounds
         Steps towards the wanted distance.
     """
     share = np.float32(1) / np.float32(cell)
     right, bottom = np.float32(style.shape[1] - 1), np.float32(style.shape[0] - 1)
-    half = np.float32(0.5)
+    half, zero = np.float32(0.5), np.float32(0)
     for j in numba.prange(nodes.shape[0]):
         for i in range(nodes.shape[1]):
             near = wanted[j, i] / reach
             weight = np.exp(-half * near * near)
-            if weight < np.float32(0.01):
-                continue
-            goal = first = np.float32(0)
+            bound = min(max(half * wanted[j, i], -keep), keep)
+            goal = zero
             for turn in range(rounds):
                 x, y = nodes[j, i, 0] * share - half, nodes[j, i, 1] * share - half
-                if not (0 <= x <= right and 0 <= y <= bottom):
-                    break
+                inside = zero <= x <= right and zero <= y <= bottom
+                x, y = min(max(x, zero), right), min(max(y, zero), bottom)
                 value, across, down = _sample(style, x, y)
-                off = wanted[j, i] - value
                 if turn == 0:
+                    off = wanted[j, i] - value
                     first = off / most
-                    weight *= np.exp(-half * first * first)
-                    goal = value + weight * off
+                    goal = value
+                    if inside and weight > np.float32(0.01):
+                        goal += weight * np.exp(-half * first * first) * off
+                    if bound > zero:
+                        goal = max(goal, bound)
+                    elif bound < zero:
+                        goal = min(goal, bound)
+                    if goal == value:
+                        break
                 # Where ridges of the distance meet the slope says nothing.
                 slope = (across * across + down * down) * share * share
-                if slope < np.float32(0.25):
+                if slope < (np.float32(0.05) if goal == bound else np.float32(0.25)):
                     break
-                step = (goal - value) * share / slope
-                nodes[j, i, 0] += step * across
-                nodes[j, i, 1] += step * down
+                step = (goal - value) * share / max(slope, np.float32(0.25))
+                nodes[j, i, 0] = (x + half) * np.float32(cell) + step * across
+                nodes[j, i, 1] = (y + half) * np.float32(cell) + step * down
