@@ -47,7 +47,7 @@ def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, fra
     uint8 [H, W, len(LABELS)], 255 = wholly inside; about 255 in sum.
     """
     blur = 0.03 * frame.height
-    factor = max(1, 2 * min(4, int(blur / 4)))
+    factor = 2 * min(4, max(1, int(blur / 4))) if blur >= 2 else 1
     planes = _feature_planes(person.shape, landmarks, factor, blur / factor)
     if hair is None:
         hair = np.zeros(person.shape, np.float32)

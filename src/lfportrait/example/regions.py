@@ -78,15 +78,19 @@ class Regions:
         across = np.linspace(-2.0, 2.0, 321)
         points = frame.point(*np.broadcast_arrays(across, depths[:, None]))
         lines = map_coordinates(self.person, [points[..., 1] - 0.5, points[..., 0] - 0.5], order=1,
-                                mode="constant", cval=0.0) > 0.5
+                                mode="constant", cval=0.0)
         half = 0.33 * frame.width / frame.height
         out = np.tile([-half, half], (len(depths), 1))
         for span, line in zip(out, lines):
-            # Where the line enters and leaves the person, in turn.
-            ends = np.flatnonzero(np.diff(line, prepend=False, append=False))
+            # Samples after which the line enters and leaves the person, in turn.
+            ends = np.flatnonzero(np.diff(line > 0.5, prepend=False, append=False)) - 1
             if len(ends) == 0:
                 continue
-            starts, stops = across[ends[::2]], across[ends[1::2] - 1]
+            before, after = line[np.maximum(ends, 0)], line[np.minimum(ends + 1, line.size - 1)]
+            share = np.where(before == after, 0.5, (0.5 - before) / np.where(
+                before == after, 1.0, after - before))
+            places = np.clip(across[0] + (ends + share) * (across[1] - across[0]), -2.0, 2.0)
+            starts, stops = places[::2], places[1::2]
             longest = int(np.argmax(stops - starts))
             if stops[longest] - starts[longest] > 0.8 * half:
                 span[:] = starts[longest], stops[longest]
@@ -186,7 +190,7 @@ def _networks(image: NDArray[np.uint8], size: int) -> tuple[Float32 | None, Floa
 
 def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
                  mask: Float32 | None = None, networks: bool = True,
-                 size: int = 512) -> Regions:
+                 size: int = 512, by_colour: bool = True) -> Regions:
     """Segment a portrait.
 
     Parameters
@@ -203,6 +207,8 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
         Side of the picture that the network of the hair sees, a multiple of 32: paintings want 512,
         for photos 384 is as good (in one pixel of 250 hair becomes skin or skin hair) and takes
         half the time, in videos 256 will do.
+    by_colour
+        Tell hair by its colour where the network's is not plausible; slow.
     """
     points = np.asarray(landmarks, np.float64)
     frame = FaceFrame.of(points)
@@ -225,6 +231,8 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
             # In drawings the network takes hatching on the face for hair.
             hair = hair * np.clip(_hair_prior(frame, person, points) * 10, 0, 1)
         return Regions(points, person, np.asarray(hair, np.float32))
+    if hair_net is not None and not by_colour:
+        return Regions(points, person, None)
     return Regions(points, person, _hair_by_colour(picture, person, frame, points))
 
 

@@ -303,7 +303,7 @@ class Transfer:
         config = self.config
         # Along the outline a chunk that is off shows as a step.
         sigma = 2.5 * self.unit / scale
-        factor = max(1, int(sigma / 2))
+        factor = max(2, int(sigma / 2)) if sigma >= 2 else 1
         soft = gaussian_blur(shrunk(person, factor), sigma / factor)
         place = np.float32(config.table.position_weight / self.unit)
         look = np.float32(config.table.appearance_weight * 255)

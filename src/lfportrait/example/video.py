@@ -42,7 +42,7 @@ DETECT = 4
 """Landmarks are detected in every so manieth frame."""
 SEGMENT = 8
 """And person and hair segmented."""
-PAINT = 2
+PAINT = 3
 """Frames are painted anew every so manieth time, and onward between."""
 KEPT = 0.9
 """Share of carried anchors below which a frame is painted anew in any case."""
@@ -247,13 +247,16 @@ class VideoTransfer:
         if motion is not None and self._masks is not None:
             masks = motion.carry(self._masks)
         if motion is None or masks is None or self._number % self.segment == 0:
-            fresh = _found_masks(frame, points, side)
-            if motion is not None and masks is not None and masks.shape == fresh.shape:
-                share = np.where(motion.trusted, np.float32(FRESH_MASKS), np.float32(1))
-                masks += share[..., None] * (fresh - masks)
-            else:
-                # The first frame, a cut, or now there is hair, or there is none any more.
+            fresh = _found_masks(frame, points, side, first=masks is None)
+            if motion is None or masks is None:
                 masks = fresh
+            else:
+                # Hair that was known is carried where it is not found now.
+                both = slice(0, min(masks.shape[-1], fresh.shape[-1]))
+                share = np.where(motion.trusted, np.float32(FRESH_MASKS), np.float32(1))
+                masks[..., both] += share[..., None] * (fresh[..., both] - masks[..., both])
+                if fresh.shape[-1] > masks.shape[-1]:
+                    masks = np.concatenate([masks, fresh[..., 1:]], axis=-1)
         self._masks = masks
         return masks
 
@@ -349,13 +352,14 @@ def _bytes_of(image: Float32) -> NDArray[np.uint8]:
     return out
 
 
-def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int) -> Float32:
+def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int, first: bool) -> Float32:
     """Masks of the person and, if it is known, the hair on blocks of a frame, [h, w, 1 or 2].
 
-    The networks see less than that: nothing is gained by showing them the whole frame.
+    The networks see less than that: nothing is gained by showing them the whole frame. Only in a
+    ``first`` frame hair is told by its colour where the network fails.
     """
     small = np.asarray(Image.fromarray(frame).reduce(side))
-    regions = find_regions(small, points / side, size=256)
+    regions = find_regions(small, points / side, size=256, by_colour=first)
     masks = [regions.person] if regions.hair is None else [regions.person, regions.hair]
     return np.stack(masks, axis=-1)
 
