@@ -251,12 +251,8 @@ class VideoTransfer:
             if motion is None or masks is None:
                 masks = fresh
             else:
-                # Hair that was known is carried where it is not found now.
-                both = slice(0, min(masks.shape[-1], fresh.shape[-1]))
                 share = np.where(motion.trusted, np.float32(FRESH_MASKS), np.float32(1))
-                masks[..., both] += share[..., None] * (fresh[..., both] - masks[..., both])
-                if fresh.shape[-1] > masks.shape[-1]:
-                    masks = np.concatenate([masks, fresh[..., 1:]], axis=-1)
+                masks = _taken_up(masks, fresh, share[..., None])
         self._masks = masks
         return masks
 
@@ -350,6 +346,20 @@ def _bytes_of(image: Float32) -> NDArray[np.uint8]:
     out = np.empty(image.shape, np.uint8)
     to_bytes(image, out)
     return out
+
+
+def _taken_up(masks: Float32, fresh: Float32, share: Float32) -> Float32:
+    """Masks [h, w, 1 or 2] a ``share`` of the way to those found now.
+
+    Hair that is not found any more fades, and so does what was hair in one segmentation alone.
+    """
+    count = max(masks.shape[-1], fresh.shape[-1])
+    old, new = (np.pad(plane, ((0, 0), (0, 0), (0, count - plane.shape[-1])))
+                for plane in (masks, fresh))
+    mixed = np.asarray(old + share * (new - old), np.float32)
+    if count > fresh.shape[-1] and mixed[..., 1].max() < 0.1:
+        mixed = np.ascontiguousarray(mixed[..., :1])
+    return mixed
 
 
 def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int, first: bool) -> Float32:
