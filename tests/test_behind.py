@@ -20,7 +20,7 @@ def test_the_nearest_site_is_the_nearest_of_all():
     # Beyond the neighbouring cells a site can be nearer by a part of a cell, rarely.
     assert (found == away.argmin(axis=1)).mean() > 0.97
     assert (away[np.arange(500), found] < 1.5 * patchwork.side).all()
-    assert 0 <= sites.chances.min() and sites.chances.max() < 1
+    assert sites.chances.min() >= 0 and sites.chances.max() < 1
 
 
 def test_sites_do_not_depend_on_what_is_seen():
