@@ -12,17 +12,16 @@ import tyro
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..kernels.example_labels import pixel_weights, shrink_label
+from ..kernels.example_labels import pixel_weights
 from ..kernels.example_vote import blend
-from .correspond import match_regions
 from .exemplar import Exemplar, face_size
+from .flat import FlatGuide
 from .guides import (
     Distribution,
     Guides,
     anchor_scale,
     appearance_guide,
     broad_blur,
-    folded_position_guide,
     gaussian_blur,
     match_histogram,
     pixel_centres,
@@ -30,8 +29,7 @@ from .guides import (
     sample_labels,
     shrunk,
 )
-from .labels import LABELS, missing_labels, soft_face
-from .outline import EdgeMatch, signed_distances
+from .labels import missing_labels, soft_face
 from .regions import Regions, find_regions
 from .styleblit import (
     BlitConfig,
@@ -48,10 +46,6 @@ from .table import TableConfig, cached_table
 __all__ = ["Transfer", "TransferConfig", "TransferResult", "face_landmarks", "transfer"]
 
 Float32 = NDArray[np.float32]
-
-EDGES = (("background", True), ("hair", False))
-"""Regions whose edges are made to meet, by label: all that is not background, and the hair."""
-
 
 CALM = 0.25
 """Share of the face's weight of the appearance below which it hardly counts."""
@@ -170,13 +164,9 @@ class Transfer:
         self._distribution = Distribution.of(self.appearance, self.regions.person)
         # In a capture a chunk must not depend on which pixel of a hatching a view happens to hit.
         self._steady = gaussian_blur(self.appearance, 0.2 * self.config.blur * exemplar.size)
-        self._box = self.regions.box()
         self._face = soft_face(exemplar.image.shape, exemplar.landmarks)
         self._like = missing_labels(self.labels)
-        edges = [np.float32(1) - plane if invert else plane for plane, invert in (
-            (_label(self.labels, name), invert) for name, invert in EDGES)]
-        self._edges = (EdgeMatch.of(edges[0], 8 * self.unit, 6 * self.unit),
-                       EdgeMatch.of(edges[1], 4 * self.unit, 5 * self.unit))
+        self._flat = FlatGuide(exemplar, self.regions, self.labels)
         self._plan: tuple[Any, Float32, Seeds] | None = None
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
         self._filtered = {1.0: pack_colours(self._picture)}
@@ -219,7 +209,9 @@ class Transfer:
             person = regions.person
             cover = self.cover(photo, points, person)
             labels = regions.labels(self._like)
-            position = self._flat_guide(cover, points, regions, labels)
+            position = self._flat(cover, points, regions, labels, config.grid, config.contours)
+            if config.region == "picture":
+                person = self._flat.own_shoulders(position, points, labels, person)
         else:
             # The place in the exemplar says what a surface point is, alike in every view.
             position = np.ascontiguousarray(position, np.float32)
@@ -292,26 +284,6 @@ class Transfer:
                  for c in range(3)], axis=-1))
         return self._filtered[key]
 
-    def _flat_guide(self, cover: Float32, landmarks: NDArray[np.float64],
-                    regions: Regions, labels: NDArray[np.uint8]) -> Float32:
-        """Position guide of a photo from its landmarks and contours; NaN where not covered."""
-        sources, targets, weights, softness = match_regions(
-            landmarks, regions, self.exemplar.landmarks, self.regions, self.config.contours)
-        grid, scale = self.config.grid, self.exemplar.size / face_size(landmarks)
-
-        def meet(nodes: Float32) -> None:
-            known = [(match, edge) for match, edge in zip(self._edges, EDGES) if match is not None]
-            small = np.empty((len(known), *(-(-n // grid) for n in labels.shape[:2])), np.float32)
-            for plane, (_, (name, invert)) in zip(small, known):
-                shrink_label(labels, LABELS.index(name), invert, grid, plane)
-            away = signed_distances(small, [match.far(grid, scale) for match, _ in known])
-            for distance, (match, _) in zip(away, known):
-                match.pull(nodes, distance * np.float32(grid), grid, scale)
-
-        return folded_position_guide(cover, sources, targets, weights, softness,
-                                     self.exemplar.image.shape, self._box, grid,
-                                     meet if self.config.contours else None)
-
     def _appearance(self, photo: NDArray[np.generic], scale: float, person: Float32) -> Float32:
         """Appearance guide of the target, matched to the exemplar's inside the person."""
         sigma = self.config.blur * self.exemplar.size / scale
@@ -372,11 +344,6 @@ class Transfer:
         # Fainter than a grey level is not worth painting.
         cover = np.where(cover > np.float32(0.002), cover, np.float32(0))
         return np.asarray(cover * np.float32(config.strength), np.float32)
-
-
-def _label(labels: NDArray[np.uint8], name: str) -> Float32:
-    """One label of [H, W, len(LABELS)], float32 [H, W] in [0, 1]."""
-    return labels[..., LABELS.index(name)].astype(np.float32) * np.float32(1 / 255)
 
 
 def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferConfig | None = None,

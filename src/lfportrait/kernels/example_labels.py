@@ -13,7 +13,7 @@ import numpy as np
 from .example_lanes import gather_signed, load_pairs, store_pairs
 from .lanes import LANES
 
-__all__ = ["luma", "pixel_weights", "shrink_label", "soft_labels"]
+__all__ = ["luma", "own_body", "pixel_weights", "shrink_label", "soft_labels"]
 
 _floats, _ints, _iota, _lane = LANES.floats, LANES.ints, LANES.iota, LANES.lane
 _load, _floor, _minimum, _maximum = LANES.load, LANES.floor, LANES.minimum, LANES.maximum
@@ -230,3 +230,32 @@ def shrink_label(labels, channel, invert, factor, out):
                     total += np.int64(labels[y, x, channel])
             mean = np.float32(total) / np.float32(255 * (bottom - top) * (right - left))
             out[j, i] = np.float32(1) - mean if invert else mean
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def own_body(position, style, top, labels, person):
+    """Give pixels of body and background from row ``top`` on the exemplar's labels, in place.
+
+    Parameters
+    ----------
+    position
+        float32 [H, W, 2], places in the exemplar; nothing changes where they are NaN or outside.
+    style, labels
+        int32 [h, w, 2] and [H, W, 2], eight bytes in two words; the last two are body and
+        background.
+    person
+        float32 [H, W], follows the background.
+    """
+    height, width = person.shape
+    byte, nearly = np.int32(255), np.int32(240)
+    for y in numba.prange(min(top, height), height):
+        for x in range(width):
+            high = labels[y, x, 1]
+            if ((high >> 16) & byte) + ((high >> 24) & byte) <= nearly:
+                continue
+            u, v = position[y, x, 0], position[y, x, 1]
+            if 0 <= u < style.shape[1] and 0 <= v < style.shape[0]:
+                i, j = np.int64(u), np.int64(v)
+                labels[y, x, 0], labels[y, x, 1] = style[j, i, 0], style[j, i, 1]
+                ground = (style[j, i, 1] >> 24) & byte
+                person[y, x] = np.float32(byte - ground) * np.float32(1 / 255)
