@@ -10,13 +10,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .example_lanes import gather_signed, load_pairs, store_pairs
+from .example_lanes import gather_signed, pairs, singles, store_pairs
 from .lanes import LANES
 
 __all__ = ["luma", "own_body", "pixel_weights", "shrink_label", "soft_labels"]
 
 _floats, _ints, _iota, _lane = LANES.floats, LANES.ints, LANES.iota, LANES.lane
-_load, _floor, _minimum, _maximum = LANES.load, LANES.floor, LANES.minimum, LANES.maximum
+_floor, _minimum, _maximum = LANES.floor, LANES.minimum, LANES.maximum
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
@@ -63,14 +63,6 @@ def _byte(value):
 def _four(a, b, c, d):
     """Four bytes as one word, the first one lowest."""
     return a | (b << np.int32(8)) | (c << np.int32(16)) | (d << np.int32(24))
-
-
-@numba.njit(cache=True, inline="always")
-def _values(array, n):
-    """The elements n .. n + 15 of a flat array; past its end the last one."""
-    if n + 16 <= array.size:
-        return _load(array, n)
-    return gather_signed(array, _minimum(_iota() + np.int32(n), np.int32(array.size - 1)))
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
@@ -125,7 +117,7 @@ def soft_labels(person, hair, planes, factor, hair_is_skin, body_is_ground, out)
                 low = _four(_byte(brows), _byte(eyes * no_brows), _byte(nose * no_eyes),
                             _byte(lips * no_nose))
             body = _between(lines[4], i, right, fx)
-            inside, crown = _values(people, n) * rest, _values(crowns, n)
+            inside, crown = singles(people, n) * rest, singles(crowns, n)
             if hair_is_skin:
                 crown = _floats(zero)
             skin = inside * (one - crown)
@@ -188,12 +180,8 @@ def pixel_weights(person, labels, soft, face, factor, place, outline, look, hair
             i, fx = _places(first, factor, columns)
             right = _minimum(i + np.int32(1), np.int32(columns - 1))
             edge, away = _between(line, i, right, fx), _between(faces, i, right, fx)
-            inside = _values(people, n)
-            if 2 * n + 32 <= words.size:
-                _, high = load_pairs(words, 2 * n)
-            else:
-                high = gather_signed(words, _minimum(
-                    (_iota() + np.int32(n)) * np.int32(2) + np.int32(1), np.int32(words.size - 1)))
+            inside = singles(people, n)
+            _, high = pairs(words, n)
             crown, below = (_floats((high >> np.int32(8)) & byte),
                             _floats((high >> np.int32(16)) & byte))
             # Skin against neck, clothes or ground: the jaw must not break where chunks meet.
