@@ -8,6 +8,7 @@ from scipy import linalg
 
 from lfportrait import models
 from lfportrait.evaluate import (
+    PatchIndex,
     contour_correlation,
     feature_distance,
     frechet_distance,
@@ -18,6 +19,7 @@ from lfportrait.evaluate import (
     patch_fidelity,
     style_distance,
 )
+from lfportrait.evaluate.patches import lab, spread_places
 from lfportrait.files import read_image
 
 
@@ -87,6 +89,31 @@ def test_patch_fidelity_equals_brute_force():
     nearest = [np.sqrt(((theirs - patch) ** 2).sum(1).min() / 49) for patch in ours]
     assert patch_fidelity(image, exemplar, samples=10 ** 6) == pytest.approx(
         np.mean(nearest), rel=1e-3)
+
+
+def test_patches_are_looked_up_exactly_in_a_tree_of_many_leaves():
+    exemplar, image = texture(8, (60, 70)), texture(9, (24, 30))
+    image[4:20, 5:25] = 0.5 * image[4:20, 5:25] + 0.5 * exemplar[10:26, 30:50]
+    index = PatchIndex(exemplar)
+    assert len(index.leaf) > 33
+    every = np.ascontiguousarray(np.argwhere(np.ones((18, 24), bool)).T)
+    ours, theirs = (np.lib.stride_tricks.sliding_window_view(lab(picture), (7, 7), axis=(0, 1))
+                    .reshape(-1, 147).astype(np.float64) for picture in (image, exemplar))
+    squared = (ours ** 2).sum(1)[:, None] + (theirs ** 2).sum(1) - 2 * ours @ theirs.T
+    assert index.distances(image, *every) == pytest.approx(
+        np.sqrt(squared.min(axis=1) / 49), rel=1e-3)
+
+
+def test_patches_are_spread_evenly_inside_the_mask():
+    mask = np.zeros((90, 120), bool)
+    mask[10:70, 30:110] = True
+    places = spread_places(mask, 500, seed=1)
+    assert 450 < len(places) < 700 and mask[tuple(places.T)].all()
+    assert len({tuple(p) for p in places.tolist()}) == len(places)
+    halves = (places[:, 1] < 70).mean()
+    assert 0.45 < halves < 0.55
+    assert len(spread_places(mask, 10 ** 6)) == mask.sum()
+    assert (spread_places(mask, 500, seed=2)[:20] != places[:20]).any()
 
 
 def test_patch_fidelity_looks_inside_the_mask_alone():

@@ -11,11 +11,11 @@ from .features import (
     style_distance,
 )
 from .job import evaluate_field, evaluate_job
-from .likeness import contour_correlation, identity, landmark_error, patch_fidelity
+from .likeness import contour_correlation, identity, landmark_error
+from .patches import PatchIndex, patch_fidelity
 
-__all__ = ["BENCHES", "bench", "bench_encode", "bench_reconstruct", "bench_stylize",
-           "bench_transfer", "consistency", "contour_correlation", "evaluate_field",
-           "evaluate_job", "feature_distance", "frechet_distance", "identity",
+__all__ = ["BENCHES", "PatchIndex", "bench", "bench_encode", "bench_reconstruct",
+           "bench_stylize", "bench_transfer", "consistency", "contour_correlation",
+           "evaluate_field", "evaluate_job", "feature_distance", "frechet_distance", "identity",
            "inception_features", "kernel_distance", "landmark_error", "pair_error",
-           "patch_fidelity", "style_distance",
-           "transfer_table", "view_pairs", "warp"]
+           "patch_fidelity", "style_distance", "transfer_table", "view_pairs", "warp"]

@@ -102,7 +102,7 @@ def bench_transfer(image: NDArray[np.uint8] | None = None,
 def _measured(image: NDArray[np.uint8], points: NDArray[np.float64], exemplar: Exemplar,
               config: MethodConfig, repeats: int) -> dict[str, Any]:
     """Figures of one method."""
-    from .likeness import patch_fidelity
+    from .patches import patch_fidelity
 
     trains = isinstance(config, NetworkConfig)
     # A small picture compiles the kernels before the clock starts.
@@ -116,7 +116,7 @@ def _measured(image: NDArray[np.uint8], points: NDArray[np.float64], exemplar: E
     row = {"precalculation_seconds": prepared_seconds, "guides_seconds": seconds["guides_seconds"],
            "synthesis_seconds": seconds["synthesis_seconds"], "frame_seconds": frame,
            "frames_per_second": 1.0 / frame,
-           "patch_fidelity": patch_fidelity(result.image, exemplar.image, samples=200)}
+           "patch_fidelity": patch_fidelity(result.image, exemplar.image)}
     if isinstance(config, TransferConfig):
         row |= {"table_seconds": seconds["table_seconds"], "prepare_seconds": prepared_seconds}
     elif isinstance(config, FaceBlitConfig):

@@ -17,7 +17,8 @@ from ..progress import Progress
 from ..share import sweep_cameras
 from .consistency import consistency
 from .features import feature_distance, style_distance
-from .likeness import contour_correlation, identity, patch_fidelity
+from .likeness import contour_correlation, identity
+from .patches import patch_fidelity
 
 __all__ = ["evaluate_field", "evaluate_job"]
 

@@ -1,8 +1,8 @@
-"""Likeness: is the stylised head still the person, and does it look like the exemplar's paint.
+"""Likeness: is the stylised head still the person.
 
 Identity: landmarks found in the stylised view against those in the real one. Contours: correlation
-of the gradients of both. Manner: how far small patches of the result are from the nearest patch of
-the exemplar. All are plain figures without training; features and FID are in `features`.
+of the gradients of both. Both are plain figures without training; patches are in `patches`,
+features and FID in `features`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-__all__ = ["contour_correlation", "identity", "landmark_error", "patch_fidelity"]
+__all__ = ["Detector", "contour_correlation", "identity", "landmark_error"]
 
 Detector = Callable[[NDArray[np.uint8]], NDArray[np.float64] | None]
 
@@ -80,59 +80,3 @@ def contour_correlation(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_
     if min(strength.std() for strength in strengths) < 1e-9:
         return float("nan")
     return float(np.corrcoef(strengths)[0, 1])
-
-
-def _patches(image: NDArray[Any], size: int) -> NDArray[np.float32]:
-    """All patches of a picture in CIE Lab, float32 [h, w, 3, size, size]."""
-    from skimage.color import rgb2lab
-
-    values = image.astype(np.float64) / 255.0 if image.dtype == np.uint8 else image
-    lab = rgb2lab(np.clip(values, 0.0, 1.0)).astype(np.float32)
-    return np.lib.stride_tricks.sliding_window_view(lab, (size, size), axis=(0, 1))
-
-
-def patch_fidelity(image: NDArray[Any], exemplar: NDArray[Any],
-                   mask: NDArray[np.bool_] | None = None, *, size: int = 7, samples: int = 600,
-                   seed: int = 0) -> float:
-    """Mean distance of a picture's patches to their nearest patches of the exemplar.
-
-    Exact search over all patches of the exemplar, for a sample of the picture's.
-
-    Parameters
-    ----------
-    image, exemplar
-        [H, W, 3] and [H', W', 3], uint8 or float in [0, 1].
-    mask
-        bool [H, W], where the middles of the patches may lie; everywhere by default.
-    size
-        Side of a patch in pixels, odd.
-    samples
-        Patches looked up.
-    seed
-        Seed of the sample.
-
-    Returns
-    -------
-    distance
-        Root mean square difference in CIE Lab over a patch's pixels (delta E), mean over the
-        patches; 0 for a picture copied from the exemplar. NaN where the mask leaves nothing.
-    """
-    source, wanted = _patches(exemplar, size), _patches(image, size)
-    half = size // 2
-    allowed = np.ones(wanted.shape[:2], bool)
-    if mask is not None:
-        allowed = np.asarray(mask, bool)[half:half + wanted.shape[0], half:half + wanted.shape[1]]
-    places = np.argwhere(allowed)
-    if not len(places):
-        return float("nan")
-    chosen = np.random.default_rng(seed).permutation(len(places))[:samples]
-    rows, columns = places[np.sort(chosen)].T
-    queries = wanted[rows, columns].reshape(len(rows), -1)
-    best = np.full(len(queries), np.inf, np.float32)
-    for row in range(0, source.shape[0], 8):
-        block = source[row:row + 8].reshape(-1, queries.shape[1])
-        # |q - p|^2 = |q|^2 - 2 q.p + |p|^2; the first term is added at the end.
-        distances = np.einsum("pd,pd->p", block, block)[None] - 2.0 * (queries @ block.T)
-        np.minimum(best, distances.min(axis=1), out=best)
-    squared = np.maximum(best + np.einsum("qd,qd->q", queries, queries), 0.0)
-    return float(np.sqrt(squared / (size * size)).mean())

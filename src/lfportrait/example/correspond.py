@@ -1,6 +1,7 @@
 """Control points of the position guide: landmarks, and where rays meet hairline and outline.
 
-Neck and body, where there are none, are laid onto the exemplar's by their edges.
+Below the chin there are none: a neck is made longer, or neck and body are laid onto the exemplar's
+by their edges.
 """
 
 from __future__ import annotations
@@ -9,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from .guides import mls_similarity
 from .regions import RAYS, Regions
 
-__all__ = ["lay_body", "match_regions"]
+__all__ = ["lay_body", "lengthen_neck", "match_regions", "plain_neck"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -22,13 +22,16 @@ LINES = 12
 BELOW = 1.02, 1.27
 """Depths below the brows (the chin is 1) between which the face gives way to the body."""
 
+LOWEST_NECK = 0.1
+"""The neck's plainest strip begins at most so far below the chin, over the face's height."""
+STRIP = 0.15
+"""Its height over what the exemplar shows below it."""
+
 
 def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64,
-                  style_regions: Regions, contours: bool = True,
-                  foot: bool = True) -> tuple[Float64, Float64, Float64, Float64]:
-    """Control points of the position guide: landmarks, hairline, outline and the lower border.
-
-    The latter not without ``foot``: `lay_body` does more.
+                  style_regions: Regions,
+                  contours: bool = True) -> tuple[Float64, Float64, Float64, Float64]:
+    """Control points of the position guide: landmarks, hairline and outline.
 
     Returns
     -------
@@ -44,31 +47,60 @@ def match_regions(landmarks: Float64, regions: Regions, style_landmarks: Float64
             sources.append(getattr(regions, name)())
             targets.append(getattr(style_regions, name)())
             weights.append(np.full(len(RAYS), weight))
-        if foot:
-            lowest, style_lowest = _foot(landmarks, regions, style_landmarks, style_regions)
-            sources.append(lowest)
-            targets.append(style_lowest)
-            weights.append(np.full(len(lowest), 2.0))
     source = np.concatenate(sources)
     softness = np.full(len(source), 0.05 * regions.frame.height)
     softness[:68] = 0.0
     return source, np.concatenate(targets), np.concatenate(weights), softness
 
 
-def _foot(landmarks: Float64, regions: Regions, style_landmarks: Float64,
-          style_regions: Regions) -> tuple[Float64, Float64]:
-    """Points on the target's lower border, pinned to the exemplar's where it shows less body.
+def plain_neck(picture: Float32, landmarks: Float64) -> tuple[float, float]:
+    """The plainest strip of an exemplar's neck: first and last row, in pixels below the chin.
 
-    Without them a photo that shows more of the chest than the exemplar does would run off its lower
-    border. Where the exemplar shows enough there are none.
+    Parameters
+    ----------
+    picture
+        float32 [h, w], grey.
+    landmarks
+        [68, 2] of the exemplar.
     """
-    height, width = regions.person.shape
-    style_height = style_regions.person.shape[0]
-    foot = np.array([[0.0, height], [width / 2, height], [float(width), height]])
-    style_foot = mls_similarity(foot, landmarks[:27], style_landmarks[:27])
-    beyond = style_foot[:, 1] > style_height - 1
-    style_foot[:, 1] = style_height - 1
-    return foot[beyond], style_foot[beyond]
+    height = float(landmarks[8, 1] - landmarks[17:27, 1].mean())
+    chin, half = landmarks[8], 0.15 * height
+    left, right = (int(np.clip(chin[0] + side * half, 0, picture.shape[1])) for side in (-1, 1))
+    rows = np.asarray(picture[int(max(chin[1], 0)):, left:right], np.float64)
+    shown = len(rows) - 2.0
+    if right - left < 2 or shown < 8:
+        return 0.0, max(shown, 1.0)
+    change = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rows, axis=0)).mean(axis=1))])
+    first = np.arange(max(int(min(LOWEST_NECK * height, 0.6 * shown)), 1))
+    last = np.minimum(first + STRIP * (shown - first), shown).astype(np.int64)
+    best = int(np.argmin((change[last] - change[first]) / np.maximum(last - first, 1)))
+    return float(first[best]), float(last[best])
+
+
+def lengthen_neck(nodes: Float32, chin: float, style_height: int,
+                  neck: tuple[float, float], scale: float, grid: int) -> None:
+    """Keep the target's lower border on the exemplar's where it shows more of the chest, in place.
+
+    Else the guide would run off the exemplar's lower border. What it shows above the border moves
+    as one, so that collars and shoulders stay whole; what is missing is made up for below the chin,
+    where the neck is plain. Nothing changes where the exemplar shows enough.
+
+    Parameters
+    ----------
+    nodes
+        float32 [h, w, 2], places in exemplar pixels of every ``grid``-th target pixel.
+    chin
+        Row of the target's chin.
+    style_height, neck
+        Of the exemplar, in pixels; see `plain_neck`.
+    scale
+        Exemplar pixels per target pixel.
+    """
+    below = (np.arange(nodes.shape[0]) * grid + 0.5 - chin) * scale
+    beyond = np.maximum(nodes[-1, :, 1] - np.float32(style_height - 2), 0)
+    longer = neck[1] - neck[0] + float(beyond.max(initial=0))
+    ramp = np.clip((below - neck[0]) / max(longer, 1.0), 0.0, 1.0)
+    nodes[..., 1] -= beyond * ramp[:, None].astype(np.float32)
 
 
 def lay_body(nodes: Float32, grid: int, regions: Regions, style_regions: Regions) -> None:

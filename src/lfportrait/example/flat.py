@@ -1,10 +1,12 @@
-"""The position guide of a photo: landmarks, contours, neck and body, brought onto the exemplar's.
+"""Position guide of a photo: from landmarks and contours, with outlines that meet.
 
-Landmarks, hairline and outline of the head pin the face. From the front the exemplar's own neck
-fits below it. A turned head lies beside its neck, though, hides one ear and shows its back, and
-what the face alone asks for below and behind it is the exemplar's background. So in videos, and for
-turned heads, neck and body are laid onto the exemplar's by their edges, and what is person or
-background is held on its side of the exemplar's outline.
+For a capture the surface says where in the exemplar a pixel belongs (`surface`); a photo has its
+landmarks, the rays to hairline and outline (`correspond`), and signed distances from the edges of
+its regions (`outline`). From the front the exemplar's own neck and shoulders fit below the face. A
+turned head lies beside its neck, though, hides one ear and shows its back, and what the face alone
+asks for below and behind it is the exemplar's background. So in videos, and for turned heads, neck
+and body are laid onto the exemplar's by their edges, and what is person or background is held on
+its side of the exemplar's outline.
 """
 
 from __future__ import annotations
@@ -12,18 +14,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.example_labels import shrink_label
-from .correspond import lay_body, match_regions
+from ..kernels.example_labels import own_body, shrink_label
+from .correspond import lay_body, lengthen_neck, match_regions, plain_neck
 from .exemplar import Exemplar, face_size
-from .guides import fold_inside, folded_position_guide
+from .guides import fold_inside, folded_position_guide, grey
 from .labels import LABELS, missing_labels
 from .outline import EdgeMatch, signed_distances
 from .regions import Regions
+from .styleblit import label_words
 
 __all__ = ["FlatGuide"]
 
 Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
 
+EDGES = (("background", True), ("hair", False))
+"""Regions whose edges are made to meet, by label: all that is not background, and the hair."""
 KEEP = 8.0
 """What is further from the outline stays on its side of the exemplar's by so much, in units."""
 TURNED = 0.5
@@ -31,83 +37,105 @@ TURNED = 0.5
 
 
 class FlatGuide:
-    """The exemplar's side of the guide.
+    """The map from photos to one exemplar.
 
     Parameters
     ----------
-    exemplar, regions, labels
-        The painting, its regions and their soft labels, uint8 [h, w, len(LABELS)].
-    unit
-        Length in exemplar pixels that goes with the size of the face.
-    grid
-        The guide is evaluated every so many pixels, bilinear between.
-    contours
-        Let hairline, outline and body join the landmarks.
+    exemplar
+        The painting.
+    regions, labels
+        Of the painting; labels uint8 [h, w, len(LABELS)].
     """
 
-    def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
-                 unit: float, grid: int, contours: bool) -> None:
+    def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> None:
         self.exemplar, self.regions = exemplar, regions
-        self.unit, self.grid, self.contours = unit, grid, contours
-        self._turn = regions.frame.turn(exemplar.landmarks)
+        self._words = label_words(labels)
         self._box = regions.box()
+        self._neck = plain_neck(grey(exemplar.image), exemplar.landmarks)
+        self._turn = regions.frame.turn(exemplar.landmarks)
         self._body = "body" not in missing_labels(labels)
-        person = np.float32(1) - _label(labels, "background")
-        edges = (("background", True, EdgeMatch.of(person, 8 * unit, 6 * unit)),
-                 ("hair", False, EdgeMatch.of(_label(labels, "hair"), 4 * unit, 5 * unit)))
-        # Label, whether what is not it is meant, and the match; without those that have no edge.
-        self._edges = [(name, invert, match) for name, invert, match in edges if match is not None]
+        self._unit = unit = exemplar.size / 50.0
+        edges = [np.float32(1) - plane if invert else plane for plane, invert in (
+            (_label(labels, name), invert) for name, invert in EDGES)]
+        self._edges = (EdgeMatch.of(edges[0], 8 * unit, 6 * unit),
+                       EdgeMatch.of(edges[1], 4 * unit, 5 * unit))
 
-    def turned(self, landmarks: NDArray[np.float64], regions: Regions) -> bool:
+    def turned(self, landmarks: Float64, regions: Regions) -> bool:
         """Whether a head is turned against the exemplar's."""
         return abs(regions.frame.turn(landmarks) - self._turn) > TURNED
 
-    def __call__(self, cover: Float32, landmarks: NDArray[np.float64], regions: Regions,
-                 labels: NDArray[np.uint8], hold: bool) -> Float32:
-        """Position guide of a photo.
+    def __call__(self, cover: Float32, landmarks: Float64, regions: Regions,
+                 labels: NDArray[np.uint8], grid: int, contours: bool,
+                 hold: bool = False) -> Float32:
+        """Position guide of a photo, float32 [H, W, 2]; NaN where it is not covered.
 
         Parameters
         ----------
         cover
-            float32 [H, W]; what is 0 is not painted.
-        landmarks
-            [68, 2] in pixels.
-        regions, labels
-            Of the photo, and their soft labels, uint8 [H, W, len(LABELS)].
+            float32 [H, W], 0 where nothing is to be painted.
+        landmarks, regions, labels
+            Of the photo.
+        grid
+            The guide is evaluated every so many pixels.
+        contours
+            Whether hairline and outline join the landmarks.
         hold
             Lay neck and body onto the exemplar's, and hold person and background on their sides.
+        """
+        sources, targets, weights, softness = match_regions(
+            landmarks, regions, self.exemplar.landmarks, self.regions, contours)
+        scale, shape = self.exemplar.size / face_size(landmarks), self.exemplar.image.shape
+
+        def move(nodes: Float32) -> None:
+            if hold and self._body:
+                lay_body(nodes, grid, regions, self.regions)
+            else:
+                lengthen_neck(nodes, float(landmarks[8, 1]), shape[0], self._neck, scale, grid)
+            if hold:
+                fold_inside(nodes, shape, self._box, nodes)
+            self._meet(nodes, labels, scale, grid, KEEP * self._unit if hold else 0.0)
+
+        return folded_position_guide(cover, sources, targets, weights, softness,
+                                     shape, self._box, grid,
+                                     move if contours else None)
+
+    def _meet(self, nodes: Float32, labels: NDArray[np.uint8], scale: float, grid: int,
+              keep: float) -> None:
+        """Move the guide's nodes so that outlines and hairlines meet."""
+        known = [(match, edge) for match, edge in zip(self._edges, EDGES) if match is not None]
+        small = np.empty((len(known), *(-(-n // grid) for n in labels.shape[:2])), np.float32)
+        for plane, (_, (name, invert)) in zip(small, known):
+            shrink_label(labels, LABELS.index(name), invert, grid, plane)
+        away = signed_distances(small, [match.far(grid, scale) for match, _ in known])
+        for distance, (match, (name, _)) in zip(away, known):
+            match.pull(nodes, distance * np.float32(grid), grid, scale,
+                       keep if name == "background" else 0.0)
+
+    def own_shoulders(self, position: Float32, landmarks: Float64, labels: NDArray[np.uint8],
+                      person: Float32) -> Float32:
+        """Let the exemplar's body have its own outline below the chin.
+
+        Shoulders differ too much to be made to meet: where the photo's labels insist on a body
+        that the exemplar does not have at the guided place, chunks of it stand out as ledges.
+
+        Parameters
+        ----------
+        position
+            float32 [H, W, 2], the guide.
+        landmarks
+            [68, 2] of the photo.
+        labels
+            uint8 [H, W, len(LABELS)] of the photo, changed in place.
+        person
+            float32 [H, W].
 
         Returns
         -------
-        float32 [H, W, 2] in exemplar pixels, inside the exemplar; NaN where not covered.
+        ``person`` with the exemplar's body, another array.
         """
-        hold = hold and self.contours
-        sources, targets, weights, softness = match_regions(
-            landmarks, regions, self.exemplar.landmarks, self.regions, self.contours,
-            foot=not (hold and self._body))
-        scale, shape = self.exemplar.size / face_size(landmarks), self.exemplar.image.shape
-
-        def meet(nodes: Float32) -> None:
-            if hold:
-                if self._body:
-                    lay_body(nodes, self.grid, regions, self.regions)
-                fold_inside(nodes, shape, self._box, nodes)
-            self._meet_edges(nodes, labels, scale, hold)
-
-        return folded_position_guide(cover, sources, targets, weights, softness, shape, self._box,
-                                     self.grid, meet if self.contours else None)
-
-    def _meet_edges(self, nodes: Float32, labels: NDArray[np.uint8], scale: float,
-                    hold: bool) -> None:
-        """Move the guide's nodes [h, w, 2] so that edges of regions meet, in place."""
-        grid = self.grid
-        small = np.empty((len(self._edges), *(-(-n // grid) for n in labels.shape[:2])), np.float32)
-        for plane, (name, invert, _) in zip(small, self._edges):
-            shrink_label(labels, LABELS.index(name), invert, grid, plane)
-        away = signed_distances(small, [match.far(grid, scale) for _, _, match in self._edges])
-        for distance, (name, _, match) in zip(away, self._edges):
-            keep = KEEP * self.unit if hold and name == "background" else 0.0
-            match.pull(nodes, distance * np.float32(grid), grid, scale, keep)
+        person = person.copy()
+        own_body(position, self._words, max(int(landmarks[8, 1]), 0), label_words(labels), person)
+        return person
 
 
 def _label(labels: NDArray[np.uint8], name: str) -> Float32:

@@ -7,9 +7,10 @@ azimuthal and equidistant about the forward direction, so that the crown neither
 up. Both agree on the line between.
 
 The exemplar shows a head from the front only. Angles beyond the cheeks are therefore squeezed
-smoothly and monotonically into the band between face and outline, so that temples, ears and the
-back of the head find hair and ear, never the background. The plane in which the chunks of the
-synthesis lie is the unsqueezed one: strokes keep their size all around the head.
+smoothly and monotonically into the band between face and outline, so that temples and ears find the
+exemplar's, never its background; what lies further behind is put together from pieces (`behind`).
+The plane in which the chunks of the synthesis lie is the unsqueezed one: strokes keep their size
+all around the head.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from ..errors import UserError
+from .behind import Patchwork, Sites
 from .exemplar import Exemplar, face_size
 from .guides import fold_inside, mls_similarity
 from .regions import Regions, find_regions
@@ -32,20 +34,6 @@ CHEEK = np.radians(60.0)
 """Angles up to this one from the forward direction are not squeezed."""
 LIMIT = np.radians(92.0)
 """Squeezed angles stay below this one."""
-
-
-BEHIND = np.radians(75.0)
-"""Angle from which look-ups begin to wander."""
-WANDER = np.radians(35.0)
-"""Largest wandering, as an angle about the forward direction."""
-
-
-def _noise(places: Float64) -> Float64:
-    """Smooth noise in about [-1, 1] at places [N, 2], of unit wavelength; always the same."""
-    x, y = places[:, 0], places[:, 1]
-    tau = 2 * np.pi
-    return (np.sin(tau * (0.83 * x + 0.31 * y) + 1.3) + np.sin(tau * (-0.47 * x + 0.71 * y) + 4.1)
-            + np.sin(tau * (0.29 * x - 1.07 * y) + 2.6)) / 2.2
 
 
 def squeeze(angle: NDArray[np.floating]) -> Float64:
@@ -99,6 +87,7 @@ class SurfaceGuide:
         self.softness = np.full(len(self.sources), 0.12 * self.radius)
         self.softness[:len(style)] = 0.0
         self.nearest = self._nearest_person()
+        self.patchwork = Patchwork(exemplar, self.regions)
 
     def unwrap(self, points: NDArray[np.floating], squeezed: bool = False) -> Float64:
         """Unwrapped coordinates [..., 2] of points [..., 3]: x right, y down, world units."""
@@ -117,21 +106,12 @@ class SurfaceGuide:
         across = np.hypot(x, above)
         return np.arctan2(across, z), np.arctan2(x, above), y
 
-    def _wander(self, points: NDArray[np.floating], anchor: Float64) -> Float64:
-        """Squeezed coordinates [N, 2] of points [N, 3], wandering along the ring behind the cheeks.
-
-        There many surface points share one place of the exemplar and every chunk would be the same.
-        A smooth noise over the anchor plane, alike in all views, turns the direction in which a
-        chunk looks, up to `WANDER`; it begins at the ears.
-        """
-        angle, side, y = self._angles(points)
-        amount = np.clip((angle - BEHIND) / np.radians(30.0), 0.0, 1.0)
-        amount = amount * np.clip(y / (0.3 * self.radius), 0.0, 1.0)
-        turned = side + WANDER * amount * _noise(anchor / 70.0)
-        turned = np.clip(turned, -np.pi / 2, np.pi / 2)
-        reach = self.radius * squeeze(angle)
-        return np.stack([reach * np.sin(turned), np.where(y > 0, -reach * np.cos(turned), -y)],
-                        axis=-1)
+    def _squeezed(self, flat: Float64) -> Float64:
+        """Unwrapped coordinates [N, 2] with their angles squeezed."""
+        x, y = flat[:, 0], flat[:, 1]
+        reach = np.maximum(np.where(y < 0, np.hypot(x, y), np.abs(x)), 1e-9)
+        share = self.radius * squeeze(reach / self.radius) / reach
+        return np.stack([x * share, np.where(y < 0, y * share, y)], axis=-1)
 
     def _border_points(self, flat: Float64) -> tuple[Float64, Float64]:
         """Control points beyond the landmarks: outline of the head, sides of the jaw, neck.
@@ -230,14 +210,35 @@ class SurfaceGuide:
         seen = points[inside]
         position = np.full((*inside.shape, 2), np.nan, np.float32)
         anchor = np.full((*inside.shape, 2), np.nan, np.float32)
-        plane = self.scale * self.unwrap(seen) + self.shift
-        mapped = mls_similarity(self._wander(seen, plane), self.sources, self.targets,
-                                softness=self.softness)
-        folded = fold_inside(mapped.astype(np.float32), self.exemplar.image.shape,
-                             self.regions.box())
-        position[inside] = self._onto_person(folded)
+        flat = self.unwrap(seen)
+        plane = np.asarray(self.scale * flat + self.shift, np.float32)
+        if len(plane):
+            position[inside] = self._onto_person(self._pieced(self._guided(flat), plane))
         anchor[inside] = plane
         return position, anchor
+
+    def _guided(self, flat: Float64) -> Float32:
+        """Exemplar coordinates [N, 2] of unwrapped ones."""
+        mapped = mls_similarity(self._squeezed(flat), self.sources, self.targets,
+                                softness=self.softness)
+        return fold_inside(mapped.astype(np.float32), self.exemplar.image.shape,
+                           self.regions.box())
+
+    def _pieced(self, position: Float32, plane: Float32) -> Float32:
+        """Positions [N, 2] of places in the plane, those behind the cheeks by `Patchwork`."""
+        sites = Sites.around(plane, self.patchwork.side)
+        points = sites.points.reshape(-1, 2)
+        flat = (points.astype(np.float64) - self.shift) / self.scale
+        above = flat[:, 1] < 0
+        angle = np.where(above, np.hypot(flat[:, 0], flat[:, 1]), np.abs(flat[:, 0])) / self.radius
+        material = self.patchwork.materials(angle, flat[:, 1] / self.height)
+        behind = np.flatnonzero(material >= 0)
+        moves = np.full(points.shape, np.nan, np.float32)
+        moves[behind] = self.patchwork.pieces(
+            self._guided(flat[behind]), sites.chances.reshape(-1, 2)[behind],
+            material[behind]) - points[behind]
+        moved = plane + moves[self.patchwork.nearest(plane, sites)]
+        return np.where(np.isfinite(moved), moved, position)
 
 
 def _head_origin(landmarks: Float64) -> Float64:

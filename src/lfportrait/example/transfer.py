@@ -169,8 +169,7 @@ class Transfer:
         self._face = soft_face(exemplar.image.shape, exemplar.landmarks)
         self._like = missing_labels(self.labels)
         self._bald = without_hair(self.labels)
-        self._flat = FlatGuide(exemplar, self.regions, self.labels, self.unit, self.config.grid,
-                               self.config.contours)
+        self._flat = FlatGuide(exemplar, self.regions, self.labels)
         self._plan: tuple[Any, Float32, Seeds] | None = None
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
         self._filtered = {1.0: pack_colours(self._picture)}
@@ -213,8 +212,11 @@ class Transfer:
             person = regions.person
             cover = self.cover(photo, points, person)
             labels = regions.labels(self._like)
-            position = self._flat(cover, points, regions, labels,
-                                  seeds_anchor is not None or self._flat.turned(points, regions))
+            hold = seeds_anchor is not None or self._flat.turned(points, regions)
+            position = self._flat(cover, points, regions, labels, config.grid, config.contours,
+                                  hold)
+            if config.region == "picture" and not hold:
+                person = self._flat.own_shoulders(position, points, labels, person)
         else:
             # The place in the exemplar says what a surface point is, alike in every view.
             position = np.ascontiguousarray(position, np.float32)

@@ -18,8 +18,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .example_lanes import gather_signed, store_bytes
-from .example_lookup import ask, label_difference, pairs, singles
+from .example_lanes import gather_signed, pairs, singles, store_bytes
+from .example_lookup import ask, flattened, label_difference
 from .example_seeds import seed_correction
 from .lanes import LANES
 from .lean import lean
@@ -29,9 +29,9 @@ __all__ = ["TILE", "blit"]
 TILE = 8
 """Rows of a tile: its 16 x 8 pixels share the search for seeds that may be near."""
 _MOST_CELLS, _MOST_SEEDS, _SEEDS_OF_TILE = 300, 96, 128
-_floats, _ints, _where, _iota = LANES.floats, LANES.ints, LANES.where, LANES.iota
+_floats, _ints, _where = LANES.floats, LANES.ints, LANES.where
 _load, _store, _bits = LANES.load, LANES.store, LANES.bits
-_floor, _absolute, _lane = LANES.floor, LANES.absolute, LANES.lane
+_absolute, _lane = LANES.absolute, LANES.lane
 _minimum, _maximum = LANES.minimum, LANES.maximum
 
 
@@ -142,10 +142,9 @@ def _blit_band(band, position, appearance, anchor, weights, words, weight_label,
     """
     height, width = appearance.shape
     style_height, style_width = style_appearance.shape
-    places, looks, anchors = position.reshape(-1), appearance.reshape(-1), anchor.reshape(-1)
-    heavy, flat_words, errors = weights.reshape(-1), words.reshape(-1), own_error.reshape(-1)
-    style_looks, style_flat = style_appearance.reshape(-1), style_words.reshape(-1)
-    flat_own, flat_shift = own_shift.reshape(-1), shift.reshape(-1)
+    places, looks, anchors, heavy, flat_words, style_looks, style_flat = flattened(
+        position, appearance, anchor, weights, words, style_appearance, style_words)
+    errors, flat_own, flat_shift = own_error.reshape(-1), own_shift.reshape(-1), shift.reshape(-1)
     stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
     wide, high = np.float32(style_width), np.float32(style_height)
     zero, infinite, unknown = np.float32(0), np.float32(np.inf), np.float32(np.nan)

@@ -10,13 +10,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .example_lanes import gather_signed, load_pairs, store_pairs
+from .example_lanes import gather_signed, pairs, singles, store_pairs
 from .lanes import LANES
 
-__all__ = ["luma", "pixel_weights", "shrink_label", "soft_labels"]
+__all__ = ["luma", "own_body", "pixel_weights", "shrink_label", "soft_labels"]
 
 _floats, _ints, _iota, _lane = LANES.floats, LANES.ints, LANES.iota, LANES.lane
-_load, _floor, _minimum, _maximum = LANES.load, LANES.floor, LANES.minimum, LANES.maximum
+_floor, _minimum, _maximum = LANES.floor, LANES.minimum, LANES.maximum
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
@@ -63,14 +63,6 @@ def _byte(value):
 def _four(a, b, c, d):
     """Four bytes as one word, the first one lowest."""
     return a | (b << np.int32(8)) | (c << np.int32(16)) | (d << np.int32(24))
-
-
-@numba.njit(cache=True, inline="always")
-def _values(array, n):
-    """The elements n .. n + 15 of a flat array; past its end the last one."""
-    if n + 16 <= array.size:
-        return _load(array, n)
-    return gather_signed(array, _minimum(_iota() + np.int32(n), np.int32(array.size - 1)))
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
@@ -125,7 +117,7 @@ def soft_labels(person, hair, planes, factor, hair_is_skin, body_is_ground, out)
                 low = _four(_byte(brows), _byte(eyes * no_brows), _byte(nose * no_eyes),
                             _byte(lips * no_nose))
             body = _between(lines[4], i, right, fx)
-            inside, crown = _values(people, n) * rest, _values(crowns, n)
+            inside, crown = singles(people, n) * rest, singles(crowns, n)
             if hair_is_skin:
                 crown = _floats(zero)
             skin = inside * (one - crown)
@@ -188,12 +180,8 @@ def pixel_weights(person, labels, soft, face, factor, place, outline, look, hair
             i, fx = _places(first, factor, columns)
             right = _minimum(i + np.int32(1), np.int32(columns - 1))
             edge, away = _between(line, i, right, fx), _between(faces, i, right, fx)
-            inside = _values(people, n)
-            if 2 * n + 32 <= words.size:
-                _, high = load_pairs(words, 2 * n)
-            else:
-                high = gather_signed(words, _minimum(
-                    (_iota() + np.int32(n)) * np.int32(2) + np.int32(1), np.int32(words.size - 1)))
+            inside = singles(people, n)
+            _, high = pairs(words, n)
             crown, below = (_floats((high >> np.int32(8)) & byte),
                             _floats((high >> np.int32(16)) & byte))
             # Skin against neck, clothes or ground: the jaw must not break where chunks meet.
@@ -230,3 +218,32 @@ def shrink_label(labels, channel, invert, factor, out):
                     total += np.int64(labels[y, x, channel])
             mean = np.float32(total) / np.float32(255 * (bottom - top) * (right - left))
             out[j, i] = np.float32(1) - mean if invert else mean
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def own_body(position, style, top, labels, person):
+    """Give pixels of body and background from row ``top`` on the exemplar's labels, in place.
+
+    Parameters
+    ----------
+    position
+        float32 [H, W, 2], places in the exemplar; nothing changes where they are NaN or outside.
+    style, labels
+        int32 [h, w, 2] and [H, W, 2], eight bytes in two words; the last two are body and
+        background.
+    person
+        float32 [H, W], follows the background.
+    """
+    height, width = person.shape
+    byte, nearly = np.int32(255), np.int32(240)
+    for y in numba.prange(min(top, height), height):
+        for x in range(width):
+            high = labels[y, x, 1]
+            if ((high >> 16) & byte) + ((high >> 24) & byte) <= nearly:
+                continue
+            u, v = position[y, x, 0], position[y, x, 1]
+            if 0 <= u < style.shape[1] and 0 <= v < style.shape[0]:
+                i, j = np.int64(u), np.int64(v)
+                labels[y, x, 0], labels[y, x, 1] = style[j, i, 0], style[j, i, 1]
+                ground = (style[j, i, 1] >> 24) & byte
+                person[y, x] = np.float32(byte - ground) * np.float32(1 / 255)

@@ -7,16 +7,20 @@ as much.
 
 from __future__ import annotations
 
+import numba
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .identity import identified
-from .lanes import F, I
+from .lanes import LANES, F, I
 
 __all__ = ["gather_neighbours", "gather_pairs", "gather_signed", "load_ints", "load_pairs",
-           "prefetch", "store_bytes", "store_pairs", "store_triples"]
+           "pairs", "prefetch", "singles", "store_bytes", "store_pairs", "store_triples"]
+
+_load, _iota, _minimum = LANES.load, LANES.iota, LANES.minimum
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _EVEN, _ODD = (ir.Constant(ir.VectorType(_I32, 16), list(range(n, 32, 2))) for n in (0, 1))
@@ -107,34 +111,31 @@ def gather_signed(typing, array, index):
     return kinds[0](array, index), code
 
 
-@identified("example lanes", "gather pairs")
-@intrinsic
-def gather_pairs(typing, array, index):
-    """array[2 index] and array[2 index + 1] lane by lane; int32, C-contiguous."""
+def _gathered_two(array, index, pitch):
+    """Type and code of a gather of two int32 that lie side by side; see `_gathered`."""
     if not isinstance(array, types.Array) or array.dtype != types.int32 or index is not I:
         return None
     result = types.UniTuple(I, 2)
 
     def code(context, builder, sig, args):
-        words = _gathered(context, builder, sig, args, _I64, "i64")
+        words = _gathered(context, builder, sig, args, _I64, "i64", pitch)
         return _split(context, builder, result,
                       builder.bitcast(words, ir.VectorType(_I32, 32)))
     return result(array, index), code
+
+
+@identified("example lanes", "gather pairs")
+@intrinsic
+def gather_pairs(typing, array, index):
+    """array[2 index] and array[2 index + 1] lane by lane; int32, C-contiguous."""
+    return _gathered_two(array, index, _I64)
 
 
 @identified("example lanes", "gather neighbours")
 @intrinsic
 def gather_neighbours(typing, array, index):
     """array[index] and array[index + 1] lane by lane; int32, C-contiguous."""
-    if not isinstance(array, types.Array) or array.dtype != types.int32 or index is not I:
-        return None
-    result = types.UniTuple(I, 2)
-
-    def code(context, builder, sig, args):
-        words = _gathered(context, builder, sig, args, _I64, "i64", _I32)
-        return _split(context, builder, result,
-                      builder.bitcast(words, ir.VectorType(_I32, 32)))
-    return result(array, index), code
+    return _gathered_two(array, index, _I32)
 
 
 @identified("example lanes", "prefetch")
@@ -206,3 +207,20 @@ def store_triples(typing, array, start, one, two, three):
         builder.store(mixed, builder.bitcast(address, mixed.type.as_pointer()), align=4)
         return context.get_dummy_value()
     return types.none(array, start, one, two, three), code
+
+
+@numba.njit(cache=True, inline="always")
+def pairs(array, n):
+    """The pairs n .. n + 15 of a flat array; past its end the last one."""
+    if 2 * n + 32 <= array.size:
+        return load_pairs(array, 2 * n)
+    pair = _minimum(_iota() + np.int32(n), np.int32(array.size // 2 - 1)) * np.int32(2)
+    return gather_signed(array, pair), gather_signed(array, pair + np.int32(1))
+
+
+@numba.njit(cache=True, inline="always")
+def singles(array, n):
+    """The elements n .. n + 15 of a flat array; past its end the last one."""
+    if n + 16 <= array.size:
+        return _load(array, n)
+    return gather_signed(array, _minimum(_iota() + np.int32(n), np.int32(array.size - 1)))

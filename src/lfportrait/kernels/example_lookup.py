@@ -10,16 +10,16 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .example_lanes import gather_pairs, gather_signed, load_pairs, prefetch
+from .example_lanes import gather_pairs, gather_signed, pairs, prefetch, singles
 from .lanes import LANES, round_even
 from .lean import lean
 
-__all__ = ["ask", "label_difference", "look_up", "pairs", "singles"]
+__all__ = ["ask", "flattened", "label_difference", "look_up"]
 
 AHEAD = 48
 """Pixels that the reading of exemplar and table is asked for in advance."""
-_floats, _ints, _where, _iota = LANES.floats, LANES.ints, LANES.where, LANES.iota
-_load, _store, _bits = LANES.load, LANES.store, LANES.bits
+_floats, _ints, _where = LANES.floats, LANES.ints, LANES.where
+_store, _bits = LANES.store, LANES.bits
 _floor, _absolute, _lane = LANES.floor, LANES.absolute, LANES.lane
 _minimum, _maximum = LANES.minimum, LANES.maximum
 
@@ -44,20 +44,10 @@ def label_difference(low, high, style_words, other):
 
 
 @numba.njit(cache=True, inline="always")
-def pairs(array, n):
-    """The pairs n .. n + 15 of a flat array; past its end the last one."""
-    if 2 * n + 32 <= array.size:
-        return load_pairs(array, 2 * n)
-    pair = _minimum(_iota() + np.int32(n), np.int32(array.size // 2 - 1)) * np.int32(2)
-    return gather_signed(array, pair), gather_signed(array, pair + np.int32(1))
-
-
-@numba.njit(cache=True, inline="always")
-def singles(array, n):
-    """The elements n .. n + 15 of a flat array; past its end the last one."""
-    if n + 16 <= array.size:
-        return _load(array, n)
-    return gather_signed(array, _minimum(_iota() + np.int32(n), np.int32(array.size - 1)))
+def flattened(position, appearance, anchor, weights, words, style_appearance, style_words):
+    """Guides of target and exemplar as flat arrays, in the same order."""
+    return (position.reshape(-1), appearance.reshape(-1), anchor.reshape(-1), weights.reshape(-1),
+            words.reshape(-1), style_appearance.reshape(-1), style_words.reshape(-1))
 
 
 @numba.njit(cache=True, inline="always")
@@ -86,10 +76,9 @@ def _look_up_row(y, position, appearance, anchor, weights, words, weight_label, 
     width = appearance.shape[1]
     rows, columns, levels = table.shape
     style_height, style_width = style_appearance.shape
-    places, looks, anchors = position.reshape(-1), appearance.reshape(-1), anchor.reshape(-1)
-    heavy, flat_words, entries = weights.reshape(-1), words.reshape(-1), table.reshape(-1)
-    style_looks, style_flat = style_appearance.reshape(-1), style_words.reshape(-1)
-    flat_shift, errors = shift.reshape(-1), error.reshape(-1)
+    places, looks, anchors, heavy, flat_words, style_looks, style_flat = flattened(
+        position, appearance, anchor, weights, words, style_appearance, style_words)
+    entries, flat_shift, errors = table.reshape(-1), shift.reshape(-1), error.reshape(-1)
     stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
     wide, high = np.float32(style_width), np.float32(style_height)
     whole, pitch = np.int32(style_width), np.int32(columns)

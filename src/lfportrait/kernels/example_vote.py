@@ -12,13 +12,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .example_lanes import gather_neighbours, gather_signed, load_pairs, store_triples
+from .example_lanes import gather_neighbours, gather_signed, load_pairs, pairs, store_triples
 from .lanes import LANES
 from .lean import lean
 
 __all__ = ["blend", "elect", "pack", "vote"]
 
-_floats, _ints, _where, _iota = LANES.floats, LANES.ints, LANES.where, LANES.iota
+_floats, _ints, _where = LANES.floats, LANES.ints, LANES.where
 _load, _store, _bits, _lane = LANES.load, LANES.store, LANES.bits, LANES.lane
 _floor, _absolute = LANES.floor, LANES.absolute
 _minimum, _maximum = LANES.minimum, LANES.maximum
@@ -47,15 +47,6 @@ def _beside(anchors, n, ax, ay, reach):
         return ax == ax
     bx, by = load_pairs(anchors, 2 * n)
     return _absolute(ax - bx) + _absolute(ay - by) < reach
-
-
-@numba.njit(cache=True, inline="always")
-def _places(anchors, n):
-    """The anchors of the pixels n .. n + 15; past the end the last one."""
-    if 2 * n + 32 <= anchors.size:
-        return load_pairs(anchors, 2 * n)
-    pair = _minimum(_iota() + np.int32(n), np.int32(anchors.size // 2 - 1)) * np.int32(2)
-    return gather_signed(anchors, pair), gather_signed(anchors, pair + np.int32(1))
 
 
 @numba.njit(cache=True, inline="always")
@@ -107,7 +98,7 @@ def _elect_row_of_nine(y, anchor, reach, shift, width, out):
         # A majority can't be beaten, and a pixel without a shift gets none.
         if _bits((most < half) & known) != 0:
             n = y * width + first
-            ax, ay = _places(anchors, n)
+            ax, ay = pairs(anchors, n)
             m, p = n - width - 1, n + width - 1
             most, x, z = _stand(xs[0], zs[0], xs, zs, anchors, m, ax, ay, reach, known, most, x, z)
             most, x, z = _stand(xs[1], zs[1], xs, zs, anchors, m + 1, ax, ay, reach, known, most,
@@ -150,7 +141,7 @@ def _elect_row(y, anchor, reach, shift, radius, width, out):
         # A majority can't be beaten, and a pixel without a shift gets none.
         if _bits((most < half) & (x == x)) != 0:
             here = y * width + first
-            ax, ay = _places(anchors, here)
+            ax, ay = pairs(anchors, here)
             for a in range(side * side):
                 n = corner + (a // side) * stride + a % side
                 other_x, other_z = _load(values, n), _load(values, plane + n)
@@ -245,12 +236,7 @@ def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
                 out[y, first + n, 0] = out[y, first + n, 1] = out[y, first + n, 2] = zero
             continue
         here = y * width + first
-        if 2 * here + 32 <= anchors.size:
-            ax, ay = load_pairs(anchors, 2 * here)
-        else:
-            pair = (_minimum(_iota() + np.int32(first), np.int32(width - 1))
-                    + np.int32(y * width)) * np.int32(2)
-            ax, ay = gather_signed(anchors, pair), gather_signed(anchors, pair + np.int32(1))
+        ax, ay = pairs(anchors, here)
         ax, ay = _where(known, ax, zero), _where(known, ay, zero)
         red, green, blue = _sample(flat, style_height, style_width, ax + _where(known, x, zero),
                                    ay + _where(known, z, zero), exact)
