@@ -22,8 +22,8 @@ LINES = 12
 BELOW = 1.02, 1.27
 """Depths below the brows (the chin is 1) between which the face gives way to the body."""
 
-LOWEST_NECK = 0.1
-"""The neck's plainest strip begins at most so far below the chin, over the face's height."""
+UNDER_CHIN, LOWEST_NECK = 0.015, 0.1
+"""The neck's plainest strip begins so far below the chin, over the face's height."""
 STRIP = 0.15
 """Its height over what the exemplar shows below it."""
 
@@ -71,9 +71,13 @@ def plain_neck(picture: Float32, landmarks: Float64) -> tuple[float, float]:
     if right - left < 2 or shown < 8:
         return 0.0, max(shown, 1.0)
     change = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rows, axis=0)).mean(axis=1))])
-    first = np.arange(max(int(min(LOWEST_NECK * height, 0.6 * shown)), 1))
+    # The line below the chin belongs to the face.
+    least = int(min(UNDER_CHIN * height, 0.5 * shown))
+    first = np.arange(least, max(int(min(LOWEST_NECK * height, 0.6 * shown)), least + 1))
     last = np.minimum(first + STRIP * (shown - first), shown).astype(np.int64)
-    best = int(np.argmin((change[last] - change[first]) / np.maximum(last - first, 1)))
+    # The lower the strip, the sooner it cuts a collar.
+    cost = (change[last] - change[first]) / np.maximum(last - first, 1) * (1 + first / height * 10)
+    best = int(np.argmin(cost))
     return float(first[best]), float(last[best])
 
 
