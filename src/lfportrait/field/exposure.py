@@ -130,7 +130,8 @@ def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
             continue
         ratio = np.log((photo / 255.0 + _DARK) / (np.maximum(shot.color, 0.0) + _DARK))
         gains[index] = np.median(ratio[inside], axis=0)
-        spreads[index] = _spread(ratio.mean(axis=2), inside, max(4, size // 10))
+        spreads[index] = _spread(ratio.mean(axis=2), inside,
+                                 max(4, max(high, wide) // 10))
     if least > 0:
         least = max(least, float(np.median(spreads)))
     return np.exp(gains) if gains.mean(axis=1).std() >= least else None
