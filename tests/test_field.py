@@ -3,6 +3,7 @@
 import itertools
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -10,7 +11,8 @@ from lfportrait.capture import Camera, Capture
 from lfportrait.commands.reconstruction import Reconstruct
 from lfportrait.errors import UserError
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct, reconstruct_with_figures
-from lfportrait.field.hull import hull_box, visual_hull
+from lfportrait.field.exposure import matte_gains
+from lfportrait.field.hull import hull_box, ruled_out, visual_hull
 from lfportrait.field.lattice import Lattice
 from lfportrait.field.trainer import Trainer
 
@@ -138,6 +140,43 @@ def test_the_hull_holds_the_ball_and_little_more():
     assert (center + box > 0.6).all()
     assert (center - box < -0.6).all()
     assert np.prod(box) < 1.0
+
+
+def test_mattes_that_err_in_few_views_leave_no_crumbs():
+    capture = ball_capture()
+    axis = 2 * (np.arange(64) + 0.5) / 64 - 1
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    radius = np.sqrt(x * x + y * y + z * z)
+    # Every tenth matte is four pixels too wide: what lies there is in most others' background.
+    wide = [cv2.dilate(alpha, np.ones((9, 9), np.uint8)) if view % 10 == 0 else alpha
+            for view, alpha in enumerate(capture.alphas)]
+    filled = radius < 0.6 + 4 * (axis[1] - axis[0])
+    wrong, hardly = ruled_out(capture.cameras, wide, filled, np.zeros(3), np.ones(3))
+    assert not wrong[radius < 0.56].any()
+    assert not wrong[~filled].any() and not hardly.any()
+    assert wrong[filled & (radius > 0.68)].mean() > 0.95
+
+
+def test_points_outside_most_pictures_are_hardly_shown():
+    capture = ball_capture()
+    filled = np.ones((8, 8, 8), bool)
+    filled[0] = False
+    _, hardly = ruled_out(capture.cameras, capture.alphas, filled, np.zeros(3), np.full(3, 30.0))
+    assert hardly[7, 7, 7] and not hardly[0].any()
+
+
+def test_loose_points_need_the_largest_piece():
+    solid = np.zeros((40, 40, 40), bool)
+    solid[4:16, 4:16, 4:16] = True
+    solid[28:32, 28:32, 28:32] = True  # another object
+    solid[16:18, 8, 8] = True  # a hair of the first
+    lattice = Lattice.filled(solid, 10.0, 16, np.zeros(3), np.ones(3))
+    loose = np.zeros_like(solid)
+    loose[16:] = True
+    kept = lattice.attached(loose) & solid
+    assert kept[4:18].sum() == solid[4:18].sum()
+    assert not kept[28:].any()
+    assert (lattice.attached() & solid)[28:].any()
 
 
 def test_large_pieces_stay_and_crumbs_go():
@@ -278,6 +317,27 @@ def test_curves_are_measured_and_logged(tmp_path):
     assert logged["test/psnr"] == pytest.approx(figures["test"]["psnr"], abs=1e-3)
     assert {"train/loss", "train/rays_per_second", "train/voxels"} <= set(logged)
     assert points[-1][2] == figures["train"]["rays"]
+
+
+def test_a_field_that_is_wrong_from_part_to_part_tells_no_exposures():
+    capture = ball_capture(40)
+    field = reconstruct(capture, TINY)
+    # Stripes that are too bright and too dark, eight of them across the ball, and brighter on one
+    # side: photos differ in what they show of them, as they would by their exposures.
+    z, y, x = np.nonzero(field.links >= 0)
+    factor = np.empty(len(field.density))
+    factor[field.links[z, y, x]] = np.where(y // 4 % 2, 1.4, 0.7) * np.where(
+        x < field.links.shape[2] // 2, 1.1, 0.9)
+    half = np.float32(0.5 / 0.28209479)  # a colour of zero is grey
+    sh = field.sh.copy()
+    sh[..., 0] += half
+    sh *= factor[:, None, None].astype(np.float32)
+    sh[..., 0] -= half
+    wrong = field.with_sh(sh)
+    views = capture.training()
+    assert matte_gains(wrong, capture, views) is None
+    gains = matte_gains(wrong, capture, views, least=0.0)
+    assert gains is not None and np.log(gains).mean(axis=1).std() > 0.02
 
 
 def test_exposures_of_photos_with_mattes_are_found():

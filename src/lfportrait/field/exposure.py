@@ -102,17 +102,20 @@ def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
     views
         The photos.
     least
-        Where the gains' standard deviation is below this, the photos are taken as exposed alike.
+        Where the gains' standard deviation is below this, the photos are taken as exposed alike;
+        0 takes the gains as they are.
     size
         Height or width of the small copies that are compared.
 
     Returns
     -------
     gains
-        float64 [V, 3]: photo = gain * colour of the field; None for photos exposed alike.
+        float64 [V, 3]: photo = gain * colour of the field; None for photos exposed alike, and for
+        a field that is too rough to tell: one whose brightness is off by more from part to part of
+        a photo than from photo to photo.
     """
     assert capture.alphas is not None
-    gains = np.zeros((len(views), 3))
+    gains, spreads = np.zeros((len(views), 3)), np.zeros(len(views))
     for index, view in enumerate(views):
         camera = capture.cameras[int(view)]
         camera = camera.scaled(min(1.0, size / float(max(camera.width[0], camera.height[0]))))
@@ -125,6 +128,22 @@ def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
         inside = cv2.erode(opaque, np.ones((3, 3), np.uint8)) > 0
         if inside.sum() < _FEW:
             continue
-        gains[index] = np.median(np.log((photo[inside] / 255.0 + _DARK)
-                                        / (np.maximum(shot.color[inside], 0.0) + _DARK)), axis=0)
+        ratio = np.log((photo / 255.0 + _DARK) / (np.maximum(shot.color, 0.0) + _DARK))
+        gains[index] = np.median(ratio[inside], axis=0)
+        spreads[index] = _spread(ratio.mean(axis=2), inside,
+                                 max(4, max(high, wide) // 10))
+    if least > 0:
+        least = max(least, float(np.median(spreads)))
     return np.exp(gains) if gains.mean(axis=1).std() >= least else None
+
+
+def _spread(ratio: NDArray[np.floating], inside: NDArray[np.bool_], side: int) -> float:
+    """How much the median of a picture differs between its blocks, as a standard deviation."""
+    height, width = ratio.shape
+    medians = [np.median(ratio[rows, columns][inside[rows, columns]])
+               for rows in (slice(y, y + side) for y in range(0, height, side))
+               for columns in (slice(x, x + side) for x in range(0, width, side))
+               if inside[rows, columns].sum() > side * side // 4]
+    if len(medians) < 3:
+        return 0.0
+    return 1.4826 * float(np.median(np.abs(medians - np.median(medians))))

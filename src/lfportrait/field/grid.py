@@ -106,7 +106,7 @@ class VoxelField:
     radius: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     background: Background | None = None
-    _bricks: Bricks | None = field(default=None, repr=False, compare=False)
+    _bricks: Bricks | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         count = len(self.density)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
@@ -10,21 +12,46 @@ from scipy import ndimage
 from ..capture import Camera
 from ..kernels.fuse import pixel_of
 
-__all__ = ["hull_box", "visual_hull"]
+__all__ = ["hull_box", "ruled_out", "visual_hull"]
 
 
 @njit(cache=True, parallel=True)
-def _carve(x, y, z, camera, covered, seen, against):  # type: ignore[no-untyped-def]
-    """Count, for each lattice point, the view if it shows the point, and if it shows it empty."""
+def _carve(x, y, z, camera, covered, asked, seen, against):  # type: ignore[no-untyped-def]
+    """Count, for each point asked about, the view if it shows it, and if it shows it empty."""
     height, width = covered.shape
     for k in prange(len(z)):
         for j in range(len(y)):
             for i in range(len(x)):
+                if not asked[k, j, i]:
+                    continue
                 row, column, _ = pixel_of(x[i], y[j], z[k], camera, height, width)
                 if row >= 0:
                     seen[k, j, i] += 1
                     if not covered[row, column]:
                         against[k, j, i] += 1
+
+
+def _votes(cameras: Camera, alphas: Sequence[NDArray[np.uint8]], asked: NDArray[np.bool_],
+           center: NDArray[np.float64], radius: NDArray[np.float64], wide: bool,
+           ) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+    """How many views have each of the lattice points ``asked`` in the picture, and show it empty.
+
+    Empty are pixels with nothing in their mattes within a voxel (``wide``), or not a quarter of
+    the light within half a voxel.
+    """
+    shape = asked.shape
+    x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)
+               for i in range(3))
+    seen, against = np.zeros(shape, np.int16), np.zeros(shape, np.int16)
+    for view, alpha in enumerate(alphas):
+        pose, focal = cameras.pose[view], cameras.focal[view]
+        distance = float(np.linalg.norm(cameras.position[view] - center))
+        voxel = 2.0 * float((radius / shape[::-1]).max()) * float(focal.max()) / distance
+        reach, least = (int(np.ceil(voxel)), 12) if wide else (round(0.5 * voxel), 63)
+        covered = ndimage.maximum_filter(alpha, size=2 * reach + 1) > least
+        row = np.concatenate([pose[:3].ravel(), focal, cameras.center[view]])
+        _carve(x, y, z, row, covered, asked, seen, against)
+    return seen, against
 
 
 def visual_hull(cameras: Camera, alphas: list[NDArray[np.uint8]], shape: tuple[int, int, int],
@@ -50,18 +77,41 @@ def visual_hull(cameras: Camera, alphas: list[NDArray[np.uint8]], shape: tuple[i
         bool [Z, Y, X]. Points that fewer than a twentieth of the pictures show are not in it:
         nothing would keep them from becoming floaters.
     """
-    x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)
-               for i in range(3))
-    seen, against = np.zeros(shape, np.int16), np.zeros(shape, np.int16)
-    for view, alpha in enumerate(alphas):
-        pose, focal = cameras.pose[view], cameras.focal[view]
-        distance = float(np.linalg.norm(cameras.position[view] - center))
-        voxel = 2.0 * float((radius / shape[::-1]).max()) * float(focal.max()) / distance
-        covered = ndimage.maximum_filter(alpha, size=2 * int(np.ceil(voxel)) + 1) > 12
-        row = np.concatenate([pose[:3].ravel(), focal, cameras.center[view]])
-        _carve(x, y, z, row, covered, seen, against)
+    seen, against = _votes(cameras, alphas, np.ones(shape, bool), center, radius, wide=True)
     enough = max(1, round(0.05 * len(alphas)))
     return (seen >= enough) & (against <= tolerance * seen)
+
+
+def ruled_out(cameras: Camera, alphas: Sequence[NDArray[np.uint8]], filled: NDArray[np.bool_],
+              center: NDArray[np.float64], radius: NDArray[np.float64],
+              tolerance: float = 0.08, seldom: float = 0.2,
+              ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Points of a fine lattice that mattes rule out, though the hull on a coarse one held them.
+
+    Crumbs about an outline come from mattes that are a pixel too wide here and there; most other
+    views that look past the outline at that place show nothing.
+
+    Parameters
+    ----------
+    cameras, alphas
+        Views and their mattes, uint8 [H, W].
+    filled
+        bool [Z, Y, X], the points in question.
+    center, radius
+        The box of the lattice, float64 [3] each (x, y, z).
+    tolerance
+        A point is ruled out when more than this share of the views that have it in the picture
+        show less than a quarter of the light covered within half a voxel of it.
+    seldom
+        Share of the views.
+
+    Returns
+    -------
+    ruled_out, hardly_shown
+        bool [Z, Y, X]; points that fewer views than ``seldom`` have in the picture.
+    """
+    seen, against = _votes(cameras, alphas, filled, center, radius, wide=False)
+    return against > tolerance * seen, filled & (seen < seldom * len(alphas))
 
 
 def hull_box(cameras: Camera, alphas: list[NDArray[np.uint8]], reach: float = 1.8,

@@ -93,17 +93,21 @@ class Lattice:
             found[own, column] = np.where(there >= 0, there, own)
         return found
 
-    def attached(self) -> NDArray[np.bool_]:
+    def attached(self, loose: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
         """Lattice points within two steps of the large connected pieces of solid matter.
 
         Crumbs that float beside them come from slivers of the mattes. Solid is what takes a
         twentieth of the light along one voxel; a piece - across gaps of two points, because thin
         things are torn while they are learnt - is large if it has a five-thousandth of the largest
-        one's points, and three at least.
+        one's points, and three at least. Of the points ``loose``, bool [Z, Y, X], only those that
+        hang together with the largest piece without a gap count.
         """
         solid = np.zeros(self.links.shape, bool)
         filled = self.links >= 0
         solid[filled] = self.density[self.links[filled]] * self.voxel > 0.05
+        if loose is not None and (solid & loose).any():
+            pieces, count = ndimage.label(solid, _CUBE)
+            solid &= ~loose | (pieces == np.bincount(pieces[solid]).argmax())
         pieces, count = ndimage.label(ndimage.binary_dilation(solid, _CUBE), _CUBE)
         if count > 1:
             sizes = np.bincount(pieces[solid], minlength=count + 1)

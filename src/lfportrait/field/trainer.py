@@ -22,6 +22,7 @@ from .checkpoint import read_checkpoint, write_checkpoint
 from .config import ReconstructConfig
 from .exposure import matte_gains
 from .grid import VoxelField
+from .hull import ruled_out
 from .lattice import Lattice, box_shape
 from .meter import Meter
 from .pixels import Batches, TrainingPixels
@@ -187,12 +188,18 @@ class Trainer:
         self.data.place(capture.cameras[self.views])
 
     def finish(self) -> None:
-        """Remove what no ray sees and what is not attached, once the last level is trained."""
+        """Remove what no ray sees, what mattes rule out and what floats, after the last level."""
         assert self.lattice is not None
-        keep = self.lattice.seen(self._largest_weights(), self.config.prune)
+        lattice = self.lattice
+        keep = lattice.seen(self._largest_weights(), self.config.prune)
         if self.data.has_alpha:
-            keep &= self.lattice.attached()
-        self.lattice = self.lattice.kept(keep)
+            assert self.capture.alphas is not None
+            wrong, loose = ruled_out(
+                self.capture.cameras[self.views], [self.capture.alphas[v] for v in self.views],
+                keep, lattice.center, lattice.radius)
+            lattice = lattice.kept(keep & ~wrong)
+            keep = lattice.attached(loose)
+        self.lattice = lattice.kept(keep)
         if self.data.has_alpha and not np.allclose(self.gains, 1.0) and len(self.test_gains):
             found = matte_gains(self.field(), self.capture, self.capture.testing(), least=0.0)
             if found is not None:

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from .lanes import one_lane_namespace
 from .march import make_march
+from .one_lane import one_lane_namespace
 
 __all__ = ["compile_cast", "gpu_compiler"]
 

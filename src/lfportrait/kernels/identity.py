@@ -19,9 +19,10 @@ import hashlib
 import uuid
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
-__all__ = ["identified", "identity"]
+__all__ = ["identified", "identified_all", "identity"]
 
 
 @functools.cache
@@ -55,3 +56,13 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
                 function.py_func.__qualname__ += f"_{number.hex[:12]}"
         return function
     return set_identity
+
+
+def identified_all(name: str, width: int, functions: SimpleNamespace) -> None:
+    """Give the functions of a namespace identities from its name, its width and theirs."""
+    known: set[int] = set()
+    for key, function in vars(functions).items():
+        # A function under two names keeps its first identity.
+        if key not in ("width", "jit") and id(function) not in known:
+            known.add(id(function))
+            identified(name, width, key)(function)

@@ -1,8 +1,9 @@
 """Sixteen-lane SIMD values for Numba, with plain operators.
 
 Numba turns scalar Python into scalar machine code, and LLVM does not vectorise loops that gather.
-The three types here are LLVM vectors of 16 float32 (`F`), 16 int32 (`I`) and 16 booleans (`M`),
-so that a kernel reads like scalar Python and works on 16 rays, or 16 channels, at once::
+The three types of `lfportrait.kernels.lane_types` are LLVM vectors of 16 float32 (`F`), 16 int32
+(`I`) and 16 booleans (`M`), so that a kernel reads like scalar Python and works on 16 rays, or 16
+channels, at once::
 
     x = origin_x + t * direction_x              # F + F * F
     inside = (x >= 0.0) & (x < limit)           # M
@@ -12,15 +13,14 @@ LLVM maps 16 lanes to one AVX-512, two AVX2 or four NEON registers. Operands may
 kind, or lanes and a number, which is then the same in every lane. Gathers have no bounds check and
 read lane values as unsigned offsets from the array's first element.
 
-There is a *namespace* for each width: `LANES` (16) and `SCALAR` (one lane, plain numbers), with the
-same function names. A kernel is a factory over a namespace: 16 lanes for the CPU, one lane as a
-twin that is easy to debug and that GPU compilers take (a GPU thread is one lane).
+There is a *namespace* for each width, with the same function names: `LANES` (16) and
+`lfportrait.kernels.one_lane.SCALAR` (plain numbers). A kernel is a factory over a namespace: 16
+lanes for the CPU, one lane as a twin that is easy to debug and that GPU compilers take (a GPU
+thread is one lane).
 """
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -28,158 +28,34 @@ import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import (
-    intrinsic,
-    lower_builtin,
-    models,
-    register_model,
+from numba.extending import intrinsic
+
+from .identity import identified, identified_all
+from .lane_types import (
+    F32,
+    I1,
+    I16,
+    I32,
+    VECTOR,
+    VF,
+    VI,
+    VM,
+    WIDTH,
+    F,
+    I,
+    Lanes,
+    M,
+    _FloatLanes,
+    _IntLanes,
+    _MaskLanes,
+    kind_of,
+    lanes_of,
 )
 
-from .identity import identified
+__all__ = ["LANES", "WIDTH"]
 
-__all__ = ["LANES", "SCALAR", "WIDTH", "one_lane_namespace"]
-
-WIDTH = 16
-
-_F32, _I32, _I16, _I1 = ir.FloatType(), ir.IntType(32), ir.IntType(16), ir.IntType(1)
-_VF, _VI, _VM = (ir.VectorType(kind, WIDTH) for kind in (_F32, _I32, _I1))
-for _kind in (_F32, _I32, _I16, _I1, _VF, _VI, _VM):
-    # llvmlite keeps a type's text from its first use on, which would change what Numba hashes.
-    str(_kind)
-
-
-class _Lanes(types.Type):
-    """A vector of 16 values; ``kind`` is ``"f"``, ``"i"`` or ``"m"``."""
-
-    def __init__(self, kind: str) -> None:
-        self.kind = kind
-        super().__init__(name=f"lanes16{kind}")
-
-
-class _FloatLanes(_Lanes):
-    pass
-
-
-class _IntLanes(_Lanes):
-    pass
-
-
-class _MaskLanes(_Lanes):
-    pass
-
-
-F, I, M = _FloatLanes("f"), _IntLanes("i"), _MaskLanes("m")
-_VECTOR = {F: _VF, I: _VI, M: _VM}
-
-
-def _model(vector: ir.Type) -> type:
-    class Model(models.PrimitiveModel):
-        def __init__(self, manager, lanes):
-            super().__init__(manager, lanes, vector)
-    return Model
-
-
-for _class, _vector in ((_FloatLanes, _VF), (_IntLanes, _VI), (_MaskLanes, _VM)):
-    register_model(_class)(_model(_vector))
-
-
-def _splat(builder, value, vector):
-    """The same scalar in every lane."""
-    first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(_I32, 0))
-    zeros = ir.Constant(ir.VectorType(_I32, WIDTH), [0] * WIDTH)
-    return builder.shuffle_vector(first, first, zeros)
-
-
-def _lanes_of(context, builder, value, given, wanted):
-    """``value`` of Numba type ``given`` as lanes of kind ``wanted``."""
-    if isinstance(given, _Lanes):
-        return value
-    scalar = {F: types.float32, I: types.int32, M: types.boolean}[wanted]
-    value = context.cast(builder, value, given, scalar)
-    if wanted is M:
-        value = builder.trunc(value, _I1) if value.type != _I1 else value
-    return _splat(builder, value, _VECTOR[wanted])
-
-
-def _kind_of(arguments) -> _Lanes | None:
-    """The lane kind that an operation on ``arguments`` works in, or None for scalars alone."""
-    kinds = {a.kind for a in arguments if isinstance(a, _Lanes)}
-    if len(kinds) != 1:
-        return None
-    return {"f": F, "i": I, "m": M}[kinds.pop()]
-
-
-def _operator(function: Callable[..., Any], result: Callable[[_Lanes], _Lanes],
-              allowed: dict[_Lanes, Callable[..., Any]], count: int = 2) -> None:
-    """Give Python's operator ``function`` a meaning on lanes.
-
-    ``allowed`` maps the operands' kind to a generator of LLVM code; ``result`` maps it to the
-    result's kind.
-    """
-    scalars = (types.Number, types.Boolean)
-
-    @infer_global(function)
-    class Template(AbstractTemplate):
-        def generic(self, args, kws):
-            kind = _kind_of(args)
-            if len(args) != count or kind not in allowed:
-                return None
-            if not all(isinstance(a, (_Lanes, *scalars)) for a in args):
-                return None
-            return signature(result(kind), *args)
-
-    def lower(context, builder, sig, args):
-        kind = _kind_of(sig.args)
-        return allowed[kind](builder, *(_lanes_of(context, builder, value, given, kind)
-                                        for value, given in zip(args, sig.args)))
-
-    patterns: list[tuple[Any, ...]] = [(a, b) for a in (_FloatLanes, _IntLanes, _MaskLanes)
-                for b in (_FloatLanes, _IntLanes, _MaskLanes, types.Number, types.Boolean)]
-    patterns += [(b, a) for a, b in patterns if not issubclass(b, _Lanes)]
-    if count == 1:
-        patterns = [(a,) for a in (_FloatLanes, _IntLanes, _MaskLanes)]
-    for pattern in patterns:
-        lower_builtin(function, *pattern)(lower)
-
-
-def _fast(name: str) -> Callable[..., Any]:
-    return lambda builder, a, b: getattr(builder, name)(a, b, flags=("contract",))
-
-
-def _same(kind):
-    return kind
-
-
-for _plain, _in_place, _floating, _whole in (
-        (operator.add, operator.iadd, "fadd", "add"), (operator.sub, operator.isub, "fsub", "sub"),
-        (operator.mul, operator.imul, "fmul", "mul")):
-    for _function in (_plain, _in_place):
-        _operator(_function, _same, {
-            F: _fast(_floating), I: lambda b, x, y, name=_whole: getattr(b, name)(x, y)})
-_operator(operator.truediv, _same, {F: _fast("fdiv")})
-_operator(operator.and_, _same, {I: lambda b, x, y: b.and_(x, y), M: lambda b, x, y: b.and_(x, y)})
-_operator(operator.or_, _same, {I: lambda b, x, y: b.or_(x, y), M: lambda b, x, y: b.or_(x, y)})
-_operator(operator.xor, _same, {I: lambda b, x, y: b.xor(x, y), M: lambda b, x, y: b.xor(x, y)})
-_operator(operator.lshift, _same, {I: lambda b, x, y: b.shl(x, y)})
-_operator(operator.rshift, _same, {I: lambda b, x, y: b.ashr(x, y)})
-_operator(operator.invert, _same, {I: lambda b, x: b.not_(x), M: lambda b, x: b.not_(x)}, count=1)
-_operator(operator.neg, _same, {F: lambda b, x: b.fneg(x), I: lambda b, x: b.neg(x)}, count=1)
-
-
-def _mask(kind):
-    return M
-
-
-def _compare(symbol: str) -> dict[_Lanes, Callable[..., Any]]:
-    return {F: lambda b, x, y: b.fcmp_ordered(symbol, x, y),
-            I: lambda b, x, y: b.icmp_signed(symbol, x, y)}
-
-
-for _function, _symbol in ((operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"),
-                           (operator.ge, ">="), (operator.eq, "=="), (operator.ne, "!=")):
-    _operator(_function, _mask, _compare(_symbol))
-
+# Indexes of Numba's cache that were written when the types were defined here name them here.
+_KNOWN_HERE = (_FloatLanes, _IntLanes, _MaskLanes)
 
 def _call(builder, name: str, result: ir.Type, arguments: list[Any]):
     """Call an LLVM intrinsic by its name."""
@@ -193,8 +69,8 @@ def floats(typing, value):
     """A number, or lanes of int, as float lanes."""
     def code(context, builder, sig, args):
         if sig.args[0] is I:
-            return builder.sitofp(args[0], _VF)
-        return _lanes_of(context, builder, args[0], sig.args[0], F)
+            return builder.sitofp(args[0], VF)
+        return lanes_of(context, builder, args[0], sig.args[0], F)
     return F(value), code
 
 
@@ -203,8 +79,8 @@ def ints(typing, value):
     """A number, or lanes of float (rounded towards zero), as int lanes."""
     def code(context, builder, sig, args):
         if sig.args[0] is F:
-            return builder.fptosi(args[0], _VI)
-        return _lanes_of(context, builder, args[0], sig.args[0], I)
+            return builder.fptosi(args[0], VI)
+        return lanes_of(context, builder, args[0], sig.args[0], I)
     return I(value), code
 
 
@@ -212,7 +88,7 @@ def ints(typing, value):
 def masks(typing, value):
     """A truth value in every lane."""
     def code(context, builder, sig, args):
-        return _lanes_of(context, builder, args[0], sig.args[0], M)
+        return lanes_of(context, builder, args[0], sig.args[0], M)
     return M(value), code
 
 
@@ -220,24 +96,24 @@ def masks(typing, value):
 def iota(typing):
     """0, 1, ... 15 as int lanes."""
     def code(context, builder, sig, args):
-        return ir.Constant(_VI, list(range(WIDTH)))
+        return ir.Constant(VI, list(range(WIDTH)))
     return I(), code
 
 
 @intrinsic
 def where(typing, condition, yes, no):
     """``yes`` where the mask is set, else ``no``; one of them may be a number."""
-    kind = _kind_of((yes, no))
+    kind = kind_of((yes, no))
     if condition is not M or kind is None:
         return None
 
     def code(context, builder, sig, args):
-        return builder.select(args[0], _lanes_of(context, builder, args[1], sig.args[1], kind),
-                              _lanes_of(context, builder, args[2], sig.args[2], kind))
+        return builder.select(args[0], lanes_of(context, builder, args[1], sig.args[1], kind),
+                              lanes_of(context, builder, args[2], sig.args[2], kind))
     return kind(condition, yes, no), code
 
 
-def _elementwise(code_of: dict[_Lanes, str], count: int):
+def _elementwise(code_of: dict[Lanes, str], count: int):
     """An LLVM intrinsic applied lane by lane."""
     if count == 1:
         @intrinsic
@@ -246,18 +122,18 @@ def _elementwise(code_of: dict[_Lanes, str], count: int):
                 return None
 
             def code(context, builder, sig, args):
-                return _call(builder, code_of[a], _VECTOR[a], list(args))
+                return _call(builder, code_of[a], VECTOR[a], list(args))
             return a(a), code
     else:
         @intrinsic
         def function(typing, a, b):
-            kind = _kind_of((a, b))
+            kind = kind_of((a, b))
             if kind not in code_of:
                 return None
 
             def code(context, builder, sig, args):
-                values = [_lanes_of(context, builder, v, t, kind) for v, t in zip(args, sig.args)]
-                return _call(builder, code_of[kind], _VECTOR[kind], values)
+                values = [lanes_of(context, builder, v, t, kind) for v, t in zip(args, sig.args)]
+                return _call(builder, code_of[kind], VECTOR[kind], values)
             return kind(a, b), code
     return function
 
@@ -274,7 +150,7 @@ maximum = _elementwise({F: "llvm.maxnum.v16f32", I: "llvm.smax.v16i32"}, 2)
 @intrinsic
 def _from_bits(typing, value):
     def code(context, builder, sig, args):
-        return builder.bitcast(args[0], _VF)
+        return builder.bitcast(args[0], VF)
     return F(I), code
 
 
@@ -282,8 +158,8 @@ def _from_bits(typing, value):
 def fused(typing, a, b, c):
     """A b + c in one rounding."""
     def code(context, builder, sig, args):
-        values = [_lanes_of(context, builder, v, t, F) for v, t in zip(args, sig.args)]
-        return _call(builder, "llvm.fma.v16f32", _VF, values)
+        values = [lanes_of(context, builder, v, t, F) for v, t in zip(args, sig.args)]
+        return _call(builder, "llvm.fma.v16f32", VF, values)
     return F(a, b, c), code
 
 
@@ -322,10 +198,10 @@ def _addresses(builder, base, offsets, element: ir.Type):
 
 def _gather(builder, base, offsets, element: ir.Type, loaded: ir.Type, align: int):
     vector = ir.VectorType(loaded, WIDTH)
-    name = f"llvm.masked.gather.v16{'f32' if loaded == _F32 else 'i32'}.v16p0"
+    name = f"llvm.masked.gather.v16{'f32' if loaded == F32 else 'i32'}.v16p0"
     return _call(builder, name, vector, [
-        _addresses(builder, base, offsets, element), ir.Constant(_I32, align),
-        ir.Constant(_VM, [1] * WIDTH), ir.Constant(vector, ir.Undefined)])
+        _addresses(builder, base, offsets, element), ir.Constant(I32, align),
+        ir.Constant(VM, [1] * WIDTH), ir.Constant(vector, ir.Undefined)])
 
 
 @intrinsic
@@ -338,7 +214,7 @@ def gather(typing, array, index):
         return None
 
     def code(context, builder, sig, args):
-        element = _F32 if kind is F else _I32
+        element = F32 if kind is F else I32
         return _gather(builder, _pointer(context, builder, sig.args[0], args[0]), args[1],
                        element, element, 4)
     return kind(array, index), code
@@ -355,14 +231,14 @@ def gather_pair(typing, array, index):
     pair = types.UniTuple(F, 2)
 
     def code(context, builder, sig, args):
-        words = _gather(builder, _pointer(context, builder, sig.args[0], args[0]), args[1], _I16,
-                        _I32, 2)
+        words = _gather(builder, _pointer(context, builder, sig.args[0], args[0]), args[1], I16,
+                        I32, 2)
         half = ir.VectorType(ir.HalfType(), WIDTH)
-        short = ir.VectorType(_I16, WIDTH)
-        sixteen = ir.Constant(_VI, [16] * WIDTH)
-        low = builder.fpext(builder.bitcast(builder.trunc(words, short), half), _VF)
+        short = ir.VectorType(I16, WIDTH)
+        sixteen = ir.Constant(VI, [16] * WIDTH)
+        low = builder.fpext(builder.bitcast(builder.trunc(words, short), half), VF)
         high = builder.fpext(builder.bitcast(
-            builder.trunc(builder.lshr(words, sixteen), short), half), _VF)
+            builder.trunc(builder.lshr(words, sixteen), short), half), VF)
         return context.make_tuple(builder, pair, [low, high])
     return pair(array, index), code
 
@@ -379,10 +255,10 @@ def _load(half: bool):
             index = context.cast(builder, args[1], sig.args[1], types.uintp)
             address = builder.gep(base, [index])
             if not half:
-                return builder.load(builder.bitcast(address, ir.PointerType()), align=4, typ=_VF)
+                return builder.load(builder.bitcast(address, ir.PointerType()), align=4, typ=VF)
             words = builder.load(builder.bitcast(address, ir.PointerType()), align=2,
                                  typ=ir.VectorType(ir.HalfType(), WIDTH))
-            return builder.fpext(words, _VF)
+            return builder.fpext(words, VF)
         return F(array, start), code
     return function
 
@@ -394,7 +270,7 @@ load_half = _load(half=True)
 @intrinsic
 def store(typing, array, start, value):
     """array[start : start + 16] = value, for a C-contiguous float32 or int32 array."""
-    if not isinstance(array, types.Array) or not isinstance(value, _Lanes):
+    if not isinstance(array, types.Array) or not isinstance(value, Lanes):
         return None
 
     def code(context, builder, sig, args):
@@ -418,7 +294,7 @@ def bits(typing, mask):
 def lowest(typing, word):
     """Number of the lowest bit that is set; undefined for 0."""
     def code(context, builder, sig, args):
-        return _call(builder, "llvm.cttz.i32", _I32, [args[0], ir.Constant(_I1, 1)])
+        return _call(builder, "llvm.cttz.i32", I32, [args[0], ir.Constant(I1, 1)])
     return types.uint32(types.uint32), code
 
 
@@ -439,10 +315,10 @@ def lane(typing, value, index):
 def total(typing, value):
     """Sum over the lanes of float lanes, in a fixed order (halves added pairwise)."""
     def code(context, builder, sig, args):
-        kind = ir.FunctionType(_F32, [_F32, _VF])
+        kind = ir.FunctionType(F32, [F32, VF])
         function = cgutils.get_or_insert_function(builder.module, kind,
                                                   "llvm.vector.reduce.fadd.v16f32")
-        return builder.call(function, [ir.Constant(_F32, 0.0), args[0]], fastmath=("reassoc",))
+        return builder.call(function, [ir.Constant(F32, 0.0), args[0]], fastmath=("reassoc",))
     return types.float32(F), code
 
 
@@ -452,106 +328,4 @@ LANES = SimpleNamespace(
     exp=exp, gather=gather, gather3=gather, gather_pair=gather_pair,
     load=load, load_half=load_half, store=store, bits=bits, lowest=lowest, lane=lane, total=total,
     fused=fused)
-
-
-def one_lane_namespace(jit: Callable[..., Any]) -> SimpleNamespace:
-    """The same names for one lane: plain numbers, as a GPU thread has them.
-
-    Parameters
-    ----------
-    jit
-        Decorator that compiles a function: Numba's for the CPU, a GPU compiler's for device code.
-    """
-    import math
-
-    @jit
-    def one_float(value):
-        return np.float32(value)
-
-    @jit
-    def one_int(value):
-        return np.int32(value)
-
-    @jit
-    def one_mask(value):
-        return bool(value)
-
-    @jit
-    def zero():
-        return np.int32(0)
-
-    @jit
-    def choose(condition, yes, no):
-        return yes if condition else no
-
-    @jit
-    def floor_one(x):
-        return np.float32(math.floor(x))
-
-    @jit
-    def least(a, b):
-        return a if a < b else b
-
-    @jit
-    def greatest(a, b):
-        return a if a > b else b
-
-    @jit
-    def exp_one(x):
-        return np.float32(math.exp(x))
-
-    @jit
-    def item(array, index):
-        return array[np.uintp(index)]
-
-    @jit
-    def item3(array, index):
-        # Flat index into an array of three dimensions (the brick table).
-        high, wide = np.int32(array.shape[1]), np.int32(array.shape[2])
-        row = index // wide
-        return array[row // high, row % high, index % wide]
-
-    @jit
-    def half(word):
-        # Numba has no float16 on the CPU: decode sign, exponent and fraction.
-        exponent, fraction = (word >> 10) & 31, word & 1023
-        if exponent == 0:
-            size = fraction * 2.0 ** -24
-        elif exponent == 31:
-            size = math.inf if fraction == 0 else math.nan
-        else:
-            size = (1024 + fraction) * 2.0 ** (exponent - 25.0)
-        return np.float32(-size if word & 0x8000 else size)
-
-    @jit
-    def half_pair(array, index):
-        return half(array[np.uintp(index)]), half(array[np.uintp(index) + np.uintp(1)])
-
-    @jit
-    def mask_bits(mask):
-        return np.uint32(1) if mask else np.uint32(0)
-
-    @jit
-    def first(word):
-        return np.uint32(0)
-
-    @jit
-    def self_lane(value, index):
-        return value
-
-    return SimpleNamespace(
-        width=1, jit=jit, floats=one_float, ints=one_int, masks=one_mask, iota=zero, where=choose,
-        floor=floor_one, minimum=least, maximum=greatest, exp=exp_one, gather=item, gather3=item3,
-        gather_pair=half_pair, half=half,
-        bits=mask_bits, lowest=first, lane=self_lane)
-
-
-SCALAR = one_lane_namespace(njit)
-
-for _namespace in (LANES, SCALAR):
-    _known: set[int] = set()
-    for _name, _function in vars(_namespace).items():
-        # A function under two names keeps its first identity.
-        if _name not in ("width", "jit") and id(_function) not in _known:
-            _known.add(id(_function))
-            identified("lanes", _namespace.width, _name)(_function)
+identified_all("lanes", LANES.width, LANES)

@@ -10,8 +10,9 @@ import numpy as np
 from numba import njit, prange
 
 from .identity import identified
-from .lanes import LANES, SCALAR
+from .lanes import LANES
 from .march import enter_box, make_basis, make_march, make_rgb_shade
+from .one_lane import SCALAR
 
 __all__ = ["render_kernel", "render_kernel_one_lane"]
 

@@ -14,7 +14,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .identity import identified
-from .lanes import WIDTH, F, I, gather_pair
+from .lane_types import WIDTH, F, I
+from .lanes import gather_pair
 
 __all__ = ["largest", "make_look_up", "make_restrict", "make_store_columns", "smallest",
            "store_half"]
