@@ -44,7 +44,7 @@ SEGMENT = 8
 """And person and hair segmented."""
 PAINT = 3
 """Frames are painted anew every so manieth time, and onward between."""
-KEPT = 0.9
+KEPT = 0.85
 """Share of carried anchors below which a frame is painted anew in any case."""
 MOST_PAINTERS = 4
 """More frames are not painted at a time: one thread can't follow the motion faster."""
