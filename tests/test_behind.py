@@ -46,10 +46,20 @@ def test_pieces_of_hair_come_from_the_hair():
 def test_what_the_exemplar_shows_is_no_patchwork():
     face = drawn_face(320, 240)
     patchwork = Patchwork(face, find_regions(face.image, face.landmarks, face.mask))
-    angle = np.radians([0.0, 40.0, 120.0, 120.0])
-    depth = np.array([0.3, -0.3, -0.3, 1.1])
-    assert patchwork.materials(angle, depth)[:3].tolist() == [-1, -1, HAIR]
-    assert patchwork.materials(angle, depth)[3] in (-1, NECK)
+    # The last but one is an ear, the last a neck's back.
+    angle = np.radians([0.0, 40.0, 120.0, 130.0, 110.0, 120.0])
+    depth = np.array([0.3, -0.3, -0.3, 0.3, 0.3, 1.05])
+    found = patchwork.materials(angle, depth, np.zeros(6, bool))
+    assert found[:5].tolist() == [-1, -1, HAIR, HAIR, -1]
+    assert found[5] in (-1, NECK)
+
+
+def test_clothes_that_a_short_exemplar_shows_go_on():
+    face = drawn_face(320, 240)
+    patchwork = Patchwork(face, find_regions(face.image, face.landmarks, face.mask))
+    patchwork.short, patchwork.known = True, np.array([True, True])
+    angle, depth = np.radians([60.0, 60.0]), np.array([1.3, 1.3])
+    assert patchwork.materials(angle, depth, np.array([False, True])).tolist() == [-1, NECK]
 
 
 def test_pieces_are_rigid():

@@ -30,8 +30,10 @@ HAIR, NECK = 0, 1
 """Materials of the pieces; -1 stands for a place that the exemplar shows."""
 CROWN = np.radians(75.0)
 """Angle from the forward direction from which the head above the brows is patchwork."""
+BEHIND_EARS = np.radians(125.0)
+"""And below the brows: the jaw's ends lie at 90 degrees, ears up to 115, a cell reaches 8."""
 NAPE = np.radians(100.0)
-"""And below the brows, behind the ears."""
+"""And below the ears."""
 SPREAD = 0.35
 """Pieces come from places up to this far from the guided one, over the exemplar's face size."""
 SIDE = 0.3
@@ -119,13 +121,24 @@ class Patchwork:
         _, index = distance_transform_edt(~chosen, return_indices=True)
         return np.asarray(np.moveaxis(index, 0, -1)[..., ::-1] + 0.5, np.float32)
 
-    def materials(self, angle: Float64, depth: Float64) -> NDArray[np.int64]:
-        """Material of sites by angle from forward and depth below the brows (1 = chin), [N]."""
+    def materials(self, angle: Float64, depth: Float64,
+                  bare: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Material of sites, [N].
+
+        Parameters
+        ----------
+        angle, depth
+            [N], from forward, and below the brows (1 = chin).
+        bare
+            [N], where the guide finds the exemplar's background.
+        """
         out = np.full(angle.shape, -1)
-        out[np.where(depth < 0, angle > CROWN, (angle > NAPE) & (depth < 0.7))] = HAIR
+        out[np.where(depth < 0, angle > CROWN, (angle > BEHIND_EARS) & (depth < 0.7))] = HAIR
         out[(depth >= 0.7) & (angle > np.where(depth < 1, NAPE, CROWN))] = NECK
         if self.short:
             out[(depth > 1.25) & (angle > SHOULDER)] = NECK
+            # Clothes that it does show go on.
+            out[(depth > 1.1) & ~bare] = -1
         return np.where((out >= 0) & self.known[out], out, -1)
 
     def pieces(self, wanted: Float32, chances: Float32, material: NDArray[np.int64]) -> Float32:

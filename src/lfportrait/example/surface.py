@@ -231,11 +231,14 @@ class SurfaceGuide:
         flat = (points.astype(np.float64) - self.shift) / self.scale
         above = flat[:, 1] < 0
         angle = np.where(above, np.hypot(flat[:, 0], flat[:, 1]), np.abs(flat[:, 0])) / self.radius
-        material = self.patchwork.materials(angle, flat[:, 1] / self.height)
+        guided = self._guided(flat)
+        column, row = guided.T.astype(np.int64)
+        material = self.patchwork.materials(angle, flat[:, 1] / self.height,
+                                            self.regions.person[row, column] < 0.5)
         behind = np.flatnonzero(material >= 0)
         moves = np.full(points.shape, np.nan, np.float32)
         moves[behind] = self.patchwork.pieces(
-            self._guided(flat[behind]), sites.chances.reshape(-1, 2)[behind],
+            guided[behind], sites.chances.reshape(-1, 2)[behind],
             material[behind]) - points[behind]
         moved = plane + moves[self.patchwork.nearest(plane, sites)]
         return np.where(np.isfinite(moved), moved, position)
