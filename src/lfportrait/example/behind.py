@@ -42,6 +42,8 @@ ALIKE = 0.35
 """Share of the places that pieces of the neck come from: the plainest, most like the rest."""
 SHOULDER = np.radians(50.0)
 """Angle from which what an exemplar without shoulders does not show is patchwork."""
+EDGE = 0.35
+"""Clothes are what lies further inside the person than this, over the exemplar's face size."""
 SHORT = 1.4
 """An exemplar that ends less deep than this (brows 0, chin 1) shows no shoulders."""
 
@@ -104,6 +106,9 @@ class Patchwork:
         found = (self._deep(hair > 0.5, 1.0), self._deep(neck, ALIKE))
         self.places = np.stack([place if place is not None else _everywhere(hair.shape)
                                 for place in found])
+        # Chunks of what lies near the edge spill over it.
+        self.inside = distance_transform_edt(
+            np.pad(regions.person > 0.5, 1, mode="edge"))[1:-1, 1:-1] > EDGE * exemplar.size
         self.known = np.array([place is not None for place in found])
 
     def _deep(self, region: NDArray[np.bool_], share: float) -> Float32 | None:
@@ -130,7 +135,7 @@ class Patchwork:
         angle, depth
             [N], from forward, and below the brows (1 = chin).
         bare
-            [N], where the guide finds the exemplar's background.
+            [N], where the guide finds the exemplar's background or its edge.
         """
         out = np.full(angle.shape, -1)
         out[np.where(depth < 0, angle > CROWN, (angle > BEHIND_EARS) & (depth < 0.7))] = HAIR

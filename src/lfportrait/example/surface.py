@@ -234,7 +234,7 @@ class SurfaceGuide:
         guided = self._guided(flat)
         column, row = guided.T.astype(np.int64)
         material = self.patchwork.materials(angle, flat[:, 1] / self.height,
-                                            self.regions.person[row, column] < 0.5)
+                                            ~self.patchwork.inside[row, column])
         behind = np.flatnonzero(material >= 0)
         moves = np.full(points.shape, np.nan, np.float32)
         moves[behind] = self.patchwork.pieces(
