@@ -12,6 +12,7 @@ from lfportrait.example.ahead import ahead, in_turn
 from lfportrait.example.guides import pixel_centres
 from lfportrait.example.motion import Flow, Motion
 from lfportrait.example.onward import paint_onward, reduced
+from lfportrait.example.video import _taken_up
 from lfportrait.kernels.example_video import (
     carry_shifts,
     mend,
@@ -265,3 +266,15 @@ def test_fields_are_carried_along_the_flow():
     motion = Motion(back, -back, np.ones((8, 10), bool), 2)
     # Two pixels are one block.
     assert np.allclose(motion.carry(field)[:-1, 1:], field[1:, :-1])
+
+
+def test_masks_follow_what_is_found_and_hair_stays():
+    old, new = np.zeros((3, 4, 2), np.float32), np.ones((3, 4, 1), np.float32)
+    old[..., 1] = 0.75
+    share = np.full((3, 4, 1), 0.5, np.float32)
+    mixed = _taken_up(old, new, share)
+    assert np.allclose(mixed[..., 0], 0.5)
+    assert np.allclose(mixed[..., 1], 0.75)
+    found = _taken_up(new, old, share)
+    assert np.allclose(found[..., 0], 0.5)
+    assert np.allclose(found[..., 1], 0.75)

@@ -349,17 +349,14 @@ def _bytes_of(image: Float32) -> NDArray[np.uint8]:
 
 
 def _taken_up(masks: Float32, fresh: Float32, share: Float32) -> Float32:
-    """Masks [h, w, 1 or 2] a ``share`` of the way to those found now.
+    """Masks [h, w, 1 or 2] a ``share`` [h, w, 1] of the way to those found now.
 
-    Hair that is not found any more fades, and so does what was hair in one segmentation alone.
+    Hair that is not found now stays: what told it by its colour looks at first frames alone.
     """
-    count = max(masks.shape[-1], fresh.shape[-1])
-    old, new = (np.pad(plane, ((0, 0), (0, 0), (0, count - plane.shape[-1])))
-                for plane in (masks, fresh))
-    mixed = np.asarray(old + share * (new - old), np.float32)
-    if count > fresh.shape[-1] and mixed[..., 1].max() < 0.1:
-        mixed = np.ascontiguousarray(mixed[..., :1])
-    return mixed
+    both = min(masks.shape[-1], fresh.shape[-1])
+    mixed = masks[..., :both] + share * (fresh[..., :both] - masks[..., :both])
+    more = masks if masks.shape[-1] > both else fresh
+    return np.asarray(np.concatenate([mixed, more[..., both:]], axis=-1), np.float32)
 
 
 def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int, first: bool) -> Float32:
