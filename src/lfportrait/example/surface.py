@@ -181,11 +181,15 @@ class SurfaceGuide:
             nearest = np.where((down > 1.0)[..., None], own, nearest)
         return np.asarray(nearest[..., ::-1] + 0.5, np.float32)
 
+    def _pixels(self, position: Float32) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Columns and rows of the exemplar's pixels at positions [N, 2], or next to them."""
+        height, width = self.regions.person.shape
+        return (np.clip(position[:, 0].astype(np.int64), 0, width - 1),
+                np.clip(position[:, 1].astype(np.int64), 0, height - 1))
+
     def _onto_person(self, position: Float32) -> Float32:
         """Move positions [N, 2] that lie outside the exemplar's person to its nearest place."""
-        height, width = self.regions.person.shape
-        x = np.clip(position[:, 0].astype(np.int64), 0, width - 1)
-        y = np.clip(position[:, 1].astype(np.int64), 0, height - 1)
+        x, y = self._pixels(position)
         near = self.nearest[y, x]
         moved = np.abs(near - np.stack([x, y], axis=1) - np.float32(0.5)).max(axis=1) > 0.1
         return np.where(moved[:, None], near, position)
@@ -232,7 +236,7 @@ class SurfaceGuide:
         above = flat[:, 1] < 0
         angle = np.where(above, np.hypot(flat[:, 0], flat[:, 1]), np.abs(flat[:, 0])) / self.radius
         guided = self._guided(flat)
-        column, row = guided.T.astype(np.int64)
+        column, row = self._pixels(guided)
         material = self.patchwork.materials(angle, flat[:, 1] / self.height,
                                             ~self.patchwork.inside[row, column])
         behind = np.flatnonzero(material >= 0)
