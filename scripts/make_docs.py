@@ -23,9 +23,9 @@ from lfportrait.example import (
     TransferConfig,
 )
 from lfportrait.field import ReconstructConfig
-from lfportrait.field.export import ExportConfig
-from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig, SequenceConfig
-from lfportrait.pipeline import MakeConfig
+from lfportrait.job import MakeConfig
+from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
+from lfportrait.share import ExportConfig, SequenceConfig
 from lfportrait.stylize import StylizeConfig
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "parameters.md"

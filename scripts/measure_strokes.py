@@ -12,13 +12,13 @@ import argparse
 from pathlib import Path
 
 from lfportrait.capture import CalibrateConfig
-from lfportrait.evaluate.bench import SHORT
+from lfportrait.evaluate.bench.run import SHORT
 from lfportrait.evaluate.strokes import strokes_stick, strokes_table
 from lfportrait.example import Exemplar
 from lfportrait.face import detect_landmarks
 from lfportrait.field import VoxelField, reconstruct_with_figures
 from lfportrait.files import write_json
-from lfportrait.pipeline import prepare_capture
+from lfportrait.job.pipeline import prepare_capture
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -27,7 +27,7 @@ _HOMES = {
     "stylize": "stylize",
     "Display": "lightfield", "ViewMask": "lightfield", "encode": "lightfield",
     "simulate": "lightfield",
-    "make": "pipeline", "UserError": "errors",
+    "make": "job", "UserError": "errors",
 }
 
 def __getattr__(name: str) -> Any:

@@ -27,9 +27,8 @@ from ..files import write_image
 from ..progress import Progress
 from .camera import Camera
 from .capture import Capture
-from .colmap import lens_of
 from .distortion import Lens
-from .formats import assemble
+from .formats import assemble, lens_of
 from .frame import portrait_frame_from_cameras
 from .photos import Photo, is_video, read_photos
 from .sharpness import blurred
@@ -282,8 +281,8 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     similarity = portrait_frame_from_cameras(_pinholes(poses, lenses))
     poses = similarity @ poses
     poses[:, :3, :3] /= np.cbrt(np.linalg.det(similarity[:3, :3]))
-    capture = assemble(poses, lenses, [photo.image for photo in kept],
-                       [photo.name for photo in kept], None, config.holdout)
+    capture = Capture(*assemble(poses, lenses, [photo.image for photo in kept],
+                                [photo.name for photo in kept], None, config.holdout))
     figures.update(photos=count, registered=len(kept), left_out=left_out, blurred=soft,
                    focal_px=float(np.median([lens.focal[0] for lens in lenses])))
     return replace(capture, frame=capture.frame @ similarity, figures=figures)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import UserError
 from ..files import read_image, read_json, write_image, write_json
 from .camera import Camera
+from .formats import load_views, transform_files
 
 __all__ = ["Capture"]
 
@@ -167,9 +168,13 @@ class Capture:
         UserError
             If there is no such capture or it is damaged.
         """
-        from .formats import load_capture
-
-        return load_capture(Path(path), holdout)
+        path = Path(path)
+        own = transform_files(path)
+        if own:
+            first = read_json(own[0])
+            if isinstance(first, dict) and first.get("generator") == "lfportrait":
+                return Capture._read_own(own[0].parent)
+        return Capture(*load_views(path, holdout))
 
     @staticmethod
     def _read_own(folder: Path) -> Capture:

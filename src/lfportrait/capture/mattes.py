@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..kernels.voting import cover_views, vote_lattice
 from .camera import Camera
 from .capture import Capture
+from .kernels.voting import cover_views, vote_lattice
 
 __all__ = ["consistent_mattes", "matte_agreement", "refine_matte", "views_share"]
 
@@ -288,6 +288,30 @@ def views_share(cameras: Camera, reach: float, size: int) -> NDArray[np.float64]
     inside = ((along > 0) & (pixels >= 0).all(-1) & (pixels[..., 0] < cameras.width[:, None])
               & (pixels[..., 1] < cameras.height[:, None]))
     return np.asarray(inside.mean(axis=0).reshape(z.shape))
+
+
+def mattes_share(cameras: Camera, mattes: list[NDArray[np.float32]], reach: float, size: int,
+                 ) -> NDArray[np.float32]:
+    """The mean matte at each point of a lattice, over the views that have it in the picture.
+
+    Parameters
+    ----------
+    cameras, mattes
+        V views, and float32 [H, W] in [0, 1] for each, of its camera's size.
+    reach, size
+        As in `views_share`.
+
+    Returns
+    -------
+    share
+        float32 [size, size, size] (z, y, x), 1 where no picture shows the point.
+    """
+    spacing = 2.0 * reach / size
+    rows = np.concatenate([cameras.pose[:, :3].reshape(-1, 12), cameras.focal, cameras.center], 1)
+    return np.asarray(vote_lattice(
+        rows, np.concatenate([matte.ravel() for matte in mattes]),
+        np.array([matte.shape for matte in mattes]), np.full(3, -reach + 0.5 * spacing), spacing,
+        size, np.float32(1.0)))
 
 
 class _Votes:

@@ -17,7 +17,7 @@ from PIL import Image, ImageOps
 
 from ..errors import UserError
 
-__all__ = ["Photo", "is_video", "load_photos", "read_photos"]
+__all__ = ["Photo", "is_video", "read_photos"]
 
 _PICTURES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp"}
 _HEIC = {".heic", ".heif", ".avif"}
@@ -142,21 +142,6 @@ def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
         raise UserError(f"none of the {len(files)} pictures in {folder} can be read; are the files "
                         "damaged?")
     return _unique(photos)
-
-
-def load_photos(path: str | Path) -> list[tuple[str, NDArray[np.uint8]]]:
-    """Names and pictures (uint8 [H, W, 3 or 4], upright) of a folder of photos or a video.
-
-    Raises
-    ------
-    UserError
-        If there is nothing that can be read.
-    """
-    from .video import read_video
-
-    path = Path(path)
-    photos = read_video(path) if is_video(path) else read_photos(path)
-    return [(photo.name, photo.image) for photo in photos]
 
 
 def is_video(path: Path) -> bool:

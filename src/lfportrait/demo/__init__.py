@@ -1,9 +1,11 @@
 """The embedded data: a modelled head photographed from known cameras, and painted exemplars."""
 
-from ..kernels.head import HeadModel
-from .painting import demo_exemplar, demo_styles, exemplar_camera
+from .kernels.head import HeadModel
+from .painting import demo_exemplar, demo_styles, exemplar_camera, style_makers
 from .people import PAINTED, SITTER, landmarks
+from .sittings import embedded_sittings
 from .studio import Picture, demo_cameras, demo_capture, photograph
 
 __all__ = ["PAINTED", "SITTER", "HeadModel", "Picture", "demo_cameras", "demo_capture",
-           "demo_exemplar", "demo_styles", "exemplar_camera", "landmarks", "photograph"]
+           "demo_exemplar", "demo_styles", "embedded_sittings", "exemplar_camera", "landmarks",
+           "photograph", "style_makers"]

@@ -8,6 +8,7 @@ touch only eyes, nose and mouth. The 68 landmarks come from the model and are ex
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,12 +19,12 @@ from scipy import ndimage
 from ..capture import Camera
 from ..errors import UserError
 from ..example import Exemplar
-from ..kernels.brush import lay, plan, trace
+from .kernels.brush import lay, plan, trace
 from .palette import charcoal_tone, fauve_colours, impression_colours
 from .people import PAINTED, landmarks
 from .studio import Picture, photograph
 
-__all__ = ["demo_exemplar", "demo_styles", "exemplar_camera"]
+__all__ = ["demo_exemplar", "demo_styles", "exemplar_camera", "style_makers"]
 
 Image = NDArray[np.float32]
 
@@ -72,6 +73,11 @@ def exemplar_camera(width: int, height: int) -> Camera:
 def demo_styles() -> list[str]:
     """Names of the built-in painted exemplars; the first is the default."""
     return list(_STYLES)
+
+
+def style_makers() -> dict[str, Callable[[], Exemplar]]:
+    """What makes each of the painted exemplars, by name (entry point ``lfportrait.styles``)."""
+    return {name: functools.partial(demo_exemplar, name) for name in _STYLES}
 
 
 def demo_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: int = 5) -> Exemplar:

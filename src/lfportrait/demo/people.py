@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.head import HeadModel, lid_lines, mouth_lines
-from ..kernels.head_points import drop, silhouette
-from ..kernels.head_skin import brow_line
+from .kernels.head import HeadModel, lid_lines, mouth_lines
+from .kernels.head_points import drop, silhouette
+from .kernels.head_skin import brow_line
 
 __all__ = ["PAINTED", "SITTER", "landmarks"]
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera, Capture
-from ..kernels.head import HeadModel
-from ..kernels.head_render import bake, render
 from ..progress import Progress
+from .kernels.head import HeadModel
+from .kernels.head_render import bake, render
 from .people import SITTER, landmarks
 
 __all__ = ["Picture", "demo_cameras", "demo_capture", "photograph"]

@@ -1,7 +1,5 @@
-"""Metrics of a finished job, consistency between views, and speed side by side."""
+"""Metrics of a finished job and consistency between views; `bench` measures speed."""
 
-from .bench import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize
-from .bench_transfer import bench_transfer, transfer_table
 from .consistency import consistency, pair_error, view_pairs, warp
 from .features import (
     feature_distance,
@@ -14,8 +12,7 @@ from .job import evaluate_field, evaluate_job
 from .likeness import contour_correlation, identity, landmark_error
 from .patches import PatchIndex, patch_fidelity
 
-__all__ = ["BENCHES", "PatchIndex", "bench", "bench_encode", "bench_reconstruct",
-           "bench_stylize", "bench_transfer", "consistency", "contour_correlation",
+__all__ = ["PatchIndex", "consistency", "contour_correlation",
            "evaluate_field", "evaluate_job", "feature_distance", "frechet_distance", "identity",
            "inception_features", "kernel_distance", "landmark_error", "pair_error",
-           "patch_fidelity", "style_distance", "transfer_table", "view_pairs", "warp"]
+           "patch_fidelity", "style_distance", "view_pairs", "warp"]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..files import read_image
+from .providers import provided_styles
 
 __all__ = ["Exemplar", "face_size"]
 
@@ -94,14 +95,12 @@ class Exemplar:
 
 def _built_in(name: str) -> Exemplar:
     """The built-in exemplar ``name``."""
-    # The demo stage makes exemplars, so it is imported when one is asked for, not before.
-    from ..demo import demo_exemplar, demo_styles
-
-    names = demo_styles()
-    if name in names:
-        exemplar: Exemplar = demo_exemplar(name)
+    styles = provided_styles()
+    if name in styles:
+        exemplar: Exemplar = styles[name]()
         return exemplar
-    raise UserError(f"no picture and no built-in style {name!r}; built-in are: {', '.join(names)}")
+    raise UserError(f"no picture and no built-in style {name!r}; built-in are: "
+                    f"{', '.join(styles)}")
 
 
 def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> NDArray[np.float64]:

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .exemplar import Exemplar
-from .faceblit import FaceBlit, FaceBlitConfig
-from .facestyle import FaceStyle, FaceStyleConfig
-from .network import NetworkConfig, StyleNetwork
-from .painted import Painted
-from .sitters import Sitting
+from .providers import Sitting
+from .rivals.faceblit import FaceBlit, FaceBlitConfig
+from .rivals.facestyle import FaceStyle, FaceStyleConfig
+from .rivals.network import NetworkConfig, StyleNetwork
+from .rivals.painted import Painted
 from .transfer import Transfer, TransferConfig, TransferResult, face_landmarks
 
 __all__ = ["METHODS", "Method", "MethodConfig", "paint", "prepare"]

@@ -14,11 +14,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.example_blit import blit
-from ..kernels.example_lookup import look_up
-from ..kernels.example_seeds import finite_range, seed_points, seed_regular, seed_splat
-from ..kernels.example_vote import elect, pack, vote
-from .guides import Guides, anchor_scale
+from .guides.maps import Guides, anchor_scale
+from .kernels.blit import blit
+from .kernels.lookup import look_up
+from .kernels.seeds import finite_range, seed_points, seed_regular, seed_splat
+from .kernels.vote import elect, pack, vote
 from .table import LookUpTable
 
 __all__ = ["BlitConfig", "Seeds", "Synthesis", "finest_level", "label_words", "pack_colours",
@@ -80,7 +80,7 @@ class Synthesis:
 
 @dataclass
 class Seeds:
-    """Seeds of all levels from ``finest``, one level after the other (`kernels.example_seeds`)."""
+    """Seeds of all levels from ``finest``, one level after the other (`example.kernels.seeds`)."""
 
     points: NDArray[np.float32]
     pixels: NDArray[np.int32]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import atomic_write
-from ..kernels.example_table import (
+from .kernels.table import (
     EMPTY,
     extract_indices,
     scatter_pixels,

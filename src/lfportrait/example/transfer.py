@@ -12,11 +12,9 @@ import tyro
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..kernels.example_labels import pixel_weights
-from ..kernels.example_vote import blend
 from .exemplar import Exemplar, face_size
-from .flat import FlatGuide
-from .guides import (
+from .guides.labels import missing_labels, soft_face, without_hair
+from .guides.maps import (
     Distribution,
     Guides,
     anchor_scale,
@@ -29,12 +27,14 @@ from .guides import (
     sample_labels,
     shrunk,
 )
-from .labels import missing_labels, soft_face, without_hair
-from .regions import Regions, find_regions
+from .guides.regions import Regions, find_regions
+from .kernels.labels import pixel_weights
+from .kernels.vote import blend
+from .photo_guide import FlatGuide
+from .result import TransferResult
 from .styleblit import (
     BlitConfig,
     Seeds,
-    Synthesis,
     finest_level,
     label_words,
     pack_colours,
@@ -96,41 +96,6 @@ class TransferConfig:
     """Synthesis."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the chunks' jitter."""
-
-
-@dataclass
-class TransferResult:
-    """A stylised picture with everything that led to it.
-
-    Attributes
-    ----------
-    image
-        float32 [H, W, 3] in [0, 1].
-    guides
-        Position, appearance, labels and anchor of the target.
-    mask
-        float32 [H, W], where the synthesis covers the photo.
-    synthesis
-        Chunk shifts, levels and table error.
-    seconds
-        ``table_seconds`` and ``regions_seconds`` (segmentation by networks): pre-calculation of
-        the style and of the photo; ``guides_seconds``, ``synthesis_seconds`` (with voting and
-        blending).
-    """
-
-    image: Float32
-    guides: Guides
-    mask: Float32
-    synthesis: Synthesis
-    seconds: dict[str, float]
-    exemplar_shape: tuple[int, int] = (0, 0)
-    style_appearance: Float32 | None = field(default=None, repr=False)
-
-    def dump(self, folder: str | Path) -> None:
-        """Write every intermediate as a picture into ``folder``."""
-        from .dump import dump_transfer
-
-        dump_transfer(self, Path(folder))
 
 
 class Transfer:

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..capture import Camera, Capture
-from ..capture.frame import focus_point
+from ..capture import Camera, Capture, focus_point
 from ..progress import Progress
 from .detect import detect_landmarks, face_yaw
 

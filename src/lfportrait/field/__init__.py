@@ -1,12 +1,11 @@
 """Capture -> `VoxelField`: reconstruct, render, save and load (Shen et al. 2023, 2.1, Eq. 1-3)."""
 
 from .grid import Rendering, SampleWeights, VoxelField
-from .reconstruct import (
-    ReconstructConfig,
-    held_out_quality,
-    reconstruct,
-    reconstruct_with_figures,
-)
+from .quality import held_out_quality
+from .reconstruct import ReconstructConfig, reconstruct, reconstruct_with_figures
+from .storage import save_checkpoint
+from .surface import Mesh, PointCloud, field_mesh, field_points
 
-__all__ = ["ReconstructConfig", "Rendering", "SampleWeights", "VoxelField", "held_out_quality",
-           "reconstruct", "reconstruct_with_figures"]
+__all__ = ["Mesh", "PointCloud", "ReconstructConfig", "Rendering", "SampleWeights", "VoxelField",
+           "field_mesh", "field_points", "held_out_quality", "reconstruct",
+           "reconstruct_with_figures", "save_checkpoint"]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..capture import Camera
-from ..kernels.shells import (
+from .kernels.shells import (
     shells_backward,
     shells_forward,
     shells_mark,

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
-from ..kernels.bricks import Bricks, build_bricks
-from ..kernels.march import lattice_of_world
-from ..kernels.render import render_kernel
-from ..kernels.weights import CAPACITY, pixel_weights
 from .background import Background, cube_rays
+from .kernels.bricks import Bricks, build_bricks
+from .kernels.march import lattice_of_world
+from .kernels.render import render_kernel
+from .kernels.weights import CAPACITY, pixel_weights
+from .storage import load_field, save_field
 
 __all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row"]
 
@@ -231,8 +232,6 @@ class VoxelField:
 
     def save(self, path: Any) -> None:
         """Write the field as an ``.npz`` that svox2 reads, too (`lfportrait.field.storage`)."""
-        from .storage import save_field
-
         save_field(self, path)
 
     @staticmethod
@@ -244,6 +243,4 @@ class VoxelField:
         UserError
             If the file is missing, damaged or not a field.
         """
-        from .storage import load_field
-
-        return load_field(path)
+        return VoxelField(*load_field(path))

@@ -1,7 +1,7 @@
 """Reconstruction: Plenoxels' optimisation on the CPU, coarse to fine.
 
 Each level of resolution trains density (by RMSProp) and colour (by SART's steps, see
-`lfportrait.kernels.descent`) on the squared colour error (Shen et al. 2023, Eq. 2) with total
+`lfportrait.field.kernels.descent`) on the squared colour error (Shen et al. 2023, Eq. 2) with total
 variation (Eq. 3) and a distortion loss that makes surfaces thin;
 between levels, lattice points that no training ray sees are pruned and the rest are upsampled.
 Where the photos have mattes, the field starts from their visual hull, the opacity of each ray is
@@ -18,20 +18,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..capture import Capture
 from ..measure import peak_memory_bytes
-from ..metrics import psnr, ssim
 from ..progress import Progress
-from .casting import casting_figures
 from .config import ReconstructConfig
-from .event_log import EventLog
 from .grid import VoxelField
-from .meter import Meter
-from .trainer import Trainer
+from .quality import held_out_quality
+from .training.casting_cost import casting_figures
+from .training.event_log import EventLog
+from .training.meter import Meter
+from .training.trainer import Trainer
 
-__all__ = ["ReconstructConfig", "held_out_quality", "reconstruct", "reconstruct_with_figures"]
+__all__ = ["ReconstructConfig", "reconstruct", "reconstruct_with_figures"]
 
 
 def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
@@ -136,29 +135,3 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
     if progress is not None and "test" in figures:
         progress.update(progress.total, f"held-out views {figures['test']['psnr']:.2f} dB")
     return field, figures
-
-
-def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.0,
-                     gains: NDArray[np.float64] | None = None,
-                     some: NDArray[np.int64] | None = None) -> dict[str, float]:
-    """Mean PSNR (dB) and SSIM of the held-out views, composited on ``background``.
-
-    Renders are multiplied by ``gains`` [V, 3], the photos' exposures, before they are compared.
-    ``some`` are numbers of held-out views, from 0; by default all count.
-    """
-    scores = []
-    tests = capture.testing()
-    for index in range(len(tests)) if some is None else some:
-        view = int(tests[index])
-        shot = field.render(capture.cameras, view, background=background)
-        image = shot.color
-        if gains is not None:
-            gain = gains[index].astype(np.float32)
-            # Behind a person with a matte stands the same grey whatever the exposure.
-            behind = background * (1.0 - shot.alpha[..., None]) if capture.alphas is not None else 0
-            image = (image - behind) * gain + behind
-        image = np.clip(image, 0, 1)
-        truth = capture.image_float(view, background)
-        scores.append((psnr(image, truth), ssim(image, truth)))
-    means = np.mean(scores, axis=0)
-    return {"psnr": float(means[0]), "ssim": float(means[1]), "views": len(scores)}

@@ -10,7 +10,7 @@ from __future__ import annotations
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,24 +19,39 @@ from .. import __version__
 from ..errors import UserError
 from ..files import atomic_write
 from .background import Background
-from .grid import VoxelField
 
-__all__ = ["load_field", "save_checkpoint", "save_field"]
+__all__ = ["FieldData", "load_field", "save_checkpoint", "save_field"]
+
+class FieldData(Protocol):
+    """What a file keeps of a `VoxelField`; see there for shapes and units."""
+
+    links: NDArray[np.int32]
+    density: NDArray[np.float32]
+    sh: NDArray[np.float32]
+    center: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    frame: NDArray[np.float64]
+    background: Background | None
+
+
+Loaded = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float64],
+               NDArray[np.float64], NDArray[np.float64], Background | None]
+"""The same in that order, as `VoxelField` takes it."""
 
 _NEEDED = ("links", "density_data", "sh_data")
 
 
-def save_field(field: VoxelField, path: Any) -> None:
+def save_field(field: FieldData, path: Any) -> None:
     """Write a field; coefficients are rounded to float16, as svox2 does."""
     _save(field, path, frame=field.frame, lfportrait_version=np.str_(__version__))
 
 
-def save_checkpoint(field: VoxelField, path: Any) -> None:
+def save_checkpoint(field: FieldData, path: Any) -> None:
     """Write a field with svox2's own keys alone, in the order in which svox2 writes them."""
     _save(field, path)
 
 
-def _save(field: VoxelField, path: Any, **more: Any) -> None:
+def _save(field: FieldData, path: Any, **more: Any) -> None:
     if Path(path).suffix != ".npz":
         raise UserError(f"a field is written as .npz, not {Path(path).name}")
     behind: dict[str, Any] = {}
@@ -53,8 +68,8 @@ def _save(field: VoxelField, path: Any, **more: Any) -> None:
                  **behind, basis_type=np.int64(1), **more)
 
 
-def load_field(path: Any) -> VoxelField:
-    """Read a field.
+def load_field(path: Any) -> Loaded:
+    """Read a field: what `VoxelField` is made of, in its order.
 
     Raises
     ------
@@ -98,12 +113,12 @@ def load_field(path: Any) -> VoxelField:
     if center.size not in (1, 3) or radius.size not in (1, 3) or frame.shape != (4, 4) or not (
             np.isfinite(center).all() and np.isfinite(radius).all() and (radius > 0).all()):
         raise UserError(f"{path} is damaged: its cube or its frame makes no sense")
-    return VoxelField(np.maximum(np.ascontiguousarray(links.transpose(2, 1, 0), np.int32), -1),
-                      np.ascontiguousarray(density, np.float32),
-                      sh.astype(np.float32).reshape(len(sh), 3, -1),
-                      np.broadcast_to(center.ravel(), (3,)).astype(np.float64),
-                      np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
-                      frame.astype(np.float64), _background(arrays, path))
+    return (np.maximum(np.ascontiguousarray(links.transpose(2, 1, 0), np.int32), -1),
+            np.ascontiguousarray(density, np.float32),
+            sh.astype(np.float32).reshape(len(sh), 3, -1),
+            np.broadcast_to(center.ravel(), (3,)).astype(np.float64),
+            np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
+            frame.astype(np.float64), _background(arrays, path))
 
 
 def _background(arrays: dict[str, NDArray[Any]], path: Path) -> Background | None:

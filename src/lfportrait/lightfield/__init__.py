@@ -1,7 +1,7 @@
 """Displays, mask guide, coding, quilts, simulation, patterns (Shen et al. 2023, 2.3, Eq. 8)."""
 
 from .budget import DepthReport
-from .coded import read_coded, write_coded
+from .coded import lossless, read_coded, write_coded
 from .deinterlacing import deinterlace, each_view
 from .display import Display
 from .encode import (
@@ -24,11 +24,10 @@ from .interlacing import (
 from .mask import ViewMask
 from .patterns import pattern
 from .quilt import quilt_of
-from .sequence import SequenceConfig, each_frame, write_sequence
 from .simulate import simulate
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
-           "SequenceConfig", "ViewMask", "assemble_quilt", "deinterlace", "depth_budget",
-           "each_frame", "each_view", "encode", "encode_with_figures", "interlace", "pattern",
+           "ViewMask", "assemble_quilt", "deinterlace", "depth_budget",
+           "each_view", "encode", "encode_with_figures", "interlace", "lossless", "pattern",
            "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "simulate",
-           "view_camera", "write_coded", "write_sequence"]
+           "view_camera", "write_coded"]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..kernels.panel import gather_views, lens_of
 from .coded import check_size
 from .display import Display
+from .kernels.panel import gather_views, lens_of
 
 __all__ = ["deinterlace", "each_view"]
 

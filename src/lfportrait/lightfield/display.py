@@ -23,7 +23,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -34,12 +34,11 @@ from numpy.typing import NDArray
 from ..errors import UserError
 from ..files import atomic_write
 from . import display_file, lookingglass
+from .lookingglass import CELL_PATTERNS
 
 __all__ = ["CELL_PATTERNS", "Display"]
 
 _ORDERS = ("RGB", "BGR")
-CELL_PATTERNS = ("single", "checkerboard", "rows", "staggered", "columns")
-"""Which of the cells a pixel has; the places in this list are Looking Glass's numbers."""
 
 
 @dataclass(frozen=True)
@@ -249,8 +248,8 @@ class Display:
     @staticmethod
     def from_looking_glass(calibration: dict[str, Any], *, views: int = 0, name: str = "",
                            ) -> Display:
-        """A display from Looking Glass's calibration: `lookingglass.display_of`."""
-        return lookingglass.display_of(calibration, views=views, name=name)
+        """A display from Looking Glass's calibration: `lookingglass.entries_of`."""
+        return Display(**lookingglass.entries_of(calibration, views=views, name=name))
 
     def looking_glass(self, dpi: float = 0.0) -> dict[str, Any]:
         """The panel in Looking Glass's terms: `lookingglass.calibration_of`."""
@@ -277,7 +276,8 @@ class Display:
             raise UserError(f"there is no display {name!r}; the presets are "
                             f"{', '.join(Display.names())}; or name a display file")
         folder = resources.files("lfportrait.lightfield") / "presets"
-        return display_file.display_of((folder / f"{name}.toml").read_text(), name)
+        text = (folder / f"{name}.toml").read_text()
+        return Display(**display_file.entries_of(text, name, _kinds()))
 
     @staticmethod
     def load(path: str | Path) -> Display:
@@ -288,7 +288,7 @@ class Display:
         UserError
             If the file is missing or does not describe a display.
         """
-        return display_file.load(Path(path))
+        return Display(**display_file.load_entries(Path(path), _kinds()))
 
     @staticmethod
     def resolve(name: str | Path) -> Display:
@@ -326,3 +326,8 @@ class Display:
     def scaled(self, width: int, height: int) -> Display:
         """The same lenses on a panel of another size in pixels."""
         return replace(self, width=width, height=height)
+
+
+def _kinds() -> dict[str, str]:
+    """Names and types of a display's entries, for its files."""
+    return {entry.name: str(entry.type) for entry in fields(Display)}

@@ -7,35 +7,43 @@ import math
 import tomllib
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import UserError
+from . import lookingglass
 
-if TYPE_CHECKING:
-    from .display import Display
-
-__all__ = ["display_of", "load", "text_of"]
+__all__ = ["entries_of", "load_entries", "text_of"]
 
 _REQUIRED = ("width", "height", "views", "pitch")
 _PAIRS = ("quilt", "quilt_size")
 
 
-def load(path: Path) -> Display:
+def load_entries(path: Path, kinds: dict[str, str]) -> dict[str, Any]:
     """Read a display file, or a calibration where the name ends in ``.json``.
+
+    Parameters
+    ----------
+    path
+        The file.
+    kinds
+        Names and types of a display's entries.
+
+    Returns
+    -------
+    entries
+        Arguments of `Display`.
 
     Raises
     ------
     UserError
         If the file is missing or does not describe a display.
     """
-    from .lookingglass import display_of as display_of_calibration
-
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"can't read the display file {path}: {error}") from error
     if path.suffix.lower() != ".json":
-        return display_of(text, path.stem)
+        return entries_of(text, path.stem, kinds)
     try:
         data = json.loads(text)
     except ValueError as error:
@@ -44,13 +52,14 @@ def load(path: Path) -> Display:
         data = data.get("calibration", data)
     if not isinstance(data, dict):
         raise UserError(f"{path} is no calibration file")
-    return display_of_calibration(data)
+    return lookingglass.entries_of(data)
 
 
-def display_of(text: str, name: str) -> Display:
-    """The display that a TOML text describes; ``name`` is for messages and where it has none."""
-    from .display import Display
+def entries_of(text: str, name: str, kinds: dict[str, str]) -> dict[str, Any]:
+    """The arguments of the `Display` that a TOML text describes.
 
+    ``name`` is for messages and where the text has none; ``kinds`` as in `load_entries`.
+    """
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -61,14 +70,13 @@ def display_of(text: str, name: str) -> Display:
         if "slant" in data:
             raise UserError(f"the display file {name} has both slant and slant_degrees; keep one")
         data["slant"] = math.radians(_number(degrees, name, "slant_degrees"))
-    kinds = {entry.name: str(entry.type) for entry in fields(Display)}
     unknown = sorted(set(data) - set(kinds))
     if unknown:
         raise UserError(f"the display file {name} has unknown entries: {', '.join(unknown)}")
     missing = [key for key in _REQUIRED if key not in data]
     if missing:
         raise UserError(f"the display file {name} lacks {', '.join(missing)}")
-    return Display(**{key: _value(value, kinds[key], name, key) for key, value in data.items()})
+    return {key: _value(value, kinds[key], name, key) for key, value in data.items()}
 
 
 def _number(value: Any, name: str, key: str) -> float:
@@ -100,8 +108,8 @@ def _value(value: Any, kind: str, name: str, key: str) -> Any:
     return value
 
 
-def text_of(display: Display) -> str:
-    """The display as a TOML text that `display_of` reads back exactly."""
+def text_of(display: Any) -> str:
+    """A `Display` as a TOML text that `entries_of` reads back exactly."""
     lines = []
     for entry in fields(display):
         value = getattr(display, entry.name)

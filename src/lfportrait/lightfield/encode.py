@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from ..capture import Camera
 from ..errors import UserError
 from ..field import VoxelField
-from ..kernels.encode import encode_kernel
-from ..kernels.panel import mix_light
-from ..kernels.slices import slice_kernel
 from .display import Display
+from .kernels.encode import encode_kernel
+from .kernels.panel import mix_light
+from .kernels.slices import slice_kernel
 from .mask import ViewMask
 
 __all__ = ["EncodeConfig", "Placement", "encode", "encode_with_figures", "render_view",

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..files import read_image
-from ..kernels.panel import interlace_views, lens_of
 from .display import Display
+from .kernels.panel import interlace_views, lens_of
 
 __all__ = ["InterlaceConfig", "QuiltLayout", "assemble_quilt", "interlace", "quilt_tiles",
            "read_views"]

@@ -20,14 +20,14 @@ while the lens keeps its own t.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import UserError
 
-if TYPE_CHECKING:
-    from .display import Display
+__all__ = ["CELL_PATTERNS", "calibration_of", "entries_of"]
 
-__all__ = ["calibration_of", "display_of"]
+CELL_PATTERNS = ("single", "checkerboard", "rows", "staggered", "columns")
+"""Which of the cells a pixel has; the places in this list are Looking Glass's numbers."""
 
 _CELL = ("ROffsetX", "ROffsetY", "GOffsetX", "GOffsetY", "BOffsetX", "BOffsetY")
 
@@ -68,8 +68,9 @@ def _cells(calibration: dict[str, Any]) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(_number(row, key) for key in _CELL) for row in rows)
 
 
-def display_of(calibration: dict[str, Any], *, views: int = 0, name: str = "") -> Display:
-    """A display from the contents of ``visual.json``.
+def entries_of(calibration: dict[str, Any], *, views: int = 0, name: str = "",
+               ) -> dict[str, Any]:
+    """The arguments of a `Display` from the contents of ``visual.json``.
 
     Parameters
     ----------
@@ -82,11 +83,9 @@ def display_of(calibration: dict[str, Any], *, views: int = 0, name: str = "") -
 
     Returns
     -------
-    display
-        A panel for which `Display.view_of` equals the shader's value on every sub-pixel.
+    entries
+        Of a panel for which `Display.view_of` equals the shader's value on every sub-pixel.
     """
-    from .display import CELL_PATTERNS, Display
-
     width = round(_number(calibration, "screenW"))
     height = round(_number(calibration, "screenH"))
     slope, dpi = _number(calibration, "slope"), _number(calibration, "DPI")
@@ -113,23 +112,24 @@ def display_of(calibration: dict[str, Any], *, views: int = 0, name: str = "") -
                  if serial.upper().startswith(start)), default=(0, None))[1]
     quilt = quilt or _QUILTS_BY_WIDTH.get(width, (5, 9, 4096, 4096))
     swapped = not cells and _number(calibration, "flipSubp", 0) >= 0.5
-    return Display(
-        width, height, views or quilt[0] * quilt[1], abs(pitch), math.atan(shift / 3.0),
-        phase * abs(pitch) % abs(pitch) if pitch > 0 else -phase * abs(pitch) % abs(pitch),
-        "BGR" if swapped else "RGB", _number(calibration, "viewCone", 40.0), 4.0,
-        inverted=(_number(calibration, "invView", 0) >= 0.5) != (pitch < 0), flip_x=flip_x,
-        flip_y=flip_y, cells=cells, cell_pattern=CELL_PATTERNS[mode],
-        panel_height=height / dpi * 0.0254, quilt=quilt[:2], quilt_size=quilt[2:], calibrated=True,
-        name=name or serial or "looking-glass")
+    return {
+        "width": width, "height": height, "views": views or quilt[0] * quilt[1],
+        "pitch": abs(pitch), "slant": math.atan(shift / 3.0),
+        "offset": (phase if pitch > 0 else -phase) * abs(pitch) % abs(pitch),
+        "subpixels": "BGR" if swapped else "RGB", "cone": _number(calibration, "viewCone", 40.0),
+        "distance": 4.0, "inverted": (_number(calibration, "invView", 0) >= 0.5) != (pitch < 0),
+        "flip_x": flip_x, "flip_y": flip_y, "cells": cells, "cell_pattern": CELL_PATTERNS[mode],
+        "panel_height": height / dpi * 0.0254, "quilt": quilt[:2], "quilt_size": quilt[2:],
+        "calibrated": True, "name": name or serial or "looking-glass"}
 
 
-def calibration_of(display: Display, dpi: float = 0.0) -> dict[str, Any]:
-    """A panel in Looking Glass's terms: the inverse of `display_of`.
+def calibration_of(display: Any, dpi: float = 0.0) -> dict[str, Any]:
+    """A panel in Looking Glass's terms: the inverse of `entries_of`.
 
     Parameters
     ----------
     display
-        The panel; its lenses must be slanted.
+        The panel, a `Display`; its lenses must be slanted.
     dpi
         Pixels per inch; from the panel's height by default, or 100 where that is not known.
 
@@ -138,8 +138,6 @@ def calibration_of(display: Display, dpi: float = 0.0) -> dict[str, Any]:
     calibration
         Entries as ``visual.json`` has them.
     """
-    from .display import CELL_PATTERNS
-
     if display.slant == 0:
         raise UserError("a panel with vertical lenses has no finite Looking Glass slope")
     if dpi <= 0:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import atomic_write
-from ..kernels.panel import lens_of, mask_views
 from .display import Display
+from .kernels.panel import lens_of, mask_views
 
 __all__ = ["ViewMask"]
 

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.panel import lens_of, see_panel
 from .coded import check_size
 from .display import Display
+from .kernels.panel import lens_of, see_panel
 
 __all__ = ["simulate"]
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
 from ..errors import UserError
-
-if TYPE_CHECKING:
-    from ..field import VoxelField
+from ..field import VoxelField
 
 __all__ = ["orbit_cameras", "path_cameras", "sweep_cameras", "sweep_degrees", "sweep_frames"]
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..field import VoxelField
-from ..kernels.linear import gather_colors, scatter_colors
 from ..progress import Progress
+from .kernels.linear import gather_colors, scatter_colors
 from .views import StyleView
 
 __all__ = ["ColorModel", "affine_color_map"]

@@ -31,9 +31,9 @@ from ..errors import UserError
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from ..field import VoxelField
 from ..files import write_image
-from ..kernels.linear import adam_step
 from ..progress import Progress
 from .fit import ColorModel
+from .kernels.linear import adam_step
 from .losses import content_loss, laplacian_loss, nearest_neighbour_loss, stacked
 from .networks import FeatureNetwork, load_network
 from .views import StyleView, prepare_view, style_cameras

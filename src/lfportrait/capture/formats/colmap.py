@@ -1,0 +1,248 @@
+"""COLMAP models, binary and text, read without COLMAP.
+
+A model is a folder with ``cameras`` and ``images``, both ``.bin`` or both ``.txt`` (the sparse
+points are not needed). COLMAP's image frame is ours: x right, y down, z forward, pixel centres at
++0.5; its poses are world-to-camera, as a unit quaternion (w, x, y, z) and a translation.
+"""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UserError
+from ...files import read_image
+from ..distortion import Lens
+from .assembly import Views, assemble, with_mask
+
+__all__ = ["ColmapImage", "lens_of", "load_colmap", "read_model"]
+
+Float = NDArray[np.float64]
+
+# Name and number of parameters, at COLMAP's own model ids.
+_MODELS = (
+    ("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8), ("FULL_OPENCV", 12), ("FOV", 5), ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5), ("THIN_PRISM_FISHEYE", 12), ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4), ("DIVISION", 5), ("SIMPLE_FISHEYE", 3), ("FISHEYE", 4), ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
+)
+_COUNTS = dict(_MODELS)
+_IMAGE_FOLDERS = ("images", "input", "rgb", "images_2", "images_4", "images_8")
+
+
+@dataclass(frozen=True)
+class ColmapImage:
+    """One registered photo: its name, its camera's id and its pose.
+
+    The pose is camera-to-world, float64 [4, 4], with OpenCV axes.
+    """
+
+    name: str
+    camera: int
+    pose: Float
+
+
+def lens_of(model: str, width: int, height: int, parameters: Iterable[float]) -> Lens:
+    """A COLMAP camera as a lens.
+
+    Parameters
+    ----------
+    model
+        COLMAP's name of the camera model.
+    width, height
+        Picture size in pixels.
+    parameters
+        In COLMAP's order for that model.
+
+    Raises
+    ------
+    UserError
+        If the parameters make no sense, or the model is none of SIMPLE_PINHOLE, PINHOLE,
+        SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, SIMPLE_FISHEYE, FISHEYE, OPENCV_FISHEYE,
+        SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and THIN_PRISM_FISHEYE.
+    """
+    p = [float(value) for value in parameters]
+    if len(p) != _COUNTS.get(model, len(p)):
+        raise UserError(f"a COLMAP camera of model {model} has {len(p)} parameters instead of "
+                        f"{_COUNTS[model]}; export the model again")
+    if model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE",
+                 "RADIAL_FISHEYE", "SIMPLE_FISHEYE"):
+        focal, center, rest = (p[0], p[0]), (p[1], p[2]), p[3:]
+    elif model in ("PINHOLE", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV", "FISHEYE",
+                   "THIN_PRISM_FISHEYE"):
+        focal, center, rest = (p[0], p[1]), (p[2], p[3]), p[4:]
+    else:
+        raise UserError(f"COLMAP's camera model {model} is not supported; undistort the pictures "
+                        "first (colmap image_undistorter) or calibrate them again")
+    if model == "THIN_PRISM_FISHEYE":
+        return Lens(width, height, focal, center, "thin_prism", (rest[0], rest[1], *rest[4:6]),
+                    (rest[2], rest[3]), (rest[6], rest[7]))
+    if model == "FOV":
+        return Lens(width, height, focal, center, "fov", (rest[0],))
+    if model.endswith("FISHEYE"):
+        return Lens(width, height, focal, center, "fisheye", tuple(rest))
+    if model in ("OPENCV", "FULL_OPENCV"):
+        radial = (rest[0], rest[1], *rest[4:])
+        return Lens(width, height, focal, center, "opencv", radial, (rest[2], rest[3]))
+    return Lens(width, height, focal, center, "opencv", tuple(rest))
+
+
+def _pose(quaternion: Iterable[float], translation: Iterable[float]) -> Float:
+    """Camera-to-world [4, 4] from COLMAP's world-to-camera quaternion and translation."""
+    w, x, y, z = np.array(list(quaternion)) / np.linalg.norm(list(quaternion))
+    rotation = np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+    pose = np.eye(4)
+    pose[:3, :3] = rotation.T
+    pose[:3, 3] = -rotation.T @ np.array(list(translation))
+    return pose
+
+
+def _unpack(stream: BinaryIO, layout: str) -> tuple[float, ...]:
+    size = struct.calcsize("<" + layout)
+    data = stream.read(size)
+    if len(data) < size:
+        raise ValueError("the file ends too early")
+    return struct.unpack("<" + layout, data)
+
+
+def _name(stream: BinaryIO) -> str:
+    letters = bytearray()
+    while (letter := stream.read(1)) != b"\0":
+        if not letter:
+            raise ValueError("the file ends too early")
+        letters += letter
+    return letters.decode()
+
+
+def _read_binary(folder: Path) -> tuple[dict[int, Lens], list[ColmapImage]]:
+    lenses: dict[int, Lens] = {}
+    images = []
+    with open(folder / "cameras.bin", "rb") as stream:
+        for _ in range(int(_unpack(stream, "Q")[0])):
+            number, model, width, height = map(int, _unpack(stream, "iiQQ"))
+            name, count = _MODELS[model] if 0 <= model < len(_MODELS) else (f"number {model}", 0)
+            lenses[number] = lens_of(name, width, height, _unpack(stream, f"{count}d"))
+    with open(folder / "images.bin", "rb") as stream:
+        for _ in range(int(_unpack(stream, "Q")[0])):
+            values = _unpack(stream, "I7dI")
+            name = _name(stream)
+            stream.seek(24 * int(_unpack(stream, "Q")[0]), 1)  # the image's points
+            images.append(ColmapImage(name, int(values[8]), _pose(values[1:5], values[5:8])))
+    return lenses, images
+
+
+def _read_text(folder: Path) -> tuple[dict[int, Lens], list[ColmapImage]]:
+    lenses: dict[int, Lens] = {}
+    images = []
+    for line in (folder / "cameras.txt").read_text().splitlines():
+        if line.strip() and not line.startswith("#"):
+            number, model, width, height, *values = line.split()
+            lenses[int(number)] = lens_of(model, int(width), int(height), map(float, values))
+    lines = [line for line in (folder / "images.txt").read_text().splitlines()
+             if not line.startswith("#")]
+    # Two lines an image; the second lists its points and may be empty.
+    for line in lines[::2]:
+        if line.strip():
+            parts = line.split(maxsplit=9)
+            numbers = [float(part) for part in parts[1:8]]
+            images.append(ColmapImage(parts[9].strip(), int(parts[8]),
+                                      _pose(numbers[:4], numbers[4:])))
+    return lenses, images
+
+
+def read_model(folder: Path) -> tuple[dict[int, Lens], list[ColmapImage]]:
+    """Read a COLMAP model.
+
+    Parameters
+    ----------
+    folder
+        Holds ``cameras.bin`` and ``images.bin``, or both as ``.txt``.
+
+    Returns
+    -------
+    lenses, images
+        The cameras by their id, and the registered photos sorted by name.
+
+    Raises
+    ------
+    UserError
+        If the model is missing, damaged or uses a camera model that is not supported.
+    """
+    try:
+        binary = (folder / "cameras.bin").is_file()
+        lenses, images = _read_binary(folder) if binary else _read_text(folder)
+    except FileNotFoundError as error:
+        raise UserError(f"{error.filename} is missing: a COLMAP model needs cameras and images, "
+                        "both .bin or both .txt") from error
+    except (OSError, ValueError, IndexError, struct.error) as error:
+        raise UserError(f"the COLMAP model in {folder} is damaged: {error}") from error
+    if not images:
+        raise UserError(f"the COLMAP model in {folder} has no registered photos; calibrate again")
+    orphans = [image.name for image in images if image.camera not in lenses]
+    if orphans:
+        raise UserError(f"the COLMAP model in {folder} is damaged: no camera for {orphans[0]}")
+    return lenses, sorted(images, key=lambda image: image.name)
+
+
+def _photo_folder(model: Path, root: Path, names: list[str]) -> Path:
+    """The folder that holds the model's photos: ``images`` beside the model, or above it."""
+    roots = dict.fromkeys([root, model, *list(model.parents)[:3]])
+    for base in roots:
+        for folder in [base / name for name in _IMAGE_FOLDERS] + [base]:
+            if any((folder / name).is_file() for name in names):
+                return folder
+    raise UserError(f"the photos of the COLMAP model in {model} were not found; put them into "
+                    f"{root / 'images'}")
+
+
+def load_colmap(model: Path, root: Path, holdout: int) -> Views:
+    """Read a COLMAP model with its photos as a capture.
+
+    Masks, by COLMAP's custom ``masks/NAME.png`` for the photo ``NAME``, suffix included, become
+    the photos' alpha.
+
+    Parameters
+    ----------
+    model
+        Folder with the model's files.
+    root
+        Folder of the data set, where ``images`` is looked for first.
+    holdout
+        Every ``holdout``-th photo becomes a test view; 0 holds out none.
+
+    Raises
+    ------
+    UserError
+        If the model is damaged or its photos are not found.
+    """
+    lenses, images = read_model(model)
+    folder = _photo_folder(model, root, [image.name for image in images])
+    kept, pictures = [], []
+    for image in images:
+        try:
+            picture = read_image(folder / image.name)
+        except UserError as error:
+            warnings.warn(f"{error}; left out", stacklevel=2)
+            continue
+        masks = [root / "masks" / name for name in (
+            f"{image.name}.png", str(Path(image.name).with_suffix(".png")))]
+        pictures.append(with_mask(picture, masks))
+        kept.append(image)
+    if not kept:
+        raise UserError(f"none of the photos of the COLMAP model in {model} can be read")
+    fitted = [lenses[image.camera].resized(picture.shape[1], picture.shape[0])
+              for image, picture in zip(kept, pictures)]
+    names = [image.name.replace("/", "_") for image in kept]
+    return assemble(np.array([image.pose for image in kept]), fitted, pictures, names, None,
+                    holdout)

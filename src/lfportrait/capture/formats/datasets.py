@@ -1,0 +1,171 @@
+"""LLFF (``poses_bounds.npy``) and NSVF (``rgb/``, ``pose/``, ``intrinsics.txt``) data sets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ...errors import UserError
+from ...files import read_image
+from ..distortion import Lens
+from .assembly import Views, assemble
+
+__all__ = ["load_llff", "load_nsvf", "nsvf_folders"]
+
+_SUFFIXES = {".png", ".jpg", ".jpeg", ".webp"}
+# Pixels along the longer side beyond which a reduced copy is preferred.
+_LARGEST_SIDE = 1600
+
+
+def _pictures(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.iterdir()
+                  if path.suffix.lower() in _SUFFIXES and not path.name.startswith("."))
+
+
+def _llff_pictures(folder: Path, count: int) -> list[Path]:
+    """The pictures to read, ``count`` of them: the largest copies that are not too large.
+
+    Photos come at full size in ``images`` and reduced N times in ``images_N``.
+    """
+    best: tuple[float, list[Path]] | None = None
+    for place in (folder / "images", *folder.glob("images_*")):
+        files = _pictures(place) if place.is_dir() else []
+        if len(files) != count:
+            continue
+        try:
+            with Image.open(files[0]) as picture:
+                side = max(picture.size)
+        except OSError:
+            continue
+        # Up to the limit larger is better, beyond it smaller is.
+        rank = float(side) if side <= _LARGEST_SIDE else -float(side)
+        if best is None or rank > best[0]:
+            best = rank, files
+    if best is None:
+        raise UserError(f"{folder / 'poses_bounds.npy'} lists {count} cameras, but "
+                        f"{folder / 'images'} does not hold as many pictures")
+    return best[1]
+
+
+def load_llff(folder: Path, holdout: int) -> Views:
+    """Read an LLFF data set.
+
+    ``poses_bounds.npy`` has 17 numbers a picture: a [3, 5] matrix whose columns are the camera's
+    down, right and backward axes, its position, and (height, width, focal length); then the near
+    and far depth, which are not needed. The pictures lie in ``images`` or, reduced, ``images_N``.
+
+    Parameters
+    ----------
+    folder
+        The data set.
+    holdout
+        Every ``holdout``-th picture, from the first on as is the custom with these data sets,
+        becomes a test view; 0 holds out none.
+
+    Raises
+    ------
+    UserError
+        If the file is damaged or does not fit the pictures.
+    """
+    source = folder / "poses_bounds.npy"
+    try:
+        table = np.load(source, allow_pickle=False).astype(np.float64)
+        matrices = table[:, :15].reshape(-1, 3, 5)
+    except (OSError, ValueError, IndexError) as error:
+        raise UserError(f"{source} is no LLFF camera file: {error}") from error
+    if not (len(matrices) and np.isfinite(matrices).all() and (matrices[:, :, 4] > 0).all()):
+        raise UserError(f"{source} is no LLFF camera file: sizes and focal lengths must be "
+                        "positive numbers")
+    files = _llff_pictures(folder, len(matrices))
+    poses = np.tile(np.eye(4), (len(matrices), 1, 1))
+    poses[:, :3, 0], poses[:, :3, 1] = matrices[:, :, 1], matrices[:, :, 0]
+    poses[:, :3, 2], poses[:, :3, 3] = -matrices[:, :, 2], matrices[:, :, 3]
+    pictures = [read_image(file) for file in files]
+    lenses = []
+    for matrix, picture in zip(matrices, pictures):
+        height, width, focal = (float(value) for value in matrix[:, 4])
+        lenses.append(Lens(round(width), round(height), (focal, focal), (width / 2, height / 2))
+                      .resized(picture.shape[1], picture.shape[0]))
+    held = np.arange(len(files)) % holdout == 0 if 1 < holdout <= len(files) // 2 else None
+    return assemble(poses, lenses, pictures, [file.name for file in files], held, holdout)
+
+
+def _nsvf_intrinsics(file: Path) -> NDArray[np.float64]:
+    """(fx, fy, cx, cy) from either form of ``intrinsics.txt``: a 4x4 matrix, or "f cx cy 0"."""
+    try:
+        rows = [[float(value) for value in line.split()]
+                for line in file.read_text().splitlines() if line.strip()]
+        if len(rows) >= 3 and len(rows[0]) == len(rows[1]) and len(rows[0]) >= 3:
+            return np.array([rows[0][0], rows[1][1], rows[0][2], rows[1][2]])
+        return np.array([rows[0][0], rows[0][0], rows[0][1], rows[0][2]])
+    except (OSError, ValueError, IndexError) as error:
+        raise UserError(f"can't read the camera in {file}: {error}") from error
+
+
+def _nsvf_box(file: Path) -> NDArray[np.float64] | None:
+    """The subject's box [2, 3] from ``bbox.txt``: lowest corner, highest corner, voxel size."""
+    if not file.is_file():
+        return None
+    try:
+        box = np.array([float(value) for value in file.read_text().split()[:6]]).reshape(2, 3)
+    except (OSError, ValueError) as error:
+        raise UserError(f"can't read the box in {file}: {error}") from error
+    if not (np.isfinite(box).all() and (box[1] > box[0]).all()):
+        raise UserError(f"the box in {file} is empty; mend or remove the file")
+    return box
+
+
+def nsvf_folders(path: Path) -> tuple[Path, Path] | None:
+    """The folders of pictures and of poses of an NSVF data set, or None if it is none."""
+    pictures = [path / name for name in ("rgb", "images", "image") if (path / name).is_dir()]
+    poses = [path / name for name in ("pose", "poses") if (path / name).is_dir()]
+    return (pictures[0], poses[0]) if pictures and poses else None
+
+
+def load_nsvf(folder: Path, holdout: int) -> Views:
+    """Read an NSVF data set.
+
+    Poses are camera-to-world with OpenCV axes, one text file a picture; the names' prefix says the
+    split: ``0_`` training, ``1_`` validation, ``2_`` test. Without such prefixes every
+    ``holdout``-th picture is a test view. ``bbox.txt``, if there is one, tells where the subject
+    is, for a world that is not normalised.
+
+    Parameters
+    ----------
+    folder
+        The data set.
+    holdout
+        See above; 0 holds out none.
+
+    Raises
+    ------
+    UserError
+        If a file is missing or damaged.
+    """
+    folders = nsvf_folders(folder)
+    if folders is None:
+        raise UserError(f"{folder} is no NSVF data set: it needs the folders rgb and pose")
+    rgb, pose_folder = folders
+    fx, fy, cx, cy = _nsvf_intrinsics(folder / "intrinsics.txt")
+    box = _nsvf_box(folder / "bbox.txt")
+    files = [file for file in _pictures(rgb) if (pose_folder / f"{file.stem}.txt").is_file()]
+    if not files:
+        raise UserError(f"{rgb} has no picture with a file of its name in {pose_folder}")
+    poses, lenses, pictures = [], [], []
+    for file in files:
+        try:
+            pose = np.loadtxt(pose_folder / f"{file.stem}.txt").reshape(4, 4)
+        except (OSError, ValueError) as error:
+            raise UserError(f"the pose of {file.name} can't be read: {error}") from error
+        picture = read_image(file)
+        poses.append(pose)
+        pictures.append(picture)
+        lenses.append(Lens(picture.shape[1], picture.shape[0], (fx, fy), (cx, cy)))
+    prefixes = [file.name.split("_")[0] for file in files]
+    split = set(prefixes) <= {"0", "1", "2"} and len(set(prefixes)) > 1
+    held = np.array([prefix != "0" for prefix in prefixes]) if split else None
+    return assemble(np.array(poses), lenses, pictures, [file.name for file in files], held,
+                    holdout, box)

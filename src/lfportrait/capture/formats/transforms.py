@@ -1,0 +1,168 @@
+"""NeRF-style ``transforms*.json``, as NeRF, instant-ngp and nerfstudio write them."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UserError
+from ...files import read_image, read_json
+from ..distortion import Lens
+from .assembly import Views, assemble, with_mask
+
+__all__ = ["load_transforms", "transform_files"]
+
+_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
+_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".webp")
+
+
+def transform_files(path: Path) -> list[Path]:
+    """The transforms files of a folder, or the one that ``path`` is; none where there are none."""
+    if path.is_file() and path.suffix == ".json":
+        return [path]
+    if not path.is_dir():
+        return []
+    own = path / "transforms.json"
+    if own.is_file():
+        return [own]
+    return sorted(path.glob("transforms_*.json"))
+
+
+# Camera models by the names that nerfstudio and COLMAP give them; others are refused.
+_PERSPECTIVE = {"", "OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE",
+                "FULL_OPENCV"}
+_FISHEYE = {"OPENCV_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE", "SIMPLE_RADIAL_FISHEYE",
+            "RADIAL_FISHEYE"}
+
+
+def _lens(frame: dict[str, Any], shared: dict[str, Any], width: int, height: int) -> Lens:
+    """Intrinsics of one frame: its own values before the file's, for a picture of this size."""
+    def value(name: str, default: float | None = None) -> float | None:
+        found = frame.get(name, shared.get(name, default))
+        return default if found is None else float(found)
+
+    stated = value("w") or float(width), value("h") or float(height)
+    ratio = width / stated[0], height / stated[1]
+    fx, fy = value("fl_x"), value("fl_y")
+    for axis, size in (("x", stated[0]), ("y", stated[1])):
+        angle = value(f"camera_angle_{axis}")
+        if angle is not None:
+            focal = 0.5 * size / np.tan(0.5 * angle)
+            if axis == "x":
+                fx = fx or focal
+            else:
+                fy = fy or focal
+    if fx is None and fy is None:
+        raise UserError("transforms.json gives no focal length (fl_x or camera_angle_x)")
+    fx, fy = fx or fy, fy or fx
+    assert fx is not None and fy is not None
+    cx = value("cx", stated[0] / 2)
+    cy = value("cy", stated[1] / 2)
+    assert cx is not None and cy is not None
+    model = str(frame.get("camera_model", shared.get("camera_model")) or "").upper()
+    if model not in _PERSPECTIVE | _FISHEYE:
+        raise UserError(f"pictures by the camera model {model} are not supported; give them as "
+                        "OPENCV or OPENCV_FISHEYE")
+    fisheye = bool(frame.get("is_fisheye", shared.get("is_fisheye", False))) or model in _FISHEYE
+    count = 4 if fisheye else 6
+    k = tuple(value(f"k{i}", 0.0) or 0.0 for i in range(1, count + 1))
+    return Lens(width, height, (fx * ratio[0], fy * ratio[1]), (cx * ratio[0], cy * ratio[1]),
+                "fisheye" if fisheye else "opencv", k,
+                (value("p1", 0.0) or 0.0, value("p2", 0.0) or 0.0))
+
+
+def _picture_path(folder: Path, name: str) -> Path | None:
+    """The picture of that name, with or without its suffix, or a reduced copy of it.
+
+    nerfstudio keeps those in ``images_2``, ``images_4`` and ``images_8``.
+    """
+    full = folder / name
+    reduced = [full.parent.with_name(f"{full.parent.name}_{factor}") / full.name
+               for factor in (2, 4, 8)] if full.parent.name else []
+    for place in (full, *reduced):
+        for candidate in (place, *(place.with_name(place.name + suffix) for suffix in _SUFFIXES)):
+            if candidate.is_file():
+                return candidate
+    return None
+
+
+def _mask_places(root: Path, path: Path, frame: dict[str, Any]) -> list[Path]:
+    """Where a frame's mask may lie.
+
+    ``mask_path`` names it (nerfstudio), or it has the picture's name in ``masks`` beside the
+    picture's folder.
+    """
+    places = [folder / "masks" / f"{path.stem}.png" for folder in (path.parent.parent, path.parent)]
+    if frame.get("mask_path"):
+        places.insert(0, root / str(frame["mask_path"]))
+    return places
+
+
+def _split_of(data: dict[str, Any], name: str, file: Path, several: bool) -> bool | None:
+    """Whether a picture is a test view, by the file's lists or its name; None: it does not say."""
+    def listed(key: str) -> bool:
+        names = data.get(f"{key}_filenames")
+        return isinstance(names, list) and name in names
+
+    if any(isinstance(data.get(f"{key}_filenames"), list) for key in ("test", "val")):
+        return listed("test") or listed("val")
+    return "train" not in file.stem if several else None
+
+
+def load_transforms(files: list[Path], holdout: int) -> Views:
+    """Read one or several ``transforms*.json`` (NeRF-Blender, instant-ngp, nerfstudio)."""
+    entries: list[tuple[Path, NDArray[np.float64], dict[str, Any], dict[str, Any], Path,
+                        bool | None]] = []
+    for file in files:
+        data = read_json(file)
+        if not isinstance(data, dict) or not isinstance(data.get("frames"), list):
+            raise UserError(f"{file} has no list of frames; is it a NeRF transforms file?")
+        missing = 0
+        for frame in data["frames"]:
+            try:
+                pose = np.array(frame["transform_matrix"], np.float64)
+                name = str(frame["file_path"])
+            except (KeyError, TypeError, ValueError) as error:
+                raise UserError(f"{file}: a frame lacks {error}") from error
+            if pose.shape == (3, 4):
+                pose = np.vstack([pose, [0, 0, 0, 1]])
+            if pose.shape != (4, 4) or not np.isfinite(pose).all():
+                raise UserError(f"{file}: the transform_matrix of {name} is not 4x4")
+            path = _picture_path(file.parent, name)
+            if path is None:
+                missing += 1
+                continue
+            entries.append((path, pose, frame, data, file.parent,
+                            _split_of(data, name, file, len(files) > 1)))
+        if missing:
+            warnings.warn(f"{missing} pictures named in {file} are not there", stacklevel=2)
+    if not entries:
+        raise UserError(f"none of the pictures named in {files[0]} exist")
+    entries.sort(key=lambda entry: (bool(entry[5]), entry[0].name))
+    lenses, pictures, poses, names, held = [], [], [], [], []
+    for path, pose, frame, data, root, test in entries:
+        try:
+            picture = read_image(path)
+        except UserError as error:
+            warnings.warn(f"{error}; left out", stacklevel=2)
+            continue
+        picture = with_mask(picture, _mask_places(root, path, frame))
+        try:
+            lenses.append(_lens(frame, data, picture.shape[1], picture.shape[0]))
+        except (TypeError, ValueError) as error:
+            raise UserError(f"the camera of {path.name} can't be read: {error}") from error
+        pictures.append(picture)
+        poses.append(pose @ _TO_OPENCV)
+        names.append(path.name)
+        held.append(bool(test))
+    if not poses:
+        raise UserError(f"none of the pictures named in {files[0]} can be read")
+    if len({Path(name).stem for name in names}) < len(names):
+        names = [f"{index:04d}_{name}" for index, name in enumerate(names)]
+    return assemble(np.array(poses), lenses, pictures, names,
+                    None if any(entry[5] is None for entry in entries) else np.array(held),
+                    holdout)

@@ -1,0 +1,131 @@
+"""The command line: one command per stage, built from the stages' configuration classes.
+
+Each command is a data class whose fields are its options (tyro), with a method ``run`` that returns
+the figures for ``--json``. A command's module is imported only when it is called, so that a quick
+command does not wait for the libraries of a slow one.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import time
+import traceback
+import warnings
+from typing import Any
+
+from .. import __version__
+from ..errors import UserError
+
+__all__ = ["COMMANDS", "main"]
+
+COMMANDS: dict[str, tuple[str, str, str]] = {
+    "demo": ("make", "Demo", "everything, on the embedded capture and exemplar"),
+    "make": ("make", "Make", "photos and a painting in, a coded light field out"),
+    "calibrate": ("reconstruction", "Calibrate", "photos -> capture (cameras, mattes, landmarks)"),
+    "reconstruct": ("reconstruction", "Reconstruct", "capture -> radiance field"),
+    "transfer": ("stylization", "TransferPhoto", "stylise one photo by example (2D)"),
+    "stylize": ("stylization", "Stylize", "radiance field + exemplar -> stylised field"),
+    "styles": ("stylization", "Styles", "list the built-in exemplars"),
+    "render": ("reconstruction", "Render", "field -> pictures or a video"),
+    "export": ("export", "Export", "field -> point cloud, coloured mesh or svox2 checkpoint"),
+    "encode": ("display", "Encode", "field -> coded light-field picture for a display"),
+    "interlace": ("panel", "Interlace", "quilt or folder of views -> coded picture for a display"),
+    "deinterlace": ("panel", "Deinterlace", "coded picture -> quilt or folder of views"),
+    "simulate": ("display", "Simulate", "what an eye in front of the display sees"),
+    "cast": ("devices", "Cast", "show a quilt on a Looking Glass through a running Bridge"),
+    "show": ("devices", "Show", "show a coded picture full screen on an attached panel, unscaled"),
+    "display": ("display", "DisplayCommand", "list, show and import displays; test patterns"),
+    "evaluate": ("tools", "Evaluate", "metrics of a finished job or of two folders of pictures"),
+    "bench": ("tools", "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),
+    "models": ("tools", "Models", "list, fetch and add pretrained networks"),
+}
+
+
+def _usage() -> str:
+    width = max(map(len, COMMANDS))
+    lines = [f"lfportrait {__version__}: a stylised 3D portrait for a light-field display, "
+             "from photos and one painting", "",
+             "usage: lfportrait COMMAND ...        (lfportrait COMMAND --help for its options)", ""]
+    lines += [f"  {name:<{width}}  {text}" for name, (_, _, text) in COMMANDS.items()]
+    lines += ["", "Start with:  lfportrait demo --out demo-out"]
+    return "\n".join(lines)
+
+
+def _execute(name: str, arguments: list[str]) -> int:
+    import tyro
+
+    from ..files import write_json
+    from ..measure import peak_memory_bytes
+
+    module_name, class_name, _ = COMMANDS[name]
+    module = importlib.import_module(f".{module_name}", __package__)
+    command: Any = tyro.cli(getattr(module, class_name), args=arguments, prog=f"lfportrait {name}")
+    if getattr(command, "device", "auto") == "cuda":
+        raise UserError("this version computes on the CPU only; leave --device at auto or cpu")
+    start = time.perf_counter()
+    figures = command.run()
+    target = getattr(command, "json", None)
+    if target is not None:
+        seconds = figures.get("seconds")
+        if not isinstance(seconds, dict):
+            seconds = {} if seconds is None else {"stage": seconds}
+        figures["seconds"] = {"wall": round(time.perf_counter() - start, 3), **seconds}
+        figures.setdefault("peak_memory_bytes", peak_memory_bytes())
+        figures.setdefault("device", "cpu")
+        figures["version"] = __version__
+        write_json(target, figures)
+    return 0
+
+
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    """A warning in one line, without the place in our code that gave it."""
+    print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments
+        Words after the program's name; ``sys.argv[1:]`` by default.
+
+    Returns
+    -------
+    code
+        0 done; 2 the user's mistake, told in one line on standard error; 1 our fault, with a
+        traceback to report; 130 interrupted (run the same command again to go on).
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(_usage())
+        return 0
+    if words[0] in ("--version", "version"):
+        print(__version__)
+        return 0
+    if words[0] not in COMMANDS:
+        print(f"lfportrait: there is no command {words[0]!r}; the commands are "
+              f"{', '.join(COMMANDS)}", file=sys.stderr)
+        return 2
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            warnings.filterwarnings("always", category=UserWarning, module=r"lfportrait\.")
+            warnings.showwarning = _warn
+            return _execute(words[0], words[1:])
+    except UserError as error:
+        print(f"lfportrait: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("lfportrait: interrupted; run the same command again to go on", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception:
+        traceback.print_exc()
+        print("lfportrait: this is a fault of ours; please report it with the lines above",
+              file=sys.stderr)
+        return 1

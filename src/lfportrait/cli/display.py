@@ -1,0 +1,162 @@
+"""Commands of the display: ``encode``, ``simulate``, ``display``."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from dataclasses import field as option
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from ..errors import UserError
+from ..files import write_image
+from ..lightfield import (
+    DepthReport,
+    Display,
+    EncodeConfig,
+    lossless,
+    read_coded,
+    write_coded,
+)
+from ..share import SequenceConfig, write_sequence
+from .common import Common
+
+__all__ = ["DisplayCommand", "Encode", "Simulate"]
+
+
+@dataclass
+class Encode(Common):
+    """Code a field's light field for a display, one ray per sub-pixel; still or moving."""
+
+    field: tyro.conf.Positional[Path]
+    """Field file (.npz)."""
+    display: str = "generic-4k"
+    """Display preset (`lfportrait display list`) or a display or calibration file."""
+    out: Path = Path("lightfield.png")
+    """File for the coded picture; a name ending in .png keeps every sub-pixel. With --frames a
+    video (.mp4, .mov, .mkv) or a folder for pictures, which is gone on with after an interruption.
+    """
+    quilt: Path | None = None
+    """Also write a quilt; a name such as portrait_qs8x6a0.75.png tells columns, rows, aspect."""
+    config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
+    """Coding."""
+    sequence: Annotated[SequenceConfig, tyro.conf.arg(name="")] = option(
+        default_factory=SequenceConfig)
+    """Motion."""
+
+    def run(self) -> dict[str, Any]:
+        """Code and write."""
+        from ..field import VoxelField
+        from ..lightfield import ViewMask, encode_with_figures, quilt_of
+
+        if self.sequence.frames:
+            return self._moving()
+        lossless(self.out)
+        panel = Display.resolve(self.display)
+        voxels = VoxelField.load(self.field)
+        with self.progress("encode") as progress:
+            mask = ViewMask.build(panel)
+            progress.update(0, f"{panel.width} x {panel.height}, {panel.views} views")
+            image, figures = encode_with_figures(voxels, panel, self.config, mask=mask,
+                                                 device=self.device)
+        write_coded(self.out, image, panel)
+        if self.quilt is not None:
+            picture, _ = quilt_of(voxels, panel, self.config, name=self.quilt.name)
+            write_image(self.quilt, picture)
+        return figures
+
+    def _moving(self) -> dict[str, Any]:
+        from ..field import VoxelField
+
+        if self.quilt is not None:
+            raise UserError("--quilt is for pictures that stand still; leave out --frames")
+        panel = Display.resolve(self.display)
+        voxels = VoxelField.load(self.field)
+        start = time.perf_counter()
+        with self.progress("encode", self.sequence.frames) as progress:
+            figures = write_sequence(voxels, panel, self.config, self.sequence, self.out,
+                                     progress.step)
+        figures["seconds"] = {"sequence": round(time.perf_counter() - start, 3)}
+        return figures | {"display": panel.name, "views": panel.views,
+                          "subpixels": 3 * panel.width * panel.height}
+
+
+@dataclass
+class Simulate(Common):
+    """Show what an eye in front of the display sees of a coded picture."""
+
+    lightfield: tyro.conf.Positional[Path]
+    """Coded picture."""
+    display: str = "generic-4k"
+    """The display that it was coded for."""
+    eye: tuple[float, ...] = (0.0,)
+    """Eye position X [Y] in half panel heights, at the viewing distance; x to the right."""
+    crosstalk: float = 0.0
+    """Width (sigma, in views) of the lobe with which neighbouring views leak in; 0 = none."""
+    out: Path = Path("view.png")
+    """File for the picture."""
+
+    def run(self) -> dict[str, Any]:
+        """Simulate and write."""
+        from ..lightfield import simulate
+
+        if len(self.eye) not in (1, 2):
+            raise UserError("--eye takes X or X Y")
+        panel = Display.resolve(self.display)
+        image = simulate(read_coded(self.lightfield, panel), panel, self.eye,
+                         crosstalk=self.crosstalk)
+        write_image(self.out, image)
+        return {}
+
+
+@dataclass
+class DisplayCommand(Common):
+    """List, show and import displays; draw test patterns coded for a panel."""
+
+    action: tyro.conf.Positional[Literal["list", "show", "pattern", "import"]]
+    """What to do."""
+    name: tyro.conf.Positional[str] = ""
+    """Display preset or file (show, pattern); calibration file (import)."""
+    kind: str = "views"
+    """Pattern: views (each view's number), slant (pitch, slant and offset), fringe (order of the
+    sub-pixels) or depth (grids at five depths)."""
+    out: Path | None = None
+    """File for the pattern (.png) or the imported display (.toml)."""
+    size: float = EncodeConfig.size
+    """show: height of the head over the panel's height, for the depth budget."""
+    focus: float = EncodeConfig.focus
+    """show: how far the head's middle lies in front of the panel, in half panel heights."""
+    depth_scale: float = EncodeConfig.depth_scale
+    """show: depth of the head over its true depth."""
+
+    def run(self) -> dict[str, Any]:
+        """Do what ``action`` says."""
+        if self.action == "list":
+            rows = [Display.preset(name).summary() for name in Display.names()]
+            print("\n".join(rows))
+            return {"displays": Display.names()}
+        if not self.name:
+            raise UserError(f"name the display: lfportrait display {self.action} NAME")
+        if self.action == "import":
+            panel = Display.load(Path(self.name))
+            target = self.out or Path(f"{panel.name}.toml")
+            panel.save(target)
+            print(f"{target}: {panel.summary()}")
+            return {"display": panel.name, "file": target}
+        panel = Display.resolve(self.name)
+        if self.action == "show":
+            report = DepthReport.of(panel, EncodeConfig(
+                size=self.size, focus=self.focus, depth_scale=self.depth_scale))
+            print(panel.to_toml() + "\n# Depth budget for a head of size "
+                  f"{self.size:g} at focus {self.focus:g}:")
+            print("\n".join(f"#   {line}" for line in report.lines()))
+            return {"display": panel.name, "depth": report.figures()}
+        from ..lightfield import pattern
+
+        if self.out is None:
+            raise UserError("say where to write the pattern with --out FILE.png")
+        lossless(self.out)
+        write_coded(self.out, pattern(panel, self.kind), panel)
+        return {"display": panel.name, "pattern": self.kind}

@@ -1,0 +1,83 @@
+"""The main job as commands: ``make`` on the user's photos, ``demo`` on the embedded capture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from dataclasses import field as option
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from ..field import ReconstructConfig
+from ..job import MakeConfig, make
+from ..stylize import StylizeConfig
+from .common import Common
+
+__all__ = ["Demo", "Make"]
+
+
+DEMO = MakeConfig(
+    reconstruct=ReconstructConfig(resolutions=(128, 256), rays=(1.0, 7.0)),
+    stylize=StylizeConfig(size=512, views=11, pitches=(-8.0, 16.0), fit_iterations=12, steps=44,
+                          content_network="embedded", style_network="embedded"))
+"""The demo's parameters: a smaller field and fewer views, and the network that ships with us."""
+
+
+def _told(run: dict[str, Any], out: Path, quiet: bool) -> dict[str, Any]:
+    """Say where the results are; return the figures."""
+    if not quiet:
+        total = sum(run["seconds"][name] for name in run["seconds"] if name != "total")
+        print(f"{out}: lightfield.png, sweep.mp4, report.html ({total:.0f} s in all)")
+    return run
+
+
+@dataclass
+class Make(Common):
+    """Photos of a person and one painting in, a stylised 3D portrait for a display out.
+
+    An interrupted job goes on where it stopped when the same command is run again.
+    """
+
+    photos: tyro.conf.Positional[Path]
+    """Folder of photos, a video, or a calibrated data set (transforms.json, COLMAP, LLFF, NSVF)."""
+    style: str
+    """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
+    out: Path
+    """Folder for all results."""
+    display: str = "generic-4k"
+    """Display preset (`lfportrait display list`) or a display or calibration file."""
+    config: Annotated[MakeConfig, tyro.conf.arg(name="")] = option(default_factory=MakeConfig)
+    """Parameters of the stages."""
+
+    def run(self) -> dict[str, Any]:
+        """Run the job."""
+        run = make(self.photos, self.style, self.out, self.display, self.config,
+                   device=self.device, seed=self.seed, quiet=self.quiet)
+        return _told(run, self.out, self.quiet)
+
+
+@dataclass
+class Demo(Common):
+    """Everything, on a modelled head and a painting that come with the package."""
+
+    out: Path = Path("demo-out")
+    """Folder for all results."""
+    style: str = ""
+    """Another exemplar: a picture or a name from `lfportrait styles`."""
+    display: str = "generic-4k"
+    """Display preset or file."""
+    size: int = 384
+    """Width and height of the capture's pictures in pixels."""
+    views: int = 60
+    """Number of cameras."""
+
+    def run(self) -> dict[str, Any]:
+        """Photograph the modelled head and run the main job on the pictures."""
+        from ..demo import demo_capture, demo_exemplar
+
+        with self.progress("photograph the modelled head", self.views) as progress:
+            capture = demo_capture(size=self.size, views=self.views, progress=progress)
+        run = make(capture, self.style or demo_exemplar(), self.out, self.display,
+                   DEMO, device=self.device, seed=self.seed, quiet=self.quiet)
+        return _told(run, self.out, self.quiet)

@@ -1,0 +1,137 @@
+"""Commands for content of any origin: ``interlace``, ``deinterlace``."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from dataclasses import field as option
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from ..errors import UserError
+from ..files import write_image
+from ..lightfield import (
+    Display,
+    InterlaceConfig,
+    QuiltLayout,
+    assemble_quilt,
+    each_view,
+    interlace,
+    lossless,
+    read_coded,
+    read_views,
+    write_coded,
+)
+from .common import Common
+
+__all__ = ["Deinterlace", "Interlace"]
+
+_PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
+
+
+@dataclass
+class Interlace(Common):
+    """Code a quilt, or a folder of views, for a display."""
+
+    source: tyro.conf.Positional[Path]
+    """Quilt, whose name tells columns, rows and aspect (portrait_qs8x6a0.75.png), or a folder with
+    one picture for each view, the leftmost first by name."""
+    display: str = "generic-4k"
+    """Display preset (`lfportrait display list`) or a display or calibration file."""
+    out: Path = Path("lightfield.png")
+    """File for the coded picture; a name ending in .png keeps every sub-pixel."""
+    columns: int = 0
+    """Columns of the quilt, where its name does not tell them."""
+    rows: int = 0
+    """Rows of the quilt, where its name does not tell them."""
+    aspect: float = 0.0
+    """Width over height of what the views show, where the name does not tell it."""
+    views: int = 0
+    """Take only the first so many views; 0 = all."""
+    config: Annotated[InterlaceConfig, tyro.conf.arg(name="")] = option(
+        default_factory=InterlaceConfig)
+    """Sampling."""
+
+    def run(self) -> dict[str, Any]:
+        """Code and write."""
+        lossless(self.out)
+        panel = Display.resolve(self.display)
+        if (self.columns > 0) != (self.rows > 0) or min(self.columns, self.rows) < 0:
+            raise UserError("give both --columns and --rows of the quilt, or neither")
+        if not 0 <= self.aspect < 1e4:
+            raise UserError(f"--aspect must be above 0, not {self.aspect}")
+        named = QuiltLayout.of_name(self.source.name)
+        layout = None
+        if self.columns:
+            layout = QuiltLayout(self.columns, self.rows, self.aspect or panel.aspect)
+        elif named:
+            layout = QuiltLayout(named.columns, named.rows, self.aspect or named.aspect)
+        start = time.perf_counter()
+        views, aspect = read_views(self.source, panel, layout=layout, views=self.views)
+        loaded = time.perf_counter()
+        image = interlace(views, panel, self.config, aspect=self.aspect or aspect)
+        coded = time.perf_counter()
+        write_coded(self.out, image, panel)
+        return {"views": len(views), "view_size": [views.shape[2], views.shape[1]],
+                "aspect": self.aspect or aspect, "display": panel.name,
+                "subpixels": 3 * panel.width * panel.height,
+                "seconds": {"load": round(loaded - start, 4),
+                            "interlace": round(coded - loaded, 4)}}
+
+
+@dataclass
+class Deinterlace(Common):
+    """Take a coded picture apart again, into a quilt or a folder of views."""
+
+    lightfield: tyro.conf.Positional[Path]
+    """Coded picture."""
+    display: str = "generic-4k"
+    """The display that it was coded for."""
+    out: Path = Path("views")
+    """Folder for the views (0000.png is the leftmost), or, where the name ends in .png, a quilt; a
+    name such as portrait_qs8x6a0.75.png tells its columns and rows."""
+    views: int = 0
+    """Number of views for a folder; the display's by default."""
+    size: tuple[int, int] = (0, 0)
+    """Width and height of the views of a folder, or of the quilt; by default the panel's, or its
+    customary quilt's."""
+
+    def run(self) -> dict[str, Any]:
+        """Take apart and write."""
+        panel = Display.resolve(self.display)
+        if min(self.size) < 0 or max(self.size) > 65536 or (self.size[0] > 0) != (self.size[1] > 0):
+            raise UserError("--size takes a width and a height of 1 to 65536 pixels")
+        quilt = self.out.suffix.lower() in _PICTURES
+        if quilt and self.views:
+            raise UserError("a quilt has as many views as its name tells tiles; leave out --views")
+        if not 0 <= self.views <= 1024:
+            raise UserError(f"--views must be 1 to 1024, not {self.views}")
+        start = time.perf_counter()
+        image = read_coded(self.lightfield, panel)
+        if quilt:
+            layout = QuiltLayout.of_name(self.out.name)
+            out = self.out
+            if layout is None:
+                layout = QuiltLayout.of_display(panel)
+                out = out.with_name(f"{out.stem}{layout.suffix()}{out.suffix}")
+            size = self.size if self.size[0] else panel.quilt_size
+            width, height = size[0] // layout.columns, size[1] // layout.rows
+            tiles = np.stack(list(each_view(image, panel, count=layout.count, width=width,
+                                            height=height)))
+            write_image(out, assemble_quilt(tiles, layout, size))
+            count = layout.count
+        else:
+            count, out = self.views or panel.views, self.out
+            width, height = self.size if self.size[0] else (panel.width, panel.height)
+            with self.progress("deinterlace", count) as progress:
+                for index, view in enumerate(each_view(image, panel, count=count, width=width,
+                                                       height=height)):
+                    write_image(out / f"{index:04d}.png", view)
+                    progress.update(index + 1)
+        if not self.quiet:
+            print(f"{out}: {count} views of {width} x {height}")
+        return {"views": count, "view_size": [width, height], "display": panel.name, "out": out,
+                "seconds": {"deinterlace": round(time.perf_counter() - start, 4)}}

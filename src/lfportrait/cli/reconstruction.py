@@ -1,0 +1,147 @@
+"""Commands from photos to a radiance field: ``calibrate``, ``reconstruct``, ``render``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from dataclasses import field as option
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import tyro
+
+from ..capture import CalibrateConfig, Capture
+from ..errors import UserError
+from ..field import ReconstructConfig, VoxelField
+from ..files import write_exr, write_image
+from .common import Common
+
+__all__ = ["Calibrate", "Reconstruct", "Render"]
+
+
+@dataclass
+class Calibrate(Common):
+    """Find the cameras of a folder of photos (COLMAP), the face and the person in them."""
+
+    photos: tyro.conf.Positional[Path]
+    """Folder of photos, a video, or a data set that already has cameras."""
+    out: Path
+    """Folder for the capture."""
+    config: Annotated[CalibrateConfig, tyro.conf.arg(name="")] = option(
+        default_factory=CalibrateConfig)
+    """Calibration."""
+    keep_background: bool = False
+    """Do not cut the person out of photos that have no alpha channel."""
+
+    def run(self) -> dict[str, Any]:
+        """Calibrate and save."""
+        from ..job import prepare_capture
+
+        with self.progress("calibrate") as progress:
+            capture, figures = prepare_capture(self.photos, replace(self.config, seed=self.seed),
+                                               keep_background=self.keep_background,
+                                               progress=progress)
+        capture.save(self.out)
+        return figures
+
+
+@dataclass
+class Reconstruct(Common):
+    """Reconstruct a sparse voxel radiance field (Plenoxels) from a capture."""
+
+    capture: tyro.conf.Positional[Path]
+    """Capture folder, transforms.json data set, COLMAP model, LLFF or NSVF folder."""
+    out: Path = Path("field.npz")
+    """File for the field."""
+    config: Annotated[ReconstructConfig, tyro.conf.arg(name="")] = option(
+        default_factory=ReconstructConfig)
+    """Reconstruction."""
+    keep_background: bool = False
+    """Reconstruct the room, too: use no mattes, and do not cut the person out."""
+    log: Path | None = None
+    """Folder for curves that TensorBoard shows: PSNR so far, loss, rays a second, voxels."""
+
+    def run(self) -> dict[str, Any]:
+        """Reconstruct and save."""
+        from ..field import reconstruct_with_figures
+        from ..job import cut_person
+
+        capture, mattes = Capture.load(self.capture), "given"
+        checkpoint = self.out.with_name(f".{self.out.stem}.checkpoint.npz")
+        if self.keep_background:
+            capture, mattes = replace(capture, alphas=None), "none: the background is kept"
+        elif capture.alphas is None:
+            try:
+                with self.progress("mattes") as progress:
+                    capture, mattes = cut_person(capture, progress)
+            except UserError as error:
+                raise UserError(f"{error}; or keep the room with --keep-background") from error
+        with self.progress("reconstruct") as progress:
+            result, figures = reconstruct_with_figures(
+                capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint,
+                log=self.log)
+        result.save(self.out)
+        checkpoint.unlink(missing_ok=True)
+        return {**figures, "mattes": mattes}
+
+
+@dataclass
+class Render(Common):
+    """Render pictures or a video of a field."""
+
+    field: tyro.conf.Positional[Path]
+    """Field file (.npz)."""
+    out: Path
+    """Folder for pictures, or a video file (.mp4)."""
+    cameras: Path | None = None
+    """Capture or transforms.json whose cameras to render; otherwise a path."""
+    path: Literal["sweep", "orbit"] = "sweep"
+    """sweep: there and back over the cone; orbit: once around."""
+    cone: float = 40.0
+    """Width of the sweep in degrees."""
+    frames: int = 60
+    """Number of frames of a path."""
+    size: int = 512
+    """Width and height of a path's pictures in pixels."""
+    fps: float = 30.0
+    """Frames per second of a video."""
+    background: float = 1.0
+    """Grey level behind the head, 0 (black) to 1 (white)."""
+    depth: bool = False
+    """Write depth (EXR) and opacity beside the pictures."""
+
+    def run(self) -> dict[str, Any]:
+        """Render and write."""
+        import time
+
+        from ..share import path_cameras, write_video
+
+        voxels = VoxelField.load(self.field)
+        if self.cameras is not None:
+            views = Capture.load(self.cameras).cameras
+        else:
+            if self.frames < 1:
+                raise UserError("--frames must be at least 1")
+            views = path_cameras(self.path, frames=self.frames, cone=self.cone, size=self.size,
+                                 field=voxels)
+        start = time.perf_counter()
+        video = self.out.suffix.lower() in (".mp4", ".mov", ".mkv")
+        frames: list[np.ndarray] = []
+        with self.progress("render", len(views)) as progress:
+            for view in range(len(views)):
+                rendering = voxels.render(views, view, background=self.background,
+                                          device=self.device)
+                if video:
+                    frames.append((np.clip(rendering.color, 0, 1) * 255 + 0.5).astype(np.uint8))
+                else:
+                    write_image(self.out / f"{view:04d}.png", rendering.color)
+                    if self.depth:
+                        write_image(self.out / f"{view:04d}.alpha.png", rendering.alpha)
+                        write_exr(self.out / f"{view:04d}.depth.exr", rendering.depth)
+                progress.step()
+        if video:
+            write_video(self.out, frames, self.fps)
+        seconds = time.perf_counter() - start
+        rays = int((views.width * views.height).sum())
+        return {"seconds": {"render": seconds}, "views": len(views), "rays": rays,
+                "rays_per_second": rays / seconds}

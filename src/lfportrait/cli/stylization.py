@@ -1,0 +1,161 @@
+"""Commands of the style: ``transfer`` (2D), ``stylize`` (a field), ``styles``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from dataclasses import field as option
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from ..errors import UserError
+from ..example import (
+    Exemplar,
+    FaceBlitConfig,
+    FaceStyleConfig,
+    Method,
+    MethodConfig,
+    NetworkConfig,
+    TransferConfig,
+    read_region,
+)
+from ..files import write_image
+from ..stylize import StylizeConfig
+from .common import Common
+
+__all__ = ["Styles", "Stylize", "TransferPhoto"]
+
+
+@dataclass
+class TransferPhoto(Common):
+    """Stylise photos or a video by example: guides, look-up table, StyleBlit; or a rival."""
+
+    photo: tyro.conf.Positional[Path]
+    """Photo of a face, a folder of photos, or a video."""
+    style: str
+    """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
+    out: Path = Path("out.png")
+    """File for the stylised picture; for a folder of photos a folder, for a video a .mp4."""
+    regions: list[str] = option(default_factory=list)
+    """Regions painted in their own way: REGION=STYLE:STRENGTH, REGION=STRENGTH or REGION=off, e.g.
+    hair=other.png:0.5 lips=0.3; regions are brows, eyes, nose, lips, skin, hair, body,
+    background."""
+    config: Annotated[TransferConfig, tyro.conf.arg(name="")] = option(
+        default_factory=TransferConfig)
+    """Transfer by StyleBlit."""
+    method: Method = "styleblit"
+    """styleblit: ours; faceblit: window-searched table and flood fill, as published; facestyle:
+    guided patch synthesis, seconds a picture; network: trained on the paintings of one style."""
+    faceblit: FaceBlitConfig = option(default_factory=FaceBlitConfig)
+    """FaceBlit."""
+    facestyle: FaceStyleConfig = option(default_factory=FaceStyleConfig)
+    """FaceStyle."""
+    network: NetworkConfig = option(default_factory=NetworkConfig)
+    """Network."""
+    dump: Path | None = None
+    """Folder for pictures of every intermediate: guides, labels, table error, chunks, mask."""
+
+    def run(self) -> dict[str, Any]:
+        """Transfer and write."""
+        from ..capture import is_video
+        from .transfers import transfer_folder, transfer_photo, transfer_video
+
+        exemplar = Exemplar.load(self.style)
+        choices = [read_region(text) for text in self.regions]
+        if is_video(self.photo):
+            if self.method != "styleblit" or choices:
+                raise UserError("a video is painted by --method styleblit, without --regions")
+            with self.progress("transfer") as progress:
+                return transfer_video(self.photo, self.out, exemplar,
+                                      replace(self.config, seed=self.seed), progress)
+        if self.photo.is_dir():
+            with self.progress("transfer") as progress:
+                return transfer_folder(self.photo, self.out, exemplar, self._config(), choices,
+                                       progress)
+        seconds = transfer_photo(self.photo, self.out, exemplar, self._config(), choices,
+                                 self.dump)
+        return {"method": self.method, **seconds}
+
+    def _config(self) -> MethodConfig:
+        """The configuration of the chosen method."""
+        if self.method == "faceblit":
+            return self.faceblit
+        if self.method == "facestyle":
+            return replace(self.facestyle, seed=self.seed)
+        if self.method == "network":
+            return replace(self.network, seed=self.seed)
+        return replace(self.config, seed=self.seed)
+
+
+@dataclass
+class Stylize(Common):
+    """Optimise a field's colours to an exemplar."""
+
+    field: tyro.conf.Positional[Path]
+    """Field file (.npz)."""
+    capture: Path
+    """The capture that the field was reconstructed from."""
+    style: str
+    """Exemplar: a picture or a name from `lfportrait styles`."""
+    out: Path = Path("styled.npz")
+    """File for the stylised field."""
+    config: Annotated[StylizeConfig, tyro.conf.arg(name="")] = option(default_factory=StylizeConfig)
+    """Stylisation."""
+    dump: Path | None = None
+    """Folder for pictures of every intermediate."""
+
+    def run(self) -> dict[str, Any]:
+        """Stylise and save."""
+        from ..capture import CalibrateConfig
+        from ..field import VoxelField
+        from ..job import prepare_capture
+        from ..stylize import stylize_with_figures
+
+        exemplar = Exemplar.load(self.style)
+        voxels = VoxelField.load(self.field)
+        capture, _ = prepare_capture(self.capture, CalibrateConfig(), keep_background=True,
+                                     need_face=True)
+        with self.progress("stylize") as progress:
+            styled, figures = stylize_with_figures(
+                voxels, capture, exemplar, replace(self.config, seed=self.seed), progress,
+                device=self.device, dump=self.dump)
+        styled.save(self.out)
+        return figures
+
+
+@dataclass
+class Styles(Common):
+    """List the built-in exemplars; write one with its landmarks; prepare a painting of your own."""
+
+    action: tyro.conf.Positional[Literal["list", "add"]] = "list"
+    """list: the built-in exemplars; add IMAGE: find the landmarks of a painting, write them beside
+    it (NAME.landmarks.txt, one x y a line: correct it where it is off) and draw them
+    (NAME.landmarks.png). Where the file is there already it is read and drawn again."""
+    image: tyro.conf.Positional[Path | None] = None
+    """Painting to add."""
+    name: str = ""
+    """Style to write with --out."""
+    out: Path | None = None
+    """Picture file; the landmarks go beside it."""
+
+    def run(self) -> dict[str, Any]:
+        """List, write or add."""
+        from ..demo import demo_exemplar, demo_styles
+        from ..face import write_landmarks
+        from .transfers import add_style
+
+        if self.action == "add":
+            if self.image is None:
+                raise UserError("say which painting: lfportrait styles add IMAGE")
+            return add_style(self.image)
+        names = demo_styles()
+        if self.out is not None:
+            exemplar = demo_exemplar(self.name or names[0])
+            write_image(self.out, exemplar.image)
+            write_landmarks(self.out.with_suffix(".landmarks.txt"), exemplar.landmarks)
+        elif self.name:
+            raise UserError("say where to write the style with --out FILE.png")
+        else:
+            print("\n".join(names))
+        return {"styles": names}

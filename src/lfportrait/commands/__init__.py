@@ -1,1 +1,0 @@
-"""The commands' data classes; `lfportrait.cli` imports the one that is called."""

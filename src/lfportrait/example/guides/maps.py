@@ -1,0 +1,370 @@
+"""Guides of the synthesis in float32: where in the exemplar a pixel belongs, and how it looks.
+
+Position guide: the exemplar's coordinate of every pixel, by moving least squares (similarity) from
+the target's control points to the exemplar's. Appearance guide (Fig. 4): grey minus its Gaussian
+blur, the target's distribution matched to the exemplar's inside the head. Positions are continuous
+pixel coordinates: the middle of the first pixel is (0.5, 0.5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.guides import (
+    blur_difference,
+    blur_rows,
+    count_values,
+    enlarge,
+    fold_points,
+    map_values,
+    mls_points,
+    resample_fold,
+    resample_grid,
+    shrink,
+    stretch,
+)
+from ..kernels.labels import luma
+
+__all__ = [
+    "Distribution", "Guides", "anchor_scale", "appearance_guide", "broad_blur", "enlarged",
+    "fold_inside",
+    "folded_position_guide", "gaussian_blur", "grey", "match_histogram", "mls_similarity",
+    "pixel_centres", "position_guide", "relative_stretch", "sample_labels", "shrunk",
+]
+
+Float32 = NDArray[np.float32]
+
+
+@dataclass
+class Guides:
+    """Guides of one target picture.
+
+    Attributes
+    ----------
+    position
+        float32 [H, W, 2], exemplar pixel coordinates (x, y); NaN where nothing is to be painted.
+    appearance
+        float32 [H, W], grey minus blur in [-1, 1], matched to the exemplar's distribution.
+    labels
+        uint8 [H, W, K], soft region labels (255 = wholly inside), see `regions.LABELS`.
+    anchor
+        float32 [H, W, 2], the pixel's place in the plane of the seed grid, in exemplar pixels.
+    """
+
+    position: Float32
+    appearance: Float32
+    labels: NDArray[np.uint8]
+    anchor: Float32
+
+
+def mls_similarity(points: NDArray[np.floating], sources: NDArray[np.floating],
+                   targets: NDArray[np.floating],
+                   weights: NDArray[np.floating] | None = None,
+                   softness: NDArray[np.floating] | None = None) -> NDArray[np.float64]:
+    """Moving least squares with similarities (Schaefer et al. 2006, alpha = 1).
+
+    Parameters
+    ----------
+    points
+        [N, 2] points to map.
+    sources, targets
+        [M, 2] control points and their images.
+    weights
+        [M] importance of each control point away from it, default 1.
+    softness
+        [M] distance within which a control point attracts instead of pinning, default 0: then
+        ``f(sources[i]) = targets[i]`` exactly. Isolated points would pull out spikes.
+
+    Returns
+    -------
+    float64 [N, 2], the mapped points.
+    """
+    sources, targets = (np.ascontiguousarray(a, np.float64) for a in (sources, targets))
+    points = np.ascontiguousarray(points, np.float64)
+    importance = np.ones(len(sources)) if weights is None else np.asarray(weights, np.float64)
+    out = np.empty_like(points)
+    soft = np.zeros(len(sources)) if softness is None else np.asarray(softness, np.float64) ** 2
+    mls_points(points, sources, targets, importance, soft, out)
+    return out
+
+
+def position_guide(shape: tuple[int, ...], target_landmarks: NDArray[np.floating],
+                   exemplar_landmarks: NDArray[np.floating], *,
+                   weights: NDArray[np.floating] | None = None,
+                   softness: NDArray[np.floating] | None = None, grid: int = 4) -> Float32:
+    """The exemplar's coordinate of every pixel of a target picture.
+
+    Parameters
+    ----------
+    shape
+        (H, W, ...) of the target.
+    target_landmarks, exemplar_landmarks
+        [M, 2] matching control points in pixels; rows with NaN on either side are left out.
+    weights
+        [M] importance of the control points.
+    softness
+        [M] in pixels, see `mls_similarity`.
+    grid
+        The map is evaluated every ``grid`` pixels and bilinear between; 1 evaluates every pixel.
+
+    Returns
+    -------
+    float32 [H, W, 2], (x, y) in exemplar pixels; may lie outside the exemplar.
+    """
+    known = np.isfinite(target_landmarks).all(axis=1) & np.isfinite(exemplar_landmarks).all(axis=1)
+    importance = np.ones(len(known)) if weights is None else np.asarray(weights)
+    soft = np.zeros(len(known)) if softness is None else np.asarray(softness)
+    nodes = _nodes(shape, target_landmarks[known], exemplar_landmarks[known], importance[known],
+                   soft[known], grid)
+    out = np.empty((*shape[:2], 2), np.float32)
+    resample_grid(nodes, grid, out)
+    return out
+
+
+def _nodes(shape: tuple[int, ...], sources: NDArray[np.floating], targets: NDArray[np.floating],
+           weights: NDArray[np.floating], softness: NDArray[np.floating], grid: int) -> Float32:
+    """The map at every ``grid``-th pixel of a picture, float32 [h, w, 2]."""
+    height, width = shape[:2]
+    columns, rows = -(-(width - 1) // grid) + 1, -(-(height - 1) // grid) + 1
+    x, y = np.meshgrid(np.arange(max(columns, 2)) * grid + 0.5,
+                       np.arange(max(rows, 2)) * grid + 0.5)
+    nodes = mls_similarity(np.stack([x.ravel(), y.ravel()], axis=1), sources, targets, weights,
+                           softness)
+    return nodes.reshape(*x.shape, 2).astype(np.float32)
+
+
+def folded_position_guide(cover: Float32, target: NDArray[np.floating],
+                          exemplar: NDArray[np.floating], weights: NDArray[np.floating],
+                          softness: NDArray[np.floating], shape: tuple[int, ...],
+                          inner: tuple[float, float, float, float], grid: int = 4,
+                          move: Callable[[Float32], None] | None = None) -> Float32:
+    """`position_guide` and `fold_inside` in one pass, NaN where ``cover`` [H, W] is 0.
+
+    ``move`` may change the places [h, w, 2] of every ``grid``-th pixel before the fold.
+    """
+    known = np.isfinite(target).all(axis=1) & np.isfinite(exemplar).all(axis=1)
+    nodes = _nodes(cover.shape, target[known], exemplar[known], weights[known], softness[known],
+                   grid)
+    if move is not None:
+        move(nodes)
+    out = np.empty((*cover.shape, 2), np.float32)
+    resample_fold(nodes, grid, cover, *_strips(shape, inner), out)
+    return out
+
+
+def _strips(shape: tuple[int, ...], inner: tuple[float, float, float, float],
+            ) -> tuple[Float32, Float32, Float32]:
+    """Size of the exemplar (x, y), and the strips before and after the head's box."""
+    size = np.array([shape[1], shape[0]], np.float32)
+    before = np.clip(np.array(inner[:2]), 6.0, size / 2)
+    after = np.clip(size - np.array(inner[2:]), 6.0, size / 2)
+    return size, before.astype(np.float32), after.astype(np.float32)
+
+
+def fold_inside(position: Float32, shape: tuple[int, ...],
+                inner: tuple[float, float, float, float], out: Float32 | None = None) -> Float32:
+    """Bring positions outside the exemplar back inside by reflection, never into the head.
+
+    A position beyond a border is reflected to and fro between the border and the head's box, so
+    that the outside continues the exemplar's background (or clothes) instead of smearing its last
+    row.
+
+    Parameters
+    ----------
+    position
+        float32 [..., 2], exemplar coordinates.
+    shape
+        (H, W, ...) of the exemplar.
+    inner
+        (left, top, right, bottom): the head's box in the exemplar.
+    out
+        What to change; None makes a copy. ``position`` itself will do.
+    """
+    if out is None:
+        out = np.empty(position.shape, np.float32)
+    if out is not position:
+        out[:] = position
+    fold_points(out.reshape(-1, 2), *_strips(shape, inner))
+    return out
+
+
+def grey(image: NDArray[np.generic]) -> Float32:
+    """Luma (Rec. 601) in [0, 1] of a picture, uint8 or float in [0, 1], [H, W, 3]."""
+    out = np.empty(image.shape[:2], np.float32)
+    luma(image, np.float32(1 / 255 if image.dtype == np.uint8 else 1), out)
+    return out
+
+
+def _taps(sigma: float) -> Float32:
+    """Gaussian of unit sum, cut at 3 sigma."""
+    radius = max(1, int(np.ceil(3 * sigma)))
+    taps = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma) ** 2)
+    return np.asarray(taps / taps.sum(), np.float32)
+
+
+def gaussian_blur(image: Float32, sigma: float) -> Float32:
+    """Gaussian blur of [H, W] with mirrored borders; kernel cut at 3 sigma."""
+    taps = _taps(sigma)
+    rows = np.empty_like(image)
+    blur_rows(np.ascontiguousarray(image), taps, rows)
+    turned = np.ascontiguousarray(rows.T)
+    columns = np.empty_like(turned)
+    blur_rows(turned, taps, columns)
+    return np.ascontiguousarray(columns.T)
+
+
+def shrunk(image: Float32, factor: int) -> Float32:
+    """Means of blocks of ``factor`` x ``factor`` pixels, float32 [ceil(H / f), ceil(W / f)]."""
+    if factor == 1:
+        return image
+    out = np.empty((-(-image.shape[0] // factor), -(-image.shape[1] // factor)), np.float32)
+    shrink(np.ascontiguousarray(image, np.float32), factor, out)
+    return out
+
+
+def enlarged(image: Float32, factor: int, shape: tuple[int, int]) -> Float32:
+    """Means of blocks of ``factor`` pixels at all pixels of a picture (H, W), bilinear."""
+    image = np.ascontiguousarray(image, np.float32)
+    if factor == 1:
+        return image
+    out = np.empty(shape, np.float32)
+    enlarge(image, factor, out)
+    return out
+
+
+def broad_blur(image: Float32, sigma: float) -> Float32:
+    """`gaussian_blur` for wide kernels: on block means, and bilinear between.
+
+    The blocks are at most half of ``sigma`` wide, so the result is within a hundredth of the
+    largest step in the picture.
+    """
+    factor = int(sigma / 2)
+    if factor < 2:
+        return gaussian_blur(image, sigma)
+    # Block means and the interpolation blur, too.
+    rest = np.sqrt(max(sigma ** 2 - factor ** 2 / 4, 0.25)) / factor
+    out = np.empty(image.shape, np.float32)
+    enlarge(gaussian_blur(shrunk(image, factor), rest), factor, out)
+    return out
+
+
+def appearance_guide(image: NDArray[np.generic], sigma: float, grain: float = 0.0) -> Float32:
+    """Grey minus its Gaussian blur (Fig. 4), float32 [H, W] in [-1, 1].
+
+    Parameters
+    ----------
+    image
+        uint8 or float in [0, 1], [H, W, 3].
+    sigma
+        Of the blur, in pixels: slower changes of light are taken out.
+    grain
+        Sigma in pixels of a blur of the guide itself; 0 keeps the finest detail.
+    """
+    luma = grey(image)
+    out = np.empty_like(luma)
+    if grain > 0.3:
+        # Two Gaussians one after the other are one of the summed variances.
+        blur_difference(luma, _taps(grain), _taps(float(np.hypot(sigma, grain))), out)
+    else:
+        blur_difference(luma, np.ones(1, np.float32), _taps(sigma), out)
+    return out
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """Distribution of an appearance guide's values over [-1, 1].
+
+    Attributes
+    ----------
+    share
+        float64 [bins + 1], share of the values below each of the bins' borders.
+    """
+
+    share: NDArray[np.float64]
+
+    @staticmethod
+    def of(values: Float32, inside: NDArray[np.generic] | None = None,
+           bins: int = 4096) -> Distribution:
+        """Distribution of ``values`` [H, W] where ``inside`` [H, W] exceeds one half."""
+        if inside is None:
+            values = np.ascontiguousarray(values, np.float32).reshape(1, -1)
+            inside = np.ones(values.shape, np.float32)
+        counts = np.zeros((8, bins), np.int64)
+        count_values(values, np.asarray(inside, np.float32), np.float32(0.5), np.float32(1), counts)
+        total = counts.sum(axis=0)
+        if total.sum() == 0:
+            return Distribution.of(values, None, bins)
+        return Distribution(np.concatenate([[0], np.cumsum(total)]) / total.sum())
+
+
+def match_histogram(values: Float32, reference: Float32 | Distribution,
+                    inside: NDArray[np.generic]) -> Float32:
+    """Map ``values`` so that those ``inside`` are distributed as ``reference`` (Fig. 4 g).
+
+    Parameters
+    ----------
+    values
+        float32 [H, W] in [-1, 1].
+    reference
+        The wanted distribution, or values in [-1, 1] that have it.
+    inside
+        [H, W]: values where it exceeds one half count; all values are mapped.
+    """
+    if not isinstance(reference, Distribution):
+        reference = Distribution.of(reference)
+    wanted = reference.share
+    own = Distribution.of(values, inside, len(wanted) - 1).share
+    # A little slope everywhere makes both distributions invertible where they have gaps.
+    ramp = np.linspace(0, 1e-6, len(wanted))
+    table = np.interp(own + ramp, wanted + ramp, np.linspace(-1, 1, len(wanted)))
+    out = values.copy()
+    map_values(out, table.astype(np.float32), np.float32(1))
+    return out
+
+
+def pixel_centres(shape: tuple[int, ...]) -> Float32:
+    """Continuous coordinates (x, y) of the pixel centres of a picture (H, W, ...), [H, W, 2]."""
+    x, y = np.meshgrid(np.arange(shape[1], dtype=np.float32) + np.float32(0.5),
+                       np.arange(shape[0], dtype=np.float32) + np.float32(0.5))
+    return np.stack([x, y], axis=-1)
+
+
+def sample_labels(labels: NDArray[np.uint8], position: Float32) -> NDArray[np.uint8]:
+    """Labels [h, w, K] of the exemplar at the positions [H, W, 2]; 0 where those are NaN."""
+    known = np.isfinite(position[..., 0])
+    safe = np.where(known[..., None], position, 0)
+    x = np.clip(safe[..., 0].astype(np.int64), 0, labels.shape[1] - 1)
+    y = np.clip(safe[..., 1].astype(np.int64), 0, labels.shape[0] - 1)
+    return np.ascontiguousarray(np.where(known[..., None], labels[y, x], 0), np.uint8)
+
+
+def anchor_scale(anchor: Float32) -> float:
+    """Exemplar pixels per target pixel of an anchor plane: median of its smaller steps.
+
+    In every eighth pixel of every eighth row.
+    """
+    here = anchor[:-1:8, :-1:8]
+    along_x, along_y = (np.hypot(*np.moveaxis(next_one[:here.shape[0], :here.shape[1]] - here,
+                                              -1, 0))
+                        for next_one in (anchor[:-1:8, 1::8], anchor[1::8, :-1:8]))
+    smaller = np.fmin(along_x, along_y)
+    smaller = smaller[np.isfinite(smaller)]
+    return float(np.median(smaller)) if smaller.size else 1.0
+
+
+def relative_stretch(position: Float32, anchor: Float32, least: float = 0.1,
+                     cell: int = 1) -> Float32:
+    """How much slower the position changes than the anchor, float32 [H, W] in [least, 1].
+
+    Where many surface points share a place in the exemplar (the back of a head), the position can't
+    ask for more than that: its weight falls in proportion. Only one pixel of each ``cell`` x
+    ``cell`` is looked at.
+    """
+    height, width = position.shape[:2]
+    ratio = np.empty((-(-height // cell), -(-width // cell)), np.float32)
+    stretch(position, anchor, np.float32(least), cell, ratio)
+    return enlarged(gaussian_blur(ratio, 2.0 / cell), cell, (height, width))

@@ -1,0 +1,286 @@
+"""Regions of a portrait: the person and its hair, and where rays from the face meet their edges.
+
+The 68 landmarks end at the brows: without more, moving least squares extrapolates hair, ears and
+neck from the face, and the exemplar's hairline lands wherever it may. So the person and its hair
+are segmented in both pictures, and rays from the middle of the face meet the hairline and the
+outline of the head at points that correspond (`correspond`). The soft labels of all regions are
+compared during the synthesis (`labels`), so that skin is not painted with hair.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from .colour_segmentation import overlap, separate
+from .face_frame import FaceFrame
+from .labels import LABELS, polygon, region_labels
+
+__all__ = ["LABELS", "RAYS", "FaceFrame", "Regions", "find_regions"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+RAYS = np.radians(np.arange(-75, 76, 15.0))
+"""Directions of the rays to hairline and outline: from straight up, clockwise."""
+
+
+@dataclass
+class Regions:
+    """Soft regions of one picture.
+
+    Attributes
+    ----------
+    landmarks
+        float64 [68, 2].
+    person
+        float32 [H, W], head, hair, neck and clothes against the background.
+    hair
+        float32 [H, W], or None where no hair could be told from skin.
+    """
+
+    landmarks: Float64
+    person: Float32
+    hair: Float32 | None
+    frame: FaceFrame = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.frame = FaceFrame.of(self.landmarks)
+
+    def outline(self, rays: Float64 = RAYS) -> Float64:
+        """Where ``rays`` leave the person, [R, 2] pixels; NaN where they leave the picture."""
+        return self._rays(self.person, rays, last=True)
+
+    def lowest(self) -> float:
+        """Depth of the picture's lower border below the brows, at least 1.02 (1 is the chin)."""
+        frame = self.frame
+        return max(1.02, float((self.person.shape[0] - 3 - frame.origin[1]) / frame.height))
+
+    def edges(self, depth: float) -> tuple[Float64, Float64]:
+        """Left and right edge of neck or body, [2] pixels each, ``depth`` below the brows."""
+        left, right = self.frame.point(self.spans(np.array([depth]))[0], np.full(2, depth))
+        return left, right
+
+    def spans(self, depths: Float64) -> Float64:
+        """Left and right edge of neck or body at some ``depths`` below the brows.
+
+        That is the longest piece of the line across: the neck of a turned head lies beside the
+        face. Where the person's mask shows none they are two thirds as far apart as the ears.
+
+        Returns
+        -------
+        float64 [D, 2], to the right of the brows' middle, in units of the frame's height.
+        """
+        frame = self.frame
+        across = np.linspace(-2.0, 2.0, 321)
+        points = frame.point(*np.broadcast_arrays(across, depths[:, None]))
+        lines = map_coordinates(self.person, [points[..., 1] - 0.5, points[..., 0] - 0.5], order=1,
+                                mode="constant", cval=0.0)
+        half = 0.33 * frame.width / frame.height
+        out = np.tile([-half, half], (len(depths), 1))
+        for span, line in zip(out, lines):
+            # Samples after which the line enters and leaves the person, in turn.
+            ends = np.flatnonzero(np.diff(line > 0.5, prepend=False, append=False)) - 1
+            if len(ends) == 0:
+                continue
+            before, after = line[np.maximum(ends, 0)], line[np.minimum(ends + 1, line.size - 1)]
+            share = np.where(before == after, 0.5, (0.5 - before) / np.where(
+                before == after, 1.0, after - before))
+            places = np.clip(across[0] + (ends + share) * (across[1] - across[0]), -2.0, 2.0)
+            starts, stops = places[::2], places[1::2]
+            longest = int(np.argmax(stops - starts))
+            if stops[longest] - starts[longest] > 0.8 * half:
+                span[:] = starts[longest], stops[longest]
+        return out
+
+    def hairline(self, rays: Float64 = RAYS) -> Float64:
+        """Where ``rays`` enter the hair, [R, 2] pixels; NaN where there is none."""
+        if self.hair is None:
+            return np.full((len(rays), 2), np.nan)
+        return self._rays(np.asarray(1 - self.hair, np.float32), rays, last=False)
+
+    def _rays(self, mask: Float32, rays: Float64, last: bool) -> Float64:
+        """First (or last) place on each ray where ``mask`` falls below one half."""
+        frame = self.frame
+        radius = np.linspace(0.15, 2.2, 165)
+        right = np.sin(rays)[:, None] * radius
+        down = -np.cos(rays)[:, None] * radius
+        points = frame.point(right, down)
+        values = map_coordinates(mask, [points[..., 1] - 0.5, points[..., 0] - 0.5], order=1,
+                                 mode="constant", cval=-1.0)
+        out = np.full((len(rays), 2), np.nan)
+        for n, line in enumerate(values):
+            seen = line >= 0
+            end = len(line) if seen.all() else int(np.argmin(seen))
+            inside = line[:end] > 0.5
+            if last:
+                k = int(np.flatnonzero(inside)[-1]) if inside.any() else -1
+                # A person cut off by the picture's border has no outline there.
+                if k < 0 or k >= end - 2:
+                    continue
+            else:
+                falls = np.flatnonzero(~inside)
+                if len(falls) == 0 or falls[0] == 0:
+                    continue
+                k = int(falls[0]) - 1
+            if k + 1 < end:
+                step = (line[k] - 0.5) / max(line[k] - line[k + 1], 1e-6)
+                out[n] = points[n, k] + np.clip(step, 0, 1) * (points[n, k + 1] - points[n, k])
+        return out
+
+    def box(self) -> tuple[float, float, float, float]:
+        """Box of the head (left, top, right, bottom) in pixels, from landmarks and person."""
+        corners = self.frame.point(np.array([-0.75, 0.75, -0.75, 0.75]),
+                                   np.array([-1.0, -1.0, 1.12, 1.12]))
+        outline = self.outline()
+        points = np.concatenate([corners, outline[np.isfinite(outline).all(axis=1)]])
+        low, high = points.min(axis=0), points.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def labels(self, like: frozenset[str] = frozenset()) -> NDArray[np.uint8]:
+        """Soft labels, uint8 [H, W, len(LABELS)]; see `labels.region_labels`."""
+        return region_labels(self.person, self.hair, self.landmarks, self.frame, like)
+
+
+def _person_prior(frame: FaceFrame, shape: tuple[int, ...], points: Float64) -> Float32:
+    """Probability of the person from the landmarks alone: a head on a neck on shoulders."""
+    right, down = frame.local(shape)
+    half = max(0.5 * frame.width / frame.height, 0.42)
+    head = np.hypot(right / (half * 1.25), (down + 0.05) / np.where(down < -0.05, 0.88, 1.1))
+    neck = np.abs(right) / (half * 0.85 + np.clip(down - 1.15, 0, None) * 2.2)
+    away = np.where(down > 0.8, np.minimum(head, np.where(down > 1.0, neck, 2.0)), head)
+    prior = 1 / (1 + np.exp((away - 1.0) / 0.12))
+    prior = np.where(away > 1.5, 0.0, prior)
+    face = np.maximum(polygon(shape, points[:27][[*range(17), 26, 25, 24, 19, 18, 17]]),
+                      (np.hypot(right / (half * 0.7), (down + 0.1) / 0.45) < 1))
+    return np.asarray(np.where(face > 0, 1.0, prior), np.float32)
+
+
+def _hair_prior(frame: FaceFrame, person: Float32, points: Float64) -> Float32:
+    """Probability of hair: near the head's outline above the ears, not on the face."""
+    shape = person.shape
+    right, down = frame.local(shape)
+    half = max(0.5 * frame.width / frame.height, 0.42)
+    # How far out a pixel lies: 0 at the brows, 1 at the outline that the person's mask shows.
+    inner = np.hypot(right / (half * 1.02), np.where(down < 0, down / 0.8, down / 1.5))
+    prior = 1 / (1 + np.exp(-(inner - 0.9) / 0.10))
+    prior = prior * np.clip((0.6 - down) / 0.4, 0.05, 1.0)
+    face = polygon(shape, points[[*range(17), 26, 25, 24, 19, 18, 17]])
+    forehead = np.hypot(right / (half * 0.75), down / 0.38) < 1
+    prior = np.where((face > 0) | forehead | (down > 1.0), 0.0, prior)
+    return np.asarray(np.clip(prior, 0, 0.97) * person, np.float32)
+
+
+def _networks(image: NDArray[np.uint8], size: int) -> tuple[Float32 | None, Float32 | None]:
+    """Person and hair from the segmentation networks, None where their weights are missing."""
+    try:
+        from ... import face, models
+
+        known = models.available("person-segmentation"), models.available("hair-segmentation")
+        if all(known):
+            return face.mattes(image, size=size)
+        return (face.person_matte(image) if known[0] else None,
+                face.hair_mask(image, size=size) if known[1] else None)
+    except ImportError:
+        return None, None
+
+
+def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
+                 mask: Float32 | None = None, networks: bool = True,
+                 size: int = 512, by_colour: bool = True) -> Regions:
+    """Segment a portrait.
+
+    Parameters
+    ----------
+    image
+        uint8 or float in [0, 1], [H, W, 3].
+    landmarks
+        [68, 2].
+    mask
+        float32 [H, W], the person where it is known.
+    networks
+        Use the segmentation networks where their weights are at hand and the result is plausible.
+    size
+        Side of the picture that the network of the hair sees, a multiple of 32: paintings want 512,
+        for photos 384 is as good (in one pixel of 250 hair becomes skin or skin hair) and takes
+        half the time, in videos 256 will do.
+    by_colour
+        Tell hair by its colour where the network's is not plausible; slow.
+    """
+    points = np.asarray(landmarks, np.float64)
+    frame = FaceFrame.of(points)
+    picture = np.asarray(image[..., :3])
+    person_net = hair_net = None
+    if networks:
+        eight = picture if picture.dtype == np.uint8 else np.asarray(
+            np.clip(picture, 0, 1) * 255 + 0.5, np.uint8)
+        person_net, hair_net = _networks(eight, size)
+    check = _Plausibility(points, picture.shape)
+    if mask is not None:
+        person = np.asarray(mask, np.float32)
+    elif person_net is not None and check.person(person_net):
+        person = person_net
+    else:
+        person = separate(_unit_colours(picture), _person_prior(frame, picture.shape, points))
+    if hair_net is not None and check.hair(hair_net, person):
+        hair = np.minimum(hair_net, person)
+        if check.drawn(hair_net):
+            # In drawings the network takes hatching on the face for hair.
+            hair = hair * np.clip(_hair_prior(frame, person, points) * 10, 0, 1)
+        return Regions(points, person, np.asarray(hair, np.float32))
+    if hair_net is not None and not by_colour:
+        return Regions(points, person, None)
+    return Regions(points, person, _hair_by_colour(picture, person, frame, points))
+
+
+def _unit_colours(image: NDArray[np.generic]) -> Float32:
+    """Colours in [0, 1]."""
+    return np.asarray(image, np.float32) / np.float32(255 if image.dtype == np.uint8 else 1)
+
+
+def _hair_by_colour(image: NDArray[np.generic], person: Float32, frame: FaceFrame,
+                    points: Float64) -> Float32 | None:
+    """Hair by prior and colours, or None where it has the colours of the skin (a statue)."""
+    colours = _unit_colours(image)
+    hair = separate(colours, _hair_prior(frame, person, points), smoothness=4.0, blur=1.2)
+    crown = np.asarray(hair * person, np.float32)
+    face = _person_prior(frame, person.shape, points) >= 1.0
+    skin = np.asarray(face & (hair < 0.5), np.float32)
+    if crown.sum() < 0.05 * frame.height ** 2 or overlap(colours, crown, skin) > 0.85:
+        return None
+    return crown
+
+
+class _Plausibility:
+    """Tests whether networks' masks suit the landmarks, on every n-th pixel."""
+
+    def __init__(self, points: Float64, shape: tuple[int, ...]) -> None:
+        step = max(1, int(FaceFrame.of(points).height / 50))
+        self.every = slice(step // 2, None, step), slice(step // 2, None, step)
+        rows, columns = (len(range(step // 2, n, step)) for n in shape[:2])
+        small = (points - step // 2) / step
+        frame = FaceFrame.of(small)
+        self.prior = _person_prior(frame, (rows, columns), small)
+        self.right, self.down = frame.local((rows, columns))
+
+    def person(self, person: Float32) -> bool:
+        """Whether the person covers the face and leaves the background beside the head."""
+        mask = person[self.every]
+        inside, outside = mask[self.prior >= 1.0], mask[(self.prior <= 0.0) & (self.down < 0.6)]
+        return bool(inside.size == 0 or inside.mean() > 0.9) and bool(
+            outside.size == 0 or outside.mean() < 0.4)
+
+    def hair(self, hair: Float32, person: Float32) -> bool:
+        """Whether hair covers a good part of the head above the brows, and not the face."""
+        mask = hair[self.every]
+        crown = (np.abs(self.right) < 0.5) & (self.down < -0.55) & (person[self.every] > 0.5)
+        face = (np.abs(self.right) < 0.3) & (self.down > 0.1) & (self.down < 0.8)
+        return bool(crown.any() and mask[crown].mean() > 0.35 and mask[face].mean() < 0.4)
+
+    def drawn(self, hair: Float32) -> bool:
+        """Whether there is hair on the face."""
+        face = self.prior >= 1.0
+        return bool(face.any() and hair[self.every][face].mean() > 0.1)

@@ -1,0 +1,215 @@
+"""Hot loops of guided patch synthesis: search for the nearest patches, occupancy, weighted votes.
+
+Every target pixel holds the exemplar pixel that the middle of its patch is copied from, as a flat
+index (`FaceStyle`). Pictures are int16 with `CHANNELS` channels a pixel, colours and guides scaled
+by the roots of their weights, so that the error of two patches is a plain sum of squares.
+
+The picture is cut into bands of `BAND` rows. A band is searched in scan order, each pixel trying
+what its neighbours have found; bands see each other as they were before the pass. So the bands run
+in parallel, and the outcome does not depend on how many threads there are. The same holds for the
+exemplar's occupancy: a band counts its own moves at once, those of others in the next pass. Were
+none counted at once, all patches would leave a crowded place together, for the same next one.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numba
+import numpy as np
+
+from ...lanes.cache_keys import identified
+
+__all__ = ["BAND", "CELL", "CHANNELS", "MARGIN", "count_uses", "patch_errors", "search_pass",
+           "vote_patches"]
+
+CHANNELS = 8
+MARGIN = 2
+"""Pixels around a target picture, repeated from its border; also the largest radius of a patch."""
+BAND = 32
+CELL = 4
+"""Uses of exemplar pixels are counted in cells of this side."""
+
+_SHARED = {"reassoc", "contract", "nsz"}
+
+
+@functools.cache
+def _distance(radius: int) -> Any:
+    """Sum of squared differences of two patches of one radius, given up beyond a limit."""
+    count = (2 * radius + 1) * CHANNELS
+
+    @identified("patch distance", radius)
+    @numba.njit(fastmath=_SHARED, inline="never")
+    def distance(target, y, x, source, v, u, limit):
+        total = np.float32(0)
+        first = (x + MARGIN - radius) * CHANNELS
+        other = (u - radius) * CHANNELS
+        for j in range(-radius, radius + 1):
+            one = target[np.uintp(y + MARGIN + j)]
+            two = source[np.uintp(v + j)]
+            part = np.float32(0)
+            for k in range(count):
+                step = (np.float32(one[np.uintp(first + k)])
+                        - np.float32(two[np.uintp(other + k)]))
+                part += step * step
+            total += part
+            if total >= limit:
+                break
+        return total
+
+    return distance
+
+
+@functools.cache
+def patch_errors(radius: int) -> Any:
+    """Kernel: error of every patch under the present field.
+
+    Arguments: ``target`` int16 [H + 2 MARGIN, (W + 2 MARGIN) CHANNELS], ``source`` int16
+    [h, w CHANNELS], ``field`` int32 [H, W] (flat index v w + u), ``error`` float32 [H, W], filled.
+    """
+    distance = _distance(radius)
+
+    @identified("patch errors", radius)
+    @numba.njit(cache=True, nogil=True, parallel=True)
+    def errors(target, source, field, error):
+        height, width = field.shape
+        across = source.shape[1] // CHANNELS
+        for y in numba.prange(height):
+            for x in range(width):
+                place = np.int64(field[y, x])
+                error[y, x] = distance(target, y, x, source, place // across, place % across,
+                                       np.float32(np.inf))
+
+    return errors
+
+
+@numba.njit(inline="always")
+def _noise(state):
+    """Next state of a 64-bit generator (xorshift)."""
+    state ^= state << np.uint64(13)
+    state ^= state >> np.uint64(7)
+    state ^= state << np.uint64(17)
+    return state
+
+
+@functools.cache
+def search_pass(radius: int) -> Any:
+    """Kernel: one pass of the search over the whole picture.
+
+    Arguments: ``target`` and ``source`` as for `patch_errors`; ``uses`` float32 [cells], how many
+    patches are copied from each cell (`count_uses`); ``penalty``, error of each of them;
+    ``guided`` int32 [H, W], places that the guides alone propose; ``before`` int32 [H, W], a copy
+    of the field; ``field`` and ``error``, improved in place; ``reach``, the widest step of the
+    random search, halved down to 1; ``forward``, direction of the scan; ``seed``.
+    """
+    distance = _distance(radius)
+
+    @identified("patch search", radius)
+    @numba.njit(cache=True, nogil=True, parallel=True)
+    def search(target, source, uses, penalty, guided, before, field, error, reach, forward, seed):
+        height, width = field.shape
+        rows, across = source.shape[0], source.shape[1] // CHANNELS
+        bands = (height + BAND - 1) // BAND
+        step = 1 if forward else -1
+        for band in numba.prange(bands):
+            top, bottom = band * BAND, min((band + 1) * BAND, height)
+            crowd = uses.copy()
+            for line in range(bottom - top):
+                y = top + line if forward else bottom - 1 - line
+                for column in range(width):
+                    x = column if forward else width - 1 - column
+                    state = _noise(_noise(np.uint64(y * width + x + 1)
+                                          * np.uint64(0x9E3779B97F4A7C15) ^ np.uint64(seed)))
+                    own = np.int64(field[y, x])
+                    v, u = own // across, own % across
+                    best = error[y, x] + penalty * crowd[v // CELL, u // CELL]
+                    # Neighbours in the direction of the scan, the guides' own place, then random
+                    # steps that shrink.
+                    width_now = reach
+                    for k in range(64):
+                        if k == 0:
+                            if x - step < 0 or x - step >= width:
+                                continue
+                            near = np.int64(field[y, x - step])
+                            q, p = near // across, near % across + step
+                        elif k == 1:
+                            above = y - step
+                            if above < 0 or above >= height:
+                                continue
+                            near = np.int64(field[above, x] if top <= above < bottom
+                                            else before[above, x])
+                            q, p = near // across + step, near % across
+                        elif k == 2:
+                            near = np.int64(guided[y, x])
+                            q, p = near // across, near % across
+                        else:
+                            if width_now < 1:
+                                break
+                            state = _noise(state)
+                            span = np.uint64(2 * width_now + 1)
+                            p = u + np.int64((state >> np.uint64(40)) % span) - width_now
+                            q = v + np.int64((state >> np.uint64(16) & np.uint64(0xFFFFFF))
+                                             % span) - width_now
+                            width_now //= 2
+                        q = min(max(q, MARGIN), rows - 1 - MARGIN)
+                        p = min(max(p, MARGIN), across - 1 - MARGIN)
+                        if q == v and p == u:
+                            continue
+                        # Coming, the patch would crowd the cell further; staying, it counts.
+                        fine = penalty * crowd[q // CELL, p // CELL]
+                        if q // CELL != v // CELL or p // CELL != u // CELL:
+                            fine += penalty
+                        if fine >= best:
+                            continue
+                        found = distance(target, y, x, source, q, p, best - fine)
+                        if found + fine < best:
+                            best = found + fine
+                            error[y, x] = found
+                            crowd[v // CELL, u // CELL] -= np.float32(1)
+                            crowd[q // CELL, p // CELL] += np.float32(1)
+                            v, u = q, p
+                    field[y, x] = np.int32(v * across + u)
+
+    return search
+
+
+@numba.njit(cache=True, nogil=True)
+def count_uses(field, across, uses):
+    """How many patches are copied from each cell, into ``uses`` float32 [cells].
+
+    ``field`` int32 [H, W] are flat indices into an exemplar ``across`` pixels wide.
+    """
+    uses[:] = 0
+    for y in range(field.shape[0]):
+        for x in range(field.shape[1]):
+            place = np.int64(field[y, x])
+            uses[place // across // CELL, place % across // CELL] += np.float32(1)
+
+
+@numba.njit(cache=True, nogil=True, parallel=True)
+def vote_patches(field, error, picture, radius, softness, out):
+    """Mean of the colours that the patches over a pixel vote for, weighted by their fit.
+
+    ``picture`` float32 [h, w, 3]; ``out`` float32 [H, W, 3] is filled. A patch weighs
+    1 / (``softness`` + its error).
+    """
+    height, width = field.shape
+    rows, across = picture.shape[:2]
+    one = np.float32(1)
+    for y in numba.prange(height):
+        for x in range(width):
+            red = green = blue = total = np.float32(0)
+            for j in range(max(y - radius, 0), min(y + radius + 1, height)):
+                for i in range(max(x - radius, 0), min(x + radius + 1, width)):
+                    place = np.int64(field[j, i])
+                    v, u = place // across + y - j, place % across + x - i
+                    if v < 0 or v >= rows or u < 0 or u >= across:
+                        continue
+                    weight = one / (softness + error[j, i])
+                    red += weight * picture[v, u, 0]
+                    green += weight * picture[v, u, 1]
+                    blue += weight * picture[v, u, 2]
+                    total += weight
+            share = one / total
+            out[y, x, 0], out[y, x, 1], out[y, x, 2] = red * share, green * share, blue * share

@@ -1,0 +1,270 @@
+"""Guides that are anchored to the surface of a head, for a capture seen from many sides.
+
+A surface point gets the same exemplar coordinate in every view: it is unwrapped around the head,
+and moving least squares takes the unwrapped plane to the exemplar. Below the brows the unwrapping
+is a cylinder around the vertical axis, u = R atan2(x, z), v = y; above them it is a dome,
+azimuthal and equidistant about the forward direction, so that the crown neither tears nor bunches
+up. Both agree on the line between.
+
+The exemplar shows a head from the front only. Angles beyond the cheeks are therefore squeezed
+smoothly and monotonically into the band between face and outline, so that temples and ears find the
+exemplar's, never its background; what lies further behind is put together from pieces (`behind`).
+The plane in which the chunks of the synthesis lie is the unsqueezed one: strokes keep their size
+all around the head.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from ..errors import UserError
+from .back_of_head import Patchwork, Sites
+from .exemplar import Exemplar, face_size
+from .guides.maps import fold_inside, mls_similarity
+from .guides.regions import Regions, find_regions
+
+__all__ = ["SurfaceGuide", "surface_position_guide"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+CHEEK = np.radians(60.0)
+"""Angles up to this one from the forward direction are not squeezed."""
+LIMIT = np.radians(92.0)
+"""Squeezed angles stay below this one."""
+
+
+def squeeze(angle: NDArray[np.floating]) -> Float64:
+    """Squeeze angles in [0, pi] beyond `CHEEK` below `LIMIT`, monotone with a continuous slope."""
+    beyond = np.maximum(np.asarray(angle, np.float64) - CHEEK, 0.0)
+    room = LIMIT - CHEEK
+    return np.where(beyond > 0, CHEEK + room * (1 - np.exp(-beyond / room)), angle)
+
+
+class SurfaceGuide:
+    """The map from surface points of one head to one exemplar.
+
+    Parameters
+    ----------
+    landmarks3d
+        float64 [68, 3] in the portrait frame (+y up, +z out of the face); NaN rows are unknown.
+    exemplar
+        The painting.
+    regions
+        Its regions where they are known already (`Transfer.regions`).
+
+    Raises
+    ------
+    UserError
+        If fewer than 20 landmarks are known.
+    """
+
+    def __init__(self, landmarks3d: NDArray[np.floating], exemplar: Exemplar,
+                 regions: Regions | None = None) -> None:
+        points = np.asarray(landmarks3d, np.float64)
+        known = np.isfinite(points).all(axis=1)
+        if known.sum() < 20:
+            raise UserError(f"only {int(known.sum())} of 68 landmarks are known in space; add "
+                            "frontal photos or a landmark file")
+        self.exemplar = exemplar
+        if regions is None:
+            regions = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask)
+        self.regions = regions
+        self.origin = _head_origin(points)
+        local = points[known] - self.origin
+        self.radius = float(np.median(np.hypot(local[:, 0], local[:, 2])))
+        self.height = float(np.nanmean(points[17:27, 1]) - np.nanmin(points[:, 1]))
+        flat = self.unwrap(points[known])
+        style = exemplar.landmarks[known]
+        self.scale = face_size(style) / face_size(flat)
+        self.shift = style.mean(axis=0) - self.scale * flat.mean(axis=0)
+        squeezed = self.unwrap(points, squeezed=True)
+        extra, style_extra = self._border_points(squeezed)
+        self.sources = np.concatenate([squeezed[known], extra])
+        self.targets = np.concatenate([style, style_extra])
+        self.softness = np.full(len(self.sources), 0.12 * self.radius)
+        self.softness[:len(style)] = 0.0
+        self.nearest = self._nearest_person()
+        self.patchwork = Patchwork(exemplar, self.regions)
+
+    def unwrap(self, points: NDArray[np.floating], squeezed: bool = False) -> Float64:
+        """Unwrapped coordinates [..., 2] of points [..., 3]: x right, y down, world units."""
+        angle, side, y = self._angles(points)
+        if squeezed:
+            angle = squeeze(angle)
+        reach = self.radius * angle
+        return np.stack([reach * np.sin(side), np.where(y > 0, -reach * np.cos(side), -y)], axis=-1)
+
+    def _angles(self, points: NDArray[np.floating]) -> tuple[Float64, Float64, Float64]:
+        """Angle from forward, direction (0 up, clockwise; +-90 degrees below the brows), height."""
+        x, y, z = np.moveaxis(np.asarray(points, np.float64) - self.origin, -1, 0)
+        # The axis leans back below the chin, or the chest would lie behind it.
+        z = z + 1.5 * np.maximum(-y - 0.8 * self.height, 0.0)
+        above = np.maximum(y, 0.0)
+        across = np.hypot(x, above)
+        return np.arctan2(across, z), np.arctan2(x, above), y
+
+    def _squeezed(self, flat: Float64) -> Float64:
+        """Unwrapped coordinates [N, 2] with their angles squeezed."""
+        x, y = flat[:, 0], flat[:, 1]
+        reach = np.maximum(np.where(y < 0, np.hypot(x, y), np.abs(x)), 1e-9)
+        share = self.radius * squeeze(reach / self.radius) / reach
+        return np.stack([x * share, np.where(y < 0, y * share, y)], axis=-1)
+
+    def _border_points(self, flat: Float64) -> tuple[Float64, Float64]:
+        """Control points beyond the landmarks: outline of the head, sides of the jaw, neck.
+
+        ``flat`` [68, 2] are the landmarks, unwrapped and squeezed.
+        """
+        frame, regions = self.regions.frame, self.regions
+        rays = np.radians(np.arange(-90, 91, 15.0))
+        away = np.stack([np.sin(rays), -np.cos(rays)], axis=1)
+        outline = regions.outline(rays) - frame.origin
+        hairline = regions.hairline(rays) - frame.origin
+        edge = np.linalg.norm(outline, axis=1)
+        # A head seen from the front is taken for a ball: a fraction s of the way to the outline is
+        # the angle asin(s). The ring in the middle is the hairline where it is known.
+        middle = np.linalg.norm(hairline, axis=1) / edge
+        middle = np.clip(np.where(np.isfinite(middle), middle, 0.7), 0.4, 0.85)
+        # The back of the head lies in the middle of the hair: chunks copied there stay inside it.
+        side_ring = 0.4 * middle + 0.6 * 0.95
+        back_ring = side_ring + 0.03
+        rings = ((middle, np.arcsin(middle)), (side_ring, np.pi / 2), (back_ring, np.pi))
+        sources, targets = [], []
+        for share, angle in rings:
+            reach = self.radius * np.broadcast_to(squeeze(np.asarray(angle)), rays.shape)
+            sources.append(reach[:, None] * away)
+            targets.append(frame.origin + np.broadcast_to(share, rays.shape)[:, None] * outline)
+        # Beside the brows the landmarks know better than the ball does.
+        targets[0][np.abs(rays) > np.radians(50)] = np.nan
+        style = self.exemplar.landmarks
+        last = self.radius * float(squeeze(np.array(np.pi)))
+        # Behind the jaw the exemplar has nothing: hold on to the jaw's own strip.
+        jaw = np.array([1, 3, 5, 15, 13, 11])
+        side = np.where(jaw < 8, -1.0, 1.0)
+        ends = np.stack([side * last, flat[jaw, 1]], axis=1)
+        ends[np.abs(flat[jaw, 0]) > 0.85 * last] = np.nan
+        sources.append(ends)
+        targets.append(style[jaw] + 0.03 * frame.height * side[:, None] * frame.right)
+        # Neck and body: what the exemplar shows below the chin is spread over all that is below it.
+        lowest = regions.lowest()
+        for depth, below in ((min(1.15, lowest), 1.15), (lowest, max(1.9, lowest))):
+            left, right = regions.edges(depth)
+            middle_point = 0.5 * (left + right)
+            level = self.height * below
+            sources.append(np.array([[-last, level], [0.0, level], [last, level]]))
+            targets.append(middle_point + 0.85 * np.stack(
+                [left - middle_point, np.zeros(2), right - middle_point]))
+        source, target = np.concatenate(sources), np.concatenate(targets)
+        known = np.isfinite(target).all(axis=1) & np.isfinite(source).all(axis=1)
+        return source[known], target[known]
+
+    def _nearest_person(self) -> Float32:
+        """For every exemplar pixel the nearest one well inside the person, [h, w, 2] (x, y).
+
+        Below the chin of an exemplar that shows no body, a pixel stays where it is.
+        """
+        frame, person = self.regions.frame, self.regions.person
+        margin = 0.03 * frame.height
+        depth_inside = distance_transform_edt(np.pad(person > 0.5, 1, mode="edge"))[1:-1, 1:-1]
+        inside = depth_inside > margin
+        own = np.moveaxis(np.indices(person.shape), 0, -1)
+        nearest = own.copy()
+        if inside.any():
+            _, index = distance_transform_edt(~inside, return_indices=True)
+            nearest = np.moveaxis(index, 0, -1)
+        _, down = frame.local(person.shape)
+        last_row = down > self.regions.lowest() - 0.1
+        if not (inside & last_row).any():
+            nearest = np.where((down > 1.0)[..., None], own, nearest)
+        return np.asarray(nearest[..., ::-1] + 0.5, np.float32)
+
+    def _pixels(self, position: Float32) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Columns and rows of the exemplar's pixels at positions [N, 2], or next to them."""
+        height, width = self.regions.person.shape
+        return (np.clip(position[:, 0].astype(np.int64), 0, width - 1),
+                np.clip(position[:, 1].astype(np.int64), 0, height - 1))
+
+    def _onto_person(self, position: Float32) -> Float32:
+        """Move positions [N, 2] that lie outside the exemplar's person to its nearest place."""
+        x, y = self._pixels(position)
+        near = self.nearest[y, x]
+        moved = np.abs(near - np.stack([x, y], axis=1) - np.float32(0.5)).max(axis=1) > 0.1
+        return np.where(moved[:, None], near, position)
+
+    def __call__(self, points: NDArray[np.floating]) -> tuple[Float32, Float32]:
+        """Guides of surface points.
+
+        Parameters
+        ----------
+        points
+            [H, W, 3] in the portrait frame; NaN where there is no surface.
+
+        Returns
+        -------
+        position
+            float32 [H, W, 2], exemplar pixel coordinates, inside the exemplar; NaN without surface.
+        anchor
+            float32 [H, W, 2], place in the unwrapped plane, in exemplar pixels.
+        """
+        points = np.asarray(points)
+        inside = np.isfinite(points).all(axis=-1)
+        seen = points[inside]
+        position = np.full((*inside.shape, 2), np.nan, np.float32)
+        anchor = np.full((*inside.shape, 2), np.nan, np.float32)
+        flat = self.unwrap(seen)
+        plane = np.asarray(self.scale * flat + self.shift, np.float32)
+        if len(plane):
+            position[inside] = self._onto_person(self._pieced(self._guided(flat), plane))
+        anchor[inside] = plane
+        return position, anchor
+
+    def _guided(self, flat: Float64) -> Float32:
+        """Exemplar coordinates [N, 2] of unwrapped ones."""
+        mapped = mls_similarity(self._squeezed(flat), self.sources, self.targets,
+                                softness=self.softness)
+        return fold_inside(mapped.astype(np.float32), self.exemplar.image.shape,
+                           self.regions.box())
+
+    def _pieced(self, position: Float32, plane: Float32) -> Float32:
+        """Positions [N, 2] of places in the plane, those behind the cheeks by `Patchwork`."""
+        sites = Sites.around(plane, self.patchwork.side)
+        points = sites.points.reshape(-1, 2)
+        flat = (points.astype(np.float64) - self.shift) / self.scale
+        above = flat[:, 1] < 0
+        angle = np.where(above, np.hypot(flat[:, 0], flat[:, 1]), np.abs(flat[:, 0])) / self.radius
+        guided = self._guided(flat)
+        column, row = self._pixels(guided)
+        material = self.patchwork.materials(angle, flat[:, 1] / self.height,
+                                            ~self.patchwork.inside[row, column])
+        behind = np.flatnonzero(material >= 0)
+        moves = np.full(points.shape, np.nan, np.float32)
+        moves[behind] = self.patchwork.pieces(
+            guided[behind], sites.chances.reshape(-1, 2)[behind],
+            material[behind]) - points[behind]
+        moved = plane + moves[self.patchwork.nearest(plane, sites)]
+        return np.where(np.isfinite(moved), moved, position)
+
+
+def _head_origin(landmarks: Float64) -> Float64:
+    """Point on the head's vertical axis at the height of the brows, [3]."""
+    jaw_ends = landmarks[[0, 16]]
+    x = float(np.nanmean([np.nanmean(landmarks[[i, j], 0]) for i, j in
+                          ((36, 45), (39, 42), (31, 35), (48, 54)) if np.isfinite(
+                              landmarks[[i, j], 0]).all()] or [np.nanmean(landmarks[:, 0])]))
+    y = float(np.nanmean(landmarks[17:27, 1]))
+    # The ends of the jaw lie at the ears, which are in the middle of the head's depth.
+    z = float(np.nanmean(jaw_ends[:, 2])) if np.isfinite(jaw_ends[:, 2]).any() else 0.0
+    return np.array([x, y, z])
+
+
+def surface_position_guide(points: NDArray[np.floating], landmarks3d: NDArray[np.floating],
+                           exemplar: Exemplar,
+                           regions: Regions | None = None) -> tuple[Float32, Float32]:
+    """Position guide and anchor of one view of a capture; see `SurfaceGuide`.
+
+    For many views make one `SurfaceGuide` and call it for each.
+    """
+    return SurfaceGuide(landmarks3d, exemplar, regions)(points)

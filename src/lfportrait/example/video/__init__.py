@@ -1,0 +1,5 @@
+"""Transfer to videos: strokes that are carried along with the motion."""
+
+from .frames import VideoTransfer
+
+__all__ = ["VideoTransfer"]

@@ -1,0 +1,379 @@
+"""Transfer to a video: seeds are carried from frame to frame, so that strokes do not swim.
+
+Chunks lie in an anchor plane. For a photo that is the picture itself; in a video the plane is
+carried along by optical flow (`motion`): a pixel gets the anchor of the place it came from. Where
+the flow can't be trusted, or the plane is torn, it starts anew. Landmarks and the masks of person
+and hair are carried, too, and corrected slowly by those that are found every few frames: their
+jitter is larger than what a frame's flow is off.
+
+Without OpenCV there is no flow: everything is found in every frame, and the plane follows the face
+as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ..exemplar import face_size
+from ..guides.maps import enlarged, pixel_centres
+from ..guides.regions import Regions, find_regions
+from ..kernels.video import mend, squared_changes, to_bytes, unfold
+from ..transfer import Transfer, TransferResult, face_landmarks
+from .carried_frames import paint_onward, reduced
+from .motion import Flow, Motion, block_side
+from .pipelining import ahead, in_turn
+
+__all__ = ["VideoTransfer"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+FRESH = 0.25
+"""Share of the detected landmarks in the carried ones."""
+TORN = (0.6, 1.7)
+"""Range of the anchor plane's stretch against a new one."""
+DETECT = 4
+"""Landmarks are detected in every so manieth frame."""
+SEGMENT = 8
+"""And person and hair segmented."""
+PAINT = 3
+"""Frames are painted anew every so manieth time, and onward between."""
+KEPT = 0.85
+"""Share of carried anchors below which a frame is painted anew in any case."""
+MOST_PAINTERS = 4
+"""More frames are not painted at a time: one thread can't follow the motion faster."""
+FRESH_MASKS = 0.5
+"""Share of the segmented masks in the carried ones."""
+
+
+def _similarity(source: Float64, target: Float64) -> NDArray[np.complex128]:
+    """Factors (a, b) of the similarity z -> a z + b that takes points to points best."""
+    z, w = (points[:, 0] + 1j * points[:, 1] for points in (source, target))
+    centred = z - z.mean()
+    a = np.vdot(centred, w - w.mean()) / max(float(np.vdot(centred, centred).real), 1e-9)
+    return np.array([a, w.mean() - a * z.mean()])
+
+
+def _moved(points: Float64, source: Float64, target: Float64) -> Float64:
+    """Points moved by the similarity that takes ``source`` to ``target``."""
+    a, b = _similarity(source, target)
+    z = (points[:, 0] + 1j * points[:, 1]) * a + b
+    return np.stack([z.real, z.imag], axis=-1)
+
+
+@dataclass(frozen=True)
+class _Followed:
+    """What is known of a frame before it is painted."""
+
+    frame: NDArray[np.uint8]
+    points: Float64
+    anchor: Float32
+    masks: Float32
+    """Person and, if it is known, hair on blocks, [h, w, 1 or 2]."""
+    motion: Motion | None
+    kept: NDArray[np.bool_] | None
+    """Blocks whose anchors were carried; None where the frame is to be painted anew."""
+
+    @property
+    def regions(self) -> Regions:
+        """Person and hair at full size."""
+        size = self.frame.shape[0], self.frame.shape[1]
+        person, *hair = (enlarged(plane, block_side(size), size)
+                         for plane in np.moveaxis(self.masks, -1, 0))
+        return Regions(self.points, person, hair[0] if hair else None)
+
+
+class VideoTransfer:
+    """The frames of one video, one after the other.
+
+    Parameters
+    ----------
+    prepared
+        The exemplar.
+    carry
+        False keeps the seeds where they are in the picture, for comparison.
+    detect, segment
+        Landmarks are detected, person and hair segmented, in every so manieth frame; between they
+        are carried.
+    paint
+        Every so manieth frame is painted anew; between the strokes are carried, too.
+
+    Attributes
+    ----------
+    flicker
+        For each frame but the first, the root mean square difference to the stylised frame before,
+        warped by the flow, over the contrast of the frame; empty without OpenCV. Every fourth
+        pixel of every fourth row is looked at.
+    """
+
+    def __init__(self, prepared: Transfer, carry: bool = True, detect: int = DETECT,
+                 segment: int = SEGMENT, paint: int = PAINT) -> None:
+        self.prepared = prepared
+        self.carry = carry
+        self.detect, self.segment, self.paint = detect, segment, paint
+        self.flicker: list[float] = []
+        self._flow = Flow()
+        self._number = 0
+        self._landmarks: Float64 | None = None
+        self._first: Float64 | None = None
+        self._anchor: Float32 | None = None
+        self._masks: Float32 | None = None
+        self._painted: Float32 | None = None
+        self._result: TransferResult | None = None
+        self._scale = 1.0
+
+    def apply(self, frame: NDArray[np.uint8],
+              landmarks: NDArray[np.floating] | None = None) -> Float32:
+        """Stylise the next frame.
+
+        Parameters
+        ----------
+        frame
+            uint8 [H, W, 3], all of one size.
+        landmarks
+            [68, 2]; detected if None. Where no face is found those of the frame before serve.
+
+        Returns
+        -------
+        float32 [H, W, 3] in [0, 1].
+
+        Raises
+        ------
+        UserError
+            If there is no face in the first frame.
+        """
+        step = self._follow(frame, landmarks)
+        self._result = self._painting(step, self._result)
+        self._compare(step, self._result.image)
+        return self._result.image
+
+    def frames(self, frames: Iterable[NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
+        """Stylise frames one after the other, several at a time.
+
+        One thread follows the motion through the video; others paint, each a frame that needs
+        nothing from the one before, and those that go on from it. Each kernel keeps to its thread,
+        so none waits for another.
+
+        Parameters
+        ----------
+        frames
+            uint8 [H, W, 3], all of one size; taken on another thread.
+
+        Returns
+        -------
+        Iterator over uint8 [H, W, 3], the same bytes as from `apply`.
+        """
+        if not _threads_share_kernels():
+            yield from (_bytes_of(self.apply(frame)) for frame in frames)
+            return
+        cores = numba.get_num_threads()
+        painters = min(cores, MOST_PAINTERS)
+
+        def start() -> None:
+            numba.set_num_threads(max(1, cores // (painters + 1)))
+
+        def paint(steps: list[_Followed],
+                  ) -> list[tuple[_Followed, Float32, NDArray[np.uint8]]]:
+            made, result = [], None
+            for step in steps:
+                result = self._painting(step, result)
+                made.append((step, result.image, _bytes_of(result.image)))
+            return made
+
+        followed = _runs(ahead((self._follow(frame) for frame in frames), start=start))
+        for run in in_turn(paint, followed, painters, start):
+            for step, image, picture in run:
+                self._compare(step, image)
+                yield picture
+
+    def _follow(self, frame: NDArray[np.uint8],
+                landmarks: NDArray[np.floating] | None = None) -> _Followed:
+        """Landmarks, regions and anchor plane of the next frame."""
+        motion = self._flow.next(frame)
+        points = self._points(frame, landmarks, motion)
+        anchor, kept = self._carried(frame.shape, points, motion)
+        masks = self._segmented(frame, points, motion)
+        if self._number % self.paint == 0 or kept is None or kept.mean() < KEPT or not self.carry:
+            kept = None
+        self._landmarks = points
+        self._number += 1
+        return _Followed(frame, points, anchor, masks, motion, kept)
+
+    def _painting(self, step: _Followed, before: TransferResult | None) -> TransferResult:
+        """A frame painted anew, or onward from the one before."""
+        if step.kept is None or step.motion is None or before is None:
+            return self.prepared.apply(step.frame, step.points, regions=step.regions,
+                                       seeds_anchor=step.anchor if self.carry else None)
+        return paint_onward(self.prepared, step.frame, step.points,
+                            lambda: step.regions.person, step.anchor, step.motion, step.kept,
+                            before)
+
+    def _find(self, frame: NDArray[np.uint8]) -> Float64:
+        from ...face import detect_landmarks
+
+        found = detect_landmarks(frame, thorough=self._landmarks is None)
+        if found is not None:
+            return np.asarray(found, np.float64)
+        return face_landmarks(frame) if self._landmarks is None else self._landmarks
+
+    def _points(self, frame: NDArray[np.uint8], landmarks: NDArray[np.floating] | None,
+                motion: Motion | None) -> Float64:
+        """Landmarks of the frame before, moved along and corrected by those found."""
+        last = self._landmarks
+        if last is None or motion is None:
+            return self._find(frame) if landmarks is None else np.asarray(landmarks, np.float64)
+        moved = motion.onward(last)
+        # The jaw lies on the border of what moves: it follows the rest of the face.
+        moved[:17] = _moved(last[:17], last[17:], moved[17:])
+        if landmarks is None and self._number % self.detect:
+            return moved
+        found = self._find(frame) if landmarks is None else np.asarray(landmarks, np.float64)
+        # A leap is a face that was lost: no reason to glide there.
+        if np.linalg.norm(found - moved, axis=1).mean() > 0.3 * face_size(found):
+            return found
+        return np.asarray(moved + FRESH * (found - moved), np.float64)
+
+    def _segmented(self, frame: NDArray[np.uint8], points: Float64,
+                   motion: Motion | None) -> Float32:
+        """Masks of the frame before, carried along, or found, or both."""
+        side = block_side(frame.shape)
+        masks = None
+        if motion is not None and self._masks is not None:
+            masks = motion.carry(self._masks)
+        if motion is None or masks is None or self._number % self.segment == 0:
+            fresh = _found_masks(frame, points, side, first=masks is None)
+            if motion is None or masks is None:
+                masks = fresh
+            else:
+                share = np.where(motion.trusted, np.float32(FRESH_MASKS), np.float32(1))
+                masks = _taken_up(masks, fresh, share[..., None])
+        self._masks = masks
+        return masks
+
+    def _carried(self, shape: tuple[int, ...], points: Float64,
+                 motion: Motion | None) -> tuple[Float32, NDArray[np.bool_] | None]:
+        """The anchor plane of this frame, and the blocks whose anchors come from the one before."""
+        side = block_side(shape)
+        if self._anchor is None or self._first is None:
+            self._first = points
+            self._scale = self.prepared.scale(points)
+            if self._scale > 1:
+                self.prepared = reduced(self.prepared, self._scale)
+                self._scale = 1.0
+            blocks = -(-shape[0] // side), -(-shape[1] // side)
+            self._anchor = pixel_centres(blocks) * np.float32(self._scale * side)
+            return pixel_centres(shape) * np.float32(self._scale), None
+        kept = None
+        scale = np.float32(self._scale)
+        if motion is None:
+            a, b = _similarity(points, self._first)
+            middles = pixel_centres(self._anchor.shape) * np.float32(side)
+            z = (middles[..., 0] + 1j * middles[..., 1]) * a + b
+            self._anchor = np.stack([z.real, z.imag], axis=-1).astype(np.float32) * scale
+        else:
+            anchor = motion.carry(self._anchor)
+            turn, offset = self._continued(anchor, motion)
+            self._anchor = np.empty_like(anchor)
+            mend(anchor, motion.trusted, side, scale, np.float32(TORN[0]), np.float32(TORN[1]),
+                 turn, offset, self._anchor)
+            kept = (anchor[..., 0] == self._anchor[..., 0]) & motion.trusted
+        out = np.empty((*shape[:2], 2), np.float32)
+        unfold(self._anchor, side, scale, np.float32(TORN[1]), out)
+        return out, kept
+
+    def _continued(self, anchor: Float32, motion: Motion) -> tuple[complex, complex]:
+        """The similarity (a, b), z -> a z + b, that continues a carried plane where it is anew.
+
+        That of the person: new parts then join the old ones. A new plane in the picture where the
+        person has become much larger or smaller.
+        """
+        every = slice(2, None, 5)
+        person = motion.trusted[every, every]
+        if self._masks is not None:
+            person = person & (self._masks[every, every, 0] > 0.5)
+        if person.sum() > 30:
+            rows, columns = np.nonzero(person)
+            places = (np.stack([columns, rows], axis=-1) * 5 + 2.5) * motion.factor
+            values = anchor[every, every][person]
+            for _ in range(2):
+                a, b = _similarity(places.astype(np.float64), values.astype(np.float64))
+                z = (places[:, 0] + 1j * places[:, 1]) * a + b
+                off = np.abs(z - (values[:, 0] + 1j * values[:, 1]))
+                near = off <= 2 * np.median(off) + 1e-6
+                places, values = places[near], values[near]
+            if TORN[0] < abs(a) / self._scale < TORN[1]:
+                return complex(a), complex(b)
+        return complex(self._scale), 0j
+
+    def _compare(self, step: _Followed, image: Float32) -> None:
+        """Add the error against the frame before."""
+        motion, before, self._painted = step.motion, self._painted, image
+        if motion is None or before is None:
+            return
+        sums = np.empty((motion.trusted.shape[0], 8), np.float64)
+        squared_changes(image, before, motion.back, motion.factor, motion.trusted, 2, sums)
+        total = sums.sum(axis=0)
+        count = max(float(total[0]), 1.0)
+        contrast = float(np.sqrt(max((total[5:] / count - (total[2:5] / count) ** 2).mean(), 0.0)))
+        if contrast > 1 / 255:
+            self.flicker.append(float(np.sqrt(total[1] / (3 * count))) / contrast)
+
+
+def _runs(steps: Iterator[_Followed]) -> Iterator[list[_Followed]]:
+    """Each frame that is painted anew, with those that go on from it."""
+    run: list[_Followed] = []
+    try:
+        for step in steps:
+            if run and step.kept is None:
+                yield run
+                run = []
+            run.append(step)
+        if run:
+            yield run
+    finally:
+        close = getattr(steps, "close", None)
+        if close is not None:
+            close()
+
+
+def _bytes_of(image: Float32) -> NDArray[np.uint8]:
+    out = np.empty(image.shape, np.uint8)
+    to_bytes(image, out)
+    return out
+
+
+def _taken_up(masks: Float32, fresh: Float32, share: Float32) -> Float32:
+    """Masks [h, w, 1 or 2] a ``share`` [h, w, 1] of the way to those found now.
+
+    Hair that is not found now stays: what told it by its colour looks at first frames alone.
+    """
+    both = min(masks.shape[-1], fresh.shape[-1])
+    mixed = masks[..., :both] + share * (fresh[..., :both] - masks[..., :both])
+    more = masks if masks.shape[-1] > both else fresh
+    return np.asarray(np.concatenate([mixed, more[..., both:]], axis=-1), np.float32)
+
+
+def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int, first: bool) -> Float32:
+    """Masks of the person and, if it is known, the hair on blocks of a frame, [h, w, 1 or 2].
+
+    The networks see less than that: nothing is gained by showing them the whole frame. Only in a
+    ``first`` frame hair is told by its colour where the network fails.
+    """
+    small = np.asarray(Image.fromarray(frame).reduce(side))
+    regions = find_regions(small, points / side, size=256, by_colour=first)
+    masks = [regions.person] if regions.hair is None else [regions.person, regions.hair]
+    return np.stack(masks, axis=-1)
+
+
+def _threads_share_kernels() -> bool:
+    """Whether kernels may run on several threads at once: Numba's own pool forbids it."""
+    try:
+        return bool(numba.threading_layer() != "workqueue")
+    except ValueError:
+        return False

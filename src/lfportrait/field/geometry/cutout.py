@@ -1,0 +1,164 @@
+"""Mattes from geometry: the object at the origin cut out of every photo alike.
+
+Where a network's mattes contradict each other, the photos themselves tell what the object is: a
+solid from the depth of the training photos (`fused_depth`) is outlined in every photo,
+and each outline is laid along that photo's own edges. Held-out photos are cut in the same way; no
+depth is taken from them, and no field is asked. Where the mattes agree, the same solid tells what
+in them lies far from the person.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...capture import Capture, refine_matte
+from ...progress import Progress
+from .fused_depth import REACH, Solid, find_solid
+from .sweep import sweep_depth
+
+__all__ = ["cut_out", "trim"]
+
+Plane = NDArray[np.float32]
+
+_OUTLINE = 384  # height or width in which outlines are drawn
+_ALIKE = 0.75  # overlap with the outline from which a matte is thought to show the same
+_AGREE = 0.8  # overlap with the outline below which a photo's edges are not followed
+
+
+def cut_out(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
+            progress: Progress | None = None) -> list[Plane] | None:
+    """Cut the object at the origin out of photos by its geometry.
+
+    Parameters
+    ----------
+    capture
+        Photos and cameras, in the portrait frame.
+    mattes
+        V mattes of a network, [H, W] in [0, 1]; many may be wrong.
+    progress
+        Progress line.
+
+    Returns
+    -------
+    mattes
+        V mattes, float32 [H, W] in [0, 1], or None where the photos show no object at the origin
+        (`find_solid`).
+    """
+    solid = _solid(capture, mattes, progress)
+    if solid is None:
+        return None
+    if progress is not None:
+        progress.update(0, "cutting out the object: outlines")
+    outlines = [_coarse(capture, view, solid) for view in range(len(capture))]
+    with ThreadPoolExecutor(2) as workers:
+        results = list(workers.map(_cut, capture.images, outlines))
+    without = [capture.names[view] for view, coarse in enumerate(outlines) if coarse.max() < 0.5]
+    if without:
+        warnings.warn(f"{len(without)} of {len(capture)} photos do not show the object and teach "
+                      f"nothing: {_listed(without)}", stacklevel=2)
+    plain = [capture.names[view] for view, (_, follows) in enumerate(results) if not follows]
+    if plain:
+        warnings.warn(f"the edges of {len(plain)} of {len(capture)} photos contradict the shape of "
+                      f"the object; its outline is taken there as it is: {_listed(plain)}",
+                      stacklevel=2)
+    return [matte for matte, _ in results]
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+
+
+def trim(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
+         progress: Progress | None = None) -> list[Plane]:
+    """Take from good mattes what the depth of the photos tells is far from the object.
+
+    Parameters
+    ----------
+    capture
+        Photos and cameras, in the portrait frame.
+    mattes
+        V mattes, [H, W] in [0, 1], most of them right.
+    progress
+        Progress line.
+
+    Returns
+    -------
+    mattes
+        V mattes, float32 [H, W] in [0, 1]. One that the object's outline does not resemble stays
+        as it is, and all do where the photos show no object.
+    """
+    given = [np.asarray(matte, np.float32) for matte in mattes]
+    solid = _solid(capture, given, progress)
+    if solid is None:
+        return given
+
+    def trimmed(view: int, distance: Plane) -> Plane:
+        matte = given[view]
+        person, inside = matte > 0.5, distance < 0
+        if (person & inside).sum() < _ALIKE * (person | inside).sum():
+            return matte
+        # Two and a half spacings, 6 mm on a head, are left to hair.
+        kept = matte * np.clip(5.5 - 2.0 * distance / solid.spacing, 0, 1)
+        if (matte - kept).max() > 0.5:
+            kept = refine_matte(capture.images[view], kept)
+        return kept
+
+    distances = [_outlined(capture, view, solid) for view in range(len(capture))]
+    with ThreadPoolExecutor(2) as workers:
+        return list(workers.map(trimmed, range(len(capture)), distances))
+
+
+def _solid(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
+           progress: Progress | None) -> Solid | None:
+    """The object as the training photos show it."""
+    views = capture.training()
+    if progress is not None:
+        progress.update(0, "cutting out the object: depth")
+    maps = sweep_depth(capture, views, REACH)
+    votes = [np.asarray(cv2.resize(np.asarray(mattes[view], np.float32), item.depth.shape[::-1],
+                                   interpolation=cv2.INTER_AREA), np.float32)
+             for view, item in zip(views, maps)]
+    return find_solid(maps, votes)
+
+
+def _outlined(capture: Capture, view: int, solid: Solid) -> Plane:
+    """Distance of the pixels of one photo to the outline, float32 [H, W] (`Solid.outline`)."""
+    height, width = capture.images[view].shape[:2]
+    camera = capture.cameras[view].scaled(min(1.0, _OUTLINE / max(height, width)))
+    distance = solid.outline(camera)
+    holes = ndimage.binary_fill_holes(distance < 0) & (distance >= 0)
+    distance[holes] = -1e-3 * solid.spacing
+    return np.asarray(cv2.resize(distance, (width, height), interpolation=cv2.INTER_CUBIC),
+                      np.float32)
+
+
+def _coarse(capture: Capture, view: int, solid: Solid) -> Plane:
+    """A coarse matte of one photo, float32 [H, W]: a slope three spacings wide at the outline."""
+    return np.asarray(np.clip(0.5 - _outlined(capture, view, solid) / (3.0 * solid.spacing), 0, 1),
+                      np.float32)
+
+
+def _cut(image: NDArray[np.uint8], coarse: Plane) -> tuple[Plane, bool]:
+    """The matte laid along the photo's edges, and whether these agree with the outline."""
+    rows, columns = (np.flatnonzero((coarse > 0.02).any(axis=1 - axis)) for axis in (0, 1))
+    if not len(rows):
+        return coarse, True
+    margin = max(coarse.shape) // 24
+    box = (slice(max(0, rows[0] - margin), rows[-1] + margin + 1),
+           slice(max(0, columns[0] - margin), columns[-1] + margin + 1))
+    matte = coarse.copy()
+    cell = max(2, round(max(coarse.shape) / 256))
+    matte[box] = refine_matte(image[box], coarse[box], cell, calm=True)
+    both = ((matte > 0.5) & (coarse > 0.5)).sum()
+    either = ((matte > 0.5) | (coarse > 0.5)).sum()
+    if both < _AGREE * either:
+        return np.clip(2.0 * coarse - 0.5, 0, 1).astype(np.float32), False
+    return matte, True

@@ -1,0 +1,225 @@
+"""The object that the cameras look at, as a solid, from the depth that a plane sweep finds.
+
+Depth maps are fused to signed distances on a lattice (Curless and Levoy 1996). The planes that the
+object stands on or before - a table, a wall - have the object and all cameras on one side and
+little on the other; they are found by RANSAC and cut off. What then hangs together about the origin
+is the object, less those parts that hardly any matte of the network calls person, if most mattes
+call the rest so. No single photo decides: a matte that fails in a third of the photos does no harm.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...capture import Camera, mattes_share, views_share
+from ..grid import camera_row
+from ..kernels.signed_distances import fuse_distance, outline_distance
+from .sweep import DepthMap
+
+__all__ = ["Solid", "backing_planes", "find_solid"]
+
+REACH = 1.8
+"""Half of the lattice's edge in world units: a head is about one in radius, shoulders reach on."""
+
+_SIZE, _THICK = 144, 3.0
+_FOCUS = 0.6  # radius about the origin in which the object is looked for
+_PERSON = 0.4  # share of the votes below which what stands at the origin is no person
+_DOUBT = 0.25  # share of the object's usual vote below which a surface is something else's
+_HIDDEN = 0.85  # and above which what no depth tells is inside
+
+Float = NDArray[np.float32]
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Signed distances to an object on a cubic lattice about the origin.
+
+    Attributes
+    ----------
+    first, spacing
+        Coordinate of the first point along x, y and z, distance of the points, in world units.
+    distance
+        float32 [N, N, N] (z, y, x) in [-1, 1], in units of three spacings, below zero inside.
+    """
+
+    first: float
+    spacing: float
+    distance: Float
+
+    @functools.cached_property
+    def _clear(self) -> NDArray[np.uint8]:
+        return _clearance(self.distance)
+
+    def outline(self, camera: Camera) -> Float:
+        """The least distance along the ray of each pixel of one view.
+
+        float32 [H, W] in world units, negative where the object is, at most three spacings.
+        """
+        height, width = int(camera.height[0]), int(camera.width[0])
+        least = outline_distance(self.distance, self._clear, self.first, self.spacing,
+                                 camera_row(camera, 0), height, width)
+        return np.asarray(least * np.float32(_THICK * self.spacing), np.float32)
+
+
+def _clearance(distance: Float) -> NDArray[np.uint8]:
+    """For each cell, how many cells away the nearest one is that is not empty, at most 255."""
+    empty = distance >= 1.0
+    cells = ndimage.minimum_filter(empty, size=2, origin=-1, mode="nearest")
+    steps = ndimage.distance_transform_cdt(cells, "chessboard")
+    return np.minimum(steps, 255).astype(np.uint8)
+
+
+def backing_planes(points: Points, persons: Float, cameras: Points, usual: float,
+                   most: int = 3) -> NDArray[np.float64]:
+    """Planes that have the object and the cameras before them.
+
+    Parameters
+    ----------
+    points
+        float64 [K, 3], points of surfaces.
+    persons
+        float32 [K], how much the mattes call each of them the person.
+    cameras
+        float64 [V, 3], where the cameras stand.
+    usual
+        How much the mattes usually call the object the person. A plane that they call so nearly as
+        much is part of it (a back, a chest).
+    most
+        How many planes to look for.
+
+    Returns
+    -------
+    planes
+        float64 [P, 4], unit normals and offsets: ``normal . x > offset`` before the plane.
+    """
+    random = np.random.default_rng(0)
+    near = np.linalg.norm(points, axis=1) < REACH + 0.2
+    points, persons = points[near], persons[near]
+    found: list[NDArray[np.float64]] = []
+    while len(found) < most and len(points) >= 500:
+        chosen = random.permutation(len(points))[:6000]
+        sample = points[chosen]
+        corners = sample[random.integers(0, len(sample), (1500, 3))]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(normals, axis=1)
+        normals = normals[length > 1e-3] / length[length > 1e-3, None]
+        offsets = np.einsum("ij,ij->i", normals, corners[length > 1e-3, 0])
+        turned = offsets > 0
+        normals[turned], offsets[turned] = -normals[turned], -offsets[turned]
+        ahead = np.einsum("ij,kj->ik", cameras, normals) > offsets
+        usable = (ahead.mean(axis=0) > 0.95) & (offsets < -0.25)
+        for plane in found:  # the thickness of a table is no second table
+            usable &= normals @ plane[:3] < 0.8
+        normals, offsets = normals[usable], offsets[usable]
+        if not len(normals):
+            break
+        support = np.zeros(len(normals))
+        for index, (normal, offset) in enumerate(zip(normals, offsets)):
+            height = sample @ normal - offset
+            behind = np.mean(height < -0.06)
+            support[index] = np.mean(abs(height) < 0.03) if behind < 0.1 else 0.0
+        best = int(support.argmax())
+        height = points @ normals[best] - offsets[best]
+        on = abs(height) < 0.03
+        middle = points[on].mean(axis=0)
+        # What an object stands on reaches beyond it, other than its own base.
+        reach = np.quantile(np.linalg.norm(points[on] - height[on, None] * normals[best]
+                                           - offsets[best] * normals[best], axis=1), 0.9)
+        if support[best] < 0.04 or reach < 1.0 or persons[on].mean() > 0.8 * usual:
+            break
+        normal = np.linalg.svd(points[on] - middle, full_matrices=False)[2][2]
+        normal = normal if normal @ middle < 0 else -normal
+        found.append(np.append(normal, normal @ middle))
+        keep = points @ normal - normal @ middle > 0.06
+        points, persons = points[keep], persons[keep]
+    return np.array(found).reshape(-1, 4)
+
+
+def find_solid(maps: list[DepthMap], mattes: list[Float]) -> Solid | None:
+    """The object at the origin.
+
+    Parameters
+    ----------
+    maps
+        Depth maps of V views.
+    mattes
+        V mattes of a network in [0, 1], each of its depth map's size.
+
+    Returns
+    -------
+    solid
+        The object, or None if nothing of known depth is near the origin, or if most mattes see no
+        person in what is.
+    """
+    spacing = 2.0 * REACH / _SIZE
+    axis = REACH * (2.0 * (np.arange(_SIZE) + 0.5) / _SIZE - 1.0)
+    total, person = (np.zeros((_SIZE,) * 3, np.float32) for _ in range(2))
+    count, seen = (np.zeros((_SIZE,) * 3, np.int16) for _ in range(2))
+    for item, matte in zip(maps, mattes):
+        depth = np.where(np.isfinite(item.depth), item.depth, 0.0).astype(np.float32)
+        fuse_distance(axis, camera_row(item.camera, 0), depth, matte, _THICK * spacing, total,
+                      count, person, seen)
+    known = count >= 2
+    mean = (total / np.maximum(count, 1)).astype(np.float32)
+    shell = known & (mean < 0) & (seen > 0)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij", sparse=True)
+    radius = np.sqrt(x * x + y * y + z * z)
+    if (shell & (radius < 2 * _FOCUS)).sum() < 200:
+        return None
+    vote = _smooth_vote(person, seen)
+    usual = float(np.median(vote[shell & (radius < 1.0)]))
+    if usual < _PERSON:
+        return None
+    surface = known & (seen > 0) & (abs(mean) < 1.0 / _THICK)
+    planes = backing_planes(axis[np.argwhere(surface)[:, ::-1]], vote[surface],
+                            np.concatenate([item.camera.position for item in maps]), usual)
+    before = np.full(shell.shape, np.inf)
+    for a, b, c, offset in planes:
+        before = np.minimum(before, a * x + b * y + c * z - offset)
+    ahead = before > 1.5 * spacing
+    own = shell & ahead & (vote >= _DOUBT * usual)
+    # No depth tells what is hidden inside; nor does it where a surface is bare. There the mattes
+    # vote as for a visual hull: the views before which the point lies in the person's place.
+    share = _hull_share(maps, mattes)
+    hidden = ~known & ahead & (share >= _HIDDEN * np.median(share[shell & (radius < 1.0)]))
+    parts, _ = ndimage.label(own | hidden)
+    sizes = np.bincount(parts[own & (radius < 2 * _FOCUS)], minlength=1)
+    if len(sizes) < 2 or not sizes[1:].any():
+        return None
+    whole = parts == sizes[1:].argmax() + 1
+    near = ndimage.binary_dilation(whole, iterations=3) & (before > 0.5 * spacing)
+    value = np.where(known, mean, np.where(whole, -1.0, 1.0))
+    return Solid(float(axis[0]), spacing, np.where(near, value, 1.0).astype(np.float32))
+
+
+def _hull_share(maps: list[DepthMap], mattes: list[Float]) -> Float:
+    """The mean matte over the views that have a point in the picture, on every second point.
+
+    0 where fewer than a quarter of the views have.
+    """
+    cameras = Camera.concatenate([item.camera for item in maps])
+    share = mattes_share(cameras, mattes, REACH, _SIZE // 2)
+    # Every eighth point is enough to know what the pictures show.
+    inside = views_share(cameras, REACH, _SIZE // 8)
+    return np.asarray(np.where(_larger(inside, 8) < 0.25, 0.0, _larger(share, 2)), np.float32)
+
+
+def _larger(lattice: NDArray[Any], factor: int) -> NDArray[Any]:
+    """Each point repeated along z, y and x."""
+    for axis in range(3):
+        lattice = np.repeat(lattice, factor, axis)
+    return lattice
+
+
+def _smooth_vote(person: Float, seen: NDArray[np.int16]) -> Float:
+    """How much the mattes call a place of the surface the person, over its surroundings."""
+    votes = ndimage.gaussian_filter(person, 2.0)
+    voters = ndimage.gaussian_filter(seen.astype(np.float32), 2.0)
+    return np.asarray(votes / np.maximum(voters, 1e-4), np.float32)

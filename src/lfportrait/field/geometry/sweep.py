@@ -1,0 +1,261 @@
+"""Where a room's surfaces are, roughly: depth maps by plane sweep, fused on a lattice.
+
+Photos without mattes have no visual hull to start from, and a field that starts as even haze
+settles into haze. So small copies of the photos are matched first (Collins 1996; plane sweep with
+normalised cross-correlation): for each view, planes at evenly spaced inverse depths are warped into
+its neighbours, the best agreement wins, and depths that the neighbours' own maps confirm are kept.
+Fused, they say where space is empty and where surfaces are, and in what colour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...capture import Camera, Capture
+from ..grid import camera_row
+from ..kernels.depth_votes import fuse_depth
+from ..training.lattice import box_shape
+
+__all__ = ["DepthMap", "Surfaces", "fuse", "scene_box", "small_view", "sweep_depth"]
+
+_SIZE, _PLANES, _NEIGHBOURS, _WINDOW = 192, 64, 4, 7
+_C0 = 0.28209479177387814
+
+
+@dataclass(frozen=True)
+class DepthMap:
+    """A small view with what is known of its depth.
+
+    Attributes
+    ----------
+    camera
+        Its camera, one view.
+    image
+        float32 [h, w, 3], sRGB in [0, 1].
+    depth
+        float32 [h, w], distance along the optical axis in world units, NaN where it is not known.
+    """
+
+    camera: Camera
+    image: NDArray[np.float32]
+    depth: NDArray[np.float32]
+
+    def points(self) -> NDArray[np.float64]:
+        """The known points in the world, float64 [K, 3]."""
+        row, column = np.nonzero(np.isfinite(self.depth))
+        along = self.depth[row, column][:, None]
+        pixels = np.stack([column + 0.5, row + 0.5], 1)
+        local = np.column_stack([(pixels - self.camera.center[0]) / self.camera.focal[0],
+                                 np.ones(len(row))]) * along
+        return np.asarray(local @ self.camera.pose[0, :3, :3].T + self.camera.pose[0, :3, 3])
+
+
+def sweep_depth(capture: Capture, views: NDArray[np.int64], reach: float = 0.0,
+                ) -> list[DepthMap]:
+    """Depth maps of the given views, each with only what its neighbours confirm.
+
+    Parameters
+    ----------
+    capture
+        Photos and cameras.
+    views
+        The views, which are each other's neighbours.
+    reach
+        The planes of each view are dense up to this distance from the origin and few beyond; by
+        default they are the same for all views and as dense far away.
+    """
+    small = [small_view(capture, int(view)) for view in views]
+    cameras = [item.camera for item in small]
+    position = np.stack([camera.position[0] for camera in cameras])
+    forward = np.stack([camera.pose[0, :3, 2] for camera in cameras])
+    distance = np.linalg.norm(position, axis=1)
+    if reach > 0:
+        near, far = np.maximum(distance - reach, 0.3 * distance), 2.0 * (distance + reach)
+    else:
+        near = np.full(len(small), 0.3 * distance.min())
+        far = np.full(len(small), 6.0 * np.median(distance))
+    inverse = np.linspace(1.0 / far, 1.0 / near, _PLANES, axis=1)
+    neighbours = [_neighbours(view, position, forward) for view in range(len(small))]
+    greys = [item.image.mean(axis=2) for item in small]
+    found = [_match(greys, cameras, view, neighbours[view], inverse[view])
+             for view in range(len(small))]
+    steps = inverse[:, 1] - inverse[:, 0]
+    return [DepthMap(item.camera, item.image,
+                     _confirmed(view, found, cameras, neighbours[view], steps))
+            for view, item in enumerate(small)]
+
+
+def small_view(capture: Capture, view: int) -> DepthMap:
+    """A small copy of a view, its depth unknown."""
+    image = capture.images[view]
+    scale = min(1.0, _SIZE / max(image.shape[:2]))
+    camera = capture.cameras[view].scaled(scale)
+    size = (int(camera.width[0]), int(camera.height[0]))
+    pixels = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255.0
+    return DepthMap(camera, pixels, np.full(pixels.shape[:2], np.nan, np.float32))
+
+
+def _neighbours(view: int, position: NDArray[np.float64], forward: NDArray[np.float64],
+                ) -> list[int]:
+    """The nearest views that see the scene from a sufficiently different place."""
+    away = np.linalg.norm(position - position[view], axis=1)
+    reach = float(np.linalg.norm(position[view]))
+    cosine = forward @ forward[view]
+    good = (away > 0.08 * reach) & (cosine > 0.7)
+    order = np.argsort(np.where(good, away, np.inf))
+    return [int(other) for other in order[:_NEIGHBOURS] if good[other]]
+
+
+def _match(greys: list[NDArray[np.float32]], cameras: list[Camera], view: int,
+           neighbours: list[int], inverse: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Inverse depth with the best agreement, float32 [h, w], NaN where none is good."""
+    reference = greys[view]
+    height, width = reference.shape
+    if not neighbours:
+        return np.full((height, width), np.nan, np.float32)
+    window = (_WINDOW, _WINDOW)
+    mean = cv2.boxFilter(reference, -1, window)
+    variance = cv2.boxFilter(reference * reference, -1, window) - mean * mean
+    scores = np.full((len(inverse), height, width), -1.0, np.float32)
+    matrix = _intrinsics(cameras[view])
+    for index, value in enumerate(inverse):
+        every = []
+        for other in neighbours:
+            warp = _homography(cameras[view], cameras[other], matrix, float(value))
+            moved = cv2.warpPerspective(greys[other], warp, (width, height),
+                                        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                                        borderMode=cv2.BORDER_CONSTANT, borderValue=-10.0)
+            mean_moved = cv2.boxFilter(moved, -1, window)
+            variance_moved = cv2.boxFilter(moved * moved, -1, window) - mean_moved * mean_moved
+            together = cv2.boxFilter(reference * moved, -1, window) - mean * mean_moved
+            score = together / np.sqrt(np.maximum(variance * variance_moved, 1e-8))
+            every.append(np.where(moved > -0.5, score, -1.0))
+        # The better half: the others may look past an edge.
+        best = np.sort(np.stack(every), axis=0)[-max(1, len(every) // 2):]
+        scores[index] = cv2.boxFilter(best.mean(axis=0).astype(np.float32), -1, (3, 3))
+    winner = scores.argmax(axis=0)
+    top = np.take_along_axis(scores, winner[None], 0)[0]
+    inside = np.clip(winner, 1, len(inverse) - 2)
+    below = np.take_along_axis(scores, inside[None] - 1, 0)[0]
+    above = np.take_along_axis(scores, inside[None] + 1, 0)[0]
+    bend = np.minimum(below + above - 2.0 * top, -1e-6)
+    shift = np.where(winner == inside, np.clip(0.5 * (below - above) / bend, -0.5, 0.5), 0.0)
+    value = inverse[0] + (winner + shift) * (inverse[1] - inverse[0])
+    good = (top > 0.6) & (variance > 2e-5) & (winner > 0) & (winner < len(inverse) - 1)
+    return np.where(good, value, np.nan).astype(np.float32)
+
+
+def _intrinsics(camera: Camera) -> NDArray[np.float64]:
+    return np.array([[camera.focal[0, 0], 0.0, camera.center[0, 0] - 0.5],
+                     [0.0, camera.focal[0, 1], camera.center[0, 1] - 0.5], [0.0, 0.0, 1.0]])
+
+
+def _homography(reference: Camera, other: Camera, matrix: NDArray[np.float64],
+                inverse: float) -> NDArray[np.float64]:
+    """From the reference's pixels to the other's, for the plane at 1 / ``inverse``, [3, 3]."""
+    turn = other.pose[0, :3, :3].T @ reference.pose[0, :3, :3]
+    shift = other.pose[0, :3, :3].T @ (reference.pose[0, :3, 3] - other.pose[0, :3, 3])
+    plane = turn + inverse * np.outer(shift, [0.0, 0.0, 1.0])
+    return np.asarray(_intrinsics(other) @ plane @ np.linalg.inv(matrix))
+
+
+def _confirmed(view: int, found: list[NDArray[np.float32]], cameras: list[Camera],
+               neighbours: list[int], steps: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Depth where a neighbour's own map agrees within a plane and a half; NaN elsewhere."""
+    depth = 1.0 / found[view]
+    points = DepthMap(cameras[view], np.zeros((*depth.shape, 3), np.float32), depth)
+    row, column = np.nonzero(np.isfinite(depth))
+    world = points.points()
+    votes = np.zeros(len(row), int)
+    for other in neighbours:
+        pixels, along = cameras[other].project(world)
+        high, wide = found[other].shape
+        x, y = (np.floor(np.nan_to_num(pixels[0, :, axis], nan=-1.0)).astype(int)
+                for axis in (0, 1))
+        inside = (along[0] > 0) & (x >= 0) & (y >= 0) & (x < wide) & (y < high)
+        there = found[other][np.clip(y, 0, high - 1), np.clip(x, 0, wide - 1)]
+        step = max(steps[view], steps[other])
+        votes += inside & (abs(there - 1.0 / np.maximum(along[0], 1e-6)) < 1.5 * step)
+    kept = np.full(depth.shape, np.nan, np.float32)
+    sure = votes >= 1
+    kept[row[sure], column[sure]] = depth[row[sure], column[sure]]
+    return kept
+
+
+def scene_box(maps: list[DepthMap], least: float, most: float,
+              ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Center and radius [3] of a box about nine tenths of the points, or None without points.
+
+    The box reaches at least ``least`` and at most ``most`` from the origin along each axis.
+    """
+    points = np.concatenate([item.points() for item in maps])
+    if len(points) < 500:
+        return None
+    low, high = np.quantile(points, 0.01, axis=0), np.quantile(points, 0.99, axis=0)
+    margin = 0.08 * (high - low)
+    low = np.clip(low - margin, -most, -least)
+    high = np.clip(high + margin, least, most)
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
+def _completed(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Depth with its holes filled from ever wider surroundings, in inverse depth.
+
+    Where photos have no texture surfaces mostly go on as they do around.
+    """
+    known = np.isfinite(depth)
+    inverse = np.where(known, 1.0 / np.where(known, depth, 1.0), 0.0).astype(np.float32)
+    filled, there, sigma = inverse.copy(), known.copy(), 1.5
+    while not there.all() and sigma < 2 * max(depth.shape):
+        mass = cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma)
+        mean = cv2.GaussianBlur(inverse, (0, 0), sigma) / np.maximum(mass, 1e-6)
+        now = ~there & (mass > 0.02)
+        filled[now] = mean[now]
+        there |= now
+        sigma *= 1.7
+    # A view without any known depth votes for nothing: its surface is at no distance.
+    return np.where(there, 1.0 / np.maximum(filled, 1e-6), 0.0).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """What depth maps say of the points of a lattice.
+
+    Attributes
+    ----------
+    keep
+        bool [Z, Y, X], points that may hold matter.
+    solid
+        bool [Z, Y, X], points where surfaces are seen.
+    color
+        float32 [Z, Y, X, 3], zeroth harmonic of the surfaces' colour, zero elsewhere.
+    """
+
+    keep: NDArray[np.bool_]
+    solid: NDArray[np.bool_]
+    color: NDArray[np.float32]
+
+
+def fuse(maps: list[DepthMap], resolution: int, center: NDArray[np.float64],
+         radius: NDArray[np.float64]) -> Surfaces:
+    """The votes of all maps on a lattice with ``resolution`` points to two world units."""
+    shape = box_shape(resolution, radius)
+    x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)
+               for i in range(3))
+    empty, solid, unsure = (np.zeros(shape, np.int16) for _ in range(3))
+    color = np.zeros((*shape, 3), np.float32)
+    margin = 1.5 * 2.0 / resolution
+    for item in maps:
+        fuse_depth(x, y, z, camera_row(item.camera, 0), _completed(item.depth),
+                   np.isfinite(item.depth), item.image, margin, 0.1, empty, solid, unsure, color)
+    surface = (solid >= 2) & (solid >= 0.3 * empty)
+    likely = (solid + unsure >= 2) & (solid + unsure >= empty)
+    keep = ndimage.binary_dilation(surface, np.ones((3, 3, 3), bool)) | likely
+    mean = color / np.maximum(solid, 1)[..., None]
+    harmonic = np.where(surface[..., None], (mean - 0.5) / _C0, 0.0).astype(np.float32)
+    return Surfaces(keep, surface, harmonic)

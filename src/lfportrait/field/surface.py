@@ -1,0 +1,247 @@
+"""A field as a point cloud or as a coloured mesh of its surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+
+from ..errors import UserError
+from .grid import VoxelField
+from .kernels.march import lattice_of_world
+from .kernels.surface import depth_from_outside, seen_colors, sh_bases
+
+__all__ = ["Mesh", "PointCloud", "field_mesh", "field_points"]
+
+Float = NDArray[np.float32]
+
+_C0 = 0.28209479177387814
+_FRONT = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """Lattice points that hold matter.
+
+    Attributes
+    ----------
+    positions, normals
+        float32 [K, 3], in the world; normals of unit length, out of the matter.
+    colors
+        uint8 [K, 3], sRGB.
+    opacity
+        float32 [K], part of the light that a step of one voxel takes.
+    """
+
+    positions: Float
+    normals: Float
+    colors: NDArray[np.uint8]
+    opacity: Float
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh with one colour and one normal a vertex.
+
+    Attributes
+    ----------
+    vertices, normals
+        float32 [V, 3], in the world; normals of unit length, outwards.
+    faces
+        int32 [F, 3], counter-clockwise seen from outside.
+    colors
+        uint8 [V, 3], sRGB.
+    """
+
+    vertices: Float
+    normals: Float
+    faces: NDArray[np.int32]
+    colors: NDArray[np.uint8]
+
+
+def _eight_bit(color: NDArray[Any]) -> NDArray[np.uint8]:
+    return (np.clip(color, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+def _unit(vectors: NDArray[Any], instead: NDArray[Any]) -> NDArray[Any]:
+    """Vectors [K, 3] at unit length; ``instead`` where there is no direction."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > 1e-12, vectors / np.maximum(length, 1e-12), instead)
+
+
+def field_points(field: VoxelField, opacity: float = 0.1, color: str = "mean") -> PointCloud:
+    """The lattice points whose voxel takes at least ``opacity`` of the light.
+
+    Parameters
+    ----------
+    field
+        The field.
+    opacity
+        See above, 0 to 1.
+    color
+        ``"mean"``: the coefficient of degree 0, a point's mean over all directions. ``"seen"``: its
+        colour in the direction from which it is looked at (`_gaze`).
+
+    Raises
+    ------
+    UserError
+        If there are none.
+    """
+    size = np.array(field.links.shape[::-1])
+    spacing = 2.0 * field.radius / size
+    taken = 1.0 - np.exp(-np.maximum(field.density, 0.0) * float(spacing.mean()))
+    rows = np.flatnonzero(taken >= opacity)
+    if not len(rows):
+        raise UserError(f"no point of the field is as opaque as {opacity:g}; lower --opacity")
+    place = np.empty((len(field.density), 3), np.int32)
+    z, y, x = np.nonzero(field.links >= 0)
+    place[field.links[z, y, x]] = np.stack([x, y, z], axis=1)
+    place = place[rows]
+    slope = np.empty((len(rows), 3))
+    # Sobel's operator: the neighbours' neighbours count as well, as single densities are noisy.
+    padded = np.pad(field.links, 1, constant_values=-1)
+    values = np.append(field.density, np.float32(0.0))
+    around = np.array([(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)])
+    near = np.stack([values[padded[place[:, 2] + 1 + k, place[:, 1] + 1 + j, place[:, 0] + 1 + i]]
+                     for i, j, k in around], axis=1)
+    for axis in range(3):
+        others = [other for other in range(3) if other != axis]
+        weight = around[:, axis] * np.prod(2 - np.abs(around[:, others]), axis=1)
+        slope[:, axis] = near @ weight / spacing[axis]
+    positions = field.center + field.radius * (2.0 * (place + 0.5) / size - 1.0)
+    normals = _unit(-slope, _unit(positions - field.center, _FRONT))
+    if color == "mean":
+        shown = _C0 * field.sh[rows, :, 0] + 0.5
+    else:
+        bases = np.empty((len(rows), field.basis), np.float32)
+        sh_bases(_gaze(normals), bases)
+        shown = np.einsum("kcb,kb->kc", field.sh[rows], bases) + 0.5
+    return PointCloud(positions.astype(np.float32), normals.astype(np.float32), _eight_bit(shown),
+                      taken[rows].astype(np.float32))
+
+
+def _gaze(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The direction in which somebody looks who sees a surface with the given normals, [K, 3].
+
+    Against the normal, but rather level and rather from the front, as people are photographed: in
+    directions that no photo looked in, a field's coefficients say nothing.
+    """
+    return _unit(-(normals * (1.0, 0.5, 1.0) + (0.0, 0.0, 0.5)), -_FRONT)
+
+
+def _cropped(field: VoxelField, margin: int) -> tuple[Float, NDArray[np.int64]]:
+    """Density [z, y, x] about the filled lattice points, and the first point's place (z, y, x)."""
+    filled = field.links >= 0
+    if not filled.any():
+        raise UserError("the field is empty; reconstruct it again")
+    low, high = [], []
+    for axis in range(3):
+        along = np.flatnonzero(filled.any(axis=tuple(other for other in range(3) if other != axis)))
+        low.append(int(along[0]))
+        high.append(int(along[-1]) + 1)
+    links = field.links[low[0]:high[0], low[1]:high[1], low[2]:high[2]]
+    values = np.append(np.maximum(field.density, 0.0), np.float32(0.0)).astype(np.float32)
+    return np.pad(values[links], margin), np.array(low) - margin
+
+
+def _looked_from() -> NDArray[np.int64]:
+    """Steps (z, y, x) in which light comes in: level and from above.
+
+    Not from below: people are cut off there, and one would look into the shell.
+    """
+    steps = [(z, y, x) for z in (-1, 0, 1) for y in (-1, 0) for x in (-1, 0, 1) if z or y or x]
+    return np.array(steps)
+
+
+def _largest_pieces(faces: NDArray[np.int32], count: int, least: float) -> NDArray[np.bool_]:
+    """Faces of the connected pieces with at least ``least`` of the largest one's faces."""
+    edges = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = sparse.coo_matrix((np.ones(len(edges), bool), edges.T), shape=(count, count))
+    _, piece = sparse.csgraph.connected_components(graph, directed=False)
+    sizes = np.bincount(piece[faces[:, 0]], minlength=piece.max() + 1)
+    return np.asarray((sizes >= least * sizes.max())[piece[faces[:, 0]]])
+
+
+def field_mesh(field: VoxelField, level: float | None = None, surface: str = "auto",
+               smooth: float = 1.5, least: float = 0.05) -> Mesh:
+    """The surface of a field by marching cubes, with the colours seen there.
+
+    Parameters
+    ----------
+    field
+        The field.
+    level
+        Opacity at the surface, 0 to 1: of all that light passes on its way there from outside
+        (``"outer"``; 0.5 by default), or of a step of one voxel (``"density"``; 0.1 by default).
+    surface
+        ``"outer"``: the surface as seen from outside, closed, nothing within. ``"density"``: of the
+        density itself, inner walls included. ``"auto"``: the latter for a field with a background,
+        as walls of a room would hide all else.
+    smooth
+        Standard deviation in voxels by which the opacity is smoothed first; 0 does not.
+    least
+        Connected pieces with fewer faces than this part of the largest one's are dropped.
+
+    Raises
+    ------
+    UserError
+        If the field has no such surface.
+    """
+    from skimage.measure import marching_cubes
+
+    if surface == "auto":
+        surface = "outer" if field.background is None else "density"
+    if level is None:
+        level = 0.5 if surface == "outer" else 0.1
+    if not 0.0 < level < 1.0 or smooth < 0.0:
+        raise UserError(f"--level must lie between 0 and 1 and --smooth not below 0, not at "
+                        f"{level:g} and {smooth:g}")
+    density, first = _cropped(field, 2 + int(np.ceil(2 * smooth)))
+    size = np.array(field.links.shape[::-1])
+    spacing = 2.0 * field.radius / size
+    if surface == "outer":
+        opaque = depth_from_outside(density, spacing[::-1], _looked_from())
+    else:
+        opaque = density * np.float32(spacing.mean())
+    np.negative(np.expm1(-opaque, out=opaque), out=opaque)
+    if smooth > 0.0:
+        # The rim of padding stays outside.
+        ndimage.gaussian_filter(opaque, smooth, output=opaque, truncate=2.0, mode="nearest")
+    if not opaque.min() < level < opaque.max():
+        raise UserError(f"the field has no surface at an opacity of {level:g}; try another --level")
+    # Opaque is inside: outwards the values fall.
+    points, faces, normals, _ = marching_cubes(opaque, level, gradient_direction="descent",
+                                               allow_degenerate=False)
+    faces = faces[_largest_pieces(faces, len(points), least)]
+    used, faces = np.unique(faces, return_inverse=True)
+    faces = faces.reshape(-1, 3).astype(np.int32)
+    # From (z, y, x) to (x, y, z), which turns the faces over.
+    place = (points[used] + first)[:, ::-1].astype(np.float64)
+    vertices = field.center + field.radius * (2.0 * (place + 0.5) / size - 1.0)
+    normals = _unit(normals[used][:, ::-1] / spacing, _FRONT)
+    return Mesh(vertices.astype(np.float32), normals.astype(np.float32), faces,
+                _eight_bit(_seen(field, vertices, normals, float(spacing.mean()))))
+
+
+def _seen(field: VoxelField, points: NDArray[np.float64], normals: NDArray[np.float64],
+          voxel: float) -> NDArray[np.float32]:
+    """Colour of surface points as seen from outside, float32 [K, 3].
+
+    A short ray, in the direction of `_gaze`, goes through the surface's few voxels.
+    """
+    scale, offset = lattice_of_world(field.center, field.radius, field.links.shape)
+    color = np.empty((len(points), 4), np.float32)
+    gaze = _gaze(normals)
+    seen_colors(field.links, field.density, field.sh, scale, offset, points - 2.0 * voxel * gaze,
+                gaze, 12, 0.5 * voxel, color)
+    lost = color[:, 3] < 0.02
+    if lost.any() and not lost.all():
+        # A few points of a smoothed surface lie over a gap: they take their neighbour's colour.
+        from scipy.spatial import cKDTree
+
+        _, nearest = cKDTree(points[~lost]).query(points[lost])
+        color[lost] = color[~lost][nearest]
+    return color[:, :3]

@@ -1,0 +1,113 @@
+"""The state of a reconstruction on the disk, so that it goes on where it was stopped."""
+
+from __future__ import annotations
+
+import time
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...capture import Capture
+from ...files import atomic_write
+from ..background import Background, BackgroundTrainer
+from ..config import ReconstructConfig
+from .lattice import Lattice
+from .pixels import Batches
+from .poses import PoseRefiner
+
+__all__ = ["State", "read_checkpoint", "write_checkpoint"]
+
+
+class State(Protocol):
+    """What of a reconstruction under way (`Trainer`) is kept: all the rest follows from it."""
+
+    key: str
+    capture: Capture
+    config: ReconstructConfig
+    level: int
+    step: int
+    rays_done: int
+    began: float
+    level_done: float
+    lattice: Lattice | None
+    gains: NDArray[np.float64]
+    test_gains: NDArray[np.float64]
+    recent: NDArray[np.float64]
+    table: NDArray[np.int32] | None
+    poses: PoseRefiner | None
+    background: Background | None
+    behind: BackgroundTrainer | None
+    batches: Batches | None
+
+    def place(self, capture: Capture) -> None:
+        """Go on with other cameras of the same photos."""
+
+    def background_trainer(self, mean_square: NDArray[np.float32] | None = None,
+                           ) -> BackgroundTrainer | None:
+        """What trains the background."""
+
+    def new_batches(self) -> Batches:
+        """The order of the level's rays."""
+
+
+def write_checkpoint(trainer: State, path: Path) -> None:
+    """Write all that the rest of the training follows from."""
+    lattice = trainer.lattice
+    assert lattice is not None
+    state: dict[str, Any] = {
+        "key": trainer.key,
+        "counts": np.array([trainer.level, trainer.step, trainer.rays_done]),
+        "elapsed": time.perf_counter() - trainer.began, "links": lattice.links,
+        "density": lattice.density, "rows": lattice.rows, "center": lattice.center,
+        "radius": lattice.radius, "gains": trainer.gains, "test_gains": trainer.test_gains,
+        "recent": trainer.recent,
+        "rates": np.array([trainer.level_done, trainer.config.lr_sigma])}
+    if trainer.poses is not None:
+        state.update(trainer.poses.state())
+    if trainer.background is not None:
+        state["background_links"] = trainer.background.links
+        state["background_data"] = trainer.background.data
+        if trainer.behind is not None:
+            state["background_mean_square"] = trainer.behind.mean_square
+    if trainer.batches is not None:
+        state |= trainer.batches.state
+    if trainer.table is not None:
+        state["table"] = trainer.table
+    with atomic_write(path) as stream:
+        np.savez(stream, **state)
+
+
+def read_checkpoint(trainer: State, path: Path) -> None:
+    """Take over a checkpoint of the same capture and parameters; others leave all as it is."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            if str(data["key"]) != trainer.key:
+                return
+            state = {name: data[name] for name in data.files}
+        level, step, rays = (int(count) for count in state["counts"])
+        lattice = Lattice(state["links"], state["density"], state["rows"], state["center"],
+                          state["radius"])
+        gains, test_gains, recent = state["gains"], state["test_gains"], state["recent"]
+        elapsed = float(state["elapsed"])
+        level_done, lr_sigma = (float(number) for number in state["rates"])
+        capture = (trainer.capture if trainer.poses is None
+                   else trainer.poses.restore(state, trainer.capture))
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return
+    trainer.level, trainer.step, trainer.rays_done, trainer.lattice = level, step, rays, lattice
+    trainer.gains, trainer.test_gains, trainer.recent = gains, test_gains, recent
+    trainer.level_done, trainer.table = level_done, state.get("table")
+    trainer.place(capture)
+    trainer.began -= elapsed
+    trainer.config = replace(trainer.config, lr_sigma=lr_sigma)
+    if "background_links" in state:
+        trainer.background = Background(state["background_links"], state["background_data"])
+    if "background_mean_square" in state:
+        trainer.behind = trainer.background_trainer(state["background_mean_square"])
+    if "batch_part" in state:
+        trainer.batches = trainer.new_batches()
+        trainer.batches.restore(state)

@@ -1,0 +1,159 @@
+"""The pixels that a reconstruction learns from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...capture import Camera, Capture
+from ..grid import camera_row
+
+__all__ = ["Batches", "TrainingPixels"]
+
+
+class TrainingPixels:
+    """The training pixels in one array, and the 4x4 tiles that are worth casting."""
+
+    def __init__(self, capture: Capture, views: NDArray[np.int64]) -> None:
+        self.has_alpha = capture.alphas is not None
+        planes, starts, tiles, total = [], [], [], 0
+        for number, view in enumerate(views):
+            image = capture.images[view]
+            height, width = image.shape[:2]
+            alpha = (capture.alphas[view] if capture.alphas is not None
+                     else np.full((height, width), 255, np.uint8))
+            planes.append(np.dstack([image, alpha]).reshape(-1, 4))
+            starts.append(total)
+            total += height * width
+            tiles.append(self._tiles(number, alpha))
+        self.pixels = np.ascontiguousarray(np.concatenate(planes))
+        self.starts = np.array(starts, np.int64)
+        self.tiles = np.concatenate(tiles)
+        cameras = capture.cameras[views]
+        self.sizes = np.stack([cameras.width, cameras.height], 1)
+        self.place(cameras)
+
+    def place(self, cameras: Camera) -> None:
+        """Cast the rays from these cameras from now on."""
+        self.cameras = np.stack([camera_row(cameras, view) for view in range(len(cameras))])
+
+    def cube_rays(self, tiles: NDArray[np.int32], center: NDArray[np.float64],
+                  radius: NDArray[np.float64]) -> NDArray[np.float32]:
+        """The 16 rays of each tile in the coordinates of a box's cube: float32 [16 T, 6]."""
+        inner = np.arange(16)
+        view = np.repeat(tiles[:, 0], 16)
+        x = np.minimum((tiles[:, 2, None] + (inner & 3)).ravel(), self.sizes[view, 0] - 1) + 0.5
+        y = np.minimum((tiles[:, 1, None] + (inner >> 2)).ravel(), self.sizes[view, 1] - 1) + 0.5
+        camera = self.cameras[view]
+        across = (x - camera[:, 14]) / camera[:, 12]
+        down = (y - camera[:, 15]) / camera[:, 13]
+        pose = camera[:, :12].reshape(-1, 3, 4)
+        directions = pose[:, :, 0] * across[:, None] + pose[:, :, 1] * down[:, None] + pose[:, :, 2]
+        directions /= radius
+        rays = np.empty((len(view), 6), np.float32)
+        rays[:, :3] = (pose[:, :, 3] - center) / radius
+        rays[:, 3:] = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        return rays
+
+    def _tiles(self, view: int, alpha: NDArray[np.uint8]) -> NDArray[np.int32]:
+        """Tiles that show the person or border on them: [T, 3] (view, row, column)."""
+        height, width = alpha.shape
+        padded = np.zeros((-(-height // 4) * 4, -(-width // 4) * 4), np.uint8)
+        padded[:height, :width] = alpha
+        shown = padded.reshape(padded.shape[0] // 4, 4, -1, 4).max(axis=(1, 3)) > 12
+        if self.has_alpha:
+            shown = ndimage.binary_dilation(shown, iterations=3)
+        rows, columns = np.nonzero(shown)
+        return np.stack([np.full(len(rows), view), 4 * rows, 4 * columns], 1).astype(np.int32)
+
+
+class Batches:
+    """Tiles in random order, more often where the error is large (importance sampling).
+
+    Every eighth of a pass over the tiles, the next eighth is chosen. Each tile is given a share of
+    it by its importance, which is one part the same for all and another the mean squared error
+    lately found in the tile's block of 12x12 pixels; the tiles with the most unused shares have
+    their turn. While nothing is known of errors each tile comes once a pass.
+
+    Parameters
+    ----------
+    data
+        The pixels.
+    size
+        Tiles a step.
+    seed, level
+        What the order follows from.
+    importance
+        Share of the rays that errors draw, from 0 to 1.
+    """
+
+    _PARTS, _BLOCK, _KEEP = 8, 12, 0.6
+
+    def __init__(self, data: TrainingPixels, size: int, seed: int, level: int,
+                 importance: float = 0.0) -> None:
+        self.data, self.size = data, max(1, min(size, len(data.tiles)))
+        self.seed, self.level, self.importance = seed, level, importance
+        places = data.tiles // np.array([1, self._BLOCK, self._BLOCK], np.int32)
+        _, self._block = np.unique(np.ravel_multi_index(
+            tuple(places.T), tuple(places.max(axis=0) + 1)), return_inverse=True)
+        # Error and tiles of each block, fading from one choice to the next; unused shares.
+        self._error, self._seen = np.zeros((2, self._block.max() + 1))
+        self._credit = np.zeros(len(data.tiles), np.float32)
+        self._part, self._order, self._now = -1, np.zeros(0, np.int64), np.zeros(0, np.int64)
+
+    def generator(self, kind: int, number: int) -> np.random.Generator:
+        """Random numbers of one step (``kind`` 0) or one choice of tiles (``kind`` 1)."""
+        return np.random.Generator(np.random.Philox(
+            key=[self.seed, self.level], counter=[0, 0, kind, number]))
+
+    def step(self, number: int) -> NDArray[np.int32]:
+        """The tiles of a step: those of one view side by side, so that neighbours share the cache.
+
+        Steps are taken one after the other. int32 [T, 3].
+        """
+        steps = max(1, len(self.data.tiles) // self.size // self._PARTS)
+        part, place = divmod(number, steps)
+        if part != self._part:
+            self._part = part
+            self._order = self._chosen(self.generator(1, part), steps * self.size)
+        now = self._order[place * self.size:(place + 1) * self.size]
+        tiles = self.data.tiles[now]
+        sorting = np.lexsort((tiles[:, 2], tiles[:, 1], tiles[:, 0]))
+        self._now = now[sorting]
+        return np.asarray(tiles[sorting])
+
+    def _chosen(self, generator: np.random.Generator, count: int) -> NDArray[np.int64]:
+        """The next ``count`` tiles, in random order."""
+        weight = np.ones(len(self._credit), np.float32)
+        if self.importance > 0 and self._error.any():
+            mean = self._error.sum() / self._seen.sum()
+            error = ((self._error + mean) / (self._seen + 1.0))[self._block]
+            weight += self.importance * (error / error.mean() - 1.0).astype(np.float32)
+            self._error *= self._KEEP
+            self._seen *= self._KEEP
+        self._credit += weight * np.float32(count / len(weight))
+        turn = generator.random(len(weight), np.float32) - self._credit
+        chosen = np.argpartition(turn, count - 1)[:count]
+        self._credit[chosen] -= 1.0
+        return np.asarray(chosen[generator.permutation(count)])
+
+    def learn(self, errors: NDArray[np.float32]) -> None:
+        """Take in the squared errors of the last step's tiles, [T]."""
+        block = self._block[self._now]
+        np.add.at(self._error, block, errors)
+        np.add.at(self._seen, block, 1.0)
+
+    @property
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What the next steps follow from."""
+        return {"batch_error": self._error, "batch_seen": self._seen, "batch_credit": self._credit,
+                "batch_order": self._order, "batch_part": np.array(self._part)}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Go on from such a state."""
+        self._error, self._seen = state["batch_error"], state["batch_seen"]
+        self._credit, self._order = state["batch_credit"], state["batch_order"]
+        self._part = int(state["batch_part"])

@@ -1,0 +1,93 @@
+"""The person (or the object) cut out of photos with a background."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Capture, consistent_mattes, matte_agreement, refine_matte
+from ..progress import Progress
+
+__all__ = ["cut_person"]
+
+# A network that is right has most of its mattes overlap with their common solid by this much; one
+# of which only few do is wrong.
+_OVERLAP, _MOST, _FEWEST = 0.6, 0.8, 0.25
+_NOBODY = 0.01  # share of all pixels below which the network sees nobody
+
+Plane = NDArray[np.float32]
+Network = Callable[[NDArray[np.uint8], NDArray[np.float64]], Plane]
+
+
+def cut_person(capture: Capture, progress: Progress | None = None,
+               network: Network | None = None) -> tuple[Capture, str]:
+    """Cut the person out of every photo.
+
+    A network's mattes, sharpened along the photos' edges, made consistent over the views and freed
+    of what the photos' depth puts elsewhere, where they agree; where they do not, as with a
+    sculpture, the object that the cameras look at, cut out by its geometry
+    (`lfportrait.field.geometry.cutout`).
+
+    Parameters
+    ----------
+    capture
+        Photos without mattes, in the portrait frame.
+    progress
+        Progress line.
+    network
+        Person matte of a picture whose direction ``up`` is given; by default
+        `lfportrait.face.person_matte`.
+
+    Returns
+    -------
+    capture, how
+        The capture with mattes, or the same if nothing was found; ``"network"``, ``"geometry"`` or
+        why there are none.
+
+    Raises
+    ------
+    UserError
+        If the network's weights are missing.
+    """
+    from ..face import person_matte
+    from ..field.geometry import cut_out, trim
+
+    matte_of = network or person_matte
+    soft = []
+    for view, image in enumerate(capture.images):
+        soft.append(matte_of(image, _up_in_image(capture, view)))
+        if progress is not None:
+            progress.update(0, f"cutting out the person: {view + 1} of {len(capture)}")
+    # A few views leave too much of space to tell who is right.
+    agree = (matte_agreement(capture.cameras, soft) > _OVERLAP if len(capture) >= 6
+             else np.ones(len(capture), bool))
+    # Two threads at the most: each photo's planes take a few hundred megabytes.
+    mattes, how = None, "network"
+    seen = np.mean([float(matte.mean()) for matte in soft]) > _NOBODY
+    if seen and agree.mean() < _MOST:
+        mattes = cut_out(capture, soft, progress)
+        how = "geometry" if mattes is not None else how
+    if mattes is None:
+        with ThreadPoolExecutor(2) as workers:
+            refined = list(workers.map(refine_matte, capture.images, soft))
+        mattes = consistent_mattes(capture, refined)
+        if agree.mean() >= _MOST and len(capture.training()) >= 6:
+            mattes = trim(capture, mattes, progress)
+    # The network may see no person, or a different one in every photo, and neither texture nor
+    # votes tell of an object.
+    nobody = np.mean([float(matte.mean()) for matte in mattes]) <= 0.002
+    if nobody or (how == "network" and agree.mean() < _FEWEST):
+        return capture, "none: no person was found, the room stays"
+    return replace(capture, alphas=[(np.clip(matte, 0, 1) * 255 + 0.5).astype(np.uint8)
+                                    for matte in mattes]), how
+
+
+def _up_in_image(capture: Capture, view: int) -> NDArray[np.float64]:
+    """The world's up direction in a picture, [2] (x right, y down), unit length."""
+    up = capture.cameras.pose[view, :3, :3].T @ np.array([0.0, 1.0, 0.0])
+    flat = up[:2]
+    return np.asarray(flat / max(float(np.linalg.norm(flat)), 1e-9))

@@ -1,0 +1,297 @@
+"""The main job: photos and one painting in, a coded light field out, each stage resumable.
+
+The stages in order, each of which writes its files into the job's folder and is skipped when they
+are there from the same inputs (`lfportrait.job.stages`):
+
+==============  ==============================  ===================================
+stage           reads                           writes
+==============  ==============================  ===================================
+capture         photos                          ``capture/``
+reconstruct     ``capture/``                    ``field.npz``
+stylize         field, capture, exemplar        ``styled.npz``
+encode          styled field, display           ``lightfield.png``, ``quilt_*.png``
+share           all of them                     ``sweep.mp4``, ``report.html``
+==============  ==============================  ===================================
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..capture import (
+    CalibrateConfig,
+    Capture,
+    calibrate,
+    is_calibrated,
+    portrait_frame_from_landmarks,
+)
+from ..errors import UserError
+from ..example import Exemplar
+from ..field import ReconstructConfig, VoxelField, reconstruct_with_figures
+from ..files import write_image, write_json
+from ..keys import key_of
+from ..lightfield import (
+    Display,
+    EncodeConfig,
+    ViewMask,
+    encode_with_figures,
+    quilt_of,
+    write_coded,
+)
+from ..measure import machine, peak_memory_bytes
+from ..progress import Progress
+from ..stylize import StylizeConfig
+from .person import cut_person
+from .stages import StageFolder, fingerprint_files
+from .summary import share_job
+
+__all__ = ["MakeConfig", "make", "prepare_capture"]
+
+
+@dataclass(frozen=True)
+class MakeConfig:
+    """Parameters of every stage of the main job."""
+
+    calibrate: CalibrateConfig = field(default_factory=CalibrateConfig)
+    """Cameras from photos."""
+    reconstruct: ReconstructConfig = field(default_factory=ReconstructConfig)
+    """Radiance field."""
+    stylize: StylizeConfig = field(default_factory=StylizeConfig)
+    """Style transfer and the optimisation of the field."""
+    encode: EncodeConfig = field(default_factory=EncodeConfig)
+    """Light-field coding."""
+    keep_background: bool = False
+    """Do not cut the person out of photos that have no alpha channel."""
+    sweep_size: int = 512
+    """Height of the sweep video in pixels."""
+
+
+def _source_files(photos: Path) -> list[Path]:
+    """The files that a capture is made from, for its fingerprint."""
+    if photos.is_file():
+        return [photos]
+    return [path for path in photos.rglob("*") if path.is_file() and path.name[0] != "."]
+
+
+def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
+                    need_face: bool = False, progress: Progress | None = None,
+                    ) -> tuple[Capture, dict[str, Any]]:
+    """Photos, a video or a calibrated data set -> a capture in the portrait frame.
+
+    Finds the cameras where there are none, the landmarks of the face in 3D and, for photos without
+    an alpha channel, the person's mattes.
+
+    Parameters
+    ----------
+    photos
+        Folder, video file or data set.
+    config
+        Calibration.
+    keep_background
+        Keep the room behind the person.
+    need_face
+        Raise `UserError` where no face is found, instead of going on without landmarks.
+    progress
+        Progress line.
+
+    Returns
+    -------
+    capture, figures
+        The capture and the run's figures: views, how they were calibrated, landmark errors.
+    """
+    from ..face import landmarks_of_capture
+
+    photos = Path(photos)
+    if not photos.exists():
+        raise UserError(f"there is no folder or file {photos}; name the folder of your photos")
+    if is_calibrated(photos):
+        capture = Capture.load(photos)
+        figures: dict[str, Any] = {"source": "calibrated"}
+        fresh = False
+    else:
+        capture = calibrate(photos, config, progress)
+        figures = {"source": "photos", "calibration": capture.figures}
+        fresh = True
+    if capture.landmarks is None:
+        points, found = landmarks_of_capture(capture, progress)
+        figures["landmarks"] = found
+        if points is not None:
+            if fresh:
+                similarity = portrait_frame_from_landmarks(points, capture.cameras)
+                points = points @ similarity[:3, :3].T + similarity[:3, 3]
+                capture = capture.reframed(similarity)
+            capture = replace(capture, landmarks=points)
+        elif need_face:
+            raise UserError(f"no face was found in the photos of {photos}; a portrait needs a few "
+                            "photos that show the face from the front, upright and in focus")
+    if capture.alphas is None and not keep_background:
+        capture, figures["mattes"] = cut_person(capture, progress)
+    figures["views"] = len(capture)
+    figures["held_out"] = int(capture.held_out.sum())
+    return capture, figures
+
+
+def _save_folder(write: Callable[[Path], None], target: Path) -> None:
+    """Let ``write`` fill a new folder that takes ``target``'s place only when it is complete."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as name:
+        fresh = Path(name) / target.name
+        write(fresh)
+        if target.exists():
+            shutil.rmtree(target)
+        fresh.rename(target)
+
+
+def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
+         display: str | Path | Display = "generic-4k", config: MakeConfig | None = None, *,
+         device: str = "auto", seed: int = 0, quiet: bool = True) -> dict[str, Any]:
+    """Run the whole job.
+
+    Parameters
+    ----------
+    photos
+        Folder of photos, video, calibrated data set, or a capture in memory.
+    style
+        Exemplar: a picture's path, a built-in style's name, or an `Exemplar`.
+    out
+        Folder for all results; a job interrupted there goes on where it stopped.
+    display
+        Preset name, calibration or display file, or a `Display`.
+    config
+        Parameters of the stages.
+    device
+        ``"auto"``, ``"cpu"`` or ``"cuda"``.
+    seed
+        Seed of all random choices.
+    quiet
+        Print no progress.
+
+    Returns
+    -------
+    run
+        The figures that ``run.json`` holds.
+
+    Raises
+    ------
+    UserError
+        If an input can't be used; nothing half-written is left.
+    """
+    config = config or MakeConfig()
+    # Everything that can be wrong in the input is looked at before the first long stage starts.
+    panel = display if isinstance(display, Display) else Display.resolve(display)
+    if not isinstance(photos, Capture) and not Path(photos).exists():
+        raise UserError(f"there is no folder or file {photos}; name the folder of your photos")
+    exemplar = style if isinstance(style, Exemplar) else Exemplar.load(style)
+    job = _Job(Path(out), photos, exemplar, panel, config, device, seed, quiet)
+    return job.run()
+
+
+class _Job:
+    """One run of the main job: inputs, folder, and the stages as methods."""
+
+    def __init__(self, out: Path, photos: Path | Capture, exemplar: Exemplar, display: Display,
+                 config: MakeConfig, device: str, seed: int, quiet: bool) -> None:
+        self.out, self.photos, self.exemplar, self.display = out, photos, exemplar, display
+        self.config, self.device, self.seed, self.quiet = config, device, seed, quiet
+        self.stages = StageFolder(out, self._say)
+
+    def _say(self, line: str) -> None:
+        if not self.quiet:
+            print(line, file=sys.stderr)
+
+    def _progress(self, title: str) -> Progress:
+        return Progress(title, enabled=not self.quiet)
+
+    def run(self) -> dict[str, Any]:
+        config = self.config
+        if isinstance(self.photos, Capture):
+            source = key_of(self.photos.images, self.photos.alphas, self.photos.cameras.pose)
+        else:
+            source = fingerprint_files(_source_files(Path(self.photos)))
+        capture_key = key_of("capture", source, config.calibrate, config.keep_background, self.seed)
+        field_key = key_of("reconstruct", capture_key, config.reconstruct)
+        style_key = key_of("stylize", field_key, config.stylize, self.exemplar.image,
+                           self.exemplar.landmarks)
+        code_key = key_of("encode", style_key, config.encode, self.display)
+        share_key = key_of("share", code_key, config.sweep_size)
+        self.stages.run("capture", capture_key, ["capture"], self._capture)
+        self.stages.run("reconstruct", field_key, ["field.npz"], self._reconstruct)
+        self.stages.run("stylize", style_key, ["styled.npz"], self._stylize)
+        self.stages.run("encode", code_key, ["lightfield.png"], self._encode)
+        self.stages.run("share", share_key, ["sweep.mp4", "report.html"], self._share)
+        run = self._figures()
+        write_json(self.out / "run.json", run)
+        return run
+
+    def _figures(self) -> dict[str, Any]:
+        figures = self.stages.figures
+        seconds = {name: stage["stage_seconds"] for name, stage in figures.items()}
+        peak = max([peak_memory_bytes(), *(int(stage.get("peak_memory_bytes", 0))
+                                           for stage in figures.values())])
+        return {"version": __version__, "device": figures["stylize"].get("device", "cpu"),
+                "machine": machine(), "style": self.exemplar.name, "display": self.display.name,
+                "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
+                "peak_memory_bytes": peak, "resumed": self.stages.resumed, **figures}
+
+    def _capture(self) -> dict[str, Any]:
+        if isinstance(self.photos, Capture):
+            capture, figures = self.photos, {"source": "embedded", "views": len(self.photos)}
+        else:
+            with self._progress("capture") as progress:
+                capture, figures = prepare_capture(
+                    Path(self.photos), replace(self.config.calibrate, seed=self.seed),
+                    keep_background=self.config.keep_background, need_face=True,
+                    progress=progress)
+        _save_folder(capture.save, self.out / "capture")
+        return figures
+
+    def _reconstruct(self) -> dict[str, Any]:
+        checkpoint = self.stages.scratch("reconstruct.npz")
+        config = replace(self.config.reconstruct, seed=self.seed)
+        if not config.finest:
+            # A display's views have a few hundred rows; all later stages pay for each voxel.
+            config = replace(config, finest=256)
+        with self._progress("reconstruct") as progress:
+            result, figures = reconstruct_with_figures(
+                Capture.load(self.out / "capture"), config, progress, checkpoint=checkpoint)
+        result.save(self.out / "field.npz")
+        self.stages.remove_scratch("reconstruct.npz")
+        return {**figures, "peak_memory_bytes": peak_memory_bytes()}
+
+    def _stylize(self) -> dict[str, Any]:
+        from ..stylize import stylize_with_figures
+
+        with self._progress("stylize") as progress:
+            styled, figures = stylize_with_figures(
+                VoxelField.load(self.out / "field.npz"), Capture.load(self.out / "capture"),
+                self.exemplar, replace(self.config.stylize, seed=self.seed), progress,
+                device=self.device)
+        styled.save(self.out / "styled.npz")
+        return {**figures, "peak_memory_bytes": peak_memory_bytes()}
+
+    def _encode(self) -> dict[str, Any]:
+        styled = VoxelField.load(self.out / "styled.npz")
+        with self._progress("encode"):
+            mask = ViewMask.build(self.display)
+            image, figures = encode_with_figures(styled, self.display, self.config.encode,
+                                                 mask=mask, device=self.device)
+        write_coded(self.out / "lightfield.png", image, self.display)
+        picture, name = quilt_of(styled, self.display, self.config.encode)
+        for old in self.out.glob("quilt_*.png"):
+            old.unlink()
+        write_image(self.out / name, picture)
+        return {**figures, "quilt": name, "peak_memory_bytes": peak_memory_bytes()}
+
+    def _share(self) -> dict[str, Any]:
+        with self._progress("share") as progress:
+            return share_job(self.out, self.exemplar, self.display, self.config.encode,
+                             self.config.stylize.transfer, self.stages.figures,
+                             parameters=self.config, size=self.config.sweep_size,
+                             progress=progress)

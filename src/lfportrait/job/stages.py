@@ -1,0 +1,129 @@
+"""Resumable stages: what a long job has finished is never done twice.
+
+A job is a chain of stages in one folder. A stage is done when its outputs lie under their final
+names and a small record beside them says from which inputs they were made: the stage's key, a hash
+of the version, the stage's parameters and the keys of the stages it reads. Outputs are written
+under temporary names and renamed, and the record is written last; so a job that is killed at any
+moment finds, when it is run again, either a finished stage or none, and goes on from there to the
+same files as an undisturbed run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from ..errors import UserError
+from ..files import read_json, write_json
+
+__all__ = ["StageFolder", "fingerprint_files"]
+
+
+def fingerprint_files(paths: Iterable[Path]) -> str:
+    """Hash of files' names and contents, in the order of their names."""
+    digest = hashlib.sha256()
+    for path in sorted(paths):
+        digest.update(path.name.encode() + b"\0")
+        try:
+            with open(path, "rb") as stream:
+                digest.update(hashlib.file_digest(stream, "sha256").digest())
+        except OSError as error:
+            raise UserError(f"can't read {path}: {error.strerror}") from error
+    return digest.hexdigest()[:32]
+
+
+class StageFolder:
+    """The folder of one job and the records of its finished stages.
+
+    Parameters
+    ----------
+    folder
+        Where the outputs go; made if it does not exist.
+    report
+        Called with one line of text when a stage is skipped because it is done.
+
+    Attributes
+    ----------
+    figures
+        Per stage: the figures that its function returned, with ``"seconds"``; those of a stage that
+        was finished in an earlier run come from its record.
+    resumed
+        Names of the stages that an earlier run had finished.
+    """
+
+    def __init__(self, folder: Path, report: Callable[[str], None] = lambda line: None) -> None:
+        self.folder = Path(folder)
+        self.records = self.folder / ".stages"
+        self.figures: dict[str, dict[str, Any]] = {}
+        self.resumed: list[str] = []
+        self._report = report
+        try:
+            self.records.mkdir(parents=True, exist_ok=True)
+            probe = self.records / ".probe"
+            probe.write_bytes(b"x")
+            probe.unlink()
+        except OSError as error:
+            raise UserError(f"can't write to {self.folder}: {error.strerror}; "
+                            "choose another folder with --out") from error
+
+    def run(self, name: str, key: str, outputs: list[str],
+            function: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        """Do a stage, or nothing if it was done from the same inputs before.
+
+        Parameters
+        ----------
+        name
+            Stage name, also the name of its record.
+        key
+            Hash of everything that the outputs depend on (`key_of`).
+        outputs
+            Names of the files or folders, relative to the job's folder, that the stage writes.
+        function
+            Writes the outputs and returns the stage's figures for ``--json``.
+        """
+        record = self.records / f"{name}.json"
+        done = self._finished(record, key, outputs)
+        if done is not None:
+            self._report(f"{name}: done before, skipped")
+            self.resumed.append(name)
+            self.figures[name] = done
+            return done
+        record.unlink(missing_ok=True)
+        start = time.perf_counter()
+        figures = dict(function())
+        figures["stage_seconds"] = round(time.perf_counter() - start, 3)
+        write_json(record, {"key": key, "outputs": outputs, "figures": figures})
+        # Read back so that a resumed run sees exactly what this one does.
+        self.figures[name] = read_json(record)["figures"]
+        return self.figures[name]
+
+    def _finished(self, record: Path, key: str, outputs: list[str]) -> dict[str, Any] | None:
+        if not record.is_file():
+            return None
+        try:
+            data = json.loads(record.read_text())
+            figures = data["figures"]
+            same = data["key"] == key
+        except (ValueError, KeyError, TypeError):
+            return None
+        if same and all((self.folder / output).exists() for output in outputs):
+            return dict(figures)
+        return None
+
+    def scratch(self, name: str) -> Path:
+        """A path inside the record folder for a stage's checkpoints."""
+        return self.records / name
+
+    def remove_scratch(self, *names: str) -> None:
+        """Delete checkpoints that a finished stage no longer needs."""
+        for name in names:
+            path = self.records / name
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)

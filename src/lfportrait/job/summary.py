@@ -1,0 +1,274 @@
+"""The last stage of a job: the sweep video and the report, from the files of the stages before.
+
+The report shows the way from the photos to the coded picture: what was photographed and painted,
+the field beside the truth, the guides and the transfer, the stylised views, the light field and
+what the eyes see of it, and the figures of all stages.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from .. import __version__
+from ..capture import Camera, Capture
+from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
+from ..field import VoxelField
+from ..files import write_image
+from ..lightfield import Display, EncodeConfig, ViewMask, read_coded, simulate
+from ..measure import machine
+from ..progress import Progress
+from ..share import (
+    Picture,
+    Report,
+    Section,
+    Table,
+    sweep_cameras,
+    sweep_frames,
+    write_report,
+    write_video,
+)
+
+__all__ = ["share_job"]
+
+Float32 = NDArray[np.float32]
+
+
+def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: EncodeConfig,
+              transfer: TransferConfig, figures: dict[str, Any], *, parameters: Any = None,
+              size: int = 512, frames: int = 90, progress: Progress | None = None,
+              ) -> dict[str, Any]:
+    """Write ``sweep.mp4``, ``hero.png`` and ``report.html`` of a finished job.
+
+    Parameters
+    ----------
+    folder
+        The job's folder with ``capture/``, ``field.npz``, ``styled.npz``, ``lightfield.png``.
+    exemplar, display, encode, transfer
+        What the job was run with.
+    figures
+        Figures of the stages so far.
+    parameters
+        The job's configuration (a data class), listed at the end of the report.
+    size
+        Height of the sweep in pixels.
+    frames
+        Frames of the sweep.
+    progress
+        Progress line.
+
+    Returns
+    -------
+    figures
+        Size of the video and number of frames.
+    """
+    def say(text: str) -> None:
+        if progress is not None:
+            progress.update(progress.done, text)
+
+    capture = Capture.load(folder / "capture")
+    field, styled = VoxelField.load(folder / "field.npz"), VoxelField.load(folder / "styled.npz")
+    say("sweep")
+    write_video(folder / "sweep.mp4", sweep_frames(styled, display.cone, frames, size,
+                                                   background=encode.background))
+    say("pictures of the report")
+    cameras = sweep_cameras(90.0, 1, 480, styled)
+    strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)
+    hero = np.concatenate(strip[1:4], axis=1)
+    write_image(folder / "hero.png", hero)
+    coded = read_coded(folder / "lightfield.png", display)
+    report = Report(
+        title="A stylised portrait for a light-field display",
+        subtitle=f"Exemplar {exemplar.name}, display {display.name}",
+        hero=Picture(hero, "The stylised head from the left, the middle and the right"),
+        key_figures=_key_figures(figures, display),
+        sections=[
+            _inputs(capture, exemplar),
+            _field_section(field, capture),
+            _guides(field, capture, exemplar, transfer),
+            Section("Stylised views", "The optimised field; every view shows the same strokes.",
+                    [Picture(image, f"{angle:+d} degrees", width=480)
+                     for image, angle in zip(strip, (-45, -22, 0, 22, 45))], layout="strip"),
+            Section("Sweep", "Over the display's view cone.", video=folder / "sweep.mp4"),
+            _lightfield(coded, display),
+            _figures(figures),
+            Section("Parameters", "", tables=[Table(_parameters(parameters),
+                                                    ("parameter", "value"))])])
+    say("report")
+    write_report(folder / "report.html", report)
+    return {"frames": frames, "size": size}
+
+
+def _strip(field: VoxelField, cameras: Camera, angles: tuple[int, ...], background: float,
+           ) -> list[Float32]:
+    """Renders from several yaw angles, framed like the first camera."""
+    first = cameras[0]
+    target = first.position[0] + first.pose[0, :3, 2] * float(
+        np.linalg.norm(first.position[0][[0, 2]]))
+    views = Camera.arc(np.array(angles, float), distance=float(
+        np.linalg.norm(first.position[0] - target)), width=int(first.width[0]),
+        height=int(first.height[0]), focal=float(first.focal[0, 0]), target=tuple(target))
+    return [np.clip(field.render(views, view, background=background).color, 0, 1)
+            for view in range(len(views))]
+
+
+def _key_figures(figures: dict[str, Any], display: Display) -> list[tuple[str, str]]:
+    rows = [("photos", str(figures.get("capture", {}).get("views", "")))]
+    test = figures.get("reconstruct", {}).get("test")
+    if test:
+        rows.append(("held-out views", f"{test['psnr']:.1f} dB"))
+    if "voxels" in figures.get("reconstruct", {}):
+        rows.append(("voxels", f"{figures['reconstruct']['voxels'] / 1e6:.2f} M"))
+    coded = figures.get("encode", {})
+    if "subpixels" in coded:
+        rows.append(("sub-pixels", f"{coded['subpixels'] / 1e6:.1f} M"))
+        rows.append(("coded in", f"{coded['seconds']['cast']:.1f} s"))
+    rows.append(("views", str(display.views)))
+    return rows
+
+
+def _with_points(image: NDArray[np.uint8], points: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """A picture with small marks at points [N, 2]."""
+    picture = Image.fromarray(image.copy())
+    draw = ImageDraw.Draw(picture)
+    radius = max(1.5, max(image.shape[:2]) / 300)
+    for x, y in points[np.isfinite(points).all(axis=1)]:
+        draw.ellipse([x - radius, y - radius, x + radius, y + radius], fill=(0, 200, 80))
+    return np.asarray(picture)
+
+
+def _inputs(capture: Capture, exemplar: Exemplar) -> Section:
+    chosen = np.unique(np.linspace(0, len(capture) - 1, 8).astype(int))
+    pictures = [Picture(capture.image_float(int(view)), capture.names[view], width=300)
+                for view in chosen]
+    if capture.landmarks is not None:
+        frontal = int(np.argmin(np.abs(np.arctan2(capture.cameras.position[:, 0],
+                                                  capture.cameras.position[:, 2]))))
+        pixels, _ = capture.cameras.project(capture.landmarks)
+        image = (np.clip(capture.image_float(frontal), 0, 1) * 255 + 0.5).astype(np.uint8)
+        pictures.append(Picture(_with_points(image, pixels[frontal]), "landmarks, from 3D",
+                                width=400))
+    pictures.append(Picture(_with_points(exemplar.image, exemplar.landmarks),
+                            f"exemplar {exemplar.name}", width=400))
+    return Section("Photos and painting", f"{len(capture)} photos, "
+                   f"{int(capture.held_out.sum())} of them held out for testing.", pictures,
+                   layout="strip")
+
+
+def _depth_picture(depth: Float32) -> Float32:
+    """Depth as grey: near is light; nothing is black."""
+    known = np.isfinite(depth)
+    if not known.any():
+        return np.zeros_like(depth)
+    near, far = np.quantile(depth[known], [0.01, 0.99])
+    shown = 1.0 - 0.85 * np.clip((depth - near) / max(far - near, 1e-6), 0, 1)
+    return np.where(known, shown, 0.0).astype(np.float32)
+
+
+def _field_section(field: VoxelField, capture: Capture) -> Section:
+    tests = capture.testing() if len(capture.testing()) else capture.training()
+    angle = np.abs(np.arctan2(capture.cameras.position[tests, 0],
+                              capture.cameras.position[tests, 2]))
+    view = int(tests[np.argmin(np.abs(angle - 0.4))])
+    rendering = field.render(capture.cameras, view)
+    truth = capture.image_float(view)
+    error = np.abs(np.clip(rendering.color, 0, 1) - truth).mean(-1)
+    return Section("Radiance field", "A view that was not trained on.", [
+        Picture(truth, "photo"), Picture(np.clip(rendering.color, 0, 1), "field"),
+        Picture(np.clip(5 * error, 0, 1), "error, five times"),
+        Picture(_depth_picture(rendering.depth), "depth")])
+
+
+def _guides(field: VoxelField, capture: Capture, exemplar: Exemplar,
+            config: TransferConfig) -> Section:
+    if capture.landmarks is None:
+        return Section("Example-based transfer")
+    transfer = Transfer(exemplar, config)
+    guide = SurfaceGuide(capture.landmarks, exemplar, transfer.regions)
+    cameras = sweep_cameras(90.0, 1, 448, field)
+    first = cameras[0]
+    distance = float(np.linalg.norm(first.position[0]))
+    views = Camera.arc(np.array([-45.0, 0.0, 45.0]), distance=distance, width=448, height=448,
+                       focal=float(first.focal[0, 0]))
+    pictures = []
+    for view, angle in enumerate((-45, 0, 45)):
+        rendering = field.render(views, view)
+        position, anchor = guide(rendering.points(views, view))
+        pixels, _ = views.project(capture.landmarks)
+        result = transfer.apply(np.clip(rendering.color, 0, 1), pixels[view], position=position,
+                                seeds_anchor=anchor, mask=rendering.alpha)
+        shape = exemplar.image.shape
+        coordinates = np.nan_to_num(np.dstack([
+            position[..., 0] / shape[1], position[..., 1] / shape[0],
+            np.zeros(position.shape[:2])]), nan=0.0)
+        alpha = rendering.alpha[..., None]
+        appearance = result.guides.appearance
+        shown = np.clip(0.5 + 2.0 * (appearance - float(np.nanmedian(appearance))), 0, 1)
+        pictures += [Picture(np.clip(coordinates, 0, 1), f"position guide, {angle:+d} degrees"),
+                     Picture(shown, "appearance guide"),
+                     Picture(result.image * alpha + (1 - alpha), "transfer by example")]
+    return Section("Guides and transfer by example", "Position (red, green: the exemplar's x, y) "
+                   "anchored to the surface, appearance, and the transferred view.", pictures)
+
+
+def _lightfield(coded: NDArray[np.uint8], display: Display) -> Section:
+    height, width = coded.shape[:2]
+    y, x = int(height * 0.42), int(width * 0.5)
+    crop = coded[y:y + 200, x - 150:x + 150]
+    views = np.asarray(ViewMask.build(display).views[y:y + 200, x - 150:x + 150], np.float32)
+    eyes = display.eyes()
+    pictures = [Picture(crop, "coded picture, one to one", exact=True, width=0),
+                Picture(views / max(1, display.views - 1), "mask guide: view of each sub-pixel",
+                        exact=True, width=0)]
+    for index, name in ((0, "left"), (display.views // 2, "middle"), (display.views - 1, "right")):
+        seen = simulate(coded, display, (float(eyes[index]),))
+        pictures.append(Picture(seen, f"what the {name}most eye sees" if name != "middle"
+                                else "what an eye in the middle sees"))
+    return Section("Light field", f"{display.width} x {display.height} pixels, {display.views} "
+                   "views, one ray per sub-pixel.", pictures)
+
+
+def _parameters(config: Any, prefix: str = "") -> list[tuple[str, Any]]:
+    """The fields of a configuration, nested ones by dotted names."""
+    if not dataclasses.is_dataclass(config):
+        return []
+    rows: list[tuple[str, Any]] = []
+    for entry in dataclasses.fields(config):
+        value = getattr(config, entry.name)
+        if dataclasses.is_dataclass(value):
+            rows += _parameters(value, f"{prefix}{entry.name}.")
+        else:
+            rows.append((prefix + entry.name, value if isinstance(value, (int, float)) else
+                         str(value)))
+    return rows
+
+
+def _figures(figures: dict[str, Any]) -> Section:
+    stages = [(name, float(stage["stage_seconds"])) for name, stage in figures.items()
+              if "stage_seconds" in stage]
+    metrics: list[tuple[str, Any]] = []
+    test = figures.get("reconstruct", {}).get("test", {})
+    if test:
+        metrics += [("held-out PSNR (dB)", test["psnr"]), ("held-out SSIM", test["ssim"])]
+    style = figures.get("stylize", {})
+    if style.get("fit", {}).get("rmse"):
+        metrics.append(("fit to the example, RMSE", style["fit"]["rmse"][-1]))
+    for moment in ("before", "after"):
+        losses = style.get("refinement", {}).get(moment, {}).get("losses", {})
+        metrics += [(f"{name} loss, {moment}", value) for name, value in sorted(losses.items())]
+    networks = style.get("refinement", {}).get("networks", {})
+    metrics += [(f"{term} network", name) for term, name in sorted(networks.items())]
+    budget = figures.get("encode", {}).get("depth_budget", {})
+    metrics += [(f"depth budget, {name.replace('_', ' ')}", value)
+                for name, value in sorted(budget.items())]
+    return Section("Figures", "", tables=[
+        Table(stages, ("stage", "seconds"), bars=1, caption="Time"),
+        Table(metrics, ("figure", "value"), caption="Quality"),
+        Table([("lfportrait", __version__),
+               ("device", figures.get("encode", {}).get("device", "cpu")),
+               *sorted(machine().items())], caption="Version and machine")])

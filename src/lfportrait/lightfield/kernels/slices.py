@@ -1,0 +1,305 @@
+"""Coding a light field row by row: all rays of a panel row lie in one plane.
+
+The plane through the eyes' line and a row of the panel holds every ray of the row's sub-pixels,
+whatever their views. So a row needs one slice of the field: density and colour where the plane cuts
+the lattice planes z = k, interpolated between two rows of voxels. In the slice a ray is a straight
+line x(k), and a sample on each lattice plane takes two values instead of eight.
+
+A direction in the plane is one angle, phi, so that spherical harmonics of degree 2, nine
+coefficients a channel, are a trigonometric polynomial with five: 1, cos phi, sin phi, sin 2 phi,
+cos 2 phi. Over a view cone cos 2 phi is next to straight in cos phi (to 0.1 % within 20 degrees of
+the panel's normal, to 0.5 % within 30), so four are kept, worked out once for each point of the
+slice.
+
+Sixteen rays of one channel go through the planes together, front to back. Those that do are
+neighbours: within a few lenses the sub-pixels are ordered by their view, so that a packet's rays
+stay close, and on each plane read from one short stretch of each row, which fits two registers.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+
+from ...lanes.cache_keys import identified
+from ...lanes.shuffles import largest, make_look_up, smallest
+from ...lanes.vectors import LANES
+from .encode import eye_of, side_of
+from .plane import least_cosine, plane_matrix
+from .slab import AHEAD, LINES, make_build, pitch_of
+
+__all__ = ["slice_kernel"]
+
+_GROUP = 8
+"""Planes that are skipped together where nothing of a packet's way lies in them."""
+_WINDOW = 768
+"""Most neighbouring sub-pixels that are ordered by view."""
+
+
+@identified("slice bounded")
+@njit(cache=True)
+def bounded(x, nx):
+    """The column at or before a place, from -1 to nx."""
+    return np.int64(np.floor(min(max(x, np.float32(-1.0)), np.float32(nx))))
+
+
+@identified("slice stripes")
+@njit(cache=True)
+def stripes(left, right, shift):
+    """The marks of columns from ``left`` to ``right`` (see `make_build`)."""
+    most = np.uint64(max(right, 0) >> shift)
+    return ((np.uint64(2) << most) - np.uint64(1)) & ~(
+        (np.uint64(1) << np.uint64(max(left, 0) >> shift)) - np.uint64(1))
+
+
+def _make_cast(count: int, permutes: bool | None) -> Callable[..., Any]:
+    """The function that sends one packet through a slice; returns colour and transmittance."""
+    floats, ints, where, exp, bits = LANES.floats, LANES.ints, LANES.where, LANES.exp, LANES.bits
+    minimum, maximum = LANES.minimum, LANES.maximum
+    look_up = make_look_up(permutes)
+    one, zero = np.float32(1.0), np.float32(0.0)
+
+    @identified("slice point", permutes)
+    @njit(cache=True)
+    def point(slab, place, offset, part):
+        """A row's values at the rays' places."""
+        before, after = look_up(slab, np.uintp(place), offset)
+        return before + part * (after - before)
+
+    @identified("slice cast", count, permutes)
+    @njit(cache=True)
+    def cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta, cosine, sine,
+             line, threshold, stop):
+        pitch = pitch_of(nx)
+        value, through = floats(zero), floats(one)
+        alive = through > zero
+        mixed = np.float32(2.0) * sine * cosine
+        low = high = low_slope = high_slope = zero
+        begin = 0
+        for group in range(len(group_marks)):
+            front = planes - 1 - group * _GROUP * stride
+            back = max(front - (_GROUP - 1) * stride, 0)
+            # Bounds of the packet's way, found once for eight groups: between two planes the
+            # outermost rays lie within the straight lines between their places there.
+            if group % 8 == 0:
+                begin, end = front, max(front - 8 * _GROUP * stride, 0)
+                at_begin = start + slope * np.float32(begin)
+                at_end = start + slope * np.float32(end)
+                low, low_end = smallest(at_begin), smallest(at_end)
+                high, high_end = largest(at_begin), largest(at_end)
+                run = np.float32(1.0) / np.float32(max(begin - end, 1))
+                low_slope, high_slope = (low_end - low) * run, (high_end - high) * run
+            ahead, behind = np.float32(begin - front), np.float32(begin - back)
+            base = bounded(min(low + low_slope * ahead, low + low_slope * behind), nx)
+            most = max(high + high_slope * ahead, high + high_slope * behind)
+            todo = alive
+            whole = min(most, np.float32(nx)) < np.float32(base + 62)
+            if group_marks[group] & stripes(base, bounded(most, nx), shift) == 0:
+                continue
+            while bits(todo) != 0:
+                active = todo
+                if not whole:
+                    # Those rays that stay within 63 columns from the leftmost one's on go together.
+                    at_front = start + slope * np.float32(front)
+                    at_back = start + slope * np.float32(back)
+                    near, far = minimum(at_front, at_back), maximum(at_front, at_back)
+                    far = minimum(far, np.float32(nx))
+                    base = bounded(smallest(where(todo, near, np.float32(nx))), nx)
+                    active = todo & (far < np.float32(base + 62))
+                    most = largest(where(active, far, -one))
+                todo = todo & ~active
+                way = stripes(base, bounded(most, nx), shift)
+                for k in range(front, back - 1, -stride):
+                    if marks[k] & way == 0:
+                        continue
+                    x = minimum(maximum(start + slope * np.float32(k), -one), np.float32(nx))
+                    x = minimum(maximum(x - np.float32(base), zero), np.float32(62.0))
+                    offset = ints(x)
+                    part = x - floats(offset)
+                    place = k * LINES * pitch + AHEAD + base
+                    sigma = point(slab, place, offset, part)
+                    shown = active & (sigma > threshold)
+                    if bits(shown) == 0:
+                        continue
+                    fade = where(shown, exp(-(sigma * delta)), one)
+                    place += line * pitch
+                    color = point(slab, place, offset, part)
+                    if count > 1:
+                        color = color + cosine * point(slab, place + pitch, offset, part)
+                        color = color + sine * point(slab, place + 2 * pitch, offset, part)
+                    if count > 4:
+                        color = color + mixed * point(slab, place + 3 * pitch, offset, part)
+                    weight = through * (one - fade)
+                    value = value + weight * maximum(color + np.float32(0.5), zero)
+                    through = through * fade
+                    active = active & (through > stop)
+                    if bits(active) == 0:
+                        break
+            alive = through > stop
+            if bits(alive) == 0:
+                break
+        # Behind the stop lies more of the same surface: its colour is taken to go on.
+        ended = through <= stop
+        return (where(ended, value / (one - through), value), where(ended, zero, through))
+
+    return cast
+
+
+@functools.cache
+def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callable[..., Any]:
+    """The kernel for colour rows of 16 or 32 with ``count`` coefficients a channel.
+
+    ``permutes`` chooses between two ways to read a slice (see `make_look_up`).
+
+    Returns
+    -------
+    encode
+        ``encode(table, links, density, rows, blocks, lattice, matrix, mask, fixed, eyes, panel,
+        stride, threshold, stop, background, workers, out)``: as `encode_kernel` has it, but
+        ``blocks`` uint64 [BZ, BY] tells which columns of ``table`` have bricks (`Bricks`),
+        ``matrix`` float64 [3, 4] takes the display frame to lattice
+        coordinates (only its second row may depend on y, and that on nothing else),
+        ``axes`` float64 [2, 3] the display's x and z axes in the field's world, ``stride`` is the
+        number of lattice planes to a sample and ``workers`` the number of threads.
+    """
+    build, cast = make_build(width, count), _make_cast(count, permutes)
+    load, store, floats = LANES.load, LANES.store, LANES.floats
+    sqrt = LANES.sqrt
+
+    @identified("slice order", width, count)
+    @njit(cache=True)
+    def _order(mask, begin, end, fixed, eyes, y, panel, tally, place_at, eye_at, x_at):
+        """Every third sub-pixel of a window in the order of their views; returns their number."""
+        across = len(mask)
+        many = (end - begin + 2) // 3
+        continuous = panel[6] > 0.5
+        tally[:] = 0
+        if fixed < 0:
+            for place in range(begin, end, 3):
+                tally[mask[place] + 1] += 1
+            for view in range(1, len(tally)):
+                tally[view] += tally[view - 1]
+        for place in range(begin, end, 3):
+            view = fixed if fixed >= 0 else np.int64(mask[place])
+            entry = tally[view]
+            tally[view] += 1
+            place_at[entry] = place
+            x_at[entry] = np.float32(side_of(place, y, across, panel))
+            eye_at[entry] = np.float32(
+                eye_of(place, y, eyes, panel) if continuous and fixed < 0 else eyes[view])
+        for entry in range(many, (many + 15) // 16 * 16):
+            eye_at[entry], x_at[entry] = eye_at[many - 1], x_at[many - 1]
+        return many
+
+    @identified("slice encode", width, count, permutes)
+    @njit(cache=True, parallel=True)
+    def encode(table, links, density, rows, blocks, lattice, matrix, axes, mask, fixed, eyes, panel,
+               stride, threshold, stop, background, workers, out):
+        height, across = mask.shape
+        nx, ny, nz = np.int64(lattice[0]), np.int64(lattice[1]), np.int64(lattice[2])
+        empty = len(rows) // width - 1 - 32 // width
+        aspect, eye_y, distance, size = panel[0], panel[1], panel[2], panel[3]
+        bgr = panel[8] > 0.5
+        pitch = pitch_of(nx)
+        shift = 0
+        while (nx >> shift) > 63:
+            shift += 1
+        views = len(eyes)
+        # Rays of a packet are apart by their places within a window and by their directions, a
+        # share of the cone that falls with the window's size: as much by one as by the other, a
+        # quarter of the lattice away from the panel.
+        spread = abs(eyes[views - 1] - eyes[0]) / distance * nz / 4.0
+        apart = 2.0 * aspect * abs(matrix[0, 0]) / across
+        wanted = np.sqrt(48.0 * spread / apart) if fixed < 0 else 48.0
+        window = 48 * min(max(int(wanted / 48.0 + 0.5), 1), _WINDOW // 48)
+        # Depth and x in the display frame of a point of the slice (i, k).
+        det = matrix[0, 0] * matrix[2, 2] - matrix[0, 2] * matrix[2, 0]
+        depth_i, depth_k = -matrix[2, 0] / det, matrix[0, 0] / det
+        depth_0 = -depth_i * matrix[0, 3] - depth_k * matrix[2, 3]
+        side_i, side_k = matrix[2, 2] / det, -matrix[0, 2] / det
+        side_0 = -side_i * matrix[0, 3] - side_k * matrix[2, 3]
+        shape = np.array([nx, ny, nz])
+        least = least_cosine(nx, nz, (side_i, side_k, side_0), (depth_i, depth_k, depth_0), eyes,
+                              aspect, distance)
+        groups = (nz + _GROUP * stride - 1) // (_GROUP * stride)
+        blank = np.uint8(min(max(background, np.float32(0.0)), np.float32(1.0))
+                         * np.float32(255.0) + np.float32(0.5))
+        for worker in prange(workers):
+            slab, columns = np.zeros(nz * LINES * pitch, np.uint16), np.empty(256, np.uint16)
+            low, high = np.full(nz, nx), np.full(nz, -1)
+            marks, group_marks = np.zeros(nz, np.uint64), np.zeros(groups, np.uint64)
+            basis, scratch = np.zeros(count * 16, np.float32), np.zeros(80, np.float32)
+            plane, along = np.zeros(3), np.zeros(3, np.float32)
+            side = axes[0].astype(np.float32)
+            eye_at, x_at = np.zeros(_WINDOW, np.float32), np.zeros(_WINDOW, np.float32)
+            place_at, lane = np.zeros(_WINDOW, np.int64), np.zeros(32, np.float32)
+            tally = np.zeros(views + 1, np.int64)
+            for y in range(worker, height, workers):
+                row = out[y]
+                row[:] = blank
+                py = 1.0 - 2.0 * (y + 0.5) / height
+                rise = eye_y - py
+                # The plane cuts (i, k) at lattice row plane[0] + plane[1] i + plane[2] k.
+                lift = matrix[1, 1] * rise / distance
+                plane[0] = matrix[1, 1] * py + matrix[1, 3] + lift * depth_0
+                plane[1], plane[2] = lift * depth_i, lift * depth_k
+                norm = np.sqrt(rise * rise + distance * distance)
+                for axis in range(3):
+                    up = 1.0 if axis == 1 else 0.0
+                    along[axis] = np.float32((-rise * up - distance * axes[1, axis]) / norm)
+                plane_matrix(side, along, count, least, basis, scratch)
+                build(table, links, density, rows, blocks, shape, plane, empty, basis,
+                      np.float32(threshold), shift, stride, slab, low, high, marks, columns)
+                # Where the panel shows any of it: between the outermost rays of all eyes.
+                left, right = 1e9, -1e9
+                for group in range(groups):
+                    group_marks[group] = 0
+                    front = nz - 1 - group * _GROUP * stride
+                    for k in range(front, max(front - _GROUP * stride, -1), -stride):
+                        if low[k] > high[k]:
+                            continue
+                        group_marks[group] |= marks[k]
+                        for end in (low[k] - 1, high[k] + 1):
+                            depth = (depth_i * end + depth_k * k + depth_0) / distance
+                            for eye in (eyes[0], eyes[views - 1]):
+                                px = (side_i * end + side_k * k + side_0 - eye * depth) / (
+                                    1.0 - depth)
+                                left, right = min(left, px), max(right, px)
+                if left > right:
+                    continue
+                # A sub-pixel may lie a little beside its place.
+                first = max(0, int(np.floor((left / aspect + 1.0) * across / 2.0)) - 3)
+                last = min(across, int(np.ceil((right / aspect + 1.0) * across / 2.0)) + 4)
+                for turn in range(first // 3 * 3, last, window):
+                    for third in range(3):
+                        many = _order(mask[y], turn + third, min(turn + window, last), fixed, eyes,
+                                      y, panel, tally, place_at, eye_at, x_at)
+                        line = 1 + 4 * (2 - third if bgr else third)
+                        for entry in range(0, many, 16):
+                            px, ex = load(x_at, np.uintp(entry)), load(eye_at, np.uintp(entry))
+                            sideways = ex - px
+                            length = sqrt(sideways * sideways + np.float32(norm * norm))
+                            deep = (np.float32(matrix[2, 0]) * sideways
+                                    + np.float32(matrix[2, 2] * distance))
+                            slope = (np.float32(matrix[0, 0]) * sideways
+                                     + np.float32(matrix[0, 2] * distance)) / deep
+                            at_panel = np.float32(matrix[2, 0]) * px + np.float32(matrix[2, 3])
+                            start = (np.float32(matrix[0, 0]) * px + np.float32(matrix[0, 3])
+                                     - slope * at_panel)
+                            delta = length * np.float32(stride / size) / deep
+                            value, through = cast(
+                                slab, marks, group_marks, nx, nz, shift, stride, start, slope,
+                                delta, np.float32(norm) / length,
+                                floats(np.float32(0.0)) - sideways / length, line,
+                                np.float32(threshold), np.float32(stop))
+                            store(lane, np.uintp(0), value + through * background)
+                            for i in range(min(16, many - entry)):
+                                shown = min(max(lane[i], np.float32(0.0)), np.float32(1.0))
+                                row[place_at[entry + i]] = np.uint8(
+                                    shown * np.float32(255.0) + np.float32(0.5))
+
+    return encode

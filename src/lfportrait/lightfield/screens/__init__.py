@@ -1,0 +1,6 @@
+"""Coded pictures and quilts on real panels: full screen, or through a Looking Glass Bridge."""
+
+from .bridge import URL, Bridge, DepthPicture, Device
+from .show import PygameDriver, show
+
+__all__ = ["URL", "Bridge", "DepthPicture", "Device", "PygameDriver", "show"]

@@ -1,0 +1,75 @@
+"""All figures of a job, on a tiny one."""
+
+import numpy as np
+import pytest
+
+from lfportrait import models
+from lfportrait.errors import UserError
+from lfportrait.evaluate import evaluate_field, evaluate_job
+from lfportrait.example import Exemplar
+from lfportrait.field import VoxelField
+from tests.evaluate.test_bench import ball_capture
+from tests.share.test_video import ball
+
+
+def painted(field: VoxelField) -> VoxelField:
+    """The field with matt colours that vary over its surface."""
+    points = field.lattice_points()
+    return field.with_sh(np.float32(np.sin(7 * points)[..., None] * 1.2))
+
+
+@pytest.fixture
+def no_models(monkeypatch):
+    monkeypatch.setattr(models, "available", lambda name: False)
+
+
+def exemplar() -> Exemplar:
+    generator = np.random.default_rng(0)
+    points = 30 + 40 * generator.random((68, 2))
+    return Exemplar(generator.integers(0, 256, (100, 100, 3), dtype=np.uint8), points)
+
+
+def test_a_matt_field_is_consistent_and_the_style_is_measured(no_models):
+    field = ball()
+    figures = evaluate_field(field, painted(field), exemplar(), views=9, size=96)
+    rows = figures["consistency"]
+    assert set(rows) == {"gap_1", "gap_7", "extremes"}
+    # One field seen from all sides: what is left is resampling.
+    assert rows["gap_1"]["normalised"] < 0.25 and rows["gap_1"]["valid"] > 0.5
+    assert figures["content"]["feature_distance"] > 0.01
+    assert -1 <= figures["contours"]["gradient_correlation"] <= 1
+    assert figures["style"]["patch_fidelity"] > 1
+    assert "identity" not in figures and "fid_64" not in figures["style"]
+
+
+def test_an_unstylised_field_equals_its_floor(no_models):
+    field = ball()
+    figures = evaluate_field(field, field, views=3, size=64)
+    for row in figures["consistency"].values():
+        assert row["rmse"] == pytest.approx(row["floor_rmse"])
+    assert figures["content"]["feature_distance"] == pytest.approx(0, abs=1e-6)
+    assert figures["contours"]["gradient_correlation"] == pytest.approx(1)
+    assert "style" not in figures
+
+
+def test_what_can_not_be_measured_is_none(no_models):
+    field = ball()
+    flat = field.with_sh(np.zeros_like(field.sh))
+    figures = evaluate_field(flat, flat, views=2, size=48)
+    assert figures["consistency"]["gap_1"]["normalised"] is None
+    assert figures["consistency"]["gap_1"]["rmse"] < 1 / 255
+
+
+def test_a_job_folder_is_measured_whole(tmp_path, no_models):
+    field = ball()
+    ball_capture().save(tmp_path / "capture")
+    field.save(tmp_path / "field.npz")
+    painted(field).save(tmp_path / "styled.npz")
+    figures = evaluate_job(tmp_path, views=3, size=48)
+    assert figures["test"]["views"] == 2 and figures["test"]["psnr"] > 20
+    assert "gap_1" in figures["consistency"]
+
+
+def test_what_is_no_job_is_told(tmp_path):
+    with pytest.raises(UserError, match="not a finished job: it has no capture"):
+        evaluate_job(tmp_path)

@@ -1,0 +1,297 @@
+"""An object on a table is cut out of its photos although the network's mattes are wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera, Capture, matte_agreement
+from lfportrait.cli import reconstruction
+from lfportrait.errors import UserError
+from lfportrait.field.geometry.cutout import _cut, cut_out, trim
+from lfportrait.field.geometry.fused_depth import Solid, backing_planes
+from lfportrait.field.grid import camera_row
+from lfportrait.field.kernels.signed_distances import fuse_distance, outline_distance
+from lfportrait.job.person import cut_person
+
+TABLE, RADIUS, VIEWS = -0.75, 0.75, 24
+
+
+def texture(points, seed):
+    """A texture in space, in [0.1, 0.9]: many waves, so that matches are unique."""
+    random = np.random.default_rng(seed)
+    waves = random.standard_normal((60, 3)) * 11.0
+    phase = random.uniform(0, 2 * np.pi, 60)
+    total = np.sin(points @ waves.T + phase).sum(axis=1)
+    return np.clip(0.5 + 0.08 * total, 0.1, 0.9)
+
+
+def photo(cameras, view):
+    """A ball on a table, lit alike and both grey; the picture and the ball's mask."""
+    origins, directions = cameras.rays(view)
+    middle = np.einsum("ij,ij->i", origins, directions)
+    inner = middle**2 - (origins**2).sum(axis=1) + RADIUS**2
+    ball = inner > 0
+    image = np.full(len(directions), 0.35)
+    down = directions[:, 1] < -1e-3
+    along = np.where(down, (TABLE - origins[:, 1]) / np.where(down, directions[:, 1], 1), 0)
+    point = origins + along[:, None] * directions
+    table = down & (np.linalg.norm(point, axis=1) < 4.0)
+    image[table] = 0.6 * texture(point[table], 1)
+    near = (origins - (middle + np.sqrt(np.maximum(inner, 0)))[:, None] * directions)[ball]
+    image[ball] = 0.3 + 0.6 * texture(near, 2)
+    shape = int(cameras.height[view]), int(cameras.width[view])
+    grey = np.uint8(np.clip(image, 0, 1) * 255 + 0.5).reshape(shape)
+    return np.dstack([grey] * 3), ball.reshape(shape)
+
+
+def turntable():
+    """Photos once around the ball, every eighth held out, and the true masks."""
+    angle = np.linspace(-180, 180, VIEWS, endpoint=False)
+    rings = [Camera.arc(angle[start::2], distance=3.2, width=132, height=100, focal=115,
+                        pitch=pitch) for start, pitch in ((0, 20), (1, 45))]
+    order = np.arange(VIEWS).reshape(2, -1).T.ravel()
+    cameras = Camera.concatenate(rings)[order]
+    shots = [photo(cameras, view) for view in range(VIEWS)]
+    capture = Capture(cameras, [image for image, _ in shots], None,
+                      [f"{view}.png" for view in range(VIEWS)], np.arange(VIEWS) % 8 == 4)
+    return capture, [mask for _, mask in shots]
+
+
+def wrong_mattes(masks):
+    """What a poor network says: nothing in a third of the photos, the table, too, in a sixth."""
+    mattes = []
+    for view, mask in enumerate(masks):
+        matte = mask.astype(np.float32)
+        if view % 3 == 1:
+            matte[:] = 0
+        elif view % 6 == 2:
+            matte[40:] = 1
+        mattes.append(matte)
+    return mattes
+
+
+def overlap(matte, mask):
+    person = matte > 0.5
+    return (person & mask).sum() / (person | mask).sum()
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return turntable()
+
+
+def test_all_photos_show_the_object_whatever_the_network_says(scene):
+    capture, masks = scene
+    given = wrong_mattes(masks)
+    assert np.mean([overlap(matte, mask) > 0.9 for matte, mask in zip(given, masks)]) < 0.6
+    result = cut_out(capture, given)
+    scores = [overlap(matte, mask) for matte, mask in zip(result, masks)]
+    assert min(scores) > 0.9
+    assert np.median(scores) > 0.93
+    assert all(matte.dtype == np.float32 and matte.min() >= 0 and matte.max() <= 1
+               for matte in result)
+
+
+def test_a_photo_without_the_object_is_named(scene):
+    capture, masks = scene
+    # One camera is turned away.
+    pose = capture.cameras.pose.copy()
+    pose[5, :3, :3] = pose[5, :3, :3] @ np.diag([-1.0, 1.0, -1.0])
+    cameras = replace(capture.cameras, pose=pose)
+    with pytest.warns(UserWarning, match=r"1 of 24 photos do not show the object.*: 5\.png"):
+        result = cut_out(replace(capture, cameras=cameras), wrong_mattes(masks))
+    assert result[5].max() < 0.5
+    scores = [overlap(matte, mask) for matte, mask in zip(result, masks)]
+    assert min(scores[:5] + scores[6:]) > 0.9
+
+
+@pytest.mark.parametrize(("seen", "follows"), [(19, True), (13, False)])
+def test_edges_are_followed_unless_they_contradict_the_outline(seen, follows):
+    y, x = np.mgrid[:90, :120]
+    radius = np.hypot(y - 45, x - 60)
+    random = np.random.default_rng(0)
+    grey = np.where(radius < seen, 200, 70) + random.normal(0, 4, radius.shape)
+    coarse = np.clip(0.5 - (radius - 20) / 12, 0, 1).astype(np.float32)
+    matte, followed = _cut(np.dstack([np.uint8(grey)] * 3), coarse)
+    assert followed == follows
+    edge = seen if follows else 20
+    assert overlap(matte, radius < edge) > 0.97
+
+
+def test_held_out_photos_tell_nothing_of_the_shape(scene):
+    capture, masks = scene
+    images = [image if not out else image[::-1].copy()
+              for image, out in zip(capture.images, capture.held_out)]
+    other = Capture(capture.cameras, images, None, capture.names, capture.held_out)
+    given = wrong_mattes(masks)
+    blind = [np.ones_like(matte) if out else matte
+             for matte, out in zip(given, capture.held_out)]
+    first, second = cut_out(capture, given), cut_out(other, blind)
+    for view in capture.training():
+        assert np.array_equal(first[view], second[view])
+
+
+def test_the_network_is_taken_at_its_word_where_it_agrees_with_itself(scene):
+    capture, masks = scene
+    good = iter(masks)
+    cut, how = cut_person(capture, network=lambda image, up: next(good).astype(np.float32))
+    assert how == "network"
+    assert min(overlap(matte / 255, mask) for matte, mask in zip(cut.alphas, masks)) > 0.94
+    bad = iter(wrong_mattes(masks))
+    cut, how = cut_person(capture, network=lambda image, up: next(bad))
+    assert how == "geometry"
+    assert min(overlap(matte / 255, mask) for matte, mask in zip(cut.alphas, masks)) > 0.9
+
+
+def test_depth_frees_good_mattes_of_what_lies_elsewhere(scene):
+    capture, masks = scene
+    given = [mask.astype(np.float32) for mask in masks]
+    for matte in given:  # a piece of the table, in every photo
+        matte[84:94, 30:80] = 1
+    result = trim(capture, given)
+    assert np.mean([overlap(matte, mask) for matte, mask in zip(given, masks)]) < 0.88
+    assert np.mean([overlap(matte, mask) for matte, mask in zip(result, masks)]) > 0.93
+    plain = [mask.astype(np.float32) for mask in masks]
+    assert min(overlap(matte, mask)
+               for matte, mask in zip(trim(capture, plain), masks)) > 0.97
+    # A matte of something else is none of the solid's business.
+    other = np.zeros_like(plain[3])
+    other[:20] = 1
+    result = trim(capture, [*plain[:3], other, *plain[4:]])
+    assert np.array_equal(result[3], other)
+
+
+def test_photos_without_texture_have_no_shape(scene):
+    capture, masks = scene
+    capture = replace(capture, images=[np.full_like(image, 90) for image in capture.images])
+    assert cut_out(capture, wrong_mattes(masks)) is None
+
+
+def test_what_most_mattes_call_no_person_is_not_cut_out(scene):
+    capture, masks = scene
+    random = np.random.default_rng(0)
+    # The network sees its persons elsewhere in every photo.
+    given = [np.roll(mask, random.integers(40, 90), axis=1).astype(np.float32) for mask in masks]
+    assert cut_out(capture, given) is None
+    said = iter(given)
+    cut, how = cut_person(capture, network=lambda image, up: next(said))
+    assert cut.alphas is None and how.startswith("none")
+    cut, how = cut_person(capture, network=lambda image, up: np.zeros((100, 132), np.float32))
+    assert cut.alphas is None and how.startswith("none")
+
+
+def test_reconstruct_cuts_the_object_out_unless_told_otherwise(scene, tmp_path, monkeypatch):
+    capture, masks = scene
+    capture.save(tmp_path / "capture")
+    config = reconstruction.ReconstructConfig(resolutions=(24,), rays=(0.02,), sh_degree=0,
+                                              sweep=False)
+    given = iter(wrong_mattes(masks))
+    monkeypatch.setattr("lfportrait.face.person_matte", lambda image, up: next(given))
+    figures = reconstruction.Reconstruct(tmp_path / "capture", tmp_path / "a.npz", quiet=True,
+                                         config=config).run()
+    assert figures["mattes"] == "geometry"
+
+    def missing(image, up):
+        raise UserError("no weights")
+
+    monkeypatch.setattr("lfportrait.face.person_matte", missing)
+    with pytest.raises(UserError, match="--keep-background"):
+        reconstruction.Reconstruct(tmp_path / "capture", tmp_path / "b.npz", quiet=True,
+                                   config=config).run()
+    figures = reconstruction.Reconstruct(tmp_path / "capture", tmp_path / "c.npz", quiet=True,
+                                         config=config, keep_background=True).run()
+    assert figures["mattes"].startswith("none")
+
+
+def test_agreement_tells_mattes_that_fit_each_other_from_others(scene):
+    capture, masks = scene
+    good = [mask.astype(np.float32) for mask in masks]
+    assert matte_agreement(capture.cameras, good).min() > 0.85
+    assert np.mean(matte_agreement(capture.cameras, wrong_mattes(masks)) > 0.6) < 0.7
+    one = [np.zeros_like(good[0]), *good[1:]]
+    agree = matte_agreement(capture.cameras, one)
+    assert agree[0] == 0 and agree[1:].min() > 0.85
+
+
+def cloud(random, count=4000):
+    """Points of the ball and of the table, and what the mattes say of them."""
+    away = random.standard_normal((count, 3))
+    ball = RADIUS * away / np.linalg.norm(away, axis=1, keepdims=True)
+    table = np.column_stack([random.uniform(-1.7, 1.7, count), np.full(count, TABLE),
+                             random.uniform(-1.7, 1.7, count)])
+    points = np.concatenate([ball, table]) + random.normal(0, 0.008, (2 * count, 3))
+    return points, np.repeat([0.7, 0.3], count).astype(np.float32)
+
+
+def test_a_table_is_found_and_a_back_is_not(scene):
+    points, persons = cloud(np.random.default_rng(1))
+    above = scene[0].cameras.position
+    planes = backing_planes(points, persons, above, 0.7)
+    assert len(planes) == 1
+    assert planes[0, 1] > 0.999 and abs(planes[0, 3] - TABLE) < 0.01
+    # What the mattes call the person like the rest belongs to it; cameras stand before a table.
+    assert not len(backing_planes(points, np.full(len(points), 0.7, np.float32), above, 0.7))
+    assert not len(backing_planes(points, persons, above * [1, -1, 1], 0.7))
+    assert not len(backing_planes(points[:4000], persons[:4000], above, 0.7))
+
+
+def test_a_table_and_a_wall_are_both_found():
+    random = np.random.default_rng(2)
+    points, persons = cloud(random)
+    wall = np.column_stack([random.uniform(-1.4, 1.4, 3000), random.uniform(TABLE, 1.5, 3000),
+                            np.full(3000, -1.1)])
+    cameras = Camera.arc(np.linspace(-60, 60, 9), distance=3, width=9, height=9, focal=9,
+                         pitch=30).position
+    planes = backing_planes(np.concatenate([points, wall]),
+                            np.append(persons, np.full(3000, 0.1, np.float32)), cameras, 0.7)
+    assert len(planes) == 2
+    assert planes[:, 1].max() > 0.999 and planes[:, 2].max() > 0.999
+
+
+def test_fused_distances_equal_the_plain_ones():
+    random = np.random.default_rng(0)
+    camera = Camera.arc([25.0], distance=2.0, width=12, height=9, focal=10.0)
+    depth = random.uniform(1.2, 2.8, (9, 12)).astype(np.float32)
+    depth[random.random((9, 12)) < 0.3] = 0
+    matte = random.random((9, 12)).astype(np.float32)
+    axis, reach = np.linspace(-0.9, 0.9, 8), 0.3
+    total, person = (np.zeros((8, 8, 8), np.float32) for _ in range(2))
+    count, seen = (np.zeros((8, 8, 8), np.int16) for _ in range(2))
+    fuse_distance(axis, camera_row(camera, 0), depth, matte, reach, total, count, person, seen)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    pixels, along = camera.project(np.stack([x, y, z], -1).reshape(-1, 3))
+    column, row = (np.floor(pixels[0, :, i]).astype(int) for i in (0, 1))
+    inside = (along[0] > 0) & (column >= 0) & (column < 12) & (row >= 0) & (row < 9)
+    place = np.clip(row, 0, 8), np.clip(column, 0, 11)
+    ahead = (depth[place] - along[0]) / reach
+    counts = inside & (depth[place] > 0) & (ahead >= -1)
+    near = counts & (ahead <= 1)
+    assert np.array_equal(count.ravel(), counts) and np.array_equal(seen.ravel(), near)
+    assert 20 < near.sum() < counts.sum()
+    assert np.allclose(total.ravel(), np.where(counts, np.minimum(ahead, 1), 0), atol=1e-5)
+    assert np.allclose(person.ravel(), np.where(near, matte[place], 0), atol=1e-6)
+
+
+def test_the_outline_of_a_ball_is_where_rays_touch_it():
+    size, reach = 60, 1.2
+    axis = reach * (2 * (np.arange(size) + 0.5) / size - 1)
+    spacing = axis[1] - axis[0]
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    away = np.sqrt((x - 0.1)**2 + y**2 + z**2) - 0.6
+    distance = np.clip(away / (3 * spacing), -1, 1).astype(np.float32)
+    camera = Camera.arc([33.0], distance=3, width=80, height=60, focal=80, pitch=15)
+    solid = Solid(float(axis[0]), float(spacing), distance)
+    outline = solid.outline(camera).ravel()
+    origins, directions = camera.rays(0)
+    nearest = np.linalg.norm(np.cross(origins - [0.1, 0, 0], directions), axis=1) - 0.6
+    band = abs(nearest) < 1.5 * spacing
+    assert band.sum() > 100
+    assert abs(outline - nearest)[band].max() < 0.25 * spacing
+    assert np.array_equal(outline < 0, nearest < 0) or (
+        abs(nearest[(outline < 0) != (nearest < 0)]).max() < 0.25 * spacing)
+    # Empty space is leapt over without anything being missed.
+    plain = outline_distance(distance, np.zeros(distance.shape, np.uint8), axis[0], spacing,
+                             camera_row(camera, 0), 60, 80)
+    assert np.allclose(np.clip(plain * 3 * spacing, -2 * spacing, None).ravel(),
+                       np.clip(outline, -2 * spacing, None), atol=0.1 * spacing)

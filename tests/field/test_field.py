@@ -1,0 +1,408 @@
+"""The field's file, the visual hull, and reconstruction of a coloured ball from its pictures."""
+
+import itertools
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera, Capture
+from lfportrait.cli.reconstruction import Reconstruct
+from lfportrait.errors import UserError
+from lfportrait.field import ReconstructConfig, VoxelField, reconstruct, reconstruct_with_figures
+from lfportrait.field.geometry.exposure import matte_gains
+from lfportrait.field.geometry.hull import hull_box, ruled_out, visual_hull
+from lfportrait.field.training.lattice import Lattice
+from lfportrait.field.training.trainer import Trainer
+from tests.fields import shell_field
+
+from .test_event_log import scalars
+
+
+def test_a_field_survives_the_disk(tmp_path):
+    field = shell_field(basis=4, shape=(9, 12, 15), box=(1.2, 0.9, 0.7), center=(0.1, 0.2, -0.3))
+    field.frame[0, 3] = 5.0
+    field.save(tmp_path / "f.npz")
+    back = VoxelField.load(tmp_path / "f.npz")
+    assert np.array_equal(back.links, field.links)
+    assert np.array_equal(back.density, field.density)
+    assert np.array_equal(back.sh, field.sh)  # exact: the test's values are float16 numbers
+    assert np.allclose(back.center, field.center, atol=1e-6)
+    assert np.allclose(back.radius, field.radius, atol=1e-6)
+    assert np.array_equal(back.frame, field.frame)
+
+
+def test_the_file_is_svox2s(tmp_path):
+    field = shell_field(basis=9, shape=(7, 8, 9))
+    field.save(tmp_path / "f.npz")
+    with np.load(tmp_path / "f.npz", allow_pickle=False) as data:
+        assert data["links"].shape == (9, 8, 7)  # x, y, z
+        assert data["links"][3, 2, 1] == field.links[1, 2, 3]
+        assert data["density_data"].shape == (len(field.density), 1)
+        assert data["sh_data"].shape == (len(field.density), 27)
+        assert data["sh_data"].dtype == np.float16
+        assert int(data["basis_type"]) == 1
+
+
+def test_svox2s_files_are_read_old_form_and_skip_distances_included(tmp_path):
+    field = shell_field(basis=1, size=8)
+    links = field.links.transpose(2, 1, 0).copy()
+    links[links < 0] = -7
+    np.savez(tmp_path / "old.npz", radius=np.ones(3, np.float32), center=np.zeros(3, np.float32),
+             links=links, data=np.column_stack([field.density, field.sh.reshape(-1, 3)]))
+    back = VoxelField.load(tmp_path / "old.npz")
+    assert np.array_equal(back.links, field.links)
+    assert np.allclose(back.sh, field.sh)
+
+
+@pytest.mark.parametrize("spoil", ["missing key", "links", "text", "truncated", "basis", "words",
+                                   "nan", "cube", "frame", "compressed"])
+def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
+    path = tmp_path / "f.npz"
+    field = shell_field(size=8)
+    field.save(path)
+    if spoil == "text":
+        path.write_text("hello")
+    elif spoil == "truncated":
+        path.write_bytes(path.read_bytes()[:300])
+    else:
+        with np.load(path) as data:
+            arrays = dict(data)
+        if spoil == "missing key":
+            del arrays["sh_data"]
+        elif spoil == "links":
+            arrays["links"] = arrays["links"] + 10_000
+        elif spoil == "basis":
+            arrays["basis_type"] = np.int64(4)
+        elif spoil == "words":
+            arrays["links"] = np.full(arrays["links"].shape, "x")
+        elif spoil == "nan":
+            arrays["density_data"][3] = np.nan
+        elif spoil == "cube":
+            arrays["radius"] = np.zeros(3, np.float32)
+        elif spoil == "frame":
+            arrays["frame"] = np.eye(3)
+        np.savez(path, **arrays)
+        if spoil == "compressed":
+            np.savez_compressed(path, **arrays)
+            content = bytearray(path.read_bytes())
+            for place in range(100, len(content) - 1200, 37):
+                content[place] ^= 0xFF
+            path.write_bytes(content)
+    with pytest.raises(UserError, match=r"f\.npz"):
+        VoxelField.load(path)
+    with pytest.raises(UserError, match="no such"):
+        VoxelField.load(tmp_path / "none.npz")
+
+
+def ball_capture(count=21, size=40, alpha=True, room=False):
+    """A ball of radius 0.6 whose colour is its normal, photographed from all around."""
+    random = np.random.default_rng(0)
+    places = random.standard_normal((count, 3))
+    places *= 3.0 / np.linalg.norm(places, axis=1, keepdims=True)
+    cameras = Camera.look_at(places, np.zeros(3), width=size, height=size, focal=1.3 * size)
+    images, alphas = [], []
+    for view in range(count):
+        # 4x4 samples a pixel, so that the outline is soft as in a photo.
+        fine = np.arange(4 * size) / 4 + 0.125
+        x, y = np.meshgrid(fine, fine)
+        origins, directions = cameras.rays(view, np.stack([x.ravel(), y.ravel()], 1))
+        b = (origins * directions).sum(1)
+        root = b * b - (origins ** 2).sum(1) + 0.36
+        hit = root > 0
+        normal = (origins + (-b - np.sqrt(np.maximum(root, 0)))[:, None] * directions) / 0.6
+        color = np.where(hit[:, None], 0.5 + 0.4 * normal, 0.0)
+        weight = hit.reshape(size, 4, size, 4).mean((1, 3))
+        color = color.reshape(size, 4, size, 4, 3).sum((1, 3)) / 16
+        color = color / np.maximum(weight, 1e-6)[..., None]
+        alphas.append(np.uint8(weight * 255 + 0.5))
+        if not alpha:
+            color = color * weight[..., None] + (1 - weight[..., None])
+        images.append(np.uint8(np.clip(color, 0, 1) * 255 + 0.5))
+    held_out = np.arange(count) % 7 == 3
+    return Capture(cameras, images, alphas if alpha else None, [f"{i}.png" for i in range(count)],
+                   held_out)
+
+
+TINY = ReconstructConfig(resolutions=(24, 40), rays=(0.1, 0.2), batch=(1024,), sh_degree=1)
+
+
+def test_the_hull_holds_the_ball_and_little_more():
+    capture = ball_capture()
+    hull = visual_hull(capture.cameras, capture.alphas, (32, 32, 32), np.zeros(3), np.ones(3))
+    axis = 2 * (np.arange(32) + 0.5) / 32 - 1
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    radius = np.sqrt(x * x + y * y + z * z)
+    assert hull[radius < 0.6].all()
+    assert hull[radius > 0.85].mean() < 0.02
+    center, box = hull_box(capture.cameras, capture.alphas)
+    assert (center + box > 0.6).all()
+    assert (center - box < -0.6).all()
+    assert np.prod(box) < 1.0
+
+
+def test_mattes_that_err_in_few_views_leave_no_crumbs():
+    capture = ball_capture()
+    axis = 2 * (np.arange(64) + 0.5) / 64 - 1
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    radius = np.sqrt(x * x + y * y + z * z)
+    # Every tenth matte is four pixels too wide: what lies there is in most others' background.
+    wide = [cv2.dilate(alpha, np.ones((9, 9), np.uint8)) if view % 10 == 0 else alpha
+            for view, alpha in enumerate(capture.alphas)]
+    filled = radius < 0.6 + 4 * (axis[1] - axis[0])
+    wrong, hardly = ruled_out(capture.cameras, wide, filled, np.zeros(3), np.ones(3))
+    assert not wrong[radius < 0.56].any()
+    assert not wrong[~filled].any() and not hardly.any()
+    assert wrong[filled & (radius > 0.68)].mean() > 0.95
+
+
+def test_points_outside_most_pictures_are_hardly_shown():
+    capture = ball_capture()
+    filled = np.ones((8, 8, 8), bool)
+    filled[0] = False
+    _, hardly = ruled_out(capture.cameras, capture.alphas, filled, np.zeros(3), np.full(3, 30.0))
+    assert hardly[7, 7, 7] and not hardly[0].any()
+
+
+def test_loose_points_need_the_largest_piece():
+    solid = np.zeros((40, 40, 40), bool)
+    solid[4:16, 4:16, 4:16] = True
+    solid[28:32, 28:32, 28:32] = True  # another object
+    solid[16:18, 8, 8] = True  # a hair of the first
+    lattice = Lattice.filled(solid, 10.0, 16, np.zeros(3), np.ones(3))
+    loose = np.zeros_like(solid)
+    loose[16:] = True
+    kept = lattice.attached(loose) & solid
+    assert kept[4:18].sum() == solid[4:18].sum()
+    assert not kept[28:].any()
+    assert (lattice.attached() & solid)[28:].any()
+
+
+def test_large_pieces_stay_and_crumbs_go():
+    solid = np.zeros((40, 40, 40), bool)
+    solid[4:16, 4:16, 4:16] = True  # 1728 points
+    solid[28:32, 28:32, 28:32] = True  # 64 points, another object
+    solid[30:31, 4:6, 4:5] = True  # two points: a crumb
+    lattice = Lattice.filled(solid, 10.0, 16, np.zeros(3), np.ones(3))
+    kept = lattice.attached() & solid
+    assert kept[4:16, 4:16, 4:16].all()
+    assert kept[28:32, 28:32, 28:32].all()
+    assert not kept[30, 4:6, 4].any()
+
+
+def test_a_cropped_lattice_has_its_points_where_they_were():
+    there = np.zeros((20, 30, 40), bool)
+    there[8:12, 3:9, 21:35] = True
+    center, radius = np.array([0.1, -0.2, 0.3]), np.array([1.0, 0.8, 0.4])
+    lattice = Lattice.filled(there, 1.0, 16, center, radius)
+    lattice.density[:-1] = np.arange(lattice.count)
+    small, keep = lattice.cropped(there)
+    assert small.links.shape == (8, 10, 18)
+    assert keep.sum() == there.sum()
+
+    def places(of):
+        field = VoxelField(of.links, of.density[:-1], np.zeros((of.count, 3, 1), np.float32),
+                           of.center, of.radius)
+        return field.lattice_points()
+
+    assert np.allclose(places(small), places(lattice), atol=1e-6)
+    fine = small.refined((16, 20, 36), keep)
+    assert 4 * there.sum() < fine.count < 14 * there.sum()
+
+
+def test_the_room_can_be_kept(tmp_path):
+    ball_capture(count=6, size=24).save(tmp_path / "capture")
+    figures = Reconstruct(tmp_path / "capture", tmp_path / "field.npz", keep_background=True,
+                          quiet=True, config=ReconstructConfig(
+                              resolutions=(16,), rays=(0.01,), sh_degree=0, sweep=False)).run()
+    assert figures["voxels"] > 0
+    assert VoxelField.load(tmp_path / "field.npz").background is not None
+
+
+def test_a_ball_is_reconstructed():
+    capture = ball_capture()
+    field, figures = reconstruct_with_figures(capture, TINY)
+    assert figures["test"]["psnr"] > 27
+    assert figures["test"]["views"] == 3
+    assert figures["train"]["rays"] > 100_000
+    # Empty space is clean: nothing is seen around the ball.
+    view = int(capture.testing()[0])
+    alpha = field.render(capture.cameras, view).alpha
+    truth = capture.alphas[view] / 255.0
+    assert alpha[truth == 0].mean() < 0.02
+    assert alpha[truth == 1].min() > 0.85
+
+
+def test_a_ball_without_mattes_is_reconstructed_on_white():
+    capture = ball_capture(alpha=False)
+    config = replace(TINY, background_nlayers=0, lr_sigma=3.0, sweep=False, near_clip=0.0)
+    _, figures = reconstruct_with_figures(capture, config)
+    assert figures["test"]["psnr"] > 24
+
+
+def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path):
+    capture = ball_capture(count=8, size=32)
+    config = ReconstructConfig(resolutions=(16, 24), rays=(0.03, 0.05), batch=(2048,), sh_degree=0)
+    first, _ = reconstruct_with_figures(capture, config)
+    checkpoint = tmp_path / "state.npz"
+
+    class Stop(Exception):
+        pass
+
+    class Interrupt:
+        total, done = 0, 0
+
+        def update(self, done, note=""):
+            if done > 600:
+                raise Stop
+
+    with pytest.raises(Stop):
+        reconstruct_with_figures(capture, config, Interrupt(), checkpoint=checkpoint)
+    assert checkpoint.is_file()
+    damaged = tmp_path / "damaged.npz"
+    damaged.write_bytes(checkpoint.read_bytes()[:500])
+    again, _ = reconstruct_with_figures(capture, config, checkpoint=damaged)  # starts anew
+    assert np.array_equal(first.density, again.density)
+    second, figures = reconstruct_with_figures(capture, config, checkpoint=checkpoint)
+    assert np.array_equal(first.links, second.links)
+    assert np.array_equal(first.density, second.density)
+    assert np.array_equal(first.sh, second.sh)
+    assert figures["train"]["rays"] == 2048 * (round(0.03e6 / 2048) + round(0.05e6 / 2048))
+
+
+def test_a_run_stopped_in_the_middle_of_a_level_goes_on_from_there(tmp_path, monkeypatch):
+    capture = ball_capture(count=8, size=32)
+    config = ReconstructConfig(resolutions=(16, 24), rays=(0.03, 0.05), batch=(2048,), sh_degree=0)
+    first, _ = reconstruct_with_figures(capture, config)
+    checkpoint = tmp_path / "state.npz"
+    steps = []
+
+    def stop(trainer):
+        trainer.save()
+        steps.append((trainer.level, trainer.step))
+        if trainer.level == 1 and trainer.step == 10:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, "_save_now_and_then", stop)
+        with pytest.raises(KeyboardInterrupt):
+            reconstruct_with_figures(capture, config, checkpoint=checkpoint)
+    trained = []
+    monkeypatch.setattr(Trainer, "_save_now_and_then",
+                        lambda trainer: trained.append((trainer.level, trainer.step)))
+    second, figures = reconstruct_with_figures(capture, config, checkpoint=checkpoint)
+    assert steps[-1] == (1, 10)
+    assert trained[0] == (1, 11)
+    assert np.array_equal(first.links, second.links)
+    assert np.array_equal(first.density, second.density)
+    assert np.array_equal(first.sh, second.sh)
+    assert figures["train"]["rays"] == 2048 * (round(0.03e6 / 2048) + round(0.05e6 / 2048))
+
+
+def test_curves_are_measured_and_logged(tmp_path):
+    _, figures = reconstruct_with_figures(ball_capture(), TINY, log=tmp_path, measure_every=0.3)
+    curve = figures["curve"]
+    assert len(curve) >= 2
+    for before, after in itertools.pairwise(curve[:-1]):
+        assert after["seconds"] > before["seconds"]
+        assert after["rays"] > before["rays"]
+        assert after["rays_per_second"] == pytest.approx(
+            (after["rays"] - before["rays"]) / (after["seconds"] - before["seconds"]), rel=0.01)
+    assert curve[0]["psnr"] < curve[-1]["psnr"]
+    assert curve[-1]["held_out_psnr"] == figures["test"]["psnr"]
+    points = scalars(next(tmp_path.iterdir()))
+    logged = {tag: value for tag, value, _ in points}
+    assert logged["train/psnr"] == pytest.approx(curve[-1]["psnr"], abs=1e-3)
+    assert logged["test/psnr"] == pytest.approx(figures["test"]["psnr"], abs=1e-3)
+    assert {"train/loss", "train/rays_per_second", "train/voxels"} <= set(logged)
+    assert points[-1][2] == figures["train"]["rays"]
+
+
+def test_a_field_that_is_wrong_from_part_to_part_tells_no_exposures():
+    capture = ball_capture(40)
+    field = reconstruct(capture, TINY)
+    # Stripes that are too bright and too dark, eight of them across the ball, and brighter on one
+    # side: photos differ in what they show of them, as they would by their exposures.
+    z, y, x = np.nonzero(field.links >= 0)
+    factor = np.empty(len(field.density))
+    factor[field.links[z, y, x]] = np.where(y // 4 % 2, 1.4, 0.7) * np.where(
+        x < field.links.shape[2] // 2, 1.1, 0.9)
+    half = np.float32(0.5 / 0.28209479)  # a colour of zero is grey
+    sh = field.sh.copy()
+    sh[..., 0] += half
+    sh *= factor[:, None, None].astype(np.float32)
+    sh[..., 0] -= half
+    wrong = field.with_sh(sh)
+    views = capture.training()
+    assert matte_gains(wrong, capture, views) is None
+    gains = matte_gains(wrong, capture, views, least=0.0)
+    assert gains is not None and np.log(gains).mean(axis=1).std() > 0.02
+
+
+def test_exposures_of_photos_with_mattes_are_found():
+    capture = ball_capture(count=28)
+    _, plain = reconstruct_with_figures(capture, TINY)
+    assert "psnr_without_exposure" not in plain["test"]
+    gains = np.exp(np.random.default_rng(1).normal(0, 0.15, (28, 1))) * np.ones(3)
+    photos = [np.uint8(np.clip(image * gain, 0, 255) + 0.5)
+              for image, gain in zip(capture.images, gains / gains.max())]
+    spread = replace(capture, images=photos)
+    _, without = reconstruct_with_figures(spread, replace(TINY, exposure=False))
+    _, found = reconstruct_with_figures(spread, TINY)
+    assert found["test"]["psnr"] > without["test"]["psnr"] + 3
+    assert found["test"]["psnr"] > plain["test"]["psnr"] - 2.0
+    assert found["test"]["psnr_without_exposure"] < found["test"]["psnr"]
+
+
+def test_the_finest_level_follows_the_pixels():
+    config = ReconstructConfig()
+    assert config.resolved(False, 4.0, 0.0041).resolutions == (128, 256)
+    assert config.resolved(False, 4.0, 0.0025).resolutions == (208, 416)
+    assert config.resolved(False, 4.0, 0.0001).resolutions[-1] == 512
+    assert config.resolved(True, 4.0, 0.0001).resolutions == (96, 192)
+    own = replace(config, finest=128, time_budget=60.0).resolved(False, 4.0, 0.0001)
+    assert own.resolutions == (64, 128)
+    assert np.isinf(own.rays[-1])
+    assert sum(own.shares()) == pytest.approx(1.0)
+    assert own.shares() == pytest.approx((0.1, 0.9))
+    with pytest.raises(UserError, match="--finest"):
+        replace(config, finest=3).resolved(False, 4.0, 0.0041)
+
+
+def test_a_time_budget_without_rays_is_used_up():
+    config = ReconstructConfig(resolutions=(24, 40), batch=(4096,), sh_degree=0)
+    reconstruct(ball_capture(), replace(config, rays=(0.01, 0.01)))  # compiles the kernels
+    _, figures = reconstruct_with_figures(ball_capture(), replace(config, time_budget=5.0))
+    assert figures["test"]["psnr"] > 22
+    assert 4.0 < figures["seconds"]["train"] < 30
+
+
+def test_a_time_budget_ends_with_a_usable_field():
+    _, figures = reconstruct_with_figures(ball_capture(), ReconstructConfig(
+        resolutions=(24, 40), rays=(50.0, 50.0), batch=(4096,), sh_degree=0, time_budget=6.0))
+    assert figures["test"]["psnr"] > 20
+    assert figures["seconds"]["train"] < 30
+
+
+def test_bad_parameters_and_captures_are_the_users_mistake():
+    with pytest.raises(UserError, match="one a level"):
+        reconstruct_with_figures(ball_capture(4),
+                                 ReconstructConfig(resolutions=(8,), rays=(1.0, 2.0)))
+    with pytest.raises(UserError, match="too few"):
+        reconstruct_with_figures(ball_capture(2))
+    capture = ball_capture(6)
+    for alpha in capture.alphas:
+        alpha[:] = 0
+    with pytest.raises(UserError, match="mattes"):
+        reconstruct_with_figures(capture)
+
+
+def test_a_saved_field_renders_the_same_bytes(tmp_path):
+    capture = ball_capture(count=8, size=32)
+    field = reconstruct(capture, ReconstructConfig(resolutions=(24,), rays=(0.05,), batch=(2048,),
+                                                   sh_degree=0))
+    field.save(tmp_path / "field.npz")
+    again = VoxelField.load(tmp_path / "field.npz")
+    assert np.array_equal(field.render(capture.cameras, 1).color,
+                          again.render(capture.cameras, 1).color)

@@ -1,0 +1,95 @@
+"""A room's surfaces from a plane sweep, and the exposures of its photos."""
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera, Capture
+from lfportrait.field.geometry.exposure import exposure_gains
+from lfportrait.field.geometry.sweep import fuse, scene_box, small_view, sweep_depth
+from lfportrait.field.kernels.depth_votes import fuse_depth
+
+GAINS = 1.0 + 0.2 * np.sin(np.arange(9))
+
+
+def noise(x, y, random, size=2.0):
+    """A smooth texture over the plane, in [0, 1]."""
+    waves = random.standard_normal((40, 2)) * 9.0
+    phase = random.uniform(0, 2 * np.pi, 40)
+    total = sum(np.sin(a * x + b * y + p) for (a, b), p in zip(waves, phase))
+    return np.clip(0.5 + 0.09 * total, 0.05, 0.95)
+
+
+@pytest.fixture(scope="module")
+def room():
+    """Nine photos of a textured wall at z = -0.5 and a nearer board at z = 0.3."""
+    cameras = Camera.arc(np.linspace(-24, 24, 9), distance=3.0, width=160, height=120, focal=150.0)
+    images = []
+    for view in range(9):
+        origins, directions = cameras.rays(view)
+        image = np.zeros((len(directions), 3))
+        for z, edge, seed in ((-0.5, np.inf, 1), (0.3, 0.5, 2)):
+            t = (z - origins[..., 2]) / directions[:, 2]
+            point = origins + t[:, None] * directions
+            there = (abs(point[:, 0]) < edge) & (abs(point[:, 1]) < edge)
+            for channel in range(3):
+                random = np.random.default_rng(10 * seed + channel)
+                value = noise(point[:, 0], point[:, 1], random)
+                image[there, channel] = value[there]
+        image = 0.75 * image * GAINS[view]
+        images.append(np.uint8(np.clip(image, 0, 1).reshape(120, 160, 3) * 255 + 0.5))
+    return Capture(cameras, images, None, [f"{i}.png" for i in range(9)], np.arange(9) == 4)
+
+
+def test_depth_lies_on_the_wall_and_the_board(room):
+    maps = sweep_depth(room, room.training())
+    assert np.mean([np.isfinite(item.depth).mean() for item in maps]) > 0.5
+    z = np.concatenate([item.points() for item in maps])[:, 2]
+    assert np.mean((abs(z + 0.5) < 0.08) | (abs(z - 0.3) < 0.08)) > 0.9
+
+
+def test_surfaces_are_kept_and_open_space_is_not(room):
+    maps = sweep_depth(room, room.training())
+    _, radius = scene_box(maps, 1.0, 2.0)
+    assert (radius <= 2.0).all() and (radius >= 1.0).all()
+    surfaces = fuse(maps, 32, np.zeros(3), np.ones(3))
+    axis = 2 * (np.arange(32) + 0.5) / 32 - 1
+    middle = abs(axis) < 0.3
+    column = surfaces.keep[:, middle][:, :, middle].mean(axis=(1, 2))
+    assert column[abs(axis - 0.3).argmin()] > 0.9
+    assert column[(axis > 0.6) & (axis < 0.95)].mean() < 0.1
+    assert surfaces.solid.sum() > 500
+    assert not surfaces.color[~surfaces.solid].any()
+
+
+def test_exposures_are_found_for_all_photos(room):
+    maps = sweep_depth(room, room.training())
+    gains, others = exposure_gains(maps, [small_view(room, 4)])
+    truth = GAINS / np.exp(np.log(np.delete(GAINS, 4)).mean())
+    assert abs(gains / np.delete(truth, 4)[:, None] - 1).max() < 0.04
+    assert abs(others / truth[4] - 1).max() < 0.04
+
+
+def test_votes_equal_the_reference():
+    random = np.random.default_rng(0)
+    camera = Camera.arc([25.0], distance=2.0, width=12, height=9, focal=10.0)
+    row = np.concatenate([camera.pose[0, :3].ravel(), camera.focal[0], camera.center[0]])
+    depth = random.uniform(1.2, 2.8, (9, 12)).astype(np.float32)
+    sure = random.random((9, 12)) < 0.6
+    image = random.random((9, 12, 3)).astype(np.float32)
+    axis = np.linspace(-0.9, 0.9, 7)
+    empty, solid, unsure = (np.zeros((7, 7, 7), np.int16) for _ in range(3))
+    color = np.zeros((7, 7, 7, 3), np.float32)
+    fuse_depth(axis, axis, axis, row, depth, sure, image, 0.2, 0.15, empty, solid, unsure, color)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    pixels, along = camera.project(np.stack([x, y, z], -1).reshape(-1, 3))
+    column, line = (np.floor(pixels[0, :, i]).astype(int) for i in (0, 1))
+    inside = (along[0] > 0) & (column >= 0) & (column < 12) & (line >= 0) & (line < 9)
+    there = depth[np.clip(line, 0, 8), np.clip(column, 0, 11)]
+    known = sure[np.clip(line, 0, 8), np.clip(column, 0, 11)]
+    thick = np.where(known, 0.2, np.maximum(0.2, 0.15 * there))
+    ahead, within = along[0] < there - thick, along[0] < there + thick
+    assert np.array_equal(empty.ravel(), inside & ahead)
+    assert np.array_equal(solid.ravel(), inside & ~ahead & within & known)
+    assert np.array_equal(unsure.ravel(), inside & ~ahead & within & ~known)
+    seen = solid.ravel() > 0
+    assert np.allclose(color.reshape(-1, 3)[seen], image[line[seen], column[seen]])

@@ -1,0 +1,159 @@
+"""The main job on a small capture, undisturbed and killed in each stage: the same files."""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfportrait.demo import demo_capture, demo_exemplar
+from lfportrait.errors import UserError
+from lfportrait.field import ReconstructConfig
+from lfportrait.files import read_image
+from lfportrait.job.pipeline import MakeConfig, make
+from lfportrait.lightfield import Display, deinterlace, render_view
+from lfportrait.stylize import StylizeConfig
+
+PANEL = Display(128, 96, views=16, pitch=7.3, slant=0.15, cone=40, quilt=(3, 2),
+                quilt_size=(192, 128), name="tiny")
+CONFIG = MakeConfig(
+    reconstruct=ReconstructConfig(resolutions=(24, 48), rays=(0.12, 0.3), batch=(1024,),
+                                  sh_degree=0),
+    stylize=StylizeConfig(size=96, arc=30.0, views=2, pitches=(5.0,), fit_iterations=4, steps=2,
+                          content_network="embedded", style_network="embedded"),
+    sweep_size=64)
+FILES = ("field.npz", "styled.npz", "lightfield.png", "sweep.mp4")
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """A capture on disk and a display file, as a user would have them."""
+    folder = tmp_path_factory.mktemp("inputs")
+    demo_capture(size=72, views=16).save(folder / "capture")
+    PANEL.save(folder / "tiny.toml")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def undisturbed(inputs, tmp_path_factory):
+    out = tmp_path_factory.mktemp("job") / "out"
+    run = make(inputs / "capture", demo_exemplar(width=180, height=240), out,
+               inputs / "tiny.toml", CONFIG)
+    return out, run
+
+
+def digests(out: Path) -> dict[str, str]:
+    names = [*FILES, *(path.name for path in out.glob("quilt_*.png"))]
+    return {name: hashlib.sha256((out / name).read_bytes()).hexdigest() for name in names}
+
+
+def test_all_files_are_there(undisturbed):
+    out, run = undisturbed
+    for name in (*FILES, "report.html", "run.json", "capture/transforms.json"):
+        assert (out / name).is_file(), name
+    assert (out / "quilt_qs3x2a1.333.png").is_file()
+    assert run == json.loads((out / "run.json").read_text())
+    assert set(run["seconds"]) == {"total", "capture", "reconstruct", "stylize", "encode", "share"}
+    assert run["reconstruct"]["test"]["psnr"] > 15
+    assert run["encode"]["subpixels"] == 3 * 128 * 96
+    assert run["peak_memory_bytes"] > 1e7
+
+
+def test_the_report_opens_offline(undisturbed):
+    text = (undisturbed[0] / "report.html").read_text()
+    assert "data:image" in text
+    assert "src=\"http" not in text
+    assert "href=\"http" not in text
+    for title in ("Photos and painting", "Radiance field", "Light field", "Figures"):
+        assert title in text
+
+
+def test_the_coded_picture_is_made_of_the_views(undisturbed):
+    from lfportrait.field import VoxelField
+
+    out, _ = undisturbed
+    image = read_image(out / "lightfield.png")
+    styled = VoxelField.load(out / "styled.npz")
+    for view in (0, 7, 15):
+        direct = render_view(styled, PANEL, view, CONFIG.encode)
+        picture, owned = deinterlace(image, PANEL, view)
+        assert np.array_equal(picture[owned], direct[owned])
+
+
+def test_a_second_run_does_nothing_again(undisturbed, inputs):
+    out, _ = undisturbed
+    before = {path: path.stat().st_mtime_ns for path in out.iterdir() if path.name in FILES}
+    run = make(inputs / "capture", demo_exemplar(width=180, height=240), out,
+               inputs / "tiny.toml", CONFIG)
+    assert run["resumed"] == ["capture", "reconstruct", "stylize", "encode", "share"]
+    assert before == {path: path.stat().st_mtime_ns for path in out.iterdir() if path.name in FILES}
+
+
+SCRIPT = """
+import sys
+from lfportrait.demo import demo_exemplar
+from lfportrait.pipeline import make
+from tests.job.test_pipeline import CONFIG
+make(sys.argv[1] + "/capture", demo_exemplar(width=180, height=240), sys.argv[2],
+     sys.argv[1] + "/tiny.toml", CONFIG)
+"""
+
+
+def start(inputs: Path, out: Path) -> subprocess.Popen:
+    root = Path(__file__).resolve().parents[2]
+    return subprocess.Popen([sys.executable, "-c", SCRIPT, str(inputs), str(out)], cwd=root,
+                            env={**os.environ, "PYTHONPATH": str(root)},
+                            stderr=subprocess.PIPE, text=True)
+
+
+def test_killed_in_every_stage_it_ends_with_the_same_files(inputs, undisturbed, tmp_path):
+    out = tmp_path / "out"
+    # Wait for a stage's record, then kill in the middle of the next stage.
+    for stage in ("", "capture", "reconstruct", "stylize", "encode"):
+        process = start(inputs, out)
+        wanted = out / ".stages" / f"{stage}.json" if stage else out / ".stages"
+        deadline = time.time() + 120
+        while not wanted.exists() and process.poll() is None and time.time() < deadline:
+            time.sleep(0.01)
+        if stage and process.poll() is None:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    process = start(inputs, out)
+    _, errors = process.communicate(timeout=200)
+    assert process.returncode == 0, errors
+    assert digests(out) == digests(undisturbed[0])
+    run = json.loads((out / "run.json").read_text())
+    assert "capture" in run["resumed"]
+    left = [path.name for path in out.rglob(".*") if path.name != ".stages"]
+    assert all(name.startswith((".sweep", ".field", ".styled", ".lightfield", ".capture",
+                                ".quilt", ".report", ".hero")) for name in left)
+
+
+def test_another_style_keeps_capture_and_field(undisturbed, inputs, tmp_path):
+    import shutil
+
+    out = tmp_path / "out"
+    shutil.copytree(undisturbed[0], out)
+    run = make(inputs / "capture", demo_exemplar("charcoal", width=180, height=240), out,
+               inputs / "tiny.toml", CONFIG)
+    assert run["resumed"] == ["capture", "reconstruct"]
+    assert digests(out)["field.npz"] == digests(undisturbed[0])["field.npz"]
+    assert digests(out)["styled.npz"] != digests(undisturbed[0])["styled.npz"]
+
+
+def test_wrong_inputs_are_told_before_anything_is_made(inputs, tmp_path):
+    exemplar = demo_exemplar(width=180, height=240)
+    with pytest.raises(UserError, match="no folder or file"):
+        make(tmp_path / "nowhere", exemplar, tmp_path / "out", PANEL, CONFIG)
+    with pytest.raises(UserError, match="there is no display"):
+        make(inputs / "capture", exemplar, tmp_path / "out", "nothing", CONFIG)
+    with pytest.raises(UserError):
+        make(inputs / "capture", tmp_path / "none.png", tmp_path / "out", PANEL, CONFIG)
+    assert not (tmp_path / "out").exists()

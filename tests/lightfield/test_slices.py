@@ -1,0 +1,274 @@
+"""Coding by slices: against its plain twin, against direct casting, and its parts one by one."""
+
+import dataclasses
+import functools
+import importlib
+import math
+
+import numpy as np
+import pytest
+from numba import njit
+
+from lfportrait.errors import UserError
+from lfportrait.field.kernels.bricks import build_bricks
+from lfportrait.lanes import shuffles
+from lfportrait.lanes import vectors as lanes
+from lfportrait.lightfield import (
+    Display,
+    EncodeConfig,
+    Placement,
+    ViewMask,
+    encode,
+    encode_with_figures,
+    render_view,
+)
+from lfportrait.lightfield.kernels.plane import plane_matrix
+from lfportrait.lightfield.kernels.slices import slice_kernel
+from lfportrait.metrics import psnr
+from tests.fields import shell_field
+from tests.reference.raycast import sh_basis
+from tests.reference.slices import cast
+
+# The package exports a function of the module's name.
+encode_module = importlib.import_module("lfportrait.lightfield.encode")
+SMALL = Display(60, 40, views=12, pitch=7.3, slant=math.radians(9), offset=2.1, cone=50, distance=3,
+                name="small")
+
+
+def coded(field, display, **options):
+    return encode(field, display, EncodeConfig(method="slices", **options),
+                  mask=ViewMask.build(display, cache=False))
+
+
+CASES = [
+    ({}, {}, {}),
+    ({"basis": 4, "size": 17}, {"subpixels": "BGR"}, {"focus": 0.3}),
+    ({"basis": 1, "shape": (20, 14, 31)}, {"eye_height": 0.7}, {"background": 0.2}),
+    ({"box": (0.8, 1.1, 0.9), "center": (0.1, -0.05, 0.2)}, {}, {"turn": 25.0}),
+    ({"basis": 4, "size": 30}, {"eye_height": -0.5, "inverted": True}, {"turn": -30.0}),
+    ({"size": 40}, {}, {"draft": True}),
+    ({"size": 5, "density": 4.0}, {"cone": 20}, {"size": 1.1, "shift_x": 0.4, "shift_y": 0.3}),
+    ({"shape": (3, 2, 2), "density": 3.0}, {}, {}),
+]
+
+
+@pytest.mark.parametrize(("field", "panel", "options"), CASES)
+def test_every_sub_pixel_equals_the_twin(field, panel, options):
+    field = shell_field(**{"size": 24, "basis": 9, **field})
+    display = dataclasses.replace(SMALL, **panel)
+    config = EncodeConfig(**options)
+    image = coded(field, display, **options)
+    placement = Placement.of(display, config)
+    matrix = placement.to_lattice(field.lattice)
+    stride = 2 if config.draft else 1
+    rows, columns = np.ogrid[:40, :60]
+    eyes, away, lit = display.eyes(), [], 0
+    random = np.random.default_rng(0)
+    for place in range(3):
+        views = np.minimum(display.view_of(rows, columns, place), display.views - 1).astype(int)
+        channel = place if display.subpixels == "RGB" else 2 - place
+        for _ in range(150):
+            y, x = random.integers(0, 40), random.integers(5, 55)
+            eye = np.array([eyes[views[y, x]], display.eye_height, display.distance])
+            spot = np.array([display.aspect * (2 * (x + (place + 0.5) / 3) / 60 - 1),
+                             1 - 2 * (y + 0.5) / 40, 0.0])
+            color, through = cast(field, matrix, placement.to_world, eye, spot, stride,
+                                  threshold=1e-3 * field.lattice[5] / stride, stop=1e-2)
+            wanted = np.clip(color[channel] + config.background * through, 0, 1) * 255
+            away.append(abs(float(image[y, x, channel]) - wanted))
+            lit += through < 0.5
+    # Coefficients and densities are kept as halves, cos(2 phi) as a straight line in cos(phi).
+    assert np.mean(away) < 0.5
+    assert np.quantile(away, 0.99) < 1.5
+    # One sample in a thousand lies so near a threshold that the twin decides otherwise.
+    assert np.max(away) < 4
+    assert lit > 20 or field.links.size < 200
+
+
+def test_reading_by_gathers_codes_the_same(monkeypatch):
+    field = shell_field(size=24, basis=9)
+    image = coded(field, SMALL)
+    gathering = functools.partial(slice_kernel, permutes=False)
+    monkeypatch.setattr(encode_module, "slice_kernel", gathering)
+    assert np.abs(coded(field, SMALL).astype(int) - image).max() <= 1
+
+
+def test_wide_packets_go_in_parts():
+    """A wide cone on a small panel: neighbours by view are far apart in the lattice."""
+    field = smooth_field(4, 160)
+    display = Display(90, 60, views=6, pitch=31.3, cone=100, distance=4)
+    mask = ViewMask.build(display, cache=False)
+    direct = encode(field, display, EncodeConfig(method="direct", step_size=0.25), mask=mask)
+    image = encode(field, display, EncodeConfig(method="slices"), mask=mask)
+    assert psnr(image / 255.0, direct / 255.0) > 44
+
+
+def smooth_field(basis, size=64):
+    """A ball whose density and colours change over many voxels."""
+    field = shell_field(basis=basis, size=size, density=1.0)
+    points = field.lattice_points()
+    radius = np.linalg.norm(points, axis=1)
+    field.density[:] = 30 * np.clip(np.cos(6 * (radius - 0.6)), 0, 1)
+    sh = np.zeros((len(points), 3, basis), np.float32)
+    # As in real heads, colour changes little with direction.
+    strength = [0.4] + 3 * [0.2] + 5 * [0.1]
+    for channel in range(3):
+        for part in range(basis):
+            phase = points @ np.array([2, 1, 1.5]) + channel + 2 * part
+            sh[:, channel, part] = strength[part] * np.sin(phase)
+    return field.with_sh(sh)
+
+
+@pytest.mark.parametrize("options", [
+    {}, {"turn": 20.0}, {"blend": "continuous"}, {"focus": -0.3, "size": 0.6}, {"draft": True}])
+@pytest.mark.parametrize(("basis", "panel"), [
+    (9, {}), (4, {"subpixels": "BGR", "eye_height": 0.4}), (1, {"cone": 20, "inverted": True})])
+def test_slices_show_what_direct_casting_shows(options, basis, panel):
+    field = smooth_field(basis)
+    display = dataclasses.replace(SMALL, width=240, height=160, **panel)
+    mask = ViewMask.build(display, cache=False)
+    direct = encode(field, display, EncodeConfig(method="direct", step_size=0.25, **options),
+                    mask=mask)
+    image = encode(field, display, EncodeConfig(method="slices", **options), mask=mask)
+    assert direct.std() > 20
+    assert psnr(image / 255.0, direct / 255.0) > (40 if "draft" in options else 44)
+
+
+def test_one_view_is_what_that_view_has_in_the_coded_picture():
+    field = smooth_field(4, 32)
+    image = coded(field, SMALL)
+    rows, columns = np.ogrid[:40, :60]
+    config = EncodeConfig(method="slices")
+    for view in (0, 5, 11):
+        whole = render_view(field, SMALL, view, config)
+        for place in range(3):
+            own = np.floor(SMALL.view_of(rows, columns, place)) == view
+            assert own.any()
+            assert np.array_equal(image[..., place][own], whole[..., place][own])
+
+
+def test_the_method_follows_the_placement():
+    field = shell_field(size=12)
+    mask = ViewMask.build(SMALL, cache=False)
+
+    def method(**options):
+        return encode_with_figures(field, SMALL, EncodeConfig(**options), mask=mask)[1]["method"]
+    assert method() == "slices"
+    assert method(turn=90.0) == "direct"
+    assert method(focus=2.5) == "direct"
+    assert method(method="direct") == "direct"
+    with pytest.raises(UserError, match="faces the panel"):
+        method(method="slices", turn=120.0)
+
+
+def test_an_empty_field_leaves_the_background():
+    field = shell_field(size=12)
+    field.density[:] = 0.0
+    assert (coded(field, SMALL, background=0.4) == 102).all()
+
+
+# -- parts ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("count", "tolerance"), [(1, 1e-6), (4, 1e-6), (9, 4e-3)])
+def test_harmonics_in_a_plane(count, tolerance):
+    random = np.random.default_rng(count)
+    across = random.standard_normal(3)
+    across /= np.linalg.norm(across)
+    along = np.cross(across, random.standard_normal(3))
+    along /= np.linalg.norm(along)
+    least = np.float32(math.cos(math.radians(25)))
+    matrix, scratch = np.full(count * 16, np.nan, np.float32), np.zeros(80, np.float32)
+    plane_matrix(across.astype(np.float32), along.astype(np.float32), count, least, matrix, scratch)
+    table = matrix.reshape(count, 16)
+    assert np.array_equal(table[:, 0:4], table[:, 4:8])
+    assert np.array_equal(table[:, 0:4], table[:, 8:12])
+    for phi in np.radians(np.linspace(-25, 25, 11)):
+        direction = math.cos(phi) * along + math.sin(phi) * across
+        terms = np.array([1, math.cos(phi), math.sin(phi), math.sin(2 * phi)])
+        assert np.abs(table[:, :4] @ terms - sh_basis(direction, count)).max() < tolerance
+
+
+@pytest.mark.parametrize("permutes", [None, False])
+def test_neighbours_are_looked_up(permutes):
+    look_up = shuffles.make_look_up(permutes)
+
+    @njit
+    def fetch(array, start, places, out):
+        a, b = look_up(array, np.uintp(start), lanes.ints(lanes.load(places, 0)))
+        lanes.store(out, 0, a)
+        lanes.store(out, 16, b)
+    random = np.random.default_rng(1)
+    values = random.standard_normal(100).astype(np.float16)
+    places = random.integers(0, 63, 16)
+    places[:3] = 0, 62, 31
+    for start in (0, 5, 36):
+        out = np.zeros(32, np.float32)
+        fetch(values.view(np.uint16), start, places.astype(np.float32), out)
+        assert np.array_equal(out, values[start + np.concatenate([places, places + 1])])
+
+
+@pytest.mark.parametrize("count", [12, 16])
+def test_columns_are_stored_as_rows(count):
+    store_columns = shuffles.make_store_columns(count)
+
+    @njit
+    def turn(target, source):
+        store_columns(target, np.uintp(3), np.uintp(21), source)
+    source = np.arange(1, 257).astype(np.uint16)
+    target = np.zeros(3 + 21 * 16, np.uint16)
+    turn(target, source)
+    wanted = np.zeros_like(target)
+    wanted[3:].reshape(16, 21)[:count, :16] = source.reshape(16, 16).T[:count]
+    assert np.array_equal(target, wanted)
+
+
+@pytest.mark.parametrize(("wide", "columns"), [(17, []), (33, [0, 16, 32]), (129, [3, 70, 128])])
+def test_blocks_tell_which_columns_have_bricks(wide, columns):
+    links = np.full((9, 9, wide), -1, np.int32)
+    links[4, 4, columns] = np.arange(len(columns))
+    bricks = build_bricks(links, np.ones(len(columns), np.float32),
+                          np.zeros((len(columns), 3, 1), np.float32))
+    for bz, by in np.ndindex(bricks.table.shape[:2]):
+        for column in range(wide):
+            brick = bricks.table[bz, by, min(column // 4, bricks.table.shape[2] - 1)]
+            if brick >= 0:
+                assert bricks.blocks[bz, by] >> np.uint64(column // 16) & np.uint64(1)
+    assert bricks.blocks.any() == bool(columns)
+
+
+@njit
+def round_trip(values, halves, extremes):
+    x = lanes.load(values, 0)
+    shuffles.store_half(halves, np.uintp(3), x)
+    extremes[0], extremes[1] = shuffles.smallest(x), shuffles.largest(x)
+
+
+def test_lanes_are_stored_as_halves_and_their_extremes_found():
+    values = np.linspace(-7, 9, 16).astype(np.float32)
+    values[5], values[9] = -1e4, 3e4
+    halves, extremes = np.zeros(24, np.float16), np.zeros(2, np.float32)
+    round_trip(values, halves.view(np.uint16), extremes)
+    assert np.array_equal(halves[3:19], values.astype(np.float16))
+    assert not halves[:3].any() and not halves[19:].any()
+    assert extremes.tolist() == [-1e4, 3e4]
+
+
+@pytest.mark.parametrize("count", [1, 4, 9])
+def test_a_row_through_a_matrix(count):
+    random = np.random.default_rng(count)
+    row = np.zeros(32, np.float32)
+    row[:3 * count] = random.standard_normal(3 * count)
+    matrix = random.standard_normal((count, 16)).astype(np.float32)
+    restrict = shuffles.make_restrict(count)
+    second = 16 if 3 * count > 16 else 0
+
+    @njit
+    def apply(row, matrix, out):
+        lanes.store(out, 0, restrict(lanes.load(row, 0), lanes.load(row, second), matrix))
+    out = np.zeros(16, np.float32)
+    apply(row, matrix.ravel(), out)
+    for channel in range(3):
+        parts = row[count * channel:count * (channel + 1)]
+        wanted = parts @ matrix[:, 4 * channel:4 * channel + 4]
+        assert np.allclose(out[4 * channel:4 * channel + 4], wanted, atol=1e-5)

@@ -1,0 +1,67 @@
+"""The page of parameters follows from the configuration classes."""
+
+import dataclasses
+import importlib.util
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def make_docs():
+    spec = importlib.util.spec_from_file_location("make_docs", ROOT / "scripts" / "make_docs.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_committed_page_is_up_to_date(make_docs):
+    page = ROOT / "docs" / "parameters.md"
+    assert page.read_text("utf-8") == make_docs.page(), "run python scripts/make_docs.py"
+
+
+def test_every_parameter_has_a_meaning(make_docs):
+    for _, config, _ in make_docs.SECTIONS:
+        docs = make_docs.field_docs(config)
+        for entry in dataclasses.fields(config):
+            assert len(docs.get(entry.name, "")) > 5, f"{config.__name__}.{entry.name}"
+    docs = make_docs.attribute_docs(make_docs.Display)
+    assert all(docs.get(entry.name) for entry in dataclasses.fields(make_docs.Display))
+
+
+@dataclasses.dataclass
+class Sample:
+    """A sample."""
+
+    kind: "Literal['a', 'b']" = "a"
+    """Which | one.
+    Two lines."""
+    size: tuple[int, ...] = (1, 2)
+    """How large."""
+    quiet: bool = False
+    """Whether."""
+    weight: float = 1e-5
+    """How much."""
+
+
+def test_rows_show_default_choices_and_meaning(make_docs):
+    text = "\n".join(make_docs.rows_of(Sample, make_docs.field_docs(Sample), True))
+    assert "| `--kind` | `a` | One of `a`, `b`. Which \\| one. Two lines. |" in text
+    assert "| `--size` | `1 2` | How large. |" in text
+    assert "| `--quiet` | `no` | Whether. |" in text and "`1e-05`" in text
+
+
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "docs/architecture.md", "docs/displays.md"])
+def test_pages_name_files_that_exist(page):
+    """Folders and modules in back quotes, and links, are there."""
+    import re
+
+    text = (ROOT / page).read_text("utf-8")
+    for target in re.findall(r"\]\(([^)#]+)\)", text):
+        assert ((ROOT / page).parent / target).exists(), target
+    for name in re.findall(r"`([a-z_]+/(?:[a-z_]+\.py)?|[a-z_]+\.py)`", text):
+        assert any((folder / name).exists() for folder in (ROOT, ROOT / "src" / "lfportrait")), name

@@ -1,0 +1,55 @@
+"""The numbered examples run, in their order, on tiny data, and draw what they say."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfportrait.files import read_image
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9]*.py"))
+SMALL = {
+    "01_hello": {"size": 64, "views": 16, "rays": (0.05, 0.05)},
+    "02_transfer": {"size": 128},
+    "03_encode": {"width": 160, "height": 90},
+    "04_simulate": {},
+}
+
+
+def run(path: Path, out: Path) -> None:
+    spec = importlib.util.spec_from_file_location(f"example_{path.stem}", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.main(out, **SMALL[path.stem])
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("examples")
+    for path in EXAMPLES:
+        run(path, out)
+    return out
+
+
+def test_every_example_is_run():
+    assert [path.stem for path in EXAMPLES] == list(SMALL)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_are_short_and_say_what_they_show(path):
+    text = path.read_text()
+    assert len(text.splitlines()) < 60
+    assert text.startswith('"""') and "Key concepts:" in text and "Run:" in text
+
+
+@pytest.mark.parametrize(("name", "shape"), [
+    ("hello.png", (64, 192)), ("transfer.png", (128, 352)), ("lightfield.png", (90, 160)),
+    ("eyes.png", (270, 160))])
+def test_pictures_are_drawn(results, name, shape):
+    image = read_image(results / name)
+    assert image.shape[:2] == shape
+    assert image.std() > 10
+    if name == "eyes.png":  # parallax: the outer eyes don't see the same
+        assert np.abs(image[:90].astype(int) - image[180:]).max() > 30
