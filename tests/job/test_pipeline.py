@@ -98,7 +98,7 @@ def test_a_second_run_does_nothing_again(undisturbed, inputs):
 SCRIPT = """
 import sys
 from lfportrait.demo import demo_exemplar
-from lfportrait.pipeline import make
+from lfportrait.job import make
 from tests.job.test_pipeline import CONFIG
 make(sys.argv[1] + "/capture", demo_exemplar(width=180, height=240), sys.argv[2],
      sys.argv[1] + "/tiny.toml", CONFIG)

@@ -27,8 +27,10 @@ __all__ = ["identified", "identified_all", "identity"]
 
 @functools.cache
 def _sources() -> str:
+    """Hash of the sources of all kernels: the stages' and the lanes they are made of."""
+    package = Path(__file__).parents[1]
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted([*package.glob("lanes/*.py"), *package.glob("*/kernels/*.py")]):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
@@ -48,7 +50,7 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
     """
     def set_identity(function: Any) -> Any:
         name = repr((_sources(), *parts))
-        # A GPU compiler's functions have no place in Numba's cache.
+        # Of a namespace's entries only compiled functions have a place in Numba's cache.
         if hasattr(function, "_set_uuid"):
             number = uuid.uuid5(uuid.NAMESPACE_OID, name)
             function._set_uuid(str(number))

@@ -15,8 +15,7 @@ read lane values as unsigned offsets from the array's first element.
 
 There is a *namespace* for each width, with the same function names: `LANES` (16) and
 `lfportrait.lanes.one_lane.SCALAR` (plain numbers). A kernel is a factory over a namespace: 16
-lanes for the CPU, one lane as a twin that is easy to debug and that GPU compilers take (a GPU
-thread is one lane).
+lanes for the CPU, one lane as a twin that is easy to debug.
 """
 
 from __future__ import annotations
@@ -45,17 +44,12 @@ from .types import (
     I,
     Lanes,
     M,
-    _FloatLanes,
-    _IntLanes,
-    _MaskLanes,
     kind_of,
     lanes_of,
 )
 
 __all__ = ["LANES", "WIDTH"]
 
-# Indexes of Numba's cache that were written when the types were defined here name them here.
-_KNOWN_HERE = (_FloatLanes, _IntLanes, _MaskLanes)
 
 def _call(builder, name: str, result: ir.Type, arguments: list[Any]):
     """Call an LLVM intrinsic by its name."""
