@@ -8,6 +8,7 @@ from .features import (
     frechet_distance,
     inception_features,
     kernel_distance,
+    lpips,
     style_distance,
 )
 from .job import evaluate_field, evaluate_job
@@ -17,5 +18,5 @@ from .patches import PatchIndex, patch_fidelity
 __all__ = ["BENCHES", "PatchIndex", "bench", "bench_encode", "bench_reconstruct",
            "bench_stylize", "bench_transfer", "consistency", "contour_correlation",
            "evaluate_field", "evaluate_job", "feature_distance", "frechet_distance", "identity",
-           "inception_features", "kernel_distance", "landmark_error", "pair_error",
+           "inception_features", "kernel_distance", "landmark_error", "lpips", "pair_error",
            "patch_fidelity", "style_distance", "transfer_table", "view_pairs", "warp"]
