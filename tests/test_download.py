@@ -236,6 +236,9 @@ def test_all_that_a_job_needs_is_told_at_once(server, shelf):
     with pytest.raises(UserError, match=r"this job needs 2 networks \(0\.1 MB\).*: net, other; "
                                         r"get them with `lfportrait models fetch pair`"):
         models.require(["pair"], download=False)
+    with pytest.raises(UserError, match=r"needs 1 network .*: net; get it with "
+                                        r"`lfportrait models fetch net`"):
+        models.require(["net"], download=False)  # the group would bring more
     models.fetch("net", quiet=True)
     with pytest.raises(UserError, match=r"the report needs 1 network \(.*: other; get it"):
         models.require(["net", "other"], download=False, purpose="the report")

@@ -150,7 +150,7 @@ def test_lpips_is_its_formula(shelf):
 def test_lpips_without_its_networks_tells_how_to_get_them(shelf):
     image = np.zeros((32, 32, 3), np.float32)
     with pytest.raises(UserError, match=r"LPIPS needs 2 networks \(553 MB\).*: lpips, "
-                                        r"vgg16-torchvision; .*`lfportrait models fetch evaluate`"):
+                                        r"vgg16-torchvision; .*models fetch lpips vgg16-torch"):
         lpips(image, image)
 
 

@@ -301,7 +301,8 @@ def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
         raise UserError(f"{purpose} needs the network {by_hand[0]!r}, which is missing: "
                         f"{_how_to_get(by_hand[0])}")
     if wanted and not download:
-        command = next((group for group, members in GROUPS.items() if set(members) >= set(wanted)),
+        # A group only where it gets no more than what is wanted.
+        command = next((group for group in GROUPS if set(missing([group])) == set(wanted)),
                        " ".join(wanted))
         count = f"{len(wanted)} network" + "s" * (len(wanted) > 1)
         raise UserError(f"{purpose} needs {count} ({megabytes(_size(wanted))}) that "
@@ -333,9 +334,9 @@ def _how_to_get(name: str) -> str:
     """What a missing network is and how to get it."""
     remote = _remote(name)
     entry = remote[1] if remote else _entries(name)[0]
-    way = (f"get it with `lfportrait models fetch {name}`" if remote
-           else "it can't be downloaded automatically")
-    return (f"{entry.file} ({entry.source}; licence {entry.licence}); {way}, or put it into "
+    way = (f"get it with `lfportrait models fetch {name}`, or" if remote
+           else "it can't be downloaded automatically;")
+    return (f"{entry.file} ({entry.source}; licence {entry.licence}); {way} put it into "
             f"{cache_folder()} or into the folder that LFPORTRAIT_MODELS names, or run "
             "`lfportrait models add FILE`")
 
