@@ -2,8 +2,9 @@
 
 A network may come in several files that serve the same purpose (the official download, or a
 repacked one). A file is looked for in the folder that ``LFPORTRAIT_MODELS`` names, then in the
-user's cache, and is then downloaded from its official address, checked by its SHA-256. Nothing is
-downloaded that is there already, and nothing is trusted that does not match.
+user's cache, and is then downloaded from its official address, or by its name from the server that
+``LFPORTRAIT_MIRROR`` names. Nothing is downloaded that is there already, and nothing is trusted
+whose SHA-256 does not match.
 """
 
 from __future__ import annotations
@@ -12,13 +13,18 @@ import functools
 import hashlib
 import os
 import shutil
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
+from .download import download as _download
+from .download import megabytes
 from .errors import UserError
 from .files import atomic_path
 
-__all__ = ["ModelFile", "add", "available", "cache_folder", "fetch", "listing", "registry"]
+__all__ = ["GROUPS", "ModelFile", "add", "available", "cache_folder", "expand", "fetch", "listing",
+           "missing", "registry", "require"]
 
 
 @dataclass(frozen=True)
@@ -37,8 +43,8 @@ class ModelFile:
         Licence of the weights.
     url
         Official address, or empty: the file must be put in place by hand.
-    needs
-        Files that must lie beside it, e.g. a network's list of operations.
+    size
+        Size in bytes.
     """
 
     file: str
@@ -46,65 +52,94 @@ class ModelFile:
     source: str
     licence: str
     url: str = ""
-    needs: tuple[ModelFile, ...] = ()
+    size: int = 0
 
 
 _TORCH = "https://download.pytorch.org/models/"
 _MEDIAPIPE = "https://storage.googleapis.com/mediapipe-models/"
+_ASSETS = "https://storage.googleapis.com/mediapipe-assets/"
+_VGG16 = ModelFile("vgg16-397923af.pth", "397923af", "torchvision VGG-16, ImageNet", "BSD-3-Clause",
+                   _TORCH + "vgg16-397923af.pth", 553433881)
 
 _REGISTRY: dict[str, tuple[ModelFile, ...]] = {
-    "vgg16": (
-        ModelFile("vgg16_relu3_3.safetensors",
-                  "0e0974329acaf0812b04fe4298a3df9a67b432a8efaea36f5212aeaf2a5c780a",
-                  "Oxford VGG-16 (Caffe), conv1_1 to conv3_3, repacked", "CC BY 4.0"),
-        # A second packing in use; it gives the reference activations of all seven layers.
-        ModelFile("vgg16_relu3_3.safetensors",
-                  "a6dc38d988541f6baecae52162af4691c6fa1c2b99a585a51c2a991a623ceb4e",
-                  "Oxford VGG-16 (Caffe), conv1_1 to conv3_3, repacked", "CC BY 4.0"),
-        ModelFile("vgg16-397923af.pth", "397923af", "torchvision VGG-16, ImageNet", "BSD-3-Clause",
-                  _TORCH + "vgg16-397923af.pth")),
-    "resnet50": (
-        ModelFile("resnet50_v1_folded_to_layer3.safetensors",
-                  "5dadf1896cc4174ebe5beaa04316528002cd3cc468a03e60219be848e2827582",
-                  "ResNet-50 v1, stem to layer3, batch norm folded, repacked", "MIT"),
-        ModelFile("resnet50-0676ba61.pth", "0676ba61", "torchvision ResNet-50, ImageNet",
-                  "BSD-3-Clause", _TORCH + "resnet50-0676ba61.pth")),
-    "vgg19-se": (
-        ModelFile("vgg19_se16x_relu5_1.safetensors",
-                  "62c16cf6c53f9ef13e66ca4bcc3528434f8c1cf12f92bb4f04521fef831d0a0a",
-                  "Collaborative-Distillation, 16x smaller VGG-19, repacked", "MIT"),),
     "face-landmarker": (
         ModelFile("face_landmarker.task",
                   "64184e229b263107bc2b804c6625db1341ff2bb731874b0bcc2fe6544e0bc9ff",
                   "MediaPipe FaceLandmarker, 478 points", "Apache-2.0",
-                  _MEDIAPIPE + "face_landmarker/face_landmarker/float16/1/face_landmarker.task"),),
-    "face-landmarks-68": (
-        ModelFile("faceapi_landmark68.safetensors",
-                  "e6853f4a5d12cdb5de80dcb3f3691a690281cfa88bad0a674067345a92f7be3e",
-                  "face-api.js 68-point landmarks, repacked", "MIT"),),
-    "face-detector": (
-        ModelFile("faceapi_tiny_face_detector.safetensors",
-                  "30d5cb835996d667cc6e652957cb228331c23751d62768e24e001429f10e4262",
-                  "face-api.js tiny face detector, repacked", "MIT"),),
+                  _MEDIAPIPE + "face_landmarker/face_landmarker/float16/1/face_landmarker.task",
+                  3758596),),
     "person-segmentation": (
-        ModelFile("selfie_segmentation.safetensors",
-                  "b50ad7c5af0f7185535e1f5590ca4aea857c4f0229982347d623668e286c77dc",
-                  "MediaPipe selfie segmentation, repacked", "Apache-2.0", needs=(ModelFile(
-                      "selfie_segmentation.graph.json",
-                      "08f9a32124df70d6bca14ba7c3519e5087002ef31e8242714a9de2388377abe7",
-                      "operations of MediaPipe selfie segmentation", "Apache-2.0"),)),),
+        ModelFile("selfie_segmentation.tflite",
+                  "8d13b7fae74af625c641226813616a2117bd6bca19eb3b75574621fc08557f27",
+                  "MediaPipe selfie segmentation", "Apache-2.0",
+                  _ASSETS + "selfie_segmentation.tflite?generation=1661875931201364", 249024),),
     "hair-segmentation": (
-        ModelFile("hair_segmentation.safetensors",
-                  "ba4e34c20894c448a59acdb5628f5d97c82b733b11db2058ac94be17b2e4933f",
-                  "MediaPipe hair segmentation, repacked", "Apache-2.0", needs=(ModelFile(
-                      "hair_segmentation.graph.json",
-                      "153f68c287f0279c6d1db1fea0a96d92f03bd50bb7d0fc79c4661a04aa19ed5a",
-                      "operations of MediaPipe hair segmentation", "Apache-2.0"),)),),
+        ModelFile("hair_segmentation.tflite",
+                  "d2c940c4fd80edeaf38f5d7387d1b4235ee320ed120080df67c663e749e77633",
+                  "MediaPipe hair segmentation", "Apache-2.0",
+                  _ASSETS + "hair_segmentation.tflite?generation=1661875756623461", 780588),),
+    "multiclass-segmentation": (
+        ModelFile("selfie_multiclass_256x256.tflite",
+                  "c6748b1253a99067ef71f7e26ca71096cd449baefa8f101900ea23016507e0e0",
+                  "MediaPipe selfie segmentation of six parts", "Apache-2.0",
+                  _MEDIAPIPE + "image_segmenter/selfie_multiclass_256x256/float32/1/"
+                  "selfie_multiclass_256x256.tflite", 16371837),),
+    "vgg16": (
+        # This packing gives the reference activations of all seven layers.
+        ModelFile("vgg16_relu3_3.safetensors",
+                  "a6dc38d988541f6baecae52162af4691c6fa1c2b99a585a51c2a991a623ceb4e",
+                  "Oxford VGG-16 (Caffe), conv1_1 to conv3_3, repacked", "CC BY 4.0",
+                  size=6950504),
+        _VGG16),
+    "resnet50": (
+        ModelFile("resnet50_v1_folded_to_layer3.safetensors",
+                  "5dadf1896cc4174ebe5beaa04316528002cd3cc468a03e60219be848e2827582",
+                  "ResNet-50 v1, stem to layer3, batch norm folded, repacked", "MIT",
+                  size=17063952),
+        ModelFile("resnet50-0676ba61.pth", "0676ba61", "torchvision ResNet-50, ImageNet",
+                  "BSD-3-Clause", _TORCH + "resnet50-0676ba61.pth", 102530333)),
     "inception": (
         ModelFile("inception_v3_tf2015_to_mixed7a.safetensors",
                   "43d4d5f9f32b410d67bf21aadafdbc4009c4a0143c04c1f8b7431c3269aa710a",
-                  "Inception-v3 of 2015-12-05 (FID), to Mixed_7a, repacked", "Apache-2.0"),),
+                  "Inception-v3 of 2015-12-05 (FID), to Mixed_7a, repacked", "Apache-2.0",
+                  size=21342744),
+        ModelFile("pt_inception-2015-12-05-6726825d.pth", "6726825d",
+                  "Inception-v3 of 2015-12-05 (pytorch-fid)", "Apache-2.0",
+                  "https://github.com/mseitzer/pytorch-fid/releases/download/fid_weights/"
+                  "pt_inception-2015-12-05-6726825d.pth", 95628359)),
+    "lpips": (
+        ModelFile("lpips_v0.1_vgg.pth",
+                  "a78928a0af1e5f0fcb1f3b9e8f8c3a2a5a3de244d830ad5c1feddc79b8432868",
+                  "LPIPS v0.1, linear layers for VGG-16", "BSD-2-Clause",
+                  "https://raw.githubusercontent.com/richzhang/PerceptualSimilarity/"
+                  "082bb24f84c091ea94de2867d34c4544f68e0963/lpips/weights/v0.1/vgg.pth", 7289),),
+    # LPIPS needs all of VGG-16, which only the official file has.
+    "vgg16-torchvision": (_VGG16,),
+    "vgg19-se": (
+        ModelFile("vgg19_se16x_relu5_1.safetensors",
+                  "62c16cf6c53f9ef13e66ca4bcc3528434f8c1cf12f92bb4f04521fef831d0a0a",
+                  "Collaborative-Distillation, 16x smaller VGG-19, repacked", "MIT",
+                  size=3859800),),
+    "face-landmarks-68": (
+        ModelFile("faceapi_landmark68.safetensors",
+                  "e6853f4a5d12cdb5de80dcb3f3691a690281cfa88bad0a674067345a92f7be3e",
+                  "face-api.js 68-point landmarks, repacked", "MIT", size=1431816),),
+    "face-detector": (
+        ModelFile("faceapi_tiny_face_detector.safetensors",
+                  "30d5cb835996d667cc6e652957cb228331c23751d62768e24e001429f10e4262",
+                  "face-api.js tiny face detector, repacked", "MIT", size=774852),),
 }
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "portrait": ("face-landmarker", "person-segmentation", "hair-segmentation"),
+    "paper": ("vgg16", "resnet50"),
+    "evaluate": ("inception", "lpips", "vgg16-torchvision"),
+}
+"""Networks that are wanted together: by the main job, by the paper's losses, by `evaluate`."""
+
+# Networks that do the work of others where they are at hand.
+_STAND_INS = {"person-segmentation": "multiclass-segmentation",
+              "hair-segmentation": "multiclass-segmentation"}
 
 
 def registry() -> dict[str, tuple[ModelFile, ...]]:
@@ -128,14 +163,14 @@ def _entries(name: str) -> tuple[ModelFile, ...]:
     try:
         return _REGISTRY[name]
     except KeyError:
-        raise UserError(f"there is no network {name!r}; the registry has "
-                        f"{', '.join(_REGISTRY)}") from None
+        raise UserError(f"there is no network or group {name!r}; the registry has "
+                        f"{', '.join([*GROUPS, *_REGISTRY])}") from None
 
 
 def _local(name: str) -> tuple[Path, ModelFile] | None:
     for entry in _entries(name):
         for folder in _folders():
-            if all((folder / part.file).is_file() for part in (entry, *entry.needs)):
+            if (folder / entry.file).is_file():
                 return folder / entry.file, entry
     return None
 
@@ -157,8 +192,32 @@ def _digest(path: str, size: int, changed: int) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def fetch(name: str) -> Path:
+def _remote(name: str) -> tuple[str, ModelFile] | None:
+    """Address and entry of the file that would be downloaded, None where there is none."""
+    mirror = os.environ.get("LFPORTRAIT_MIRROR", "").rstrip("/")
+    entries = _entries(name)
+    entry = next((entry for entry in entries if entry.url), entries[0] if mirror else None)
+    if entry is None:
+        return None
+    return (f"{mirror}/{quote(entry.file)}" if mirror else entry.url), entry
+
+
+def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
     """A file with the weights of a network, downloaded if it is nowhere on this machine.
+
+    Parameters
+    ----------
+    name
+        Name in the registry.
+    download
+        False downloads nothing: a missing file is an error then.
+    quiet
+        Draw no progress line.
+
+    Returns
+    -------
+    path
+        The file, its SHA-256 checked.
 
     Raises
     ------
@@ -171,26 +230,93 @@ def fetch(name: str) -> Path:
     if found is not None:
         path, entry = found
         _check(path, *(other for other in _entries(name) if other.file == entry.file))
-        for part in entry.needs:
-            _check(path.with_name(part.file), part)
         return path
-    import pooch
+    remote = _remote(name)
+    if not download or remote is None:
+        raise UserError(f"the network {name!r} is missing: {_how_to_get(name)}")
+    url, entry = remote
+    return _download(url, cache_folder() / entry.file, entry.sha256, entry.size, quiet=quiet)
 
-    for entry in _entries(name):
-        if not entry.url:
-            continue
-        target = cache_folder() / entry.file
-        with atomic_path(target) as temporary:
-            try:
-                pooch.HTTPDownloader(timeout=30)(entry.url, str(temporary), None)
-            except Exception as error:  # whatever the network throws, one line tells what to do
-                failure = f"the download from {entry.url} failed ({type(error).__name__})"
-                raise UserError(_how_to_get(name, failure)) from error
-            if not _matches(temporary, entry):
-                raise UserError(f"the download of {entry.file} is damaged: its SHA-256 is not "
-                                f"{entry.sha256}...; try again")
-        return target
-    raise UserError(_how_to_get(name, "it can't be downloaded automatically"))
+
+def expand(names: Iterable[str]) -> list[str]:
+    """Names of networks and groups (`GROUPS`) as names of networks, each once.
+
+    Raises
+    ------
+    UserError
+        If a name is neither.
+    """
+    found: dict[str, None] = {}
+    for name in names:
+        if name not in GROUPS:
+            _entries(name)
+        found.update(dict.fromkeys(GROUPS.get(name, (name,))))
+    return list(found)
+
+
+def missing(names: Iterable[str]) -> list[str]:
+    """The networks, of the named ones and groups, that are not on this machine.
+
+    A network is not missing where another one that does its work is here.
+
+    Raises
+    ------
+    UserError
+        If a name is unknown.
+    """
+    return [name for name in expand(names) if not available(_used(name))]
+
+
+def _used(name: str) -> str:
+    """The network that does the work of this one: itself, or its stand-in where that is here."""
+    other = _STAND_INS.get(name)
+    return other if other is not None and available(other) else name
+
+
+def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
+            quiet: bool = False) -> None:
+    """See to it that networks are here and whole, before work that takes long begins.
+
+    Parameters
+    ----------
+    names
+        Networks or groups (`GROUPS`).
+    download
+        True downloads all that are missing, with a progress line for each; False only tells.
+    purpose
+        What they are for, the subject of the message.
+    quiet
+        Draw no progress lines.
+
+    Raises
+    ------
+    UserError
+        If some are missing and not to be downloaded (or can't be): one line with each of them, the
+        size of all, and the command that gets them. If a file is damaged, or a download fails.
+    """
+    names = expand(names)
+    wanted = missing(names)
+    by_hand = [name for name in wanted if _remote(name) is None]
+    if by_hand:
+        raise UserError(f"{purpose} needs the network {by_hand[0]!r}, which is missing: "
+                        f"{_how_to_get(by_hand[0])}")
+    if wanted and not download:
+        # A group only where it gets no more than what is wanted.
+        command = next((group for group in GROUPS if set(missing([group])) == set(wanted)),
+                       " ".join(wanted))
+        count = f"{len(wanted)} network" + "s" * (len(wanted) > 1)
+        raise UserError(f"{purpose} needs {count} ({megabytes(_size(wanted))}) that "
+                        f"{'are' if len(wanted) > 1 else 'is'} not on this machine: "
+                        f"{', '.join(wanted)}; get {'them' if len(wanted) > 1 else 'it'} with "
+                        f"`lfportrait models fetch {command}`")
+    for name in names:  # those that are here, too: a damaged file is told now, not in an hour
+        fetch(_used(name), quiet=quiet)
+
+
+def _size(names: Iterable[str]) -> int:
+    """Bytes to download for these networks."""
+    remotes = [remote[1] for name in names if (remote := _remote(name)) is not None]
+    return sum({entry.file: entry.size for entry in remotes}.values())
 
 
 def _check(path: Path, *entries: ModelFile) -> None:
@@ -204,12 +330,15 @@ def _check(path: Path, *entries: ModelFile) -> None:
                         f"{entries[0].sha256[:16]}; remove it, or put the right one in its place")
 
 
-def _how_to_get(name: str, reason: str) -> str:
-    entry = next((entry for entry in _entries(name) if entry.url), _entries(name)[0])
-    files = " and ".join(part.file for part in (entry, *entry.needs))
-    return (f"the network {name!r} is missing: {files} ({entry.source}; licence "
-            f"{entry.licence}); {reason}; put it into {cache_folder()} or into the folder "
-            "that LFPORTRAIT_MODELS names, or run `lfportrait models add FILE`")
+def _how_to_get(name: str) -> str:
+    """What a missing network is and how to get it."""
+    remote = _remote(name)
+    entry = remote[1] if remote else _entries(name)[0]
+    way = (f"get it with `lfportrait models fetch {name}`, or" if remote
+           else "it can't be downloaded automatically;")
+    return (f"{entry.file} ({entry.source}; licence {entry.licence}); {way} put it into "
+            f"{cache_folder()} or into the folder that LFPORTRAIT_MODELS names, or run "
+            "`lfportrait models add FILE`")
 
 
 def add(path: str | Path) -> Path:
@@ -229,7 +358,7 @@ def add(path: str | Path) -> Path:
     if not path.is_file():
         raise UserError(f"no such file: {path}")
     for entries in _REGISTRY.values():
-        for entry in (part for whole in entries for part in (whole, *whole.needs)):
+        for entry in entries:
             if _matches(path, entry):
                 target = cache_folder() / entry.file
                 with atomic_path(target) as temporary:
@@ -240,11 +369,13 @@ def add(path: str | Path) -> Path:
 
 
 def listing() -> list[str]:
-    """One line for each network: name, whether it is here, source and licence."""
+    """One line for each network: name, group, size, whether it is here, what it is, its address."""
     rows = []
-    for name, entries in _REGISTRY.items():
-        state = "here   " if available(name) else "missing"
-        entry = entries[0]
-        way = "download" if any(e.url for e in entries) else "by hand"
-        rows.append(f"{name:<20} {state}  {way:<8}  {entry.source} ({entry.licence})")
+    for name in _REGISTRY:
+        found, remote = _local(name), _remote(name)
+        entry = found[1] if found else remote[1] if remote else _entries(name)[0]
+        group = next((group for group, members in GROUPS.items() if name in members), "-")
+        way = remote[0] if remote else "by hand, optional"
+        rows.append(f"{name:<24} {group:<9} {megabytes(entry.size):>7}  "
+                    f"{'here   ' if found else 'missing'}  {entry.source} ({entry.licence}): {way}")
     return rows

@@ -5,7 +5,7 @@ import pytest
 
 from lfportrait import models
 from lfportrait.errors import UserError
-from lfportrait.evaluate import evaluate_field, evaluate_job
+from lfportrait.evaluate import evaluate_field, evaluate_job, job
 from lfportrait.example import Exemplar
 from lfportrait.field import VoxelField
 from tests.evaluate.test_bench import ball_capture
@@ -50,6 +50,14 @@ def test_an_unstylised_field_equals_its_floor(no_models):
     assert figures["content"]["feature_distance"] == pytest.approx(0, abs=1e-6)
     assert figures["contours"]["gradient_correlation"] == pytest.approx(1)
     assert "style" not in figures
+
+
+def test_lpips_is_measured_where_its_networks_are(no_models, monkeypatch):
+    field = ball()
+    assert "lpips" not in evaluate_field(field, field, views=3, size=48)["content"]
+    monkeypatch.setattr(models, "missing", lambda names: [])
+    monkeypatch.setattr(job, "lpips", lambda a, b: float(np.abs(a - b).max()) + 0.25)
+    assert evaluate_field(field, field, views=3, size=48)["content"]["lpips"] == 0.25
 
 
 def test_what_can_not_be_measured_is_none(no_models):

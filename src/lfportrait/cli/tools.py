@@ -74,7 +74,7 @@ class Models(Common):
     action: tyro.conf.Positional[Literal["list", "fetch", "add"]] = "list"
     """What to do."""
     names: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Networks to fetch (all by default), or files to add."""
+    """Networks or groups to fetch (portrait by default, those of the main job), or files to add."""
 
     def run(self) -> dict[str, Any]:
         """Do what ``action`` says."""
@@ -83,8 +83,8 @@ class Models(Common):
         if self.action == "list":
             print("\n".join(models.listing()))
         elif self.action == "fetch":
-            for name in self.names or tuple(models.registry()):
-                print(f"{name}: {models.fetch(name)}")
+            for name in models.expand(self.names or ("portrait",)):
+                print(f"{name}: {models.fetch(name, quiet=self.quiet)}")
         else:
             if not self.names:
                 raise UserError("name the file to add: lfportrait models add FILE")

@@ -6,6 +6,7 @@ from .features import (
     frechet_distance,
     inception_features,
     kernel_distance,
+    lpips,
     style_distance,
 )
 from .job import evaluate_field, evaluate_job
@@ -14,5 +15,5 @@ from .patches import PatchIndex, patch_fidelity
 
 __all__ = ["PatchIndex", "consistency", "contour_correlation",
            "evaluate_field", "evaluate_job", "feature_distance", "frechet_distance", "identity",
-           "inception_features", "kernel_distance", "landmark_error", "pair_error",
+           "inception_features", "kernel_distance", "landmark_error", "lpips", "pair_error",
            "patch_fidelity", "style_distance", "view_pairs", "warp"]

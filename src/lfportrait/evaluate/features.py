@@ -6,6 +6,7 @@
   different dimensions don't compare.
 * ``KID-768``: the kernel distance (cubic polynomial kernel, unbiased) on the same 768 features;
   unlike FID it is meaningful for few pictures.
+* ``LPIPS``: v0.1 with VGG-16, where its two official files are at hand.
 * ``feature distance``: mean squared distance of unit-length features of VGG-16 (or of the embedded
   network). It is built like LPIPS but has none of its learnt weights, so it is not called LPIPS.
 """
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,17 +23,46 @@ from numpy.typing import NDArray
 
 from .. import models
 
-__all__ = ["feature_distance", "frechet_distance", "inception_features", "kernel_distance",
-           "style_distance"]
+__all__ = ["LPIPS_NETWORKS", "feature_distance", "frechet_distance", "inception_features",
+           "kernel_distance", "lpips", "style_distance"]
+
+LPIPS_NETWORKS = ("lpips", "vgg16-torchvision")
+"""What `lpips` needs, names of the registry."""
 
 Features = dict[str, NDArray[np.float64]]
 
 
-@functools.lru_cache(maxsize=1)
-def _inception_weights(path: str) -> dict[str, Any]:
+def _read(path: Path) -> dict[str, Any]:
+    """Weights by name, float32."""
+    import torch
     from safetensors.torch import load_file
 
-    return {name: value.float() for name, value in load_file(path).items()}
+    weights = (load_file(str(path)) if path.suffix == ".safetensors"
+               else torch.load(path, map_location="cpu", weights_only=True))
+    return {name: value.float() for name, value in weights.items()}
+
+
+def _folded(weights: dict[str, Any], epsilon: float = 1e-3) -> dict[str, Any]:
+    """Convolutions with the batch norm behind each folded into weight and bias.
+
+    pytorch-fid's ``NAME.conv.weight`` and ``NAME.bn.{weight,bias,running_mean,running_var}`` become
+    ``NAME.weight`` and ``NAME.bias``; other weights stay as they are.
+    """
+    folded = dict(weights)
+    for key in [key for key in weights if key.endswith(".conv.weight")]:
+        name = key.removesuffix(".conv.weight")
+        scale, shift, mean, variance = (
+            folded.pop(f"{name}.bn.{part}")
+            for part in ("weight", "bias", "running_mean", "running_var"))
+        scale = scale / (variance + epsilon).sqrt()
+        folded[f"{name}.weight"] = folded.pop(key) * scale[:, None, None, None]
+        folded[f"{name}.bias"] = shift - mean * scale
+    return folded
+
+
+@functools.lru_cache(maxsize=1)
+def _inception_weights(path: Path) -> dict[str, Any]:
+    return _folded(_read(path))
 
 
 class _Inception:
@@ -109,7 +140,7 @@ def inception_features(pictures: Iterable[NDArray[np.uint8]], batch: int = 8) ->
     """
     import torch
 
-    network = _Inception(_inception_weights(str(models.fetch("inception"))))
+    network = _Inception(_inception_weights(models.fetch("inception")))
     found: dict[str, list[NDArray[np.float64]]] = {"64": [], "192": [], "768": []}
     waiting: list[Any] = []
 
@@ -220,3 +251,67 @@ def feature_distance(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] |
         else:
             distances.append(float(squared.mean()))
     return float(np.mean(distances))
+
+
+# The convolutions of VGG-16 (torchvision's ``features.N``) up to each of LPIPS' five maps.
+_VGG_BLOCKS = ((0, 2), (5, 7), (10, 12, 14), (17, 19, 21), (24, 26, 28))
+_LPIPS_SHIFT = (-0.030, -0.088, -0.188)
+_LPIPS_SCALE = (0.458, 0.448, 0.450)
+
+
+@functools.lru_cache(maxsize=1)
+def _lpips_weights(linear: Path, backbone: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    convolutions = {name: value for name, value in _read(backbone).items()
+                    if name.startswith("features.")}  # nine tenths of the file classify
+    return _read(linear), convolutions
+
+
+def lpips(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """LPIPS v0.1 with VGG-16 of two pictures (Zhang et al. 2018).
+
+    Unit-length features of five layers, their squared differences weighted by the learnt linear
+    layers, averaged over each map and summed over the layers.
+
+    Parameters
+    ----------
+    a, b
+        float [H, W, 3] in [0, 1], at least 16 pixels wide and high.
+
+    Returns
+    -------
+    distance
+        0 for equal pictures, about 0.7 for unlike ones.
+
+    Raises
+    ------
+    UserError
+        If its networks (`LPIPS_NETWORKS`) are missing; nothing is downloaded.
+    """
+    import torch
+
+    models.require(LPIPS_NETWORKS, download=False, purpose="LPIPS")
+    linear, convolutions = _lpips_weights(*(models.fetch(name) for name in LPIPS_NETWORKS))
+    with torch.no_grad():
+        first, second = (_lpips_maps(convolutions, image) for image in (a, b))
+        return float(sum(
+            ((x - y).square() * linear[f"lin{layer}.model.1.weight"]).sum(dim=1).mean()
+            for layer, (x, y) in enumerate(zip(first, second, strict=True))))
+
+
+def _lpips_maps(weights: dict[str, Any], image: NDArray[Any]) -> list[Any]:
+    """Unit-length features of a picture [H, W, 3] after each block of VGG-16."""
+    import torch
+    from torch.nn import functional
+
+    shift, scale = (torch.tensor(values)[:, None, None] for values in (_LPIPS_SHIFT, _LPIPS_SCALE))
+    values = np.ascontiguousarray(np.asarray(image, np.float32).transpose(2, 0, 1))
+    x = ((2.0 * torch.from_numpy(values) - 1.0 - shift) / scale)[None]
+    maps = []
+    for block, numbers in enumerate(_VGG_BLOCKS):
+        if block:
+            x = functional.max_pool2d(x, 2)
+        for number in numbers:
+            x = torch.relu(functional.conv2d(x, weights[f"features.{number}.weight"],
+                                             weights[f"features.{number}.bias"], padding=1))
+        maps.append(x / (x.norm(dim=1, keepdim=True) + 1e-10))
+    return maps

@@ -16,7 +16,7 @@ from ..field import Rendering, VoxelField, held_out_quality
 from ..progress import Progress
 from ..share import sweep_cameras
 from .consistency import consistency
-from .features import feature_distance, style_distance
+from .features import LPIPS_NETWORKS, feature_distance, lpips, style_distance
 from .likeness import contour_correlation, identity
 from .patches import patch_fidelity
 
@@ -97,8 +97,8 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
     -------
     figures
         ``consistency``, ``contours``, ``identity`` (if the face detector is at hand), ``content``
-        (feature distance of stylised and real views), ``style`` (if an exemplar is given). What
-        could not be measured is None.
+        (feature distance of stylised and real views; LPIPS, too, if its networks are at hand),
+        ``style`` (if an exemplar is given). What could not be measured is None.
     """
     def say(text: str) -> None:
         if progress is not None:
@@ -122,6 +122,8 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
     figures["contours"] = {
         "gradient_correlation": contour_correlation(painted[middle], photo, inside)}
     figures["content"] = {"feature_distance": feature_distance(painted[middle], photo, inside)}
+    if not models.missing(LPIPS_NETWORKS):
+        figures["content"]["lpips"] = lpips(painted[middle], photo)
     if models.available("face-landmarker"):
         say("identity")
         figures["identity"] = _identity(field, styled, size)

@@ -14,8 +14,8 @@ from .points import read_landmarks, write_landmarks
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
 __all__ = ["detect_landmarks", "face_mask", "face_yaw", "frontal_order", "hair_mask",
-           "landmarks_of_capture", "mattes", "person_matte", "read_landmarks", "triangulate",
-           "write_landmarks"]
+           "landmarks_of_capture", "mattes", "parts", "person_matte", "read_landmarks",
+           "triangulate", "write_landmarks"]
 
 
 def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:
@@ -39,3 +39,11 @@ def mattes(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int =
     from .segmentation import mattes as run
 
     return run(image, up, size)
+
+
+def parts(image: NDArray[np.uint8], up: NDArray[Any] | None = None,
+          ) -> dict[str, NDArray[np.float32]]:
+    """How much of each pixel is each of six parts (`lfportrait.face.segmentation.parts`)."""
+    from .segmentation import parts as run
+
+    return run(image, up)

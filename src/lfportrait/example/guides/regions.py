@@ -179,7 +179,7 @@ def _networks(image: NDArray[np.uint8], size: int) -> tuple[Float32 | None, Floa
     try:
         from ... import face, models
 
-        known = models.available("person-segmentation"), models.available("hair-segmentation")
+        known = [not models.missing([f"{part}-segmentation"]) for part in ("person", "hair")]
         if all(known):
             return face.mattes(image, size=size)
         return (face.person_matte(image) if known[0] else None,

@@ -1,0 +1,236 @@
+"""Mattes from the segmentation networks, and from stand-ins of their shapes."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from lfportrait import models
+from lfportrait.errors import UserError
+from lfportrait.face import segmentation
+from lfportrait.face.player import Player
+from lfportrait.face.tflite import read_tflite
+from lfportrait.files import read_image
+from lfportrait.models import ModelFile
+from tests.tflite_files import TfliteFile, convolution
+
+REGISTRY = {name: models.registry()[name] for name in (
+    "person-segmentation", "hair-segmentation", "multiclass-segmentation")}
+
+
+@pytest.fixture
+def shelf(tmp_path, monkeypatch):
+    """An empty folder of models, and a function that puts a stand-in of a network there."""
+    monkeypatch.setattr(models, "cache_folder", lambda: tmp_path / "cache")
+    monkeypatch.setenv("LFPORTRAIT_MODELS", str(tmp_path))
+
+    def put(name, content):
+        entry = REGISTRY[name][0]
+        (tmp_path / entry.file).write_bytes(content)
+        digest = hashlib.sha256(content).hexdigest()
+        monkeypatch.setitem(models._REGISTRY, name, (ModelFile(entry.file, digest, "", ""),))
+    return put
+
+
+def six_parts(confidences=False, classes=6):
+    """A network [1, 256, 256, 3] -> [1, 256, 256, 6] that reads the class off the red channel.
+
+    Logit ``c`` is highest where red is ``c / 5``; it works at half size and is resized, like the
+    real one.
+    """
+    file = TfliteFile()
+    x, out = file.tensor(1, 256, 256, 3), file.tensor(1, 256, 256, classes)
+    small, logits = file.tensor(1, 128, 128, 3), file.tensor(1, 128, 128, classes)
+    centres = np.linspace(0, 1, classes)
+    filters = np.zeros((classes, 1, 1, 3), np.float32)
+    filters[:, 0, 0, 0] = 400 * centres  # -200 (x - c)^2, without what all classes share
+    file.step("AVERAGE_POOL_2D", [x], small, (1, "Int32", 2), (2, "Int32", 2), (3, "Int32", 2),
+              (4, "Int32", 2))
+    convolution(file, small, filters, np.float32(-200 * centres ** 2), logits)
+    if confidences:
+        shares = file.tensor(1, 128, 128, classes)
+        file.step("SOFTMAX", [logits], shares, (0, "Float32", 1.0))
+        logits = shares
+    file.step("RESIZE_BILINEAR", [logits, file.constant(np.int32([256, 256]))], out,
+              (3, "Bool", True))
+    return file.content([x], [out])
+
+
+def bands(height=120, width=160):
+    """A picture whose columns show the six classes from left to right, and the classes [W]."""
+    classes = np.arange(width) * 6 // width
+    image = np.zeros((height, width, 3), np.uint8)
+    image[..., 0] = classes * 51
+    return image, classes
+
+
+@pytest.mark.parametrize("confidences", [False, True])
+def test_the_network_of_six_parts_gives_all_maps(shelf, confidences):
+    shelf("multiclass-segmentation", six_parts(confidences))
+    image, classes = bands()
+    maps = segmentation.parts(image)
+    assert list(maps) == ["background", "hair", "body-skin", "face-skin", "clothes", "others"]
+    assert sum(maps.values()) == pytest.approx(np.ones(image.shape[:2]), abs=1e-5)
+    for index, values in enumerate(maps.values()):
+        assert values.shape == image.shape[:2] and values.dtype == np.float32
+        middle = np.nonzero(classes == index)[0][8:-8]
+        assert values[:, middle].min() > 0.95
+
+
+def test_person_and_hair_come_from_the_six_parts_where_they_are(shelf):
+    shelf("multiclass-segmentation", six_parts())
+    image, _ = bands()
+    maps = segmentation.parts(image)
+    person, hair = segmentation.mattes(image)
+    assert person == pytest.approx(1 - maps["background"], abs=1e-6)
+    assert np.array_equal(hair, maps["hair"])
+    assert np.array_equal(segmentation.person_matte(image), person)
+    assert np.array_equal(segmentation.hair_mask(image, size=384), hair)
+    # A picture that lies on its side is turned before, and the result turned back.
+    lying = np.ascontiguousarray(np.rot90(image))
+    assert segmentation.person_matte(lying, np.array([-1.0, 0])) == pytest.approx(
+        np.rot90(person), abs=1e-6)
+
+
+def test_another_number_of_classes_is_refused(shelf):
+    shelf("multiclass-segmentation", six_parts(classes=2))
+    with pytest.raises(UserError, match=r"has 2 classes instead of 6"):
+        segmentation.parts(bands()[0])
+
+
+def constant(channels, bias):
+    """A network whose output is the same everywhere."""
+    file = TfliteFile()
+    x, out = file.tensor(1, 256, 256, channels), file.tensor(1, 256, 256, len(bias))
+    convolution(file, x, np.zeros((len(bias), 1, 1, channels), np.float32), np.float32(bias), out)
+    return file.content([x], [out])
+
+
+def test_two_networks_without_the_six_parts(shelf):
+    shelf("person-segmentation", constant(3, [0.25]))
+    shelf("hair-segmentation", constant(4, [0.0, 2.0]))
+    image = bands()[0]
+    person, hair = segmentation.mattes(image, size=64)
+    assert person == pytest.approx(np.full(image.shape[:2], 0.25), abs=1e-6)
+    assert hair == pytest.approx(np.full(image.shape[:2], 1 / (1 + np.exp(-2))), abs=1e-6)
+    assert np.array_equal(segmentation.person_matte(image), person)
+    assert np.array_equal(segmentation.hair_mask(image, size=64), hair)
+
+
+PACKED = {"person-segmentation": "selfie_segmentation", "hair-segmentation": "hair_segmentation"}
+
+
+def with_packed_weights(weights, name):
+    """The network with the rounded weights of an earlier packing of it, and that packing's steps.
+
+    The packing has the same numbers of tensors; its weights are half floats.
+    """
+    graph = read_tflite(weights / f"{name}.tflite")
+    packed = load_file(str(weights / f"{name}.safetensors"))
+    for number in graph.constants:
+        if f"t{number}" in packed:
+            graph.constants[number] = packed[f"t{number}"].float().numpy()
+    return graph, json.loads((weights / f"{name}.graph.json").read_text())
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("name", ["selfie_segmentation", "hair_segmentation"])
+def test_the_reader_finds_what_another_one_found(shared_weights, name):
+    """Operations, tensors and options equal a list of them that another program read."""
+    graph, listed = with_packed_weights(shared_weights, name)
+    steps = [step for step in graph.operations if step.name != "DEQUANTIZE"]
+    assert len(steps) == len(listed["ops"])
+    for step, row in zip(steps, listed["ops"]):
+        assert step.name == row["op"] and list(step.outputs) == row["out"]
+        assert list(step.inputs) == row["in"]
+        if step.name in ("CONV_2D", "DEPTHWISE_CONV_2D", "AVERAGE_POOL_2D"):
+            assert ["SAME", "VALID"][step.options["padding"]] == row["padding"]
+            assert step.options["stride_x"] == step.options["stride_y"] == row["stride"]
+            assert step.options["activation"] == row.get("act", 0)
+        if step.name == "RESIZE_BILINEAR":
+            assert step.options["align_corners"] == row["align"]
+            assert step.options["half_pixel_centers"] == row["half"]
+            assert list(graph.constants[step.inputs[1]]) == row["size"]
+
+
+def listed_step(row, x, got):
+    """One operation of such a list by its definition, nothing shared with the player."""
+    functional, kind = torch.nn.functional, row["op"]
+    if kind in ("CONV_2D", "DEPTHWISE_CONV_2D"):
+        deep, spread = kind == "DEPTHWISE_CONV_2D", row.get("dilation", 1)
+        filters = got[1].permute(3, 0, 1, 2) if deep else got[1].permute(0, 3, 1, 2)
+        if row["padding"] == "SAME":
+            pads = []
+            for size, reach in zip((x.shape[3], x.shape[2]), reversed(filters.shape[2:])):
+                reach = (reach - 1) * spread + 1
+                total = max((-(-size // row["stride"]) - 1) * row["stride"] + reach - size, 0)
+                pads += [total // 2, total - total // 2]
+            x = functional.pad(x, pads)
+        return functional.conv2d(x, filters, got[2], row["stride"], dilation=spread,
+                                 groups=x.shape[1] if deep else 1)
+    if kind == "Convolution2DTransposeBias":
+        full = functional.conv_transpose2d(x, got[1].permute(3, 0, 1, 2), None, 2)
+        return full[..., :2 * x.shape[2], :2 * x.shape[3]] + got[2][None, :, None, None]
+    return {
+        "RESIZE_BILINEAR": lambda: functional.interpolate(
+            x, size=row["size"], mode="bilinear", align_corners=row["align"]),
+        "AVERAGE_POOL_2D": lambda: functional.avg_pool2d(x, row["k"], row["stride"]),
+        "MaxPoolingWithArgmax2D": lambda: functional.max_pool2d(x, 2, 2, return_indices=True),
+        "MaxUnpooling2D": lambda: functional.max_unpool2d(x, got[1], 2, 2),
+        "CONCATENATION": lambda: torch.cat(got, dim=1),
+        "ADD": lambda: x + got[1], "MUL": lambda: x * got[1],
+        "PRELU": lambda: functional.prelu(x, got[1].reshape(-1)),
+        "RELU": lambda: torch.relu(x), "HARD_SWISH": lambda: functional.hardswish(x),
+        "LOGISTIC": lambda: torch.sigmoid(x)}[kind]()
+
+
+def play_list(listed, weights, frame):
+    """Play such a list on [1, C, H, W]; its steps have no activations fused."""
+    values = {listed["input"]["tensor"]: frame}
+
+    def get(number):
+        return values[number] if number in values else weights[f"t{number}"].float()
+
+    for row in listed["ops"]:
+        assert row.get("act", 0) == 0
+        names = row["in"][:1] if row["op"] == "RESIZE_BILINEAR" else row["in"]
+        got = [get(number) for number in names]
+        result = listed_step(row, got[0], got)
+        values.update(zip(row["out"], result if isinstance(result, tuple) else (result,)))
+    return values[listed["output"]["tensor"]]
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("name", PACKED)
+def test_the_official_files_give_the_results_of_an_earlier_packing(shared_data, shared_weights,
+                                                                   name):
+    """To 1e-3 with the packing's rounded weights; the file's own full ones hardly matter more."""
+    picture = read_image(shared_data / "faceblit_reference" / "target1.png")[..., :3]
+    size = 256 if name == "person-segmentation" else 512
+    frame = segmentation._resized(picture, size)
+    if name == "hair-segmentation":
+        frame = torch.cat([frame, torch.zeros(1, size, size, 1)], dim=-1)
+    graph, listed = with_packed_weights(shared_weights, PACKED[name])
+    packed = load_file(str(shared_weights / f"{PACKED[name]}.safetensors"))
+    with torch.no_grad():
+        expected = play_list(listed, packed, frame.permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
+
+    def matte(values):
+        return (values if values.shape[-1] == 1 else torch.softmax(values, -1)[..., 1:]).numpy()
+    assert matte(Player(graph)(frame)[0]) == pytest.approx(matte(expected), abs=1e-3)
+    exact = matte(Player(read_tflite(shared_weights / f"{PACKED[name]}.tflite"))(frame)[0])
+    assert np.abs(exact - matte(expected)).mean() < 1e-3
+    assert np.abs(exact - matte(expected)).max() < 0.03
+
+
+@pytest.mark.data
+def test_the_mattes_of_a_portrait_make_sense(shared_data, shared_weights, monkeypatch):
+    monkeypatch.setenv("LFPORTRAIT_MODELS", str(shared_weights))
+    picture = read_image(shared_data / "faceblit_reference" / "target1.png")[..., :3]
+    person, hair = segmentation.mattes(picture, size=384)
+    assert person.shape == hair.shape == picture.shape[:2]
+    assert 0.4 < person.mean() < 0.8 and 0.03 < hair.mean() < 0.3
+    assert (hair > 0.5)[person < 0.2].mean() < 0.01
