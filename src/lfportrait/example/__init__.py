@@ -1,8 +1,10 @@
 """Example-based transfer: one painted portrait -> any portrait photo in its manner (Paper 2.2)."""
 
 from .exemplar import Exemplar, face_size
+from .guides.appearance import appearance_guide
 from .guides.labels import LABELS
-from .guides.maps import Guides, appearance_guide, position_guide
+from .guides.maps import Guides
+from .guides.position import position_guide
 from .guides.regions import Regions, find_regions
 from .methods import METHODS, Method, MethodConfig, paint, prepare
 from .providers import Sitting

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .exemplar import Exemplar, face_size
+from .guides.appearance import grey
 from .guides.control_points import lay_body, lengthen_neck, match_regions, plain_neck
 from .guides.labels import LABELS, missing_labels
-from .guides.maps import fold_inside, folded_position_guide, grey
 from .guides.outline import EdgeMatch, signed_distances
+from .guides.position import fold_inside, folded_position_guide
 from .guides.regions import Regions
 from .kernels.labels import own_body, shrink_label
 from .styleblit import label_words

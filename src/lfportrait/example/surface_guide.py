@@ -22,7 +22,7 @@ from scipy.ndimage import distance_transform_edt
 from ..errors import UserError
 from .back_of_head import Patchwork, Sites
 from .exemplar import Exemplar, face_size
-from .guides.maps import fold_inside, mls_similarity
+from .guides.position import fold_inside, mls_similarity
 from .guides.regions import Regions, find_regions
 
 __all__ = ["SurfaceGuide", "surface_position_guide"]
