@@ -1,88 +1,8 @@
 """The house keeps its order: imports run one way, between stages and between files."""
 
-import ast
-from pathlib import Path
-
 import pytest
 
-ROOT = Path(__file__).parents[2]
-SOURCE = ROOT / "src" / "lfportrait"
-
-STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
-          "evaluate", "job", "cli")
-"""In order: a stage imports only stages before it, and the ground floor."""
-GROUND = ("errors", "files", "keys", "lanes", "measure", "metrics", "models", "progress")
-"""Carries all stages and knows none."""
-
-
-def module_files(source=SOURCE, package="lfportrait"):
-    """Path of each module by its dotted name; a package stands for its ``__init__.py``."""
-    files = {}
-    for path in source.rglob("*.py"):
-        parts = [package, *path.relative_to(source).with_suffix("").parts]
-        files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return files
-
-
-def offered(path):
-    """The names that a package's ``__init__.py`` takes from its modules: what stands outside."""
-    return {alias.asname or alias.name for node in ast.parse(path.read_text("utf-8")).body
-            if isinstance(node, ast.ImportFrom) for alias in node.names}
-
-
-def imported(name, path, files):
-    """The modules that a module imports anywhere in it, functions and type checks included."""
-    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names} & set(files)
-        elif isinstance(node, ast.ImportFrom):
-            base = node.module or ""
-            if node.level:
-                above = package.split(".")[:len(package.split(".")) - node.level + 1]
-                base = ".".join(above + ([node.module] if node.module else []))
-            # A package's function may have its module's name: then the function is meant.
-            names = offered(files[base]) if base in files and base != package else set()
-            for alias in node.names:
-                inner = f"{base}.{alias.name}"
-                found |= ({inner} if inner in files and alias.name not in names
-                          else {base} & set(files))
-    return found - {name}
-
-
-def graph_of(files):
-    return {name: imported(name, path, files) for name, path in files.items()}
-
-
-def circles(graph):
-    """Groups of modules that import each other in a loop (Tarjan's components)."""
-    number, low, stack, found = {}, {}, [], []
-
-    def visit(name):
-        number[name] = low[name] = len(number)
-        stack.append(name)
-        for other in graph[name]:
-            if other not in number:
-                visit(other)
-            if other in stack:
-                low[name] = min(low[name], low[other])
-        if low[name] == number[name]:
-            group = stack[stack.index(name):]
-            del stack[stack.index(name):]
-            if len(group) > 1:
-                found.append(sorted(group))
-
-    for name in graph:
-        if name not in number:
-            visit(name)
-    return found
-
-
-def place(name):
-    """The stage or the ground-floor module that a module belongs to; empty for the package."""
-    return name.split(".")[1] if "." in name else ""
-
+from house import GROUND, ROOT, SOURCE, STAGES, circles, graph_of, module_files, place
 
 FILES = module_files()
 GRAPH = graph_of(FILES)
