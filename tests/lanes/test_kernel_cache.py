@@ -7,7 +7,7 @@ from pathlib import Path
 
 SCRIPT = """
 from lfportrait.capture import Camera
-from lfportrait.kernels.render import render_kernel
+from lfportrait.field.kernels.render import render_kernel
 from tests.fields import shell_field
 
 camera = Camera.arc([0.0], distance=3.0, width=8, height=8, focal=8.0)
@@ -19,9 +19,9 @@ print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 KEYS = """
 import hashlib
 from numba.core.serialize import dumps
-from lfportrait.kernels.encode import encode_kernel
-from lfportrait.kernels.render import render_kernel_one_lane
-from lfportrait.kernels.train import train_kernel
+from lfportrait.lightfield.kernels.encode import encode_kernel
+from lfportrait.field.kernels.render import render_kernel_one_lane
+from lfportrait.field.kernels.train import train_kernel
 
 for kernel in (train_kernel(32), encode_kernel(32, 9), render_kernel_one_lane(32)):
     cells = tuple(cell.cell_contents for cell in kernel.py_func.__closure__)
