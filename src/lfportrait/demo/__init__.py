@@ -1,4 +1,4 @@
-"""The embedded data: a modelled head photographed from known cameras, and painted exemplars."""
+"""Data that comes with the package: a modelled head, photographed and painted by programs."""
 
 from .head_model import HeadModel
 from .painting import demo_exemplar, demo_styles, exemplar_camera, style_makers
