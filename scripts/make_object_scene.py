@@ -20,10 +20,10 @@ from pathlib import Path
 
 import numpy as np
 from numba import njit, prange
-from toy_bulldozer import BOX, CYLINDER, LEAF, MATERIALS, toy_scene
 
 from lfportrait.capture import Camera
 from lfportrait.files import write_image, write_json
+from toy_bulldozer import BOX, CYLINDER, LEAF, MATERIALS, toy_scene
 
 ANGLE_X, DISTANCE = 0.6911112070083618, 4.031128874149275
 EXTENT, CELLS, LISTED = 1.3, 72, 48  # half edge of the grid's cube, cells a side, solids a cell

@@ -5,8 +5,8 @@ import pytest
 from scipy.ndimage import distance_transform_edt
 
 from lfportrait.example.guides.control_points import lay_body
-from lfportrait.example.guides.maps import pixel_centres
 from lfportrait.example.guides.outline import EdgeMatch, signed_distance
+from lfportrait.example.guides.position import pixel_centres
 from lfportrait.example.guides.regions import Regions
 from tests.portraits import CANONICAL
 

@@ -17,7 +17,7 @@ from lfportrait.example import (
     synthesise,
     transfer,
 )
-from lfportrait.example.guides.maps import pixel_centres
+from lfportrait.example.guides.position import pixel_centres
 from lfportrait.example.styleblit import plant
 from tests.portraits import HEAD_LANDMARKS, ball_head, drawn_face
 from tests.reference import styleblit as reference

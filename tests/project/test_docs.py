@@ -1,7 +1,8 @@
-"""The page of parameters follows from the configuration classes."""
+"""The page of parameters follows from the configuration classes; pages name what is there."""
 
 import dataclasses
 import importlib.util
+import re
 from pathlib import Path
 from typing import Literal
 
@@ -55,13 +56,35 @@ def test_rows_show_default_choices_and_meaning(make_docs):
     assert "| `--quiet` | `no` | Whether. |" in text and "`1e-05`" in text
 
 
-@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "docs/architecture.md", "docs/displays.md"])
-def test_pages_name_files_that_exist(page):
-    """Folders and modules in back quotes, and links, are there."""
-    import re
+PAGES = ["CONTRIBUTING.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md")))]
 
-    text = (ROOT / page).read_text("utf-8")
-    for target in re.findall(r"\]\(([^)#]+)\)", text):
+
+def targets(text):
+    """Where the links of a page lead, those to other sites left out."""
+    return [target for target in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in target]
+
+
+@pytest.mark.parametrize("page", ["README.md", *PAGES])
+def test_links_lead_somewhere(page):
+    for target in targets((ROOT / page).read_text("utf-8")):
         assert ((ROOT / page).parent / target).exists(), target
-    for name in re.findall(r"`([a-z_]+/(?:[a-z_]+\.py)?|[a-z_]+\.py)`", text):
-        assert any((folder / name).exists() for folder in (ROOT, ROOT / "src" / "lfportrait")), name
+
+
+def missing(text):
+    """Folders and modules in back quotes that are not here, nor in the package or a stage."""
+    source = ROOT / "src" / "lfportrait"
+    places = [ROOT, source, *(path for path in source.iterdir() if path.is_dir())]
+    names = re.findall(r"`((?:[a-z_0-9]+/)+(?:[a-z_0-9]+\.py)?|[a-z_0-9]+\.py)`", text)
+    return [name for name in names if not any((place / name).exists() for place in places)]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_pages_name_files_that_exist(page):
+    assert missing((ROOT / page).read_text("utf-8")) == []
+
+
+def test_wrong_names_are_found():
+    text = "`field/kernels/march.py` `kernels/` `field/` `models.py` `field/kernels/`"
+    assert missing(text) == []
+    assert missing("`field/march.py` `commands/` `cli.py`") == [
+        "field/march.py", "commands/", "cli.py"]

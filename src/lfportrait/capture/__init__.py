@@ -1,4 +1,9 @@
-"""Photos, video or a calibrated data set -> `Capture`: pictures, cameras, mattes, landmarks."""
+"""The first stage: photos, a video or a calibrated data set become a `Capture`.
+
+A capture is pictures with their cameras, in the frame of the head, and what is known of the head:
+its matte in each picture, its landmarks in space. `calibrate` finds the cameras of plain photos;
+`formats` reads data sets that have them.
+"""
 
 from .calibrate import CalibrateConfig, calibrate
 from .camera import Camera

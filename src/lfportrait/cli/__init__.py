@@ -1,4 +1,7 @@
-"""The command line: one command per stage, one data class a command."""
+"""The command line: a data class for each command, its fields are the options.
+
+`dispatch` knows all commands; the other modules hold them by theme.
+"""
 
 from .dispatch import COMMANDS, main
 

@@ -1,6 +1,6 @@
-"""The embedded data: a modelled head photographed from known cameras, and painted exemplars."""
+"""Data that comes with the package: a modelled head, photographed and painted by programs."""
 
-from .kernels.head import HeadModel
+from .head_model import HeadModel
 from .painting import demo_exemplar, demo_styles, exemplar_camera, style_makers
 from .people import PAINTED, SITTER, landmarks
 from .sittings import embedded_sittings

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels.head import HeadModel, lid_lines, mouth_lines
+from .head_model import HeadModel
+from .kernels.head import lid_lines, mouth_lines
 from .kernels.head_points import drop, silhouette
 from .kernels.head_skin import brow_line
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..capture import Camera, Capture
 from ..progress import Progress
-from .kernels.head import HeadModel
+from .head_model import HeadModel
 from .kernels.head_render import bake, render
 from .people import SITTER, landmarks
 

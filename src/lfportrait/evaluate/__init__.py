@@ -1,4 +1,9 @@
-"""Metrics of a finished job and consistency between views; `bench` measures speed."""
+"""How good a result is, and how fast it came: figures of a finished job.
+
+`consistency` tells whether views agree, `likeness` whether the head is still the person, `features`
+and `patches` how near the style is; `transfer_quality` and `strokes` measure the transfer alone;
+`bench` measures speed.
+"""
 
 from .consistency import consistency, pair_error, view_pairs, warp
 from .features import (

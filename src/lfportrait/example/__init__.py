@@ -1,8 +1,15 @@
-"""Example-based transfer: one painted portrait -> any portrait photo in its manner (Paper 2.2)."""
+"""Transfer by example: any portrait repainted in the manner of one painting (Paper 2.2, Eq. 6).
+
+An `Exemplar` is the painting, a `Transfer` repaints photos by it: `guides` say which place of the
+painting answers a pixel, `table` looks it up, `styleblit` copies pieces. `surface_guide` does it on
+a head, the same from every side; `rivals` are other methods, `video` is for moving pictures.
+"""
 
 from .exemplar import Exemplar, face_size
+from .guides.appearance import appearance_guide
 from .guides.labels import LABELS
-from .guides.maps import Guides, appearance_guide, position_guide
+from .guides.maps import Guides
+from .guides.position import position_guide
 from .guides.regions import Regions, find_regions
 from .methods import METHODS, Method, MethodConfig, paint, prepare
 from .providers import Sitting

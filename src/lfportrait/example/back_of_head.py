@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from .exemplar import Exemplar
+from .guides.appearance import grey
+from .guides.blurs import broad_blur
 from .guides.labels import LABELS
-from .guides.maps import broad_blur, grey
 from .guides.regions import Regions
 from .kernels.seeds import seed_points
 from .kernels.sites import nearest_sites

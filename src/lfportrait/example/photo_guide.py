@@ -1,12 +1,12 @@
 """Position guide of a photo: from landmarks and contours, with outlines that meet.
 
-For a capture the surface says where in the exemplar a pixel belongs (`surface`); a photo has its
-landmarks, the rays to hairline and outline (`correspond`), and signed distances from the edges of
-its regions (`outline`). From the front the exemplar's own neck and shoulders fit below the face. A
-turned head lies beside its neck, though, hides one ear and shows its back, and what the face alone
-asks for below and behind it is the exemplar's background. So in videos, and for turned heads, neck
-and body are laid onto the exemplar's by their edges, and what is person or background is held on
-its side of the exemplar's outline.
+For a capture the surface says where in the exemplar a pixel belongs (`surface_guide`). A photo has
+its landmarks, the rays to hairline and outline (`control_points`), and signed distances from the
+edges of its regions (`outline`). From the front the exemplar's own neck and shoulders fit below the
+face. A turned head lies beside its neck, though, hides one ear and shows its back, and what the
+face alone asks for below and behind it is the exemplar's background. So in videos, and for turned
+heads, neck and body are laid onto the exemplar's by their edges, and what is person or background
+is held on its side of the exemplar's outline.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .exemplar import Exemplar, face_size
+from .guides.appearance import grey
 from .guides.control_points import lay_body, lengthen_neck, match_regions, plain_neck
 from .guides.labels import LABELS, missing_labels
-from .guides.maps import fold_inside, folded_position_guide, grey
 from .guides.outline import EdgeMatch, signed_distances
+from .guides.position import fold_inside, folded_position_guide
 from .guides.regions import Regions
 from .kernels.labels import own_body, shrink_label
 from .styleblit import label_words

@@ -8,7 +8,8 @@ up. Both agree on the line between.
 
 The exemplar shows a head from the front only. Angles beyond the cheeks are therefore squeezed
 smoothly and monotonically into the band between face and outline, so that temples and ears find the
-exemplar's, never its background; what lies further behind is put together from pieces (`behind`).
+exemplar's, never its background. What lies further behind is put together from pieces
+(`back_of_head`).
 The plane in which the chunks of the synthesis lie is the unsqueezed one: strokes keep their size
 all around the head.
 """
@@ -22,7 +23,7 @@ from scipy.ndimage import distance_transform_edt
 from ..errors import UserError
 from .back_of_head import Patchwork, Sites
 from .exemplar import Exemplar, face_size
-from .guides.maps import fold_inside, mls_similarity
+from .guides.position import fold_inside, mls_similarity
 from .guides.regions import Regions, find_regions
 
 __all__ = ["SurfaceGuide", "surface_position_guide"]

@@ -13,20 +13,11 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from .exemplar import Exemplar, face_size
+from .guides.appearance import Distribution, appearance_guide, match_histogram
+from .guides.blurs import broad_blur, gaussian_blur, shrunk
 from .guides.labels import missing_labels, soft_face, without_hair
-from .guides.maps import (
-    Distribution,
-    Guides,
-    anchor_scale,
-    appearance_guide,
-    broad_blur,
-    gaussian_blur,
-    match_histogram,
-    pixel_centres,
-    relative_stretch,
-    sample_labels,
-    shrunk,
-)
+from .guides.maps import Guides, anchor_scale, relative_stretch, sample_labels
+from .guides.position import pixel_centres
 from .guides.regions import Regions, find_regions
 from .kernels.labels import pixel_weights
 from .kernels.vote import blend

@@ -1,4 +1,4 @@
-"""Landmarks (2D, triangulated to 3D) and masks of face, hair and person (Shen et al. 2023, Fig. 3).
+"""Faces: 68 landmarks in pictures and in space, masks of face, hair and person (Paper Fig. 3).
 
 Detectors and segmentation run pretrained networks of the registry; they are imported when called.
 """

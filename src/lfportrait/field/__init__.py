@@ -1,4 +1,8 @@
-"""Capture -> `VoxelField`: reconstruct, render, save and load (Shen et al. 2023, 2.1, Eq. 1-3)."""
+"""The radiance field of a head: a `Capture` becomes a `VoxelField` (Paper 2.1, Eq. 1-3).
+
+`reconstruct` trains it, starting from what `geometry` carves and by the steps of `training`; `grid`
+holds and renders it, `storage` is its file, `surface` its surface as points or as a mesh.
+"""
 
 from .grid import Rendering, SampleWeights, VoxelField
 from .quality import held_out_quality

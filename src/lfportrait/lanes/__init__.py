@@ -1,4 +1,4 @@
-"""Values of sixteen lanes for Numba, and how kernels over them are compiled.
+"""Sixteen numbers at once (SIMD) for kernels in Numba, and how such kernels are compiled.
 
 A kernel is a factory over a namespace of operations: `vectors` gives it 16 lanes (SIMD), `one_lane`
 plain numbers, which makes a scalar twin that is easy to debug. `types` tells Numba what lanes are;

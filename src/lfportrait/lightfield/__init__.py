@@ -1,4 +1,9 @@
-"""Displays, mask guide, coding, quilts, simulation, patterns (Shen et al. 2023, 2.3, Eq. 8)."""
+"""From a field to a light-field display: one ray for each sub-pixel (Shen et al. 2023, 2.3, Eq. 8).
+
+`display` knows the panel, `mask` the view of each sub-pixel, `encode` codes a field for it;
+`interlacing` codes pictures of views, `deinterlacing` takes coded pictures apart; `simulate` shows
+what an eye sees, `patterns` whether the panel's numbers are right, `budget` how deep is sharp.
+"""
 
 from .budget import DepthReport
 from .coded import lossless, read_coded, write_coded

@@ -1,4 +1,4 @@
-"""Results to look at and pass on: videos, moving light fields, 3D files, and the report."""
+"""Results to look at and to pass on: videos, moving light fields, 3D files, the report."""
 
 from .export import ExportConfig, export_field
 from .paths import orbit_cameras, path_cameras, sweep_cameras, sweep_degrees, sweep_frames

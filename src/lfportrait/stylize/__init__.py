@@ -1,4 +1,8 @@
-"""Optimising a field to a style: features, losses, colour fit (Shen et al. 2023, 2.1-2.2)."""
+"""A field takes on a painting's style: its colours change, its shape stays (Paper 2.1-2.2).
+
+`views` repaints views of it by example, `fit` fits the colours to them, `optimize` refines by the
+`losses` (Eq. 4, 5, 7, 9) on features of `networks`.
+"""
 
 from typing import TYPE_CHECKING, Any
 

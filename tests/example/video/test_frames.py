@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import shift as moved
 
 from lfportrait.example import Transfer, VideoTransfer
-from lfportrait.example.guides.maps import pixel_centres
+from lfportrait.example.guides.position import pixel_centres
 from lfportrait.example.kernels.video import (
     carry_shifts,
     mend,

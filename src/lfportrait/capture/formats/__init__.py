@@ -1,4 +1,8 @@
-"""Calibrated data sets of other programs: which format one is in, and a reader for each."""
+"""Data sets that know their cameras already: a reader for each format, and what tells them apart.
+
+`detect` finds the format; `transforms` reads NeRF's, instant-ngp's and nerfstudio's, `colmap`
+COLMAP's models, `datasets` LLFF and NSVF. All end in `assembly`.
+"""
 
 from .assembly import Views, assemble, with_mask
 from .colmap import ColmapImage, lens_of, load_colmap, read_model

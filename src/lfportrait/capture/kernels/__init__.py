@@ -1,3 +1,3 @@
-"""Hot loops of the capture stage, in Numba: views that vote on points of space."""
+"""Hot loops of the capture, in Numba: views that vote on which points of space are the person."""
 
 from ... import lanes as lanes  # sets Numba's threading layer before any kernel is compiled

@@ -1,3 +1,3 @@
-"""Hot loops of the demo, in Numba: the modelled head, its photographs, brush strokes."""
+"""Hot loops of the demo, in Numba: the shape of a head, photographs of it, brush strokes."""
 
 from ... import lanes as lanes  # sets Numba's threading layer before any kernel is compiled

@@ -8,89 +8,20 @@ a knot. Four surfaces are kept apart, so that each can have its own material: sk
 eyeballs. Distances are approximate (a lower bound up to a factor of about 0.7 near folds), exact in
 sign. The world is the portrait frame: +y up, +z out of the face; one unit is about 17 cm.
 
-The parameters are one `HeadModel` (a named tuple, which Numba compiles as a record).
+The parameters ``m`` are one `lfportrait.demo.HeadModel`.
 """
 
 from __future__ import annotations
 
 from math import atan2, cos, sqrt
-from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from .implicit import bump, capsule, carve, ellipsoid, inner, noise, smooth_step, union
 
-__all__ = ["HeadModel", "bone_distance", "ear_distance", "face_distance", "hair_coordinates",
-           "hair_cover", "lid_lines", "mouth_lines", "scene", "surfaces"]
-
-Colour = tuple[float, float, float]
-
-
-class HeadModel(NamedTuple):
-    """A person. Lengths are factors on an average adult's, or world units where they say so."""
-
-    skull_width: float = 1.0
-    face_width: float = 1.0
-    jaw_width: float = 1.0
-    chin_drop: float = 0.0
-    """How much lower than average the chin is, world units."""
-    chin_width: float = 1.0
-    chin_forward: float = 0.0
-    cheekbone: float = 1.0
-    cheek_hollow: float = 0.0
-    nose_width: float = 1.0
-    nose_length: float = 0.0
-    """How much lower than average the nose ends, world units."""
-    nose_out: float = 0.0
-    """How much further than average the tip stands out, world units."""
-    nose_hump: float = 0.0
-    eye_size: float = 1.0
-    eye_open: float = 1.0
-    eye_tilt: float = 0.010
-    """How much higher the outer corner is than the inner one, world units."""
-    eye_space: float = 0.0
-    """How much further than average each eye is from the middle, world units."""
-    brow_height: float = 0.0
-    brow_arch: float = 1.0
-    brow_width: float = 1.0
-    brow_ridge: float = 1.0
-    lip_upper: float = 1.0
-    lip_lower: float = 1.0
-    mouth_width: float = 1.0
-    smile: float = 0.0
-    """How much higher the corners of the mouth are, world units."""
-    ear_size: float = 1.0
-    neck_width: float = 1.0
-    folds: float = 0.0
-    """Depth of the folds that come with age: nose to mouth, under the eyes, forehead."""
-    hairline: float = 0.0
-    """How much higher than average the hair begins, world units."""
-    hair_top: float = 0.06
-    """Thickness of the hair on top, world units."""
-    hair_side: float = 0.04
-    hair_quiff: float = 0.0
-    """Extra thickness above the forehead, world units."""
-    hair_knot: float = 0.0
-    """Radius of a knot at the pole of the strands, world units; 0 = none."""
-    hair_pole_y: float = 0.62
-    """Height of the pole to which the strands run."""
-    hair_pole_z: float = -0.42
-    hair_twist: float = 0.0
-    """Radians by which a strand turns about the pole on its way."""
-    hair_relief: float = 1.0
-    beard: float = 0.0
-    """Cover of the beard's shadow in [0, 1]."""
-    freckles: float = 0.0
-    skin: Colour = (0.80, 0.57, 0.45)
-    """Linear albedo of the skin, RGB in [0, 1]; so for the other colours."""
-    blush: Colour = (0.78, 0.36, 0.29)
-    lips: Colour = (0.60, 0.22, 0.20)
-    iris: Colour = (0.13, 0.22, 0.16)
-    brow: Colour = (0.075, 0.040, 0.025)
-    hair: Colour = (0.12, 0.045, 0.02)
-    hair_light: Colour = (0.36, 0.15, 0.06)
-    cloth: Colour = (0.02, 0.13, 0.17)
+__all__ = ["bone_distance", "ear_distance", "face_distance", "hair_coordinates", "hair_cover",
+           "lid_lines", "mouth_lines", "scene", "surfaces"]
 
 
 @numba.njit(cache=True)

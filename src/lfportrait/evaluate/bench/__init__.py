@@ -1,4 +1,4 @@
-"""Speed side by side: encode, reconstruct, transfer, stylize; each with the quality beside it."""
+"""Speed, side by side with others and with the quality: encode, reconstruct, transfer, stylize."""
 
 from .run import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize
 from .transfer import bench_transfer, transfer_table

@@ -1,5 +1,6 @@
-"""Guides of the synthesis: where in the exemplar a pixel belongs, how it looks, what it is.
+"""Guides: for each pixel of a photo, where in the painting it belongs, how it looks, what it is.
 
-`regions` finds person and hair, `labels` makes soft labels of them, `control_points` and `outline`
-say which place answers which, and `maps` computes the guides of every pixel.
+Where: `position`, from landmarks and `control_points`, with an `outline` that meets the painting's.
+How: `appearance` (`blurs` helps it). What: `regions` finds person and hair, `labels` makes soft
+labels of them; `face_frame` and `colour_segmentation` help. `maps` holds the guides of a picture.
 """

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from ..kernels.labels import soft_labels
+from .blurs import broad_blur, gaussian_blur, shrunk
 from .face_frame import FaceFrame
-from .maps import broad_blur, gaussian_blur, shrunk
 
 __all__ = ["LABELS", "missing_labels", "polygon", "region_labels", "soft_face",
            "without_hair"]

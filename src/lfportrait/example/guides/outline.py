@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.outline import distances, snap
-from .maps import gaussian_blur, shrunk
+from .blurs import gaussian_blur, shrunk
 
 __all__ = ["EdgeMatch", "signed_distance", "signed_distances"]
 

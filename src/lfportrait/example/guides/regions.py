@@ -3,7 +3,7 @@
 The 68 landmarks end at the brows: without more, moving least squares extrapolates hair, ears and
 neck from the face, and the exemplar's hairline lands wherever it may. So the person and its hair
 are segmented in both pictures, and rays from the middle of the face meet the hairline and the
-outline of the head at points that correspond (`correspond`). The soft labels of all regions are
+outline of the head at points that correspond (`control_points`). The soft labels of all regions are
 compared during the synthesis (`labels`), so that skin is not painted with hair.
 """
 

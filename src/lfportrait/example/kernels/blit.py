@@ -10,7 +10,7 @@ The guide error has three parts, none negative: place, appearance, labels. The l
 eight bytes in two words; they are compared only where the first two parts have not decided.
 
 Sixteen pixels of a row are worked on at once. Shifts lie in two planes [2, rows, columns] with a
-margin of NaN, wide enough for the voting window and for whole vectors (`example_vote`).
+margin of NaN, wide enough for the voting window and for whole vectors (`vote`).
 """
 
 from __future__ import annotations

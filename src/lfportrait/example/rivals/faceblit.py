@@ -20,7 +20,7 @@ from scipy import ndimage
 from skimage.draw import polygon2mask
 
 from ..exemplar import Exemplar
-from ..guides.maps import pixel_centres, position_guide
+from ..guides.position import pixel_centres, position_guide
 from ..kernels.flood import NOWHERE, flood, search_windows, sweep_windows
 from ..kernels.vote import elect, vote
 from ..styleblit import pack_colours, shift_planes

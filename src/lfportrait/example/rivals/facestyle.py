@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..exemplar import Exemplar, face_size
+from ..guides.appearance import Distribution, grey, match_histogram
 from ..guides.control_points import match_regions
 from ..guides.labels import LABELS, missing_labels
-from ..guides.maps import Distribution, folded_position_guide, grey, match_histogram, pixel_centres
+from ..guides.position import folded_position_guide, pixel_centres
 from ..guides.regions import Regions, find_regions
 from ..kernels.patches import (
     CELL,

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..exemplar import face_size
-from ..guides.maps import enlarged, pixel_centres
+from ..guides.blurs import enlarged
+from ..guides.position import pixel_centres
 from ..guides.regions import Regions, find_regions
 from ..kernels.video import mend, squared_changes, to_bytes, unfold
 from ..transfer import Transfer, TransferResult, face_landmarks

@@ -1,3 +1,3 @@
-"""Hot loops of the field, in Numba: bricks, marching, training, votes of depth maps."""
+"""Hot loops of the field, in Numba: casting rays through voxels, forward and backward."""
 
 from ... import lanes as lanes  # sets Numba's threading layer before any kernel is compiled

@@ -287,7 +287,7 @@ def write_records(tile, links, empty, opened, used, slopes, counts, keys, values
 @lean
 def slopes_of_errors(number, tile, size, first, pixels, gain, background, alpha_weight, share, out,
                      grads, grad_background):
-    """Slopes of the loss by the colours and the opacity of 16 rays; their squared errors."""
+    """Slopes of the loss (Eq. 2) by colours and opacity of 16 rays; their squared errors."""
     squared = 0.0
     for i in range(16):
         x = min(tile[2] + (i & 3), size[0] - 1)

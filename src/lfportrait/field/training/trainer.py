@@ -21,7 +21,7 @@ from ..geometry.hull import ruled_out
 from ..geometry.start import start_person, start_room
 from ..grid import VoxelField
 from ..kernels.bricks import row_width
-from ..kernels.descent import descend, smooth, total_variation
+from ..kernels.descent import descend
 from ..quality import held_out_quality
 from .casting import Caster
 from .checkpoint import read_checkpoint, write_checkpoint
@@ -29,15 +29,13 @@ from .lattice import Lattice, box_shape
 from .meter import Meter
 from .pixels import Batches, TrainingPixels
 from .poses import PoseRefiner
+from .steps import color_gains, falling, smooth_run
 
 __all__ = ["Trainer"]
 
 _SAVE_EVERY = 20.0  # seconds
 _LOOK_AGAIN = 400
 """Steps after which it is looked again for bricks that have become clear."""
-_BANDS = (0.7, 0.15, 0.15)
-"""Share of a ray's error that each band of harmonics takes up: mostly the colour that all
-directions share, so that highlights do not settle where matter is still wrong."""
 
 
 class Trainer:
@@ -227,24 +225,7 @@ class Trainer:
         return Caster(self.lattice, self.data, self.basis, self.workers).largest(
             self.data.tiles[self.level % 8::8], self.scale, options)
 
-    def _color_gains(self, rays: int) -> NDArray[np.float32]:
-        """What gradients of a step of ``rays`` rays are multiplied with, [width].
-
-        The squares of a band's harmonics add up to (2 l + 1) / (4 pi) in every direction, so that
-        a point that alone colours a ray makes good the share of the ray's error that it should. The
-        loss's own factor, 2 / (3 rays), is taken out.
-        """
-        gains = np.zeros(self.width, np.float32)
-        band = np.sqrt(np.arange(self.basis)).astype(int)
-        share = 4.0 * np.pi * np.array(_BANDS)[band] / (2 * band + 1)
-        gains[:3 * self.basis] = np.tile(1.5 * rays * share, 3)
-        return gains
-
     # -- optimisation -----------------------------------------------------------------------------
-
-    def _rate(self, first: float, last: float, done: float) -> np.float32:
-        """Learning rates fall geometrically with the share of the rays that are done."""
-        return np.float32(first * (last / first) ** done)
 
     def _deadline(self) -> float:
         """When the level must end, by the clock of `time.perf_counter`."""
@@ -324,15 +305,16 @@ class Trainer:
                 (self.step + 1) / steps,
                 resumed + (1.0 - resumed) * (now - begun) / (deadline - begun)))
             done = before + share * self.level_done
-            rate = self._rate(config.lr_sigma, config.lr_sigma_final, done)
-            rate_sh = self._rate(config.lr_sh, config.lr_sh_final, done)
+            rate = falling(config.lr_sigma, config.lr_sigma_final, done)
+            rate_sh = falling(config.lr_sh, config.lr_sh_final, done)
             if not data.has_alpha and self.level == 0:
                 rate *= np.float32(min(1.0, 0.01 + self.step / 100.0))
-            gains = self._color_gains(16 * len(tiles))
+            gains = color_gains(16 * len(tiles), self.basis, self.width)
             descend(lattice.density, lattice.rows.ravel(), self.width, caster.records.arrays,
                     caster.bases, rate, np.float32(config.rms_beta), lowest, gains,
                     np.float32(1.0) / rate_sh)
-            self._smooth(neighbours, float(generator.random()), rate, lowest, gains)
+            smooth_run(lattice, config, self.level, neighbours, float(generator.random()), rate,
+                       lowest, gains)
             if behind is not None and rays is not None:
                 behind.step(rays, ground, slopes,
                             float(config.lr_color_bg * 0.05 ** done),
@@ -348,26 +330,6 @@ class Trainer:
                 break
             self._save_now_and_then()
         return float(self.recent[0] / max(self.recent[1], 1.0))
-
-    def _smooth(self, neighbours: NDArray[np.int32], place: float, rate: np.float32,
-                lowest: np.float32, gains: NDArray[np.float32]) -> None:
-        """Total variation on a run of rows that begins at ``place``, from 0 to 1."""
-        assert self.lattice is not None
-        config, lattice = self.config, self.lattice
-        finest = self.level == len(config.resolutions) - 1
-        first = int(place * lattice.count)
-        run = max(1, int(config.tv_sparsity * lattice.count))
-        last = min(lattice.count, first + run)
-        scale = config.resolutions[self.level] / 256.0
-        flat = lattice.rows.ravel()
-        for values, width, weight in (
-                (lattice.density, 1, config.lambda_tv * 0.5 ** self.level),
-                (flat, self.width, config.lambda_tv_sh * (0.1 if finest else 1.0))):
-            if weight > 0:
-                slopes = np.empty((last - first) * width, np.float32)
-                total_variation(neighbours, first, last, values, width, weight / run, scale, slopes)
-                smooth(lattice.density, flat, self.width, slopes, first, last, rate,
-                       np.float32(config.rms_beta), lowest, gains)
 
     def _tell(self, done: float) -> None:
         """Tell the progress line and the meter how far the reconstruction is."""

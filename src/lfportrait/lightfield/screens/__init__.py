@@ -1,4 +1,4 @@
-"""Coded pictures and quilts on real panels: full screen, or through a Looking Glass Bridge."""
+"""Pictures shown on real panels: full screen, or through a running Looking Glass Bridge."""
 
 from .bridge import URL, Bridge, DepthPicture, Device
 from .show import PygameDriver, show

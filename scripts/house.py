@@ -1,0 +1,117 @@
+"""The plan of the house: the order of the stages, and which module imports which.
+
+The walk reads the sources as text (`ast`), so that imports in functions and type checks count, too.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+__all__ = ["GROUND", "ROOT", "SOURCE", "STAGES", "Graph", "circles", "graph_of", "imported",
+           "module_files", "place", "stage_imports", "without_detours"]
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCE = ROOT / "src" / "lfportrait"
+
+STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
+          "evaluate", "job", "cli")
+"""In order: a stage imports only stages before it, and the ground floor."""
+GROUND = ("download", "errors", "files", "keys", "lanes", "measure", "metrics", "models",
+          "progress")
+"""Carries all stages and knows none."""
+
+Graph = dict[str, set[str]]
+"""What each module (or stage) imports."""
+
+
+def module_files(source: Path = SOURCE, package: str = "lfportrait") -> dict[str, Path]:
+    """Path of each module by its dotted name; a package stands for its ``__init__.py``."""
+    files = {}
+    for path in sorted(source.rglob("*.py")):
+        parts = [package, *path.relative_to(source).with_suffix("").parts]
+        files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return files
+
+
+def offered(path: Path) -> set[str]:
+    """The names that a package's ``__init__.py`` takes from its modules: what stands outside."""
+    return {alias.asname or alias.name for node in ast.parse(path.read_text("utf-8")).body
+            if isinstance(node, ast.ImportFrom) for alias in node.names}
+
+
+def imported(name: str, path: Path, files: dict[str, Path]) -> set[str]:
+    """The modules that a module imports anywhere in it, functions and type checks included."""
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names} & set(files)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                above = package.split(".")[:len(package.split(".")) - node.level + 1]
+                base = ".".join(above + ([node.module] if node.module else []))
+            # A package's function may have its module's name: then the function is meant.
+            names = offered(files[base]) if base in files and base != package else set()
+            for alias in node.names:
+                inner = f"{base}.{alias.name}"
+                found |= ({inner} if inner in files and alias.name not in names
+                          else {base} & set(files))
+    return found - {name}
+
+
+def graph_of(files: dict[str, Path]) -> Graph:
+    """The imports of all modules."""
+    return {name: imported(name, path, files) for name, path in files.items()}
+
+
+def circles(graph: Graph) -> list[list[str]]:
+    """Groups of modules that import each other in a loop (Tarjan's components)."""
+    number: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found = []
+
+    def visit(name: str) -> None:
+        number[name] = low[name] = len(number)
+        stack.append(name)
+        for other in graph[name]:
+            if other not in number:
+                visit(other)
+            if other in stack:
+                low[name] = min(low[name], low[other])
+        if low[name] == number[name]:
+            group = stack[stack.index(name):]
+            del stack[stack.index(name):]
+            if len(group) > 1:
+                found.append(sorted(group))
+
+    for name in graph:
+        if name not in number:
+            visit(name)
+    return found
+
+
+def place(name: str) -> str:
+    """The stage or the ground-floor module that a module belongs to; empty for the package."""
+    return name.split(".")[1] if "." in name else ""
+
+
+def stage_imports(graph: Graph) -> Graph:
+    """Which stages a stage imports."""
+    found: Graph = {stage: set() for stage in STAGES}
+    for name, others in graph.items():
+        if place(name) in found:
+            found[place(name)] |= {place(other) for other in others} & set(STAGES) - {place(name)}
+    return found
+
+
+def without_detours(graph: Graph) -> Graph:
+    """The graph without the arrows that a longer way implies (transitive reduction)."""
+    def reached(name: str) -> set[str]:
+        return set().union(*({other} | reached(other) for other in graph[name]))
+
+    return {name: {other for other in others
+                   if not any(other in reached(middle) for middle in others - {other})}
+            for name, others in graph.items()}

@@ -1,0 +1,78 @@
+"""The drawing of the house shows the code as it is."""
+
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+
+import pytest
+
+from draw_house import (
+    PICTURE,
+    Room,
+    arrows_now,
+    picture,
+    placed,
+    rooms,
+    storeys,
+    stretches,
+    untangled,
+    up_to_date,
+)
+from house import ROOT, STAGES, stage_imports, without_detours
+
+HOUSE, ARROWS = rooms(), arrows_now()
+
+
+def test_the_committed_drawing_is_up_to_date():
+    done = subprocess.run([sys.executable, ROOT / "scripts" / "draw_house.py", "--check"],
+                          capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("factor, fresh", [(1.0, True), (1.05, True), (1.25, False)])
+def test_lines_may_be_a_tenth_off(factor, fresh):
+    grown = [replace(room, lines=round(factor * room.lines)) if room.name == "field" else room
+             for room in HOUSE]
+    assert up_to_date(picture(HOUSE, ARROWS), grown, ARROWS) is fresh
+
+
+def test_a_new_room_or_arrow_is_noticed():
+    before = picture(HOUSE, ARROWS)
+    assert not up_to_date(before, HOUSE, {**ARROWS, "share": {*ARROWS["share"], "face"}})
+    more = [replace(room, inner=(*room.inner, Room("cellar", 1, 10)))
+            if room.name == "field" else room for room in HOUSE]
+    assert not up_to_date(before, more, ARROWS)
+
+
+def test_arrows_that_others_imply_are_left_out():
+    graph = {"a": {"b", "c", "d"}, "b": {"c"}, "c": {"d"}, "d": set()}
+    assert without_detours(graph) == {"a": {"b"}, "b": {"c"}, "c": {"d"}, "d": set()}
+
+
+def test_imports_between_stages_join_those_of_their_modules():
+    graph = {"pack.job.one": {"pack.field", "pack.files"}, "pack.job.two": {"pack.face.mask"},
+             "pack.field": {"pack.field.grid"}}
+    found = stage_imports(graph)
+    assert found["job"] == {"field", "face"} and not found["field"] and set(found) == set(STAGES)
+
+
+def test_arrows_run_down_and_boxes_do_not_overlap():
+    levels = storeys(ARROWS)
+    boxes, width, bottom = placed(HOUSE, untangled(levels, stretches(ARROWS, levels)))
+    for name, others in ARROWS.items():
+        for other in others:
+            assert boxes[name].y + boxes[name].height < boxes[other].y
+    shown = [box for name, box in boxes.items() if name in STAGES]
+    assert len(shown) == len(STAGES)
+    for i, one in enumerate(shown):
+        assert one.x >= 0 and one.x + one.width <= width and one.y + one.height <= bottom
+        for two in shown[i + 1:]:
+            assert (one.x + one.width < two.x or two.x + two.width < one.x
+                    or one.y + one.height < two.y or two.y + two.height < one.y)
+
+
+def test_the_drawing_is_sound_xml():
+    root = ElementTree.fromstring(PICTURE.read_text("utf-8"))
+    shown = {entry.get("data-room") for entry in root.iter() if entry.get("data-room")}
+    assert set(STAGES) <= shown and "ground floor/lanes" in shown and "field/kernels" in shown
