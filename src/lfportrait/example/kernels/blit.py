@@ -278,7 +278,7 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
         seeds = np.empty((tiles * _SEEDS_OF_TILE, 4), np.float32)
         begins, counts = np.empty((tiles, top + 1), np.int64), np.full((tiles, top + 1), -2)
         boxes, buffers = np.empty((tiles, 4), np.float32), np.empty((2, 16), np.float32)
-        _blit_band(band, position, appearance, anchor, weights, words, weight_label,
+        _blit_band(np.int64(band), position, appearance, anchor, weights, words, weight_label,
                    style_appearance, style_words, own_shift, own_error, top, usual, calm, finest,
                    points, pixels, starts, firsts, shapes, threshold, slack, free, margin, near,
                    seeds, begins, counts, boxes, buffers, shift, level_map)

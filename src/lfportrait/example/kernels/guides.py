@@ -155,7 +155,7 @@ def blur_rows(image, taps, out):
             out[y, x] = row[x]
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def _accumulate_rows(image, y, taps, row):
     """Sum the rows about ``y`` of ``image`` [H, W], weighted by ``taps``, with a mirrored margin.
 
@@ -195,8 +195,8 @@ def blur_difference(image, fine, coarse, out):
     for y in numba.prange(height):
         first = np.empty(width + 2 * small, np.float32)
         second = np.empty(width + 2 * large, np.float32)
-        _accumulate_rows(image, y, fine, first)
-        _accumulate_rows(image, y, coarse, second)
+        _accumulate_rows(image, np.int64(y), fine, first)
+        _accumulate_rows(image, np.int64(y), coarse, second)
         line = out[y]
         for x in range(width):
             line[x] = 0
@@ -204,7 +204,7 @@ def blur_difference(image, fine, coarse, out):
         _add_columns(second, coarse, np.float32(-1), line)
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, nogil=True, fastmath=True)
 def _add_columns(row, taps, sign, line):
     """Convolve ``row`` [W + 2 r] with symmetric taps and add the result to ``line`` [W]."""
     width, radius = line.shape[0], taps.shape[0] // 2

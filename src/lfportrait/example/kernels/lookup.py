@@ -174,5 +174,6 @@ def look_up(position, appearance, anchor, weights, words, weight_label, table, c
     the guided place itself by less than ``gain`` is not worth a jump.
     """
     for y in numba.prange(appearance.shape[0]):
-        _look_up_row(y, position, appearance, anchor, weights, words, weight_label, table, cell,
-                     low, step, style_appearance, style_words, gain, snap, margin, shift, error)
+        _look_up_row(np.int64(y), position, appearance, anchor, weights, words, weight_label,
+                     table, cell, low, step, style_appearance, style_words, gain, snap, margin,
+                     shift, error)

@@ -171,9 +171,9 @@ def elect(anchor, reach, shift, radius, width, out):
     """
     for y in numba.prange(shift.shape[1] - 2 * radius):
         if radius == 1:
-            _elect_row_of_nine(y, anchor, reach, shift, width, out)
+            _elect_row_of_nine(np.int64(y), anchor, reach, shift, width, out)
         else:
-            _elect_row(y, anchor, reach, shift, radius, width, out)
+            _elect_row(np.int64(y), anchor, reach, shift, radius, width, out)
 
 
 @numba.njit(cache=True, inline="always")
@@ -307,7 +307,7 @@ def vote(colours, anchor, reach, shift, margin, radius, exact, out):
     anchor is not within ``reach`` (L1) have no vote: their shifts mean other places here.
     """
     for y in numba.prange(out.shape[0]):
-        _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out)
+        _vote_row(np.int64(y), colours, anchor, reach, shift, margin, radius, exact, out)
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)

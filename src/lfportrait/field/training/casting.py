@@ -53,6 +53,8 @@ class Caster:
              scale: NDArray[np.float32], options: NDArray[np.float64],
              slopes: NDArray[np.float32], seen: NDArray[np.float32]) -> None:
         lattice, data = self.lattice, self.data
+        # A slice with gaps is another type of array, for which all would be compiled once more.
+        tiles = np.ascontiguousarray(tiles)
         if len(self.bases) != len(tiles):
             self.bases = np.zeros((len(tiles), 64), np.float32)
             self.errors = np.zeros(len(tiles), np.float32)
