@@ -17,8 +17,8 @@ SOURCE = ROOT / "src" / "lfportrait"
 STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
           "evaluate", "job", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
-GROUND = ("download", "errors", "files", "keys", "lanes", "measure", "metrics", "models",
-          "progress")
+GROUND = ("download", "errors", "files", "keys", "lanes", "lazy", "measure", "metrics",
+          "models", "progress")
 """Carries all stages and knows none."""
 
 Graph = dict[str, set[str]]
@@ -36,7 +36,7 @@ def module_files(source: Path = SOURCE, package: str = "lfportrait") -> dict[str
 
 def offered(path: Path) -> set[str]:
     """The names that a package's ``__init__.py`` takes from its modules: what stands outside."""
-    return {alias.asname or alias.name for node in ast.parse(path.read_text("utf-8")).body
+    return {alias.asname or alias.name for node in ast.walk(ast.parse(path.read_text("utf-8")))
             if isinstance(node, ast.ImportFrom) for alias in node.names}
 
 

@@ -9,10 +9,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import urlsplit
 
 import pytest
-from lfportrait.commands.tools import Models
 
 from lfportrait import download as downloads
 from lfportrait import models
+from lfportrait.cli.tools import Models
 from lfportrait.errors import UserError
 from lfportrait.models import ModelFile
 

@@ -10,8 +10,18 @@ The whole job in five lines::
     image = lf.encode(styled, lf.Display.preset("lookingglass-16"))  # uint8 [H, W, 3]
 """
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from .lazy import attach
+
+if TYPE_CHECKING:
+    from .capture import Camera, Capture, calibrate
+    from .errors import UserError
+    from .example import Exemplar, transfer
+    from .field import VoxelField, reconstruct
+    from .job import make
+    from .lightfield import Display, ViewMask, encode, simulate
+    from .stylize import stylize
 
 __version__ = "0.1.0"
 
@@ -20,18 +30,4 @@ __all__ = [
     "calibrate", "encode", "make", "reconstruct", "simulate", "stylize", "transfer",
 ]
 
-_HOMES = {
-    "Camera": "capture", "Capture": "capture", "calibrate": "capture",
-    "VoxelField": "field", "reconstruct": "field",
-    "Exemplar": "example", "transfer": "example",
-    "stylize": "stylize",
-    "Display": "lightfield", "ViewMask": "lightfield", "encode": "lightfield",
-    "simulate": "lightfield",
-    "make": "job", "UserError": "errors",
-}
-
-def __getattr__(name: str) -> Any:
-    # Stages are imported when they are asked for: torch and Numba take seconds.
-    if name in _HOMES:
-        return getattr(import_module(f".{_HOMES[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__, __dir__ = attach(__name__, __file__)

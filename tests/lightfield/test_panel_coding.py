@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lfportrait.lightfield import Display, EncodeConfig, Placement, ViewMask, encode
-from lfportrait.lightfield.encode import _panel
+from lfportrait.lightfield.coding import _panel
 from lfportrait.lightfield.kernels.encode import eye_of, side_of
 from lfportrait.metrics import psnr
 from tests.fields import shell_field

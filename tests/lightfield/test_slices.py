@@ -30,7 +30,7 @@ from tests.reference.raycast import sh_basis
 from tests.reference.slices import cast
 
 # The package exports a function of the module's name.
-encode_module = importlib.import_module("lfportrait.lightfield.encode")
+encode_module = importlib.import_module("lfportrait.lightfield.coding")
 SMALL = Display(60, 40, views=12, pitch=7.3, slant=math.radians(9), offset=2.1, cone=50, distance=3,
                 name="small")
 

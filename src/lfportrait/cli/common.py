@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -26,9 +27,11 @@ class Common:
     json: Path | None = None
     """Write the figures of the run (times, sizes, metrics) to this file."""
 
-    def progress(self, title: str, total: int = 0) -> Progress:
-        """A progress line, silent with ``--quiet``."""
-        return Progress(title, total, enabled=not self.quiet)
+    def progress(self, title: str, total: int = 0) -> AbstractContextManager[Progress]:
+        """A progress line, silent with ``--quiet``; it tells of kernels that are compiled, too."""
+        from ..lanes.compiling import compiling_progress
+
+        return compiling_progress(title, total, not self.quiet)
 
     def run(self) -> dict[str, Any]:
         """Do it.

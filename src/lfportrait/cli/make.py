@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import tyro
 
 from ..field import ReconstructConfig
-from ..job import MakeConfig, make
+from ..job import MakeConfig, Warmup, make
 from ..stylize import StylizeConfig
 from .common import Common
 
@@ -22,6 +22,9 @@ DEMO = MakeConfig(
     stylize=StylizeConfig(size=512, views=11, pitches=(-8.0, 16.0), fit_iterations=12, steps=44,
                           content_network="embedded", style_network="embedded"))
 """The demo's parameters: a smaller field and fewer views, and the network that ships with us."""
+
+KERNELS = ("photograph", "transfer", "reconstruct", "stylize", "encode")
+"""What the demo compiles, the longest early; photographs are what it needs first."""
 
 
 def _told(run: dict[str, Any], out: Path, quiet: bool) -> dict[str, Any]:
@@ -47,13 +50,15 @@ class Make(Common):
     """Folder for all results."""
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
+    offline: bool = False
+    """Download nothing: networks that are missing are told, or done without."""
     config: Annotated[MakeConfig, tyro.conf.arg(name="")] = option(default_factory=MakeConfig)
     """Parameters of the stages."""
 
     def run(self) -> dict[str, Any]:
         """Run the job."""
         run = make(self.photos, self.style, self.out, self.display, self.config,
-                   device=self.device, seed=self.seed, quiet=self.quiet)
+                   device=self.device, seed=self.seed, quiet=self.quiet, offline=self.offline)
         return _told(run, self.out, self.quiet)
 
 
@@ -76,8 +81,10 @@ class Demo(Common):
         """Photograph the modelled head and run the main job on the pictures."""
         from ..demo import demo_capture, demo_exemplar
 
-        with self.progress("photograph the modelled head", self.views) as progress:
-            capture = demo_capture(size=self.size, views=self.views, progress=progress)
-        run = make(capture, self.style or demo_exemplar(), self.out, self.display,
-                   DEMO, device=self.device, seed=self.seed, quiet=self.quiet)
+        with Warmup(KERNELS) as warmup:
+            with self.progress("photograph the modelled head", self.views) as progress:
+                warmup.wait(("photograph",), progress)
+                capture = demo_capture(size=self.size, views=self.views, progress=progress)
+            run = make(capture, self.style or demo_exemplar(), self.out, self.display, DEMO,
+                       device=self.device, seed=self.seed, quiet=self.quiet, warmup=warmup)
         return _told(run, self.out, self.quiet)

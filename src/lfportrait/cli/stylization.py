@@ -1,11 +1,11 @@
-"""Commands of the style: ``transfer`` (2D), ``stylize`` (a field), ``styles``."""
+"""Commands of the style: ``transfer`` (2D) and ``stylize`` (a field)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 
@@ -20,11 +20,10 @@ from ..example import (
     TransferConfig,
     read_region,
 )
-from ..files import write_image
 from ..stylize import StylizeConfig
 from .common import Common
 
-__all__ = ["Styles", "Stylize", "TransferPhoto"]
+__all__ = ["Stylize", "TransferPhoto"]
 
 
 @dataclass
@@ -122,40 +121,3 @@ class Stylize(Common):
                 device=self.device, dump=self.dump)
         styled.save(self.out)
         return figures
-
-
-@dataclass
-class Styles(Common):
-    """List the built-in exemplars; write one with its landmarks; prepare a painting of your own."""
-
-    action: tyro.conf.Positional[Literal["list", "add"]] = "list"
-    """list: the built-in exemplars; add IMAGE: find the landmarks of a painting, write them beside
-    it (NAME.landmarks.txt, one x y a line: correct it where it is off) and draw them
-    (NAME.landmarks.png). Where the file is there already it is read and drawn again."""
-    image: tyro.conf.Positional[Path | None] = None
-    """Painting to add."""
-    name: str = ""
-    """Style to write with --out."""
-    out: Path | None = None
-    """Picture file; the landmarks go beside it."""
-
-    def run(self) -> dict[str, Any]:
-        """List, write or add."""
-        from ..demo import demo_exemplar, demo_styles
-        from ..face import write_landmarks
-        from .transfers import add_style
-
-        if self.action == "add":
-            if self.image is None:
-                raise UserError("say which painting: lfportrait styles add IMAGE")
-            return add_style(self.image)
-        names = demo_styles()
-        if self.out is not None:
-            exemplar = demo_exemplar(self.name or names[0])
-            write_image(self.out, exemplar.image)
-            write_landmarks(self.out.with_suffix(".landmarks.txt"), exemplar.landmarks)
-        elif self.name:
-            raise UserError("say where to write the style with --out FILE.png")
-        else:
-            print("\n".join(names))
-        return {"styles": names}

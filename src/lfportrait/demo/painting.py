@@ -8,7 +8,6 @@ touch only eyes, nose and mouth. The 68 landmarks come from the model and are ex
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -23,8 +22,9 @@ from .kernels.brush import lay, plan, trace
 from .palette import charcoal_tone, fauve_colours, impression_colours
 from .people import PAINTED, landmarks
 from .studio import Picture, photograph
+from .styles import demo_styles
 
-__all__ = ["demo_exemplar", "demo_styles", "exemplar_camera", "style_makers"]
+__all__ = ["demo_exemplar", "exemplar_camera"]
 
 Image = NDArray[np.float32]
 
@@ -70,23 +70,13 @@ def exemplar_camera(width: int, height: int) -> Camera:
                           height=height, focal=focal)
 
 
-def demo_styles() -> list[str]:
-    """Names of the built-in painted exemplars; the first is the default."""
-    return list(_STYLES)
-
-
-def style_makers() -> dict[str, Callable[[], Exemplar]]:
-    """What makes each of the painted exemplars, by name (entry point ``lfportrait.styles``)."""
-    return {name: functools.partial(demo_exemplar, name) for name in _STYLES}
-
-
 def demo_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: int = 5) -> Exemplar:
     """A painted portrait with its 68 landmarks.
 
     Parameters
     ----------
     name
-        One of `demo_styles`; empty = the first.
+        One of `lfportrait.demo.demo_styles`; empty = the first.
     width, height
         Size of the picture in pixels.
     seed
@@ -102,9 +92,10 @@ def demo_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: in
     UserError
         If there is no such style.
     """
-    name = name or next(iter(_STYLES))
-    if name not in _STYLES:
-        raise UserError(f"no built-in style {name!r}; there are: {', '.join(_STYLES)}")
+    names = demo_styles()
+    name = name or names[0]
+    if name not in names:
+        raise UserError(f"no built-in style {name!r}; there are: {', '.join(names)}")
     camera = exemplar_camera(width, height)
     sitting = _sit(photograph(PAINTED, camera), camera.project(landmarks(PAINTED))[0][0])
     painted = _STYLES[name](sitting, np.random.default_rng(seed))

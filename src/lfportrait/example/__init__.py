@@ -5,29 +5,34 @@ painting answers a pixel, `table` looks it up, `styleblit` copies pieces. `surfa
 a head, the same from every side; `rivals` are other methods, `video` is for moving pictures.
 """
 
-from .exemplar import Exemplar, face_size
-from .guides.appearance import appearance_guide
-from .guides.labels import LABELS
-from .guides.maps import Guides
-from .guides.position import position_guide
-from .guides.regions import Regions, find_regions
-from .methods import METHODS, Method, MethodConfig, paint, prepare
-from .providers import Sitting
-from .region_styles import RegionStyle, mix_regions, read_region
-from .rivals import (
-    FaceBlit,
-    FaceBlitConfig,
-    FaceStyle,
-    FaceStyleConfig,
-    NetworkConfig,
-    Painted,
-    StyleNetwork,
-)
-from .styleblit import BlitConfig, Synthesis, synthesise
-from .surface_guide import SurfaceGuide, surface_position_guide
-from .table import LookUpTable, TableConfig, build_table
-from .transfer import Transfer, TransferConfig, TransferResult, face_landmarks, transfer
-from .video import VideoTransfer
+from typing import TYPE_CHECKING
+
+from ..lazy import attach
+
+if TYPE_CHECKING:
+    from .exemplar import Exemplar, face_size
+    from .guides.appearance import appearance_guide
+    from .guides.labels import LABELS
+    from .guides.maps import Guides
+    from .guides.position import position_guide
+    from .guides.regions import Regions, find_regions
+    from .methods import METHODS, Method, MethodConfig, paint, prepare
+    from .providers import Sitting, provided_styles
+    from .region_styles import RegionStyle, mix_regions, read_region
+    from .rivals import (
+        FaceBlit,
+        FaceBlitConfig,
+        FaceStyle,
+        FaceStyleConfig,
+        NetworkConfig,
+        Painted,
+        StyleNetwork,
+    )
+    from .styleblit import BlitConfig, Synthesis, synthesise
+    from .surface_guide import SurfaceGuide, surface_position_guide
+    from .table import LookUpTable, TableConfig, build_table
+    from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks, transfer
+    from .video import VideoTransfer
 
 __all__ = [
     "LABELS", "METHODS", "BlitConfig", "Exemplar", "FaceBlit", "FaceBlitConfig", "FaceStyle",
@@ -35,6 +40,8 @@ __all__ = [
     "Painted", "RegionStyle", "Regions", "Sitting", "StyleNetwork", "SurfaceGuide", "Synthesis",
     "TableConfig", "Transfer", "TransferConfig", "TransferResult", "VideoTransfer",
     "appearance_guide", "build_table", "face_landmarks", "face_size", "find_regions",
-    "mix_regions", "paint", "position_guide", "prepare", "read_region",
+    "mix_regions", "paint", "position_guide", "prepare", "provided_styles", "read_region",
     "surface_position_guide", "synthesise", "transfer",
 ]
+
+__getattr__, __dir__ = attach(__name__, __file__)

@@ -13,7 +13,7 @@ from .rivals.faceblit import FaceBlit, FaceBlitConfig
 from .rivals.facestyle import FaceStyle, FaceStyleConfig
 from .rivals.network import NetworkConfig, StyleNetwork
 from .rivals.painted import Painted
-from .transfer import Transfer, TransferConfig, TransferResult, face_landmarks
+from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks
 
 __all__ = ["METHODS", "Method", "MethodConfig", "paint", "prepare"]
 

@@ -6,7 +6,7 @@ holds and renders it, `storage` is its file, `surface` its surface as points or 
 
 from .grid import Rendering, SampleWeights, VoxelField
 from .quality import held_out_quality
-from .reconstruct import ReconstructConfig, reconstruct, reconstruct_with_figures
+from .reconstruction import ReconstructConfig, reconstruct, reconstruct_with_figures
 from .storage import save_checkpoint
 from .surface import Mesh, PointCloud, field_mesh, field_points
 

@@ -6,5 +6,6 @@ out of photos with a background, `summary` fills the report.
 
 from .person import cut_person
 from .pipeline import MakeConfig, make, prepare_capture
+from .warmup import Warmup
 
-__all__ = ["MakeConfig", "cut_person", "make", "prepare_capture"]
+__all__ = ["MakeConfig", "Warmup", "cut_person", "make", "prepare_capture"]

@@ -19,7 +19,8 @@ from __future__ import annotations
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,7 @@ from ..example import Exemplar
 from ..field import ReconstructConfig, VoxelField, reconstruct_with_figures
 from ..files import write_image, write_json
 from ..keys import key_of
+from ..lanes.compiling import compiling_progress
 from ..lightfield import (
     Display,
     EncodeConfig,
@@ -48,9 +50,11 @@ from ..lightfield import (
 from ..measure import machine, peak_memory_bytes
 from ..progress import Progress
 from ..stylize import StylizeConfig
+from .networks import get_networks
 from .person import cut_person
 from .stages import StageFolder, fingerprint_files
 from .summary import share_job
+from .warmup import Warmup
 
 __all__ = ["MakeConfig", "make", "prepare_capture"]
 
@@ -151,7 +155,8 @@ def _save_folder(write: Callable[[Path], None], target: Path) -> None:
 
 def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
          display: str | Path | Display = "generic-4k", config: MakeConfig | None = None, *,
-         device: str = "auto", seed: int = 0, quiet: bool = True) -> dict[str, Any]:
+         device: str = "auto", seed: int = 0, quiet: bool = True, offline: bool = False,
+         warmup: Warmup | None = None) -> dict[str, Any]:
     """Run the whole job.
 
     Parameters
@@ -172,6 +177,10 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
         Seed of all random choices.
     quiet
         Print no progress.
+    offline
+        Download no networks: what is missing is an error, or done without and said so.
+    warmup
+        Kernels that are being compiled already (`Warmup`); by default the job begins that itself.
 
     Returns
     -------
@@ -188,9 +197,12 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     panel = display if isinstance(display, Display) else Display.resolve(display)
     if not isinstance(photos, Capture) and not Path(photos).exists():
         raise UserError(f"there is no folder or file {photos}; name the folder of your photos")
+    if not isinstance(photos, Capture) and not isinstance(style, Exemplar):
+        get_networks(Path(photos), style, config.keep_background, offline=offline, quiet=quiet)
     exemplar = style if isinstance(style, Exemplar) else Exemplar.load(style)
     job = _Job(Path(out), photos, exemplar, panel, config, device, seed, quiet)
-    return job.run()
+    with warmup or Warmup(("reconstruct", "transfer", "stylize", "encode")) as job.warmup:
+        return job.run()
 
 
 class _Job:
@@ -201,13 +213,19 @@ class _Job:
         self.out, self.photos, self.exemplar, self.display = out, photos, exemplar, display
         self.config, self.device, self.seed, self.quiet = config, device, seed, quiet
         self.stages = StageFolder(out, self._say)
+        self.warmup: Warmup | None = None
 
     def _say(self, line: str) -> None:
         if not self.quiet:
             print(line, file=sys.stderr)
 
-    def _progress(self, title: str) -> Progress:
-        return Progress(title, enabled=not self.quiet)
+    @contextmanager
+    def _progress(self, title: str, kernels: tuple[str, ...] = ()) -> Iterator[Progress]:
+        """A stage's progress line, once the stage's kernels are there."""
+        with compiling_progress(title, enabled=not self.quiet) as progress:
+            if self.warmup is not None:
+                self.warmup.wait(kernels, progress)
+            yield progress
 
     def run(self) -> dict[str, Any]:
         config = self.config
@@ -258,7 +276,7 @@ class _Job:
         if not config.finest:
             # A display's views have a few hundred rows; all later stages pay for each voxel.
             config = replace(config, finest=256)
-        with self._progress("reconstruct") as progress:
+        with self._progress("reconstruct", ("reconstruct",)) as progress:
             result, figures = reconstruct_with_figures(
                 Capture.load(self.out / "capture"), config, progress, checkpoint=checkpoint)
         result.save(self.out / "field.npz")
@@ -268,7 +286,7 @@ class _Job:
     def _stylize(self) -> dict[str, Any]:
         from ..stylize import stylize_with_figures
 
-        with self._progress("stylize") as progress:
+        with self._progress("stylize", ("transfer", "stylize")) as progress:
             styled, figures = stylize_with_figures(
                 VoxelField.load(self.out / "field.npz"), Capture.load(self.out / "capture"),
                 self.exemplar, replace(self.config.stylize, seed=self.seed), progress,
@@ -278,7 +296,7 @@ class _Job:
 
     def _encode(self) -> dict[str, Any]:
         styled = VoxelField.load(self.out / "styled.npz")
-        with self._progress("encode"):
+        with self._progress("encode", ("encode",)):
             mask = ViewMask.build(self.display)
             image, figures = encode_with_figures(styled, self.display, self.config.encode,
                                                  mask=mask, device=self.device)

@@ -13,7 +13,7 @@ from ..capture import Camera, Capture
 from ..example import Exemplar
 from ..field import VoxelField
 
-__all__ = ["ball_capture", "ball_field", "drawn_exemplar"]
+__all__ = ["ball_capture", "ball_field", "ball_points", "drawn_exemplar"]
 
 _RADIUS = 0.6
 
@@ -36,6 +36,16 @@ def _face() -> NDArray[np.float64]:
         arc(9, 0, 0.47, 0.17, 0.03, 180, 540)[:8]])
 
 
+def ball_points(cameras: Camera, view: int) -> NDArray[np.float64]:
+    """Where each pixel's ray meets the ball: float64 [H, W, 3], NaN where it does not."""
+    origins, directions = cameras.rays(view)
+    half = (origins * directions).sum(-1)
+    root = half ** 2 - (origins ** 2).sum(-1) + _RADIUS ** 2
+    along = np.where(root > 0, -half - np.sqrt(np.maximum(root, 0)), np.nan)
+    points = origins + along[:, None] * directions
+    return points.reshape(int(cameras.height[view]), int(cameras.width[view]), 3)
+
+
 def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True) -> Capture:
     """Photos of a speckled ball with landmarks on its front.
 
@@ -52,18 +62,16 @@ def ball_capture(size: int = 32, views: int = 16, cut_out: bool = True) -> Captu
                          focal=1.7 * size)
     images, alphas = [], []
     for view in range(views):
-        origins, directions = cameras.rays(view)
-        half = (origins * directions).sum(-1)
-        root = half ** 2 - (origins ** 2).sum(-1) + _RADIUS ** 2
-        points = origins + (-half - np.sqrt(np.maximum(root, 0)))[:, None] * directions
-        grey = np.where(root > 0, 130 + 60 * np.sin(7 * points @ np.array([1.0, 1.7, 0.6])), 20)
-        images.append(np.repeat(grey.reshape(size, size, 1), 3, 2).astype(np.uint8))
-        alphas.append(np.where(root > 0, 255, 0).reshape(size, size).astype(np.uint8))
+        points = ball_points(cameras, view)
+        speckles = 130 + 60 * np.sin(7 * points @ np.array([1.0, 1.7, 0.6]))
+        images.append(np.repeat(np.nan_to_num(speckles, nan=20.0)[..., None], 3, 2
+                                ).astype(np.uint8))
+        alphas.append(np.where(np.isfinite(speckles), 255, 0).astype(np.uint8))
     face = _face()
     x, y = 1.5 * _RADIUS * face[:, 0], -0.7 * _RADIUS * (face[:, 1] + 0.3)
     z = np.sqrt(np.maximum(_RADIUS ** 2 - x ** 2 - y ** 2, 0.0))
     return Capture(cameras, images, alphas if cut_out else None,
-                   [f"{view}.png" for view in range(views)], np.arange(views) % 8 == 3,
+                   [f"{view}.png" for view in range(views)], np.zeros(views, bool),
                    landmarks=np.stack([x, y, z], axis=1))
 
 

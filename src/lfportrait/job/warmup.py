@@ -1,36 +1,37 @@
 """Kernels compiled ahead of their use, in processes of their own, on all cores.
 
-Numba compiles a kernel when it is first called, for seconds, one at a time in a process, without a
+Numba compiles a kernel when it is first called: for seconds, one at a time in a process, without a
 word. So each stage is run once on next to nothing (`specimens`) in a process of its own, which
-leaves the compiled code in Numba's cache on the disk; the job goes on with what needs no kernels
-yet and waits for a stage's code where it is needed. A mark beside the cache tells that a stage's
-kernels are there: the next run starts no process.
+leaves the compiled code in Numba's cache on the disk. The job goes on with what needs no kernels
+yet, and waits for a stage's code where it is needed. A mark beside the cache tells that a stage's
+code is there: the next run starts no process.
 """
 
 from __future__ import annotations
 
+import functools
+import math
 import os
-import queue
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from ..keys import key_of
 from ..progress import Progress
 
-__all__ = ["KERNELS", "Warmup", "main"]
+__all__ = ["FUNCTIONS", "Warmup", "run_stage"]
 
-KERNELS = {"photograph": 66, "reconstruct": 50, "transfer": 46, "stylize": 21, "encode": 21}
-"""Functions that each stage compiles, about: they are more or fewer on other processors."""
+FUNCTIONS = {"photograph": 60, "reconstruct": 46, "transfer": 42, "stylize": 17, "encode": 22}
+"""Functions that each stage compiles: a few more or less on other processors."""
 
 
 def _photograph() -> None:
     from ..demo import demo_capture, demo_exemplar
 
-    demo_capture(size=16, views=3)
+    demo_capture(size=16, views=6)
     demo_exemplar(width=48, height=64)
 
 
@@ -38,35 +39,39 @@ def _reconstruct() -> None:
     from ..field import ReconstructConfig, reconstruct
     from .specimens import ball_capture
 
-    reconstruct(ball_capture(), ReconstructConfig(resolutions=(16, 24), rays=(0.004, 0.004),
-                                                  batch=(1024,)))
+    reconstruct(ball_capture(), ReconstructConfig(
+        resolutions=(16, 24), rays=(0.004, 0.004), batch=(1024,)))
 
 
 def _transfer() -> None:
+    import numpy as np
+
     from ..example import SurfaceGuide, Transfer
-    from .specimens import ball_capture, ball_field, drawn_exemplar
+    from .specimens import ball_capture, ball_points, drawn_exemplar
 
     capture, exemplar = ball_capture(size=96), drawn_exemplar()
-    assert capture.landmarks is not None
+    assert capture.landmarks is not None and capture.alphas is not None
     transfer = Transfer(exemplar)
     guide = SurfaceGuide(capture.landmarks, exemplar, transfer.regions)
-    from ..stylize.views import prepare_view
-
-    prepare_view(ball_field(9), capture.cameras, 8, transfer, guide, capture.landmarks, 1.0)
+    view = len(capture) // 2
+    position, anchor = guide(ball_points(capture.cameras, view))
+    photo, mask = (np.asarray(picture / 255.0, np.float32)
+                   for picture in (capture.images[view], capture.alphas[view]))
+    transfer.apply(photo, capture.cameras.project(capture.landmarks)[0][view], position=position,
+                   seeds_anchor=anchor, mask=mask)
 
 
 def _stylize() -> None:
     from ..stylize import StylizeConfig, stylize
     from .specimens import ball_capture, ball_field, drawn_exemplar
 
-    stylize(ball_field(9), ball_capture(), drawn_exemplar(),
-            StylizeConfig(size=64, views=1, pitches=(0.0,), steps=1, fit_iterations=1,
-                          content_network="embedded", style_network="embedded"))
+    # By nearest neighbours alone: the transfer's kernels are compiled elsewhere.
+    stylize(ball_field(9), ball_capture(), drawn_exemplar(), StylizeConfig(
+        method="arf", size=32, views=1, pitches=(0.0,), steps=1,
+        content_network="embedded", style_network="embedded"))
 
 
 def _encode() -> None:
-    import math
-
     from ..lightfield import Display, ViewMask, encode, quilt_of, simulate
     from .specimens import ball_field
 
@@ -74,10 +79,106 @@ def _encode() -> None:
                       quilt_size=(48, 32))
     field = ball_field(1)
     image = encode(field, display, mask=ViewMask.build(display))
-    simulate(image, display, 0.1)
+    simulate(image, display, (0.1,))
     quilt_of(field, display)
 
 
 _STAGES: dict[str, Callable[[], None]] = {
     "photograph": _photograph, "reconstruct": _reconstruct, "transfer": _transfer,
     "stylize": _stylize, "encode": _encode}
+
+
+def run_stage(name: str) -> None:
+    """Compile a stage's functions in this process, the name of each on a line of its own."""
+    from ..lanes.compiling import watched_compilations
+
+    with watched_compilations(lambda function: print(function, flush=True)):
+        _STAGES[name]()
+
+
+@functools.cache
+def _mark(name: str) -> Path:
+    """The file that stands for a stage's compiled code, beside that code."""
+    import llvmlite.binding
+    import numba
+
+    from ..lanes.cache_keys import kernel_sources
+    from ..lanes.compiling import cache_folder
+
+    key = key_of(name, kernel_sources(), numba.__version__, sys.version,
+                 llvmlite.binding.get_host_cpu_name(),
+                 str(llvmlite.binding.get_host_cpu_features()))
+    return cache_folder() / f"warm-{name}-{key[:16]}"
+
+
+class Warmup:
+    """Stages being compiled in the background.
+
+    Parameters
+    ----------
+    names
+        Stages of `FUNCTIONS`, in the order in which they are needed. Those that an earlier run
+        compiled are not compiled again.
+
+    Attributes
+    ----------
+    compiled
+        Functions compiled so far.
+    total
+        Functions to compile, about.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        wanted = [name for name in names if not _mark(name).exists()]
+        self.compiled = 0
+        self.total = sum(FUNCTIONS[name] for name in wanted)
+        self._lock = threading.Lock()
+        self._processes: list[subprocess.Popen[str]] = []
+        self._closed = False
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+        self._pool = ThreadPoolExecutor(max_workers=cores or 1)
+        self._done: dict[str, Future[None]] = {
+            name: self._pool.submit(self._compile, name) for name in wanted}
+
+    def _compile(self, name: str) -> None:
+        """Compile a stage in a process of its own; where that fails, the job compiles by itself."""
+        # One thread is enough for specimens, and leaves the cores to the compilers.
+        alone = {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        with self._lock:
+            if self._closed:
+                return
+            process = subprocess.Popen(
+                [sys.executable, "-c", "import sys; from lfportrait.job.warmup import run_stage; "
+                 "run_stage(sys.argv[1])", name],
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                text=True, env={**os.environ, **alone})
+            self._processes.append(process)
+        assert process.stdout is not None
+        for _ in process.stdout:
+            self.compiled += 1
+        if process.wait() == 0:
+            _mark(name).touch()
+
+    def wait(self, names: Sequence[str], progress: Progress | None = None) -> None:
+        """Return when the kernels of stages are there, telling on ``progress`` how far it is."""
+        for name in names:
+            future = self._done.get(name)
+            while future is not None and not future.done():
+                if progress is not None:
+                    progress.update(progress.done, f"compiling kernels, once: {self.compiled} of "
+                                    f"{max(self.total, self.compiled)}")
+                threading.Event().wait(0.1)
+
+    def close(self) -> None:
+        """End what is still being compiled."""
+        with self._lock:
+            self._closed = True
+            for process in self._processes:
+                process.terminate()
+        self._pool.shutdown(cancel_futures=True)
+
+    def __enter__(self) -> Warmup:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

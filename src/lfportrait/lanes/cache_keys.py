@@ -22,11 +22,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-__all__ = ["identified", "identified_all", "identity"]
+__all__ = ["identified", "identified_all", "identity", "kernel_sources"]
 
 
 @functools.cache
-def _sources() -> str:
+def kernel_sources() -> str:
     """Hash of the sources of all kernels: the stages' and the lanes they are made of."""
     package = Path(__file__).parents[1]
     digest = hashlib.sha256()
@@ -49,7 +49,7 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
         What tells the function from all others: its name, and all that the factory was given.
     """
     def set_identity(function: Any) -> Any:
-        name = repr((_sources(), *parts))
+        name = repr((kernel_sources(), *parts))
         # Of a namespace's entries only compiled functions have a place in Numba's cache.
         if hasattr(function, "_set_uuid"):
             number = uuid.uuid5(uuid.NAMESPACE_OID, name)

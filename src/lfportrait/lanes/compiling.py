@@ -1,14 +1,23 @@
-"""Compilation as it happens: which kernels were compiled, and not found on the disk."""
+"""Compilation: where compiled code is kept, and what is compiled because it is not there."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from numba.core import event
 
-__all__ = ["watched_compilations"]
+from ..progress import Progress
+from .vectors import LANES
+
+__all__ = ["cache_folder", "compiling_progress", "watched_compilations"]
+
+
+def cache_folder() -> Path:
+    """Where Numba keeps the compiled code of this folder's functions (each folder has its own)."""
+    return Path(LANES.exp.stats.cache_path)
 
 
 class _Watch(event.Listener):
@@ -39,3 +48,23 @@ def watched_compilations(heard: Callable[[str], None]) -> Iterator[None]:
         yield
     finally:
         event.unregister("numba:compile", watch)
+
+
+@contextmanager
+def compiling_progress(title: str, total: int = 0, enabled: bool = True) -> Iterator[Progress]:
+    """A progress line that also tells of kernels that are compiled meanwhile, as takes seconds.
+
+    Parameters
+    ----------
+    title, total, enabled
+        As for `Progress`.
+    """
+    count = 0
+
+    def heard(_: str) -> None:
+        nonlocal count
+        count += 1
+        progress.update(progress.done, f"compiling kernels, once: {count}")
+
+    with Progress(title, total, enabled) as progress, watched_compilations(heard):
+        yield progress

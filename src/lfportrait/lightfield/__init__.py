@@ -5,34 +5,40 @@
 what an eye sees, `patterns` whether the panel's numbers are right, `budget` how deep is sharp.
 """
 
-from .budget import DepthReport
-from .coded import lossless, read_coded, write_coded
-from .deinterlacing import deinterlace, each_view
-from .display import Display
-from .encode import (
-    EncodeConfig,
-    Placement,
-    depth_budget,
-    encode,
-    encode_with_figures,
-    render_view,
-    view_camera,
-)
-from .interlacing import (
-    InterlaceConfig,
-    QuiltLayout,
-    assemble_quilt,
-    interlace,
-    quilt_tiles,
-    read_views,
-)
-from .mask import ViewMask
-from .patterns import pattern
-from .quilt import quilt_of
-from .simulate import simulate
+from typing import TYPE_CHECKING
+
+from ..lazy import attach
+
+if TYPE_CHECKING:
+    from .budget import DepthReport
+    from .coded import lossless, read_coded, write_coded
+    from .coding import (
+        depth_budget,
+        encode,
+        encode_with_figures,
+        render_view,
+        view_camera,
+    )
+    from .deinterlacing import deinterlace, each_view
+    from .display import Display
+    from .interlacing import (
+        InterlaceConfig,
+        QuiltLayout,
+        assemble_quilt,
+        interlace,
+        quilt_tiles,
+        read_views,
+    )
+    from .mask import ViewMask
+    from .patterns import pattern
+    from .placement import EncodeConfig, Placement
+    from .quilt import quilt_of
+    from .simulation import simulate
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
            "ViewMask", "assemble_quilt", "deinterlace", "depth_budget",
            "each_view", "encode", "encode_with_figures", "interlace", "lossless", "pattern",
            "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "simulate",
            "view_camera", "write_coded"]
+
+__getattr__, __dir__ = attach(__name__, __file__)

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from .display import Display
-from .encode import EncodeConfig, Placement
+from .placement import EncodeConfig, Placement
 
 __all__ = ["DepthReport"]
 

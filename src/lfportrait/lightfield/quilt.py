@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..field import VoxelField
+from .coding import view_camera
 from .display import Display
-from .encode import EncodeConfig, view_camera
 from .interlacing import QuiltLayout
+from .placement import EncodeConfig
 
 __all__ = ["quilt_of"]
 
@@ -20,7 +21,7 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     Parameters
     ----------
     field, display, config
-        As for `lfportrait.lightfield.encode`.
+        As for `lfportrait.lightfield.coding`.
     name
         File name that tells columns and rows; the display's customary layout by default.
 

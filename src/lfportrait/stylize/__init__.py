@@ -1,26 +1,13 @@
-"""A field takes on a painting's style: its colours change, its shape stays (Paper 2.1-2.2).
+"""Optimising a field to a style: features, losses, colour fit (Shen et al. 2023, 2.1-2.2)."""
 
-`views` repaints views of it by example, `fit` fits the colours to them, `optimize` refines by the
-`losses` (Eq. 4, 5, 7, 9) on features of `networks`.
-"""
+from typing import TYPE_CHECKING
 
-from typing import TYPE_CHECKING, Any
-
-__all__ = ["StylizeConfig", "load_network", "stylize", "stylize_with_figures"]
+from ..lazy import attach
 
 if TYPE_CHECKING:
     from .networks import load_network
     from .optimize import StylizeConfig, stylize, stylize_with_figures
 
+__all__ = ["StylizeConfig", "load_network", "stylize", "stylize_with_figures"]
 
-def __getattr__(name: str) -> Any:
-    # torch takes seconds to import: only when something of this stage is used.
-    if name in ("StylizeConfig", "stylize", "stylize_with_figures"):
-        from . import optimize
-
-        return getattr(optimize, name)
-    if name == "load_network":
-        from .networks import load_network
-
-        return load_network
-    raise AttributeError(name)
+__getattr__, __dir__ = attach(__name__, __file__)

@@ -24,7 +24,7 @@ from ...errors import UserError
 from ...files import atomic_write
 from ..exemplar import Exemplar, face_size
 from ..providers import Sitting, provided_sittings
-from ..transfer import Transfer
+from ..transfers import Transfer
 from .facestyle import FaceStyle
 from .painted import Painted
 from .training_photos import folder_sittings, varied

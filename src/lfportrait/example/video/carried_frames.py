@@ -22,7 +22,7 @@ from ..guides.regions import Regions
 from ..kernels.video import carry_shifts
 from ..kernels.vote import blend, vote
 from ..styleblit import shift_planes
-from ..transfer import Transfer, TransferResult
+from ..transfers import Transfer, TransferResult
 from .motion import Motion
 
 __all__ = ["paint_onward", "reduced"]

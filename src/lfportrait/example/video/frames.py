@@ -25,7 +25,7 @@ from ..guides.blurs import enlarged
 from ..guides.position import pixel_centres
 from ..guides.regions import Regions, find_regions
 from ..kernels.video import mend, squared_changes, to_bytes, unfold
-from ..transfer import Transfer, TransferResult, face_landmarks
+from ..transfers import Transfer, TransferResult, face_landmarks
 from .carried_frames import paint_onward, reduced
 from .motion import Flow, Motion, block_side
 from .pipelining import ahead, in_turn

@@ -1,4 +1,4 @@
-"""The optimisation itself: one lattice, trained level by level (`lfportrait.field.reconstruct`)."""
+"""The optimisation itself: one lattice, trained level by level (`field.reconstruction`)."""
 
 from __future__ import annotations
 

@@ -1,0 +1,27 @@
+"""The names of the painted exemplars, and what paints them, for those who only ask."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+__all__ = ["demo_styles", "style_makers"]
+
+_NAMES = ("fauve", "charcoal", "impression")
+
+
+def demo_styles() -> list[str]:
+    """Names of the painted exemplars, the first is the default."""
+    return list(_NAMES)
+
+
+def _paint(name: str) -> Any:
+    # The painter takes a second to import, and nobody may ask for a painting.
+    return import_module("lfportrait.demo").demo_exemplar(name)
+
+
+def style_makers() -> dict[str, Callable[[], Any]]:
+    """What makes each of the painted exemplars, by name (entry point ``lfportrait.styles``)."""
+    return {name: functools.partial(_paint, name) for name in _NAMES}

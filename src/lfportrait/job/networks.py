@@ -1,0 +1,106 @@
+"""The pretrained networks of a job, asked for all at once before the first long stage.
+
+Some are needed: without landmarks there is no transfer, without mattes no head to reconstruct.
+Others make the result better: where person and hair are not told by networks, they are told by
+their colours. What is given (landmarks beside a painting, photos with an alpha channel) needs none.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from .. import models
+from ..capture import is_video
+from ..errors import UserError
+from ..files import read_image, read_json
+
+__all__ = ["get_networks", "networks_of"]
+
+_PICTURES = {".png", ".webp", ".tif", ".tiff"}
+"""Files that may have an alpha channel."""
+
+
+def _described(photos: Path) -> dict[str, object]:
+    """What a capture that lfportrait wrote says of itself; empty for anything else."""
+    path = photos / "transforms.json" if photos.is_dir() else photos
+    if path.name != "transforms.json" or not path.is_file():
+        return {}
+    data = read_json(path)
+    return data if isinstance(data, dict) and data.get("generator") == "lfportrait" else {}
+
+
+def _cut_out(photos: Path) -> bool:
+    """Whether the photos of a data set have mattes, as its first picture tells."""
+    if not photos.is_dir():
+        return False
+    if any(path.is_dir() for path in photos.rglob("masks")):
+        return True
+    first = next((path for path in sorted(photos.rglob("*")) if path.suffix.lower() in _PICTURES),
+                 None)
+    return first is not None and read_image(first).shape[-1] == 4
+
+
+def networks_of(photos: Path, style: str | Path, keep_background: bool,
+                ) -> tuple[list[str], list[str]]:
+    """The networks that a job can't do without, and those that make it better.
+
+    Parameters
+    ----------
+    photos
+        Folder of photos, video or data set.
+    style
+        The exemplar: a picture, or the name of an installed one.
+    keep_background
+        Whether the room stays, so that no mattes are wanted.
+
+    Returns
+    -------
+    needed, better
+        Names in the registry of `lfportrait.models`.
+    """
+    painting = Path(style)
+    described = _described(photos)
+    landmarks_given = (described.get("landmarks") is not None
+                       and (not painting.is_file()
+                            or painting.with_suffix(".landmarks.txt").exists()))
+    needed = [] if landmarks_given else ["face-landmarker"]
+    cut_out = keep_background or (not is_video(photos) and _cut_out(photos))
+    regions = ["person-segmentation", "hair-segmentation"]
+    if cut_out:
+        return needed, regions
+    return [*needed, regions[0]], regions[1:]
+
+
+def get_networks(photos: Path, style: str | Path, keep_background: bool, *, offline: bool,
+                 quiet: bool) -> None:
+    """See to it that a job's networks are here, and say what goes on without one.
+
+    Parameters
+    ----------
+    photos, style, keep_background
+        As for `networks_of`.
+    offline
+        Download nothing.
+    quiet
+        Say nothing that is no error.
+
+    Raises
+    ------
+    UserError
+        If one that is needed is missing and not to be had: one line with all of them, their size
+        and the command that gets them.
+    """
+    needed, better = networks_of(photos, style, keep_background)
+    if models.missing(needed):
+        # All at once: what is only better is part of the same download.
+        models.require([*needed, *better], download=not offline, purpose="this job", quiet=quiet)
+        return
+    models.require(needed, download=False, quiet=quiet)
+    if models.missing(better):
+        try:
+            models.require(better, download=not offline, purpose="a better outline", quiet=quiet)
+        except UserError as error:
+            if not quiet:
+                print(f"going on without networks for person and hair, which are told by their "
+                      f"colours: {error}", file=sys.stderr)

@@ -1,0 +1,50 @@
+"""Packages that import their modules when something of them is first asked for.
+
+Numba, torch and SciPy take seconds to import; a command that needs none of them should not wait. A
+package states what it offers as imports under ``if TYPE_CHECKING`` - for readers, type checkers and
+the drawing of the house - and ends with::
+
+    __getattr__, __dir__ = attach(__name__, __file__)
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+__all__ = ["attach"]
+
+
+def _homes(file: str) -> dict[str, str]:
+    """The module of each name that a package's file imports under ``if TYPE_CHECKING``."""
+    with open(file, encoding="utf-8") as stream:
+        tree = ast.parse(stream.read())
+    blocks = [node for node in tree.body if isinstance(node, ast.If)]
+    return {alias.asname or alias.name: "." * node.level + (node.module or "")
+            for block in blocks for node in block.body if isinstance(node, ast.ImportFrom)
+            for alias in node.names}
+
+
+def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """A package's ``__getattr__`` and ``__dir__`` for what its file imports for type checkers.
+
+    Parameters
+    ----------
+    package
+        The package's ``__name__``.
+    file
+        Its ``__file__``.
+    """
+    homes = _homes(file)
+
+    def get(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(import_module(homes[name], package), name)
+
+    def names() -> list[str]:
+        return sorted(homes)
+
+    return get, names

@@ -1,0 +1,113 @@
+"""Where a field stands before a panel: the coding's parameters and the similarity they ask for.
+
+By default the middle of the head lies on the panel's plane, and the head, two world units high,
+takes 80 % of the panel's height.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from .display import Display
+
+__all__ = ["EncodeConfig", "Placement"]
+
+
+@dataclass(frozen=True)
+class EncodeConfig:
+    """Parameters of the coding."""
+
+    size: float = 0.8
+    """Height of the head ([-1, 1] in the portrait frame) over the panel's height."""
+    shift_x: float = 0.0
+    """Moves the head to the right, in half panel heights."""
+    shift_y: float = -0.04
+    """Moves the head up, in half panel heights."""
+    focus: float = 0.0
+    """Moves the head towards the viewer, in half panel heights; what lies on the panel is sharp."""
+    turn: float = 0.0
+    """Turns the head to its left about the vertical axis, in degrees."""
+    depth_scale: float = 1.0
+    """Depth of the head over its true depth: below 1 flattens it about its middle, so that more of
+    it lies within the depth that the panel shows sharply."""
+    method: Literal["auto", "slices", "direct"] = "auto"
+    """slices: one slice of the field a row of the panel; direct: a ray through the lattice for each
+    sub-pixel; auto: slices, unless the head is turned far."""
+    blend: Literal["nearest", "continuous", "filtered"] = "nearest"
+    """nearest: a sub-pixel shows its nearest view; continuous: its own place between two views;
+    filtered: the mean light over all directions that its lens sends it to, three rays: what lies
+    beyond the panel's depth budget blurs instead of breaking into a comb."""
+    step_size: float = 0.5
+    """Distance between samples in voxels, for direct casting; slices have a sample on each plane of
+    voxels."""
+    draft: bool = False
+    """Samples twice as far apart: 1.5 to 2 times faster."""
+    background: float = 0.0
+    """Grey level behind the head. Black hides cross-talk between views on a real panel."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """The similarity that puts the field's world into the display frame.
+
+    Attributes
+    ----------
+    scale
+        Half panel heights per world unit.
+    shift
+        (x, y, z) of the world's origin in the display frame.
+    turn
+        Angle about the vertical axis in radians; positive turns the face to the panel's right.
+    depth
+        Factor by which z, seen from the head's middle, is flattened once the head stands there.
+    """
+
+    scale: float
+    shift: tuple[float, float, float]
+    turn: float = 0.0
+    depth: float = 1.0
+
+    @staticmethod
+    def of(display: Display, config: EncodeConfig) -> Placement:
+        """The placement that a configuration asks for; narrow panels get a smaller head."""
+        if not 0.01 <= config.size <= 10:
+            raise UserError(f"the size of the head must lie between 0.01 and 10 panel heights, "
+                            f"not {config.size}")
+        scale = min(config.size, config.size * display.aspect * 1.15)
+        if not -180 <= config.turn <= 180:
+            raise UserError(f"the head can be turned by -180 to 180 degrees, not {config.turn}")
+        if not 0.05 <= config.depth_scale <= 4:
+            raise UserError(f"the depth scale must lie between 0.05 and 4, not "
+                            f"{config.depth_scale}")
+        return Placement(scale, (config.shift_x, config.shift_y, config.focus),
+                         math.radians(config.turn), config.depth_scale)
+
+    # Flattening all of space about the panel, eyes included, changes no picture: rays still meet
+    # the panel and the scene in the same places. So the head keeps its shape for the kernels, and
+    # its place and the eyes' distance are those before the flattening, in the "deep" frame.
+
+    @property
+    def deep_shift(self) -> NDArray[np.float64]:
+        """``shift`` [3] before the flattening."""
+        return np.array([self.shift[0], self.shift[1], self.shift[2] / self.depth])
+
+    def deep_distance(self, display: Display) -> float:
+        """Distance of the eyes before the flattening."""
+        return display.distance / self.depth
+
+    @property
+    def to_world(self) -> NDArray[np.float64]:
+        """Rotation [3, 3] from the display frame to the field's world."""
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+
+    def to_lattice(self, lattice: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrix [3, 4] from the deep frame to lattice coordinates (`VoxelField.lattice`)."""
+        linear = lattice[3:6, None] * self.to_world / self.scale
+        return np.column_stack([linear, lattice[6:9] - linear @ self.deep_shift])
