@@ -17,12 +17,12 @@ from typing import Any
 __all__ = ["attach"]
 
 
-def _homes(file: str) -> dict[str, str]:
-    """The module of each name that a package's file imports under ``if TYPE_CHECKING``."""
+def _homes(file: str) -> dict[str, tuple[str, str]]:
+    """Module, and name in it, of all that a file imports under ``if TYPE_CHECKING``."""
     with open(file, encoding="utf-8") as stream:
         tree = ast.parse(stream.read())
     blocks = [node for node in tree.body if isinstance(node, ast.If)]
-    return {alias.asname or alias.name: "." * node.level + (node.module or "")
+    return {alias.asname or alias.name: ("." * node.level + (node.module or ""), alias.name)
             for block in blocks for node in block.body if isinstance(node, ast.ImportFrom)
             for alias in node.names}
 
@@ -42,7 +42,8 @@ def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
     def get(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(homes[name], package), name)
+        home, original = homes[name]
+        return getattr(import_module(home, package), original)
 
     def names() -> list[str]:
         return sorted(homes)

@@ -19,8 +19,10 @@ import hashlib
 import uuid
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 from typing import Any
+
+from llvmlite import ir
 
 __all__ = ["identified", "identified_all", "identity", "kernel_sources"]
 
@@ -40,6 +42,20 @@ def identity(function: Any) -> str:
     return str(getattr(function, "_uuid", ""))
 
 
+def _name_types(definition: FunctionType | None) -> None:
+    """Ask the LLVM types that an intrinsic's definition refers to for their names.
+
+    The definition is hashed with all that it refers to, and a type remembers its name from when it
+    is first asked for it: the hash would change by compiling, and the code never be found again.
+    """
+    if definition is None:
+        return
+    cells = [cell.cell_contents for cell in definition.__closure__ or ()]
+    for value in [*cells, *definition.__globals__.values()]:
+        if isinstance(value, ir.Type):
+            str(value)
+
+
 def identified(*parts: Any) -> Callable[[Any], Any]:
     """Decorate a factory's compiled function (outermost) with an identity made of ``parts``.
 
@@ -52,6 +68,7 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
         name = repr((kernel_sources(), *parts))
         # Of a namespace's entries only compiled functions have a place in Numba's cache.
         if hasattr(function, "_set_uuid"):
+            _name_types(getattr(function, "_defn", None))
             number = uuid.uuid5(uuid.NAMESPACE_OID, name)
             function._set_uuid(str(number))
             if hasattr(function, "py_func"):

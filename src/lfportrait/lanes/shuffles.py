@@ -32,6 +32,7 @@ def _address(context: Any, builder: Any, array_type: Any, array: Any, index: Any
     return builder.bitcast(builder.gep(base, [place]), vector.as_pointer())
 
 
+@identified("lanes", "store half")
 @intrinsic
 def store_half(typing, array, start, value):  # type: ignore[no-untyped-def]
     """array[start : start + 16] = value rounded to float16, for a C-contiguous uint16 array."""

@@ -1,6 +1,8 @@
 """Optimising a field to a style: features, losses, colour fit (Shen et al. 2023, 2.1-2.2)."""
 
-from typing import TYPE_CHECKING
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from ..lazy import attach
 
@@ -11,3 +13,16 @@ if TYPE_CHECKING:
 __all__ = ["StylizeConfig", "load_network", "stylize", "stylize_with_figures"]
 
 __getattr__, __dir__ = attach(__name__, __file__)
+
+
+class _Stage(ModuleType):
+    """The package, which can be called as its function: in ``lf.stylize(...)`` it stands for it.
+
+    Python puts an imported package over a function of its name in the package above.
+    """
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return self.stylize(*arguments, **options)
+
+
+sys.modules[__name__].__class__ = _Stage

@@ -1,0 +1,62 @@
+"""What is not asked for is not imported: quick commands do not wait for slow libraries."""
+
+import subprocess
+import sys
+
+import pytest
+
+import lfportrait
+from lfportrait.lazy import attach
+
+SLOW = ("numba", "torch", "scipy", "skimage", "cv2", "mediapipe", "pycolmap", "av")
+
+SCRIPT = """
+import sys
+from lfportrait.cli import main
+code = main(sys.argv[1:])
+print("loaded:", *[name for name in {slow!r} if name in sys.modules], file=sys.stderr)
+sys.exit(code)
+"""
+
+
+@pytest.mark.parametrize("words", ["--help", "--version", "display list",
+                                   "display show generic-4k", "styles", "models list"])
+def test_light_commands_load_nothing_slow(words):
+    done = subprocess.run([sys.executable, "-c", SCRIPT.format(slow=SLOW), *words.split()],
+                          capture_output=True, text=True, check=True)
+    assert done.stdout
+    assert done.stderr.strip() == "loaded:"
+
+
+def test_every_public_name_is_there():
+    for package in ("lfportrait", "lfportrait.lightfield", "lfportrait.example",
+                    "lfportrait.demo", "lfportrait.stylize"):
+        module = sys.modules.get(package) or __import__(package, fromlist=["x"])
+        assert set(module.__all__) - {"__version__"} <= set(dir(module)), package
+        for name in module.__all__:
+            thing = getattr(module, name)
+            assert callable(thing) or not isinstance(thing, type(sys)), f"{package}.{name}"
+
+
+def test_a_function_may_have_its_package_s_name():
+    from lfportrait.stylize import stylize
+
+    assert stylize is not lfportrait.stylize  # the package, by now
+    with pytest.raises(TypeError, match="capture"):
+        lfportrait.stylize(None)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        lfportrait.nothing  # noqa: B018
+
+
+def test_names_come_from_the_imports_that_type_checkers_see(tmp_path):
+    file = tmp_path / "__init__.py"
+    file.write_text("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n"
+                    "    from .path import join as joined\n    from .path import split\n")
+    get, names = attach("os", str(file))
+    assert names() == ["joined", "split"]
+    with pytest.raises(AttributeError):
+        get("TYPE_CHECKING")
+    assert get("split").__name__ == "split"
