@@ -1,8 +1,17 @@
-"""Fixtures that several test files share."""
+"""Fixtures that several test files share, and how the two test processes share the cores."""
 
+import os
 from pathlib import Path
 
 import pytest
+
+# Before anything loads OpenMP. Two test processes run at once, each with as many threads as there
+# are cores: threads that spin while they wait for work take the cores from those that have some
+# (a test of the network took 97 s instead of 2). Numba keeps all its threads, so that a kernel
+# whose result depends on them is found out; those of torch and the BLAS are not ours to test, and
+# what they get here are pictures of a few dozen pixels.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

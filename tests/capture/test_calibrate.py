@@ -1,5 +1,6 @@
 """Photos and videos in, calibrated captures out; and what is said about bad ones."""
 
+import functools
 import json
 import shutil
 import warnings
@@ -17,8 +18,11 @@ from lfportrait.errors import UserError
 from lfportrait.files import write_image
 
 FAST = CalibrateConfig(features=1500, camera_model="SIMPLE_PINHOLE")
+ROUGH = replace(FAST, features=700)
+"""Where it is enough that photos find each other: half of the work, a quarter of a degree off."""
 
 
+@functools.cache  # a room's pictures look up the same ones in every view
 def texture(seed: int, size: int = 512) -> np.ndarray:
     """A picture full of corners at several scales, float [size, size, 3]."""
     random = np.random.default_rng(seed)
@@ -95,8 +99,12 @@ def test_cameras_of_a_rendered_room_are_recovered(room: tuple[Path, Camera]) -> 
     assert np.abs(middle - [180, 135]).max() < 15
 
 
-def test_the_same_photos_give_the_same_cameras(room: tuple[Path, Camera]) -> None:
-    first, second = calibrate(room[0], FAST), calibrate(room[0], FAST)
+def test_the_same_photos_give_the_same_cameras(room: tuple[Path, Camera],
+                                               tmp_path: Path) -> None:
+    for view in range(5):
+        shutil.copy(room[0] / f"photo{view}.jpg", tmp_path)
+    first, second = calibrate(tmp_path, ROUGH), calibrate(tmp_path, ROUGH)
+    assert len(first) == 5
     assert np.array_equal(first.cameras.pose, second.cameras.pose)
     assert np.array_equal(first.cameras.focal, second.cameras.focal)
     assert first.figures == second.figures
@@ -109,7 +117,7 @@ def test_a_stranger_among_the_photos_is_left_out(room: tuple[Path, Camera],
     (tmp_path / "photos" / "broken.jpg").write_bytes(b"\xff\xd8\xff\xe0 no more")
     with pytest.warns(UserWarning) as caught:
         # A quite different picture may look blurred beside the others; here it is to be tried.
-        capture = calibrate(tmp_path / "photos", replace(FAST, blur_threshold=0))
+        capture = calibrate(tmp_path / "photos", replace(ROUGH, blur_threshold=0))
     messages = " ".join(str(warning.message) for warning in caught)
     assert "broken.jpg can't be read" in messages
     assert "a_stranger.png" in messages
@@ -121,7 +129,7 @@ def test_photos_that_do_not_overlap(tmp_path: Path) -> None:
     for number in range(5):
         write_image(tmp_path / f"{number}.png", texture(20 + number)[:180, :240])
     with pytest.raises(UserError, match=r"do not overlap enough: .* of 5"):
-        calibrate(tmp_path, FAST)
+        calibrate(tmp_path, ROUGH)
 
 
 def test_missing_empty_and_too_few_photos(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from lfportrait.capture.video import read_video
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
 
-from .test_calibrate import FAST, room_cameras, room_picture, texture
+from .test_calibrate import ROUGH, room_cameras, room_picture, texture
 
 av = pytest.importorskip("av")
 
@@ -103,7 +103,7 @@ def test_blurred_photos_are_left_out_in_one_line(tmp_path: Path) -> None:
             picture = moved(picture, 9, 30)
         write_image(tmp_path / f"photo{view}.png", picture)
     with pytest.warns(UserWarning, match=r"1 of 8 photos are blurred.*photo3\.png.*keeps them"):
-        capture = calibrate(tmp_path, FAST)
+        capture = calibrate(tmp_path, ROUGH)
     assert capture.figures["blurred"] == ["photo3.png"]
     assert capture.figures["photos"] == 8
     assert len(capture) == 7

@@ -1,65 +1,71 @@
 """The next process finds compiled kernels again: compiling takes seconds, loading does not."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-SCRIPT = """
-from lfportrait.capture import Camera
-from lfportrait.field.kernels.render import render_kernel
-from tests.fields import shell_field
+import lfportrait
 
-camera = Camera.arc([0.0], distance=3.0, width=8, height=8, focal=8.0)
-shell_field(size=12, basis=1).render(camera)
-stats = render_kernel(16).stats
-print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
+# The smallest factory whose kernel calls a function that the factory made, too: a process that
+# compiles takes a second here, and twenty for the field's kernels.
+SCRIPT = """
+import sys
+import numpy as np
+from lfportrait.example.kernels.patches import CHANNELS, MARGIN, patch_errors
+
+random = np.random.default_rng(0)
+target = random.integers(0, 99, (6 + 2 * MARGIN, (7 + 2 * MARGIN) * CHANNELS)).astype(np.int16)
+source = random.integers(0, 99, (20, 21 * CHANNELS)).astype(np.int16)
+places = random.integers(9, 12, (2, 6, 7))
+field, error = (21 * places[0] + places[1]).astype(np.int32), np.zeros((6, 7), np.float32)
+for radius in map(int, sys.argv[1:]):
+    patch_errors(radius)(target, source, field, error)
+    print(radius, error.astype(float).sum())
+    stats = patch_errors(radius).stats
+    print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), file=sys.stderr)
 """
 
 KEYS = """
 import hashlib
+import lfportrait
 from numba.core.serialize import dumps
+from lfportrait.example.kernels.patches import patch_errors, search_pass
 from lfportrait.lightfield.kernels.encode import encode_kernel
-from lfportrait.field.kernels.render import render_kernel_one_lane
+from lfportrait.field.kernels.render import render_kernel, render_kernel_one_lane
 from lfportrait.field.kernels.train import train_kernel
 
-for kernel in (train_kernel(32), encode_kernel(32, 9), render_kernel_one_lane(32)):
+print(lfportrait.__file__)
+for kernel in (train_kernel(32), encode_kernel(32, 9), render_kernel(16),
+               render_kernel_one_lane(32), patch_errors(1), search_pass(2)):
     cells = tuple(cell.cell_contents for cell in kernel.py_func.__closure__)
     print(kernel.py_func.__name__, hashlib.sha256(dumps(cells)).hexdigest())
 """
 
 
-TWINS = """
-import sys
-import numpy as np
-from tests.field.test_raycast import Training
-
-for basis in map(int, sys.argv[1:]):
-    field = Training(basis)
-    losses, density, sh = field.run(field.field.density, field.field.sh)
-    print(basis, losses.sum(), np.abs(density).sum(), np.abs(sh).sum())
-"""
-
-
 def run(script, *arguments, **environment):
-    result = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True,
-                            text=True, check=True, cwd=Path(__file__).parents[2],
-                            env={**os.environ, **environment})
-    return result.stdout
+    return subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True,
+                          text=True, check=True, cwd=Path(__file__).parents[2],
+                          env={**os.environ, **environment})
 
 
-def test_the_second_process_compiles_nothing(tmp_path):
-    hits = [run(SCRIPT, NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2)]
-    assert hits == [["0", "1"], ["1", "0"]]
-
-
-def test_every_kernel_has_the_same_key_in_every_process():
-    first, second = (run(KEYS, PYTHONHASHSEED=seed) for seed in ("1", "2"))
-    assert first == second
-    assert len(set(first.split())) == 6
-
-
-def test_products_of_one_factory_compiled_apart_work_together(tmp_path):
+def test_products_of_one_factory_are_found_again_and_work_together(tmp_path):
     # Each process numbers its functions anew: their symbols must differ by more than the number.
-    apart = "".join(run(TWINS, basis, NUMBA_CACHE_DIR=str(tmp_path)) for basis in ("9", "1"))
-    assert run(TWINS, "9", "1", NUMBA_CACHE_DIR=str(tmp_path)) == apart
+    one, two = (run(SCRIPT, radius, NUMBA_CACHE_DIR=str(tmp_path)) for radius in ("1", "2"))
+    assert (one.stderr.split(), two.stderr.split()) == (["0", "1"], ["0", "1"])
+    assert one.stdout.split()[1] != two.stdout.split()[1]
+    both = run(SCRIPT, "1", "2", NUMBA_CACHE_DIR=str(tmp_path))
+    assert both.stderr.split() == ["1", "0", "1", "0"]  # the next process compiles nothing
+    assert both.stdout == one.stdout + two.stdout
+
+
+def test_every_kernel_has_the_same_key_in_every_process(tmp_path):
+    # The first process compiles all modules from their sources, the next reads their bytecode.
+    shutil.copytree(Path(lfportrait.__file__).parent, tmp_path / "lfportrait",
+                    ignore=shutil.ignore_patterns("__pycache__"))
+    first, second = (run(KEYS, PYTHONHASHSEED=seed, PYTHONPATH=str(tmp_path)).stdout
+                     for seed in ("1", "2"))
+    assert str(tmp_path) in first
+    assert first == second
+    assert len(set(first.splitlines())) == 7

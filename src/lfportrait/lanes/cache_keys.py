@@ -10,6 +10,11 @@ The identity becomes part of the function's name, too. Numba tells functions of 
 the order in which a process compiled them, and code that comes from the disk keeps the number of
 the process that wrote it: two products of a factory could bear one symbol, and the linker would
 take either for both.
+
+What is hashed is a pickle, in which a string that comes twice is written once if it is one object,
+but twice if it is two equal ones. A module's file name is one object in the process that compiled
+the module from its source and two in all later ones, which read its bytecode: they would compile
+all kernels of factories once more.
 """
 
 from __future__ import annotations
@@ -56,6 +61,13 @@ def _name_types(definition: FunctionType | None) -> None:
             str(value)
 
 
+def _same_file_name(function: Any) -> None:
+    """Let a function's module and its code name their file by one object."""
+    module, name = function.__globals__, function.__code__.co_filename
+    if module.get("__file__") == name:
+        module["__file__"] = name
+
+
 def identified(*parts: Any) -> Callable[[Any], Any]:
     """Decorate a factory's compiled function (outermost) with an identity made of ``parts``.
 
@@ -73,6 +85,7 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
             function._set_uuid(str(number))
             if hasattr(function, "py_func"):
                 function.py_func.__qualname__ += f"_{number.hex[:12]}"
+            _same_file_name(getattr(function, "py_func", None) or function._defn)
         return function
     return set_identity
 
