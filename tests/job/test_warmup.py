@@ -28,7 +28,7 @@ with Warmup(("photograph", "transfer", "reconstruct", "stylize", "encode")) as w
     with watched_compilations(seen.append):
         make(demo_capture(size=64, views=20), demo_exemplar(width=180, height=240), out,
              Display(96, 64, views=12, pitch=7.3, slant=0.1), CONFIG, warmup=warmup)
-print("\\n".join(seen))
+print(*seen)
 """
 
 ONE = "import sys; from lfportrait.job.warmup import run_stage; run_stage('encode')"

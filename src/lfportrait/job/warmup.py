@@ -49,7 +49,7 @@ def _transfer() -> None:
     from ..example import SurfaceGuide, Transfer
     from .specimens import ball_capture, ball_points, drawn_exemplar
 
-    capture, exemplar = ball_capture(size=96), drawn_exemplar()
+    capture, exemplar = ball_capture(size=192), drawn_exemplar(192, 256)
     assert capture.landmarks is not None and capture.alphas is not None
     transfer = Transfer(exemplar)
     guide = SurfaceGuide(capture.landmarks, exemplar, transfer.regions)

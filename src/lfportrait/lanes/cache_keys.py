@@ -1,20 +1,17 @@
 """The same identity in every process for functions that a factory makes, so that caching works.
 
-Numba finds a function's compiled code on disk by a hash of its bytecode and of what it closes over.
-Another compiled function among the latter counts by a random identity, so that code of a factory's
-function is never found again: each process would compile it anew and add another file. Here such
-functions get an identity from their names, the factory's parameters and the kernels' sources; an
-edit of any kernel compiles all of them anew.
+Numba finds a function's compiled code on disk by a hash of its bytecode and of a pickle of what it
+closes over. Another compiled function among the latter counts by a random identity; a type, by what
+was asked of it so far; a string that comes twice, by whether it is one object. So code of a
+factory's function is hardly ever found again. Here such functions get an identity from their names,
+the factory's parameters and the kernels' sources, and are found by it alone; an edit of any kernel
+compiles all of them anew.
 
 The identity becomes part of the function's name, too. Numba tells functions of one name apart by
 the order in which a process compiled them, and code that comes from the disk keeps the number of
 the process that wrote it: two products of a factory could bear one symbol, and the linker would
-take either for both.
-
-What is hashed is a pickle, in which a string that comes twice is written once if it is one object,
-but twice if it is two equal ones. A module's file name is one object in the process that compiled
-the module from its source and two in all later ones, which read its bytecode: they would compile
-all kernels of factories once more.
+take either for both. Their files on the disk differ for the same reason: processes that compile two
+products at the same time do not write one index.
 """
 
 from __future__ import annotations
@@ -27,7 +24,7 @@ from pathlib import Path
 from types import FunctionType, SimpleNamespace
 from typing import Any
 
-from llvmlite import ir
+from numba.core.caching import FunctionCache
 
 __all__ = ["identified", "identified_all", "identity", "kernel_sources"]
 
@@ -47,25 +44,15 @@ def identity(function: Any) -> str:
     return str(getattr(function, "_uuid", ""))
 
 
-def _name_types(definition: FunctionType | None) -> None:
-    """Ask the LLVM types that an intrinsic's definition refers to for their names.
+class _CacheByIdentity(FunctionCache):
+    """Numba's cache of a function on the disk, whose key is the function's identity."""
 
-    The definition is hashed with all that it refers to, and a type remembers its name from when it
-    is first asked for it: the hash would change by compiling, and the code never be found again.
-    """
-    if definition is None:
-        return
-    cells = [cell.cell_contents for cell in definition.__closure__ or ()]
-    for value in [*cells, *definition.__globals__.values()]:
-        if isinstance(value, ir.Type):
-            str(value)
+    def __init__(self, function: FunctionType, number: str) -> None:
+        super().__init__(function)
+        self._number = number
 
-
-def _same_file_name(function: Any) -> None:
-    """Let a function's module and its code name their file by one object."""
-    module, name = function.__globals__, function.__code__.co_filename
-    if module.get("__file__") == name:
-        module["__file__"] = name
+    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
+        return sig, codegen.magic_tuple(), self._number
 
 
 def identified(*parts: Any) -> Callable[[Any], Any]:
@@ -80,12 +67,12 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
         name = repr((kernel_sources(), *parts))
         # Of a namespace's entries only compiled functions have a place in Numba's cache.
         if hasattr(function, "_set_uuid"):
-            _name_types(getattr(function, "_defn", None))
-            number = uuid.uuid5(uuid.NAMESPACE_OID, name)
-            function._set_uuid(str(number))
+            number = str(uuid.uuid5(uuid.NAMESPACE_OID, name))
+            function._set_uuid(number)
             if hasattr(function, "py_func"):
-                function.py_func.__qualname__ += f"_{number.hex[:12]}"
-            _same_file_name(getattr(function, "py_func", None) or function._defn)
+                function.py_func.__qualname__ += f"_{number.replace('-', '')[:12]}"
+                if isinstance(function._cache, FunctionCache):
+                    function._cache = _CacheByIdentity(function.py_func, number)
         return function
     return set_identity
 

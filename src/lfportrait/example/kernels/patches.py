@@ -31,9 +31,7 @@ BAND = 32
 CELL = 4
 """Uses of exemplar pixels are counted in cells of this side."""
 
-_SHARED = {"reassoc": True, "contract": True, "nsz": True}
-"""Numba finds compiled code by these options, too: a set would be in another order in each process.
-"""
+_SHARED = {"reassoc", "contract", "nsz"}
 
 
 @functools.cache
