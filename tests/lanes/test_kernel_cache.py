@@ -28,9 +28,7 @@ for radius in map(int, sys.argv[1:]):
 """
 
 KEYS = """
-import hashlib
 import lfportrait
-from numba.core.serialize import dumps
 from lfportrait.example.kernels.patches import patch_errors, search_pass
 from lfportrait.lightfield.kernels.encode import encode_kernel
 from lfportrait.field.kernels.render import render_kernel, render_kernel_one_lane
@@ -39,8 +37,7 @@ from lfportrait.field.kernels.train import train_kernel
 print(lfportrait.__file__)
 for kernel in (train_kernel(32), encode_kernel(32, 9), render_kernel(16),
                render_kernel_one_lane(32), patch_errors(1), search_pass(2)):
-    cells = tuple(cell.cell_contents for cell in kernel.py_func.__closure__)
-    print(kernel.py_func.__name__, hashlib.sha256(dumps(cells)).hexdigest())
+    print(kernel.py_func.__name__, kernel._cache._index_key(None, kernel.targetctx.codegen()))
 """
 
 
