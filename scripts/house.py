@@ -18,7 +18,7 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
           "evaluate", "job", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
 GROUND = ("download", "errors", "files", "keys", "lanes", "lazy", "measure", "metrics",
-          "models", "progress")
+          "models", "progress", "version")
 """Carries all stages and knows none."""
 
 Graph = dict[str, set[str]]

@@ -13,6 +13,7 @@ The whole job in five lines::
 from typing import TYPE_CHECKING
 
 from .lazy import attach
+from .version import __version__
 
 if TYPE_CHECKING:
     from .capture import Camera, Capture, calibrate
@@ -23,11 +24,10 @@ if TYPE_CHECKING:
     from .lightfield import Display, ViewMask, encode, simulate
     from .stylize import stylize
 
-__version__ = "0.1.0"
-
 __all__ = [
     "Camera", "Capture", "Display", "Exemplar", "UserError", "ViewMask", "VoxelField",
-    "calibrate", "encode", "make", "reconstruct", "simulate", "stylize", "transfer",
+    "__version__", "calibrate", "encode", "make", "reconstruct", "simulate", "stylize",
+    "transfer",
 ]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -15,8 +15,8 @@ import traceback
 import warnings
 from typing import Any
 
-from .. import __version__
 from ..errors import UserError
+from ..version import __version__
 
 __all__ = ["COMMANDS", "main"]
 

@@ -15,9 +15,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import __version__
 from ..errors import UserError
 from ..files import atomic_write
+from ..version import __version__
 from .background import Background
 
 __all__ = ["FieldData", "load_field", "save_checkpoint", "save_field"]

@@ -25,7 +25,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
 from ..capture import (
     CalibrateConfig,
     Capture,
@@ -50,6 +49,7 @@ from ..lightfield import (
 from ..measure import machine, peak_memory_bytes
 from ..progress import Progress
 from ..stylize import StylizeConfig
+from ..version import __version__
 from .networks import get_networks
 from .person import cut_person
 from .stages import StageFolder, fingerprint_files

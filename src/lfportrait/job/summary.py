@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from .. import __version__
 from ..capture import Camera, Capture
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from ..field import VoxelField
@@ -33,6 +32,7 @@ from ..share import (
     write_report,
     write_video,
 )
+from ..version import __version__
 
 __all__ = ["share_job"]
 

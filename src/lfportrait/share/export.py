@@ -15,10 +15,10 @@ from typing import Any, BinaryIO, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import __version__
 from ..errors import UserError
 from ..field import Mesh, PointCloud, VoxelField, field_mesh, field_points, save_checkpoint
 from ..files import atomic_write
+from ..version import __version__
 
 __all__ = ["ExportConfig", "export_field"]
 
