@@ -56,14 +56,14 @@ def _usage() -> str:
 def _execute(name: str, arguments: list[str]) -> int:
     import tyro
 
+    from ..device import computing_device
     from ..files import write_json
     from ..measure import peak_memory_bytes
 
     module_name, class_name, _ = COMMANDS[name]
     module = importlib.import_module(f".{module_name}", __package__)
     command: Any = tyro.cli(getattr(module, class_name), args=arguments, prog=f"lfportrait {name}")
-    if getattr(command, "device", "auto") == "cuda":
-        raise UserError("this version computes on the CPU only; leave --device at auto or cpu")
+    device = computing_device(command.device)
     start = time.perf_counter()
     figures = command.run()
     target = getattr(command, "json", None)
@@ -73,7 +73,7 @@ def _execute(name: str, arguments: list[str]) -> int:
             seconds = {} if seconds is None else {"stage": seconds}
         figures["seconds"] = {"wall": round(time.perf_counter() - start, 3), **seconds}
         figures.setdefault("peak_memory_bytes", peak_memory_bytes())
-        figures.setdefault("device", "cpu")
+        figures.setdefault("device", device)
         figures["version"] = __version__
         write_json(target, figures)
     return 0
