@@ -1,14 +1,16 @@
-"""What a run cost: peak memory and the machine it ran on, for ``--json``."""
+"""What a run cost: peak memory and the machine it ran on, for ``--json``; what is still free."""
 
 from __future__ import annotations
 
 import os
 import platform
+import shutil
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
-__all__ = ["machine", "memory_of", "peak_memory_bytes"]
+__all__ = ["free_disk_bytes", "free_memory_bytes", "machine", "memory_of", "peak_memory_bytes"]
 
 _Result = TypeVar("_Result")
 
@@ -58,6 +60,36 @@ def memory_of(function: Callable[[], _Result]) -> tuple[int, _Result]:
         before = peak_memory_bytes()
         result = function()
         return peak_memory_bytes() - before, result
+
+
+def free_memory_bytes(system: Path = Path("/")) -> int | None:
+    """Memory that a process can still get, in bytes; None where the system does not tell.
+
+    Parameters
+    ----------
+    system
+        Root of the file system in which Linux keeps its accounts.
+    """
+    try:
+        rows = (system / "proc/meminfo").read_text().splitlines()
+        free = next(int(row.split()[1]) * 1024 for row in rows if row.startswith("MemAvailable:"))
+    except (OSError, StopIteration):
+        return None
+    try:  # a container may have less
+        limits = system / "sys/fs/cgroup"
+        free = min(free, int((limits / "memory.max").read_text())
+                   - int((limits / "memory.current").read_text()))
+    except (OSError, ValueError):
+        pass
+    return max(0, free)
+
+
+def free_disk_bytes(folder: str | os.PathLike[str]) -> int:
+    """Space left for files in a folder, which need not be there yet, in bytes."""
+    folder = Path(folder).absolute()
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    return shutil.disk_usage(folder).free
 
 
 def machine() -> dict[str, str | int]:

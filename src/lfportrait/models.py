@@ -23,8 +23,8 @@ from .download import megabytes
 from .errors import UserError
 from .files import atomic_path
 
-__all__ = ["GROUPS", "ModelFile", "add", "available", "cache_folder", "expand", "fetch", "listing",
-           "missing", "registry", "require"]
+__all__ = ["GROUPS", "PURPOSES", "ModelFile", "add", "available", "cache_folder", "expand", "fetch",
+           "fetchable", "listing", "missing", "registry", "require"]
 
 
 @dataclass(frozen=True)
@@ -137,6 +137,22 @@ GROUPS: dict[str, tuple[str, ...]] = {
 }
 """Networks that are wanted together: by the main job, by the paper's losses, by `evaluate`."""
 
+PURPOSES: dict[str, str] = {
+    "face-landmarker": "finds the face and its landmarks in photos",
+    "person-segmentation": "cuts the person out of photos",
+    "hair-segmentation": "tells hair from skin in photos",
+    "multiclass-segmentation": "does the work of both segmentations, and better",
+    "vgg16": "the paper's content loss (else our own small network)",
+    "resnet50": "the paper's style loss (else our own small network)",
+    "inception": "evaluate: FID, the distance to the style",
+    "lpips": "evaluate: LPIPS, with vgg16-torchvision",
+    "vgg16-torchvision": "evaluate: LPIPS, with lpips",
+    "vgg19-se": "stylize --style-network vgg19-se",
+    "face-landmarks-68": "landmarks in paintings, where the first network fails",
+    "face-detector": "faces in paintings, where the first network fails",
+}
+"""What each network is for."""
+
 # Networks that do the work of others where they are at hand.
 _STAND_INS = {"person-segmentation": "multiclass-segmentation",
               "hair-segmentation": "multiclass-segmentation"}
@@ -200,6 +216,11 @@ def _remote(name: str) -> tuple[str, ModelFile] | None:
     if entry is None:
         return None
     return (f"{mirror}/{quote(entry.file)}" if mirror else entry.url), entry
+
+
+def fetchable(name: str) -> bool:
+    """Whether `fetch` knows an address of a network's weights."""
+    return _remote(name) is not None
 
 
 def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:

@@ -144,9 +144,49 @@ def test_the_installed_program_runs():
     assert result.stdout.strip()
 
 
-def test_a_gpu_that_is_not_supported_is_told(tmp_path, capsys):
-    assert run("encode", tmp_path / "field.npz", "--device", "cuda") == 2
-    assert "CPU" in one_line(capsys)
+def test_a_gpu_is_not_used_by_this_version(tmp_path, capsys):
+    for choice in ("gpu", "gpu:radeon"):
+        assert run("encode", tmp_path / "field.npz", "--device", choice) == 2
+        assert "computes on the CPU; leave --device at auto or cpu" in one_line(capsys)
+
+
+def test_a_device_that_there_is_not(tmp_path, capsys):
+    for choice in ("tpu", "gpu:", "GPU", ""):
+        assert run("encode", tmp_path / "field.npz", "--device", choice) == 2
+        assert "auto, cpu, gpu or gpu:NAME" in one_line(capsys)
+
+
+def test_figures_tell_the_device(tmp_path):
+    for choice in ("auto", "cpu"):
+        assert run("display", "list", "--device", choice, "--json", tmp_path / "run.json") == 0
+        assert json.loads((tmp_path / "run.json").read_text())["device"] == "cpu"
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_the_demo_is_large_or_quick(tmp_path, monkeypatch, quick):
+    from lfportrait import demo
+    from lfportrait.cli import make
+
+    asked = {}
+
+    def job(capture, style, out, display, config, **_):
+        asked.update(views=capture, style=style, display=display, config=config)
+        return {"seconds": {"total": 0}}
+
+    monkeypatch.setattr(make, "make", job)
+    monkeypatch.setattr(demo, "demo_capture", lambda size, views, progress: (size, views))
+    monkeypatch.setattr(demo, "demo_exemplar", lambda width, height: (width, height))
+    options = ["--quick"] if quick else []
+    assert run("demo", "--out", tmp_path, "--quiet", *options) == 0
+    assert asked["views"] == ((256, 32) if quick else (384, 60))
+    assert asked["style"] == ((576, 768) if quick else (768, 1024))
+    assert asked["display"] == ("generic-1080p" if quick else "generic-4k")
+    networks = asked["config"].stylize
+    assert {networks.content_network, networks.style_network} == {"embedded"}, "what ships with us"
+    assert run("demo", "--out", tmp_path, "--quiet", *options, "--views", 12, "--size", 99,
+               "--display", "generic-8k", "--style", "charcoal") == 0
+    assert asked["views"] == (99, 12)
+    assert (asked["display"], asked["style"]) == ("generic-8k", "charcoal")
 
 
 def test_a_damaged_photo_among_good_ones_is_skipped_with_a_warning(tmp_path, style, capsys):

@@ -1,6 +1,8 @@
 """The field's file, the visual hull, and reconstruction of a coloured ball from its pictures."""
 
 import itertools
+import time
+import zipfile
 from dataclasses import replace
 
 import cv2
@@ -11,11 +13,14 @@ from lfportrait.capture import Camera, Capture
 from lfportrait.cli.reconstruction import Reconstruct
 from lfportrait.errors import UserError
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct, reconstruct_with_figures
+from lfportrait.field.background import Background
 from lfportrait.field.geometry.exposure import matte_gains
 from lfportrait.field.geometry.hull import hull_box, ruled_out, visual_hull
+from lfportrait.field.storage import save_checkpoint, save_field
 from lfportrait.field.training.lattice import Lattice
 from lfportrait.field.training.trainer import Trainer
 from tests.fields import shell_field
+from tests.reference.svox2 import Checkpoint
 
 from .test_event_log import scalars
 
@@ -43,6 +48,63 @@ def test_the_file_is_svox2s(tmp_path):
         assert data["sh_data"].shape == (len(field.density), 27)
         assert data["sh_data"].dtype == np.float16
         assert int(data["basis_type"]) == 1
+
+
+def room_field(shape=(40, 50, 60)):
+    """A shell with spheres behind it, most of whose links are empty."""
+    field = shell_field(basis=4, shape=shape, box=(1.2, 0.9, 0.7))
+    links = np.full((64, 32), -1, np.int32)
+    links[10:20, 5:15] = np.random.default_rng(2).permutation(100).reshape(10, 10)
+    data = np.random.default_rng(3).random((100, 3, 4)).astype(np.float32)
+    field.background = Background(links, data)
+    return field
+
+
+@pytest.mark.parametrize("save", [save_field, save_checkpoint])
+def test_a_file_is_little_more_than_its_voxels(tmp_path, save):
+    field = room_field()
+    save(field, tmp_path / "f.npz")
+    voxels = 4 * len(field.density) + 2 * field.sh.size + field.background.data.nbytes
+    assert field.links.nbytes > 0.5 * voxels
+    assert (tmp_path / "f.npz").stat().st_size < voxels + 0.3 * field.links.nbytes
+    with zipfile.ZipFile(tmp_path / "f.npz") as archive:
+        deflated = {entry.filename for entry in archive.infolist() if entry.compress_type}
+        assert deflated == {"links.npy", "background_links.npy"}
+
+
+@pytest.mark.parametrize("save", [save_field, save_checkpoint])
+def test_a_file_has_the_same_bytes_whenever_it_is_written(tmp_path, save, monkeypatch):
+    save(room_field(), tmp_path / "one.npz")
+    later = time.localtime(time.time() + 1e8)
+    monkeypatch.setattr(time, "localtime", lambda *_: later)
+    save(room_field(), tmp_path / "two.npz")
+    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
+
+
+def test_a_field_is_svox2s_checkpoint(tmp_path):
+    field = room_field()
+    field.save(tmp_path / "f.npz")
+    theirs = Checkpoint(tmp_path / "f.npz")
+    # svox2's kernels take only tables in C order, as `numpy.load` gives them here.
+    assert theirs.links.flags.c_contiguous
+    assert np.array_equal(theirs.links, field.links.transpose(2, 1, 0))
+    assert np.array_equal(theirs.density[:, 0], field.density)
+    assert np.array_equal(theirs.sh, field.sh.reshape(len(field.sh), -1))
+    for ours, other in zip((field.background.links, field.background.data), theirs.behind):
+        assert np.array_equal(ours, other)
+
+
+def test_files_of_older_versions_are_read(tmp_path):
+    """They were written by `numpy.savez`, with nothing deflated."""
+    field = room_field()
+    field.save(tmp_path / "new.npz")
+    with np.load(tmp_path / "new.npz") as data:
+        np.savez(tmp_path / "old.npz", **data)
+    assert (tmp_path / "old.npz").stat().st_size > (tmp_path / "new.npz").stat().st_size
+    new, old = VoxelField.load(tmp_path / "new.npz"), VoxelField.load(tmp_path / "old.npz")
+    for name in ("links", "density", "sh", "center", "radius", "frame"):
+        assert np.array_equal(getattr(new, name), getattr(old, name)), name
+    assert np.array_equal(new.background.data, old.background.data)
 
 
 def test_svox2s_files_are_read_old_form_and_skip_distances_included(tmp_path):

@@ -5,21 +5,21 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any
+
+import tyro
 
 from ..progress import Progress
 
-__all__ = ["Common", "Device"]
-
-Device = Literal["auto", "cpu", "cuda"]
+__all__ = ["Common"]
 
 
 @dataclass(kw_only=True)
 class Common:
     """Options that every command has."""
 
-    device: Device = "auto"
-    """Where to compute: a GPU if there is one, or the given device."""
+    device: Annotated[str, tyro.conf.arg(metavar="auto|cpu|gpu|gpu:NAME")] = "auto"
+    """Where to compute; this version does on the CPU."""
     seed: int = 0
     """Seed of all random choices; the same seed on the same machine gives the same files."""
     quiet: bool = False

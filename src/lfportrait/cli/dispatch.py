@@ -39,6 +39,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "display": ("displays", "DisplayCommand", "list, show and import displays; test patterns"),
     "evaluate": ("tools", "Evaluate", "metrics of a finished job or of two folders of pictures"),
     "bench": ("tools", "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),
+    "doctor": ("doctor", "Doctor", "what works on this machine, and how to mend what does not"),
     "models": ("tools", "Models", "list, fetch and add pretrained networks"),
 }
 
@@ -56,14 +57,14 @@ def _usage() -> str:
 def _execute(name: str, arguments: list[str]) -> int:
     import tyro
 
+    from ..device import computing_device
     from ..files import write_json
     from ..measure import peak_memory_bytes
 
     module_name, class_name, _ = COMMANDS[name]
     module = importlib.import_module(f".{module_name}", __package__)
     command: Any = tyro.cli(getattr(module, class_name), args=arguments, prog=f"lfportrait {name}")
-    if getattr(command, "device", "auto") == "cuda":
-        raise UserError("this version computes on the CPU only; leave --device at auto or cpu")
+    device = computing_device(command.device)
     start = time.perf_counter()
     figures = command.run()
     target = getattr(command, "json", None)
@@ -73,7 +74,7 @@ def _execute(name: str, arguments: list[str]) -> int:
             seconds = {} if seconds is None else {"stage": seconds}
         figures["seconds"] = {"wall": round(time.perf_counter() - start, 3), **seconds}
         figures.setdefault("peak_memory_bytes", peak_memory_bytes())
-        figures.setdefault("device", "cpu")
+        figures.setdefault("device", device)
         figures["version"] = __version__
         write_json(target, figures)
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import tyro
 
@@ -17,11 +17,30 @@ from .common import Common
 __all__ = ["Demo", "Make"]
 
 
-DEMO = MakeConfig(
+class _Scale(NamedTuple):
+    """How large the demo is."""
+
+    size: int
+    """Width and height of the capture's pictures in pixels."""
+    views: int
+    """Number of cameras."""
+    exemplar: int
+    """Height of the painting in pixels; it is three quarters as wide."""
+    display: str
+    """Preset of the display."""
+    config: MakeConfig
+    """Parameters of the stages, with the networks that ship with us."""
+
+
+FULL = _Scale(384, 60, 1024, "generic-4k", MakeConfig(
     reconstruct=ReconstructConfig(resolutions=(128, 256), rays=(1.0, 7.0)),
     stylize=StylizeConfig(size=512, views=11, pitches=(-8.0, 16.0), fit_iterations=12, steps=44,
-                          content_network="embedded", style_network="embedded"))
-"""The demo's parameters: a smaller field and fewer views, and the network that ships with us."""
+                          content_network="embedded", style_network="embedded")))
+QUICK = _Scale(256, 32, 768, "generic-1080p", MakeConfig(
+    reconstruct=ReconstructConfig(resolutions=(80, 160), rays=(0.4, 1.4)),
+    stylize=StylizeConfig(size=384, views=9, pitches=(4.0,), fit_iterations=8, steps=9,
+                          content_network="embedded", style_network="embedded"),
+    sweep_size=384))
 
 KERNELS = ("photograph", "transfer", "reconstruct", "stylize", "encode")
 """What the demo compiles, the longest early; photographs are what it needs first."""
@@ -70,21 +89,29 @@ class Demo(Common):
     """Folder for all results."""
     style: str = ""
     """Another exemplar: a picture or a name from `lfportrait styles`."""
-    display: str = "generic-4k"
-    """Display preset or file."""
-    size: int = 384
-    """Width and height of the capture's pictures in pixels."""
-    views: int = 60
-    """Number of cameras."""
+    quick: bool = False
+    """A small demo in less than a minute: fewer and smaller photos, a coarser field, one arc of
+    stylised views, a Full-HD display. It shows that everything works, not how well."""
+    display: str = ""
+    """Display preset or file; by default generic-4k, and generic-1080p with --quick."""
+    size: int = 0
+    """Width and height of the capture's pictures in pixels; by default 384, and 256 with
+    --quick."""
+    views: int = 0
+    """Number of cameras; by default 60, and 32 with --quick."""
 
     def run(self) -> dict[str, Any]:
         """Photograph the modelled head and run the main job on the pictures."""
         from ..demo import demo_capture, demo_exemplar
 
+        scale = QUICK if self.quick else FULL
+        size, views = self.size or scale.size, self.views or scale.views
         with Warmup(KERNELS) as warmup:
-            with self.progress("photograph the modelled head", self.views) as progress:
+            with self.progress("photograph the modelled head", views) as progress:
                 warmup.wait(("photograph",), progress)
-                capture = demo_capture(size=self.size, views=self.views, progress=progress)
-            run = make(capture, self.style or demo_exemplar(), self.out, self.display, DEMO,
+                capture = demo_capture(size=size, views=views, progress=progress)
+            style = self.style or demo_exemplar(width=scale.exemplar * 3 // 4,
+                                                height=scale.exemplar)
+            run = make(capture, style, self.out, self.display or scale.display, scale.config,
                        device=self.device, seed=self.seed, quiet=self.quiet, warmup=warmup)
         return _told(run, self.out, self.quiet)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
+from ..device import computing_device
 from .background import Background, cube_rays
 from .kernels.bricks import Bricks, build_bricks
 from .kernels.march import lattice_of_world
@@ -171,8 +172,9 @@ class VoxelField:
         stop
             A ray ends when its transmittance falls below this.
         device
-            ``"auto"`` and ``"cpu"``: the CPU renders.
+            Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
         """
+        computing_device(device)
         width, height = int(cameras.width[view]), int(cameras.height[view])
         color = np.empty(3 * width * height, np.float32)
         alpha = np.empty(width * height, np.float32)

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..capture import Capture
+from ..device import computing_device
 from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .config import ReconstructConfig
@@ -111,7 +112,8 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
         "train": {"rays": trainer.rays_done, "views": len(trainer.views),
                   "rays_per_second": (trainer.rays_done - first_rays) / max(trained, 1e-9)},
         "voxels": len(field.density), "resolution": config.resolutions[-1],
-        "levels": trainer.log, "device": "cpu", "peak_memory_bytes": peak_memory_bytes()}
+        "levels": trainer.log, "device": computing_device(),
+        "peak_memory_bytes": peak_memory_bytes()}
     if trainer.poses is not None:
         figures["cameras"] = trainer.poses.figures()
     if len(capture.testing()):

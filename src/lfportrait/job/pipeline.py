@@ -32,6 +32,7 @@ from ..capture import (
     is_calibrated,
     portrait_frame_from_landmarks,
 )
+from ..device import computing_device
 from ..errors import UserError
 from ..example import Exemplar
 from ..field import ReconstructConfig, VoxelField, reconstruct_with_figures
@@ -172,7 +173,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     config
         Parameters of the stages.
     device
-        ``"auto"``, ``"cpu"`` or ``"cuda"``.
+        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
     seed
         Seed of all random choices.
     quiet
@@ -211,7 +212,8 @@ class _Job:
     def __init__(self, out: Path, photos: Path | Capture, exemplar: Exemplar, display: Display,
                  config: MakeConfig, device: str, seed: int, quiet: bool) -> None:
         self.out, self.photos, self.exemplar, self.display = out, photos, exemplar, display
-        self.config, self.device, self.seed, self.quiet = config, device, seed, quiet
+        self.config, self.seed, self.quiet = config, seed, quiet
+        self.device = computing_device(device)
         self.stages = StageFolder(out, self._say)
         self.warmup: Warmup | None = None
 
@@ -253,7 +255,7 @@ class _Job:
         seconds = {name: stage["stage_seconds"] for name, stage in figures.items()}
         peak = max([peak_memory_bytes(), *(int(stage.get("peak_memory_bytes", 0))
                                            for stage in figures.values())])
-        return {"version": __version__, "device": figures["stylize"].get("device", "cpu"),
+        return {"version": __version__, "device": self.device,
                 "machine": machine(), "style": self.exemplar.name, "display": self.display.name,
                 "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
                 "peak_memory_bytes": peak, "resumed": self.stages.resumed, **figures}

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
+from ..device import computing_device
 from ..errors import UserError
 from ..field import VoxelField
 from .display import Display
@@ -130,6 +131,7 @@ def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfi
                         ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
     """`encode`, and the figures of the run for ``--json``."""
     config = config or EncodeConfig()
+    computes_on = computing_device(device)
     start = time.perf_counter()
     if mask is None:
         mask = ViewMask.build(display)
@@ -142,7 +144,7 @@ def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfi
     end = time.perf_counter()
     figures = {
         "method": _method(field, display, config), "subpixels": 3 * display.width * display.height,
-        "views": display.views, "display": display.name, "device": "cpu",
+        "views": display.views, "display": display.name, "device": computes_on,
         "seconds": {"mask": round(mask.seconds, 4), "cast": round(end - laid_out, 4),
                     "total": round(end - start + mask.seconds, 4)},
         "mask": {"loaded": mask.loaded, "bytes": mask.nbytes},
@@ -165,7 +167,7 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
     mask
         The display's mask guide; built or loaded from the cache if None.
     device
-        ``"auto"``, ``"cpu"``: the CPU casts.
+        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
 
     Returns
     -------

@@ -113,7 +113,7 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
     background
         Grey level or RGB behind the head, in [0, 1].
     device
-        Where to render.
+        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
 
     Yields
     ------

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from .. import models
 from ..capture import Capture
+from ..device import computing_device
 from ..errors import UserError
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from ..field import VoxelField
@@ -115,7 +116,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture, exemplar: Exemplar
     progress
         Progress line.
     device
-        Where the networks run: ``"auto"``, ``"cpu"`` or ``"cuda"``.
+        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
     dump
         Folder for pictures of every third view and its guides; None writes none.
 
@@ -134,6 +135,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture, exemplar: Exemplar
     if capture.landmarks is None and config.method == "paper":
         raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on the "
                         "photos, or use --method arf")
+    computes_on = computing_device(device)
     start = time.perf_counter()
     views, transfer_seconds = _prepare(field, capture, exemplar, config, progress, dump)
     prepared = time.perf_counter()
@@ -143,7 +145,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture, exemplar: Exemplar
         _match_palette(model, views, exemplar)
     fitted = time.perf_counter()
     figures: dict[str, Any] = {
-        "method": config.method, "views": len(views), "device": "cpu",
+        "method": config.method, "views": len(views), "device": computes_on,
         "fit": {"rmse": [round(float(np.sqrt(e)), 5) for e in errors]},
         "transfer": transfer_seconds}
     if config.steps > 0:

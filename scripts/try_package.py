@@ -1,0 +1,121 @@
+"""Build the package, install it as a stranger would, and run it there.
+
+All happens in a folder outside the checkout and in a virtual environment of its own, so that a file
+that lies in the checkout but not in the package is missed here and not by a user. The wheel must
+hold each file that git knows below src/, and the source distribution must build the same wheel.
+
+Run: python scripts/try_package.py            builds, compares, installs, runs `demo --quick`
+     python scripts/try_package.py --build    only builds and compares
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import time
+import venv
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+CONSTRAINTS = ROOT / "constraints.txt"
+
+
+def say(text: str) -> None:
+    print(f"{time.strftime('%H:%M:%S')} {text}", flush=True)
+
+
+def run(*words: str | Path, folder: Path) -> None:
+    """Run a program; nothing of ours is found but what is installed."""
+    hidden = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "NUMBA_CACHE_DIR")
+    settings = {name: value for name, value in os.environ.items() if name not in hidden}
+    subprocess.run([str(word) for word in words], cwd=folder, env=settings, check=True)
+
+
+def environment(folder: Path, *packages: str | Path) -> Path:
+    """The folder of programs of a new virtual environment with these packages."""
+    venv.create(folder, with_pip=True)
+    programs = folder / ("Scripts" if os.name == "nt" else "bin")
+    run(programs / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check",
+        "-c", CONSTRAINTS, *packages, folder=folder)
+    return programs
+
+
+def tracked(*folders: str) -> list[str]:
+    """The files that git knows, as they are in the checkout."""
+    listed = subprocess.run(["git", "ls-files", "-z", *folders], cwd=ROOT, check=True,
+                            capture_output=True, text=True).stdout
+    return [name for name in listed.split("\0") if name and (ROOT / name).is_file()]
+
+
+def contents(wheel: Path) -> dict[str, bytes]:
+    """The package's files in a wheel, without what tells about it."""
+    with zipfile.ZipFile(wheel) as archive:
+        return {name: archive.read(name) for name in archive.namelist()
+                if ".dist-info/" not in name}
+
+
+def build(python: Path, source: Path, out: Path, kind: str) -> Path:
+    """Build a wheel or a source distribution from a folder; the file."""
+    run(python, "-m", "build", "--quiet", f"--{kind}", "--outdir", out, source, folder=source)
+    return next(out.glob("*.whl" if kind == "wheel" else "*.tar.gz"))
+
+
+def same(found: dict[str, bytes], expected: dict[str, bytes], what: str) -> None:
+    """Stop with the differing names where two sets of files are not the same."""
+    wrong = sorted(name for name in found.keys() | expected.keys()
+                   if found.get(name) != expected.get(name))
+    if wrong:
+        sys.exit(f"{what} differ in: {', '.join(wrong)}")
+
+
+def built(folder: Path) -> Path:
+    """Build wheel and source distribution, and compare what they hold; the wheel."""
+    python = environment(folder / "builder", "build") / "python"
+    # Files of former builds that lie in the checkout would come into the wheel.
+    tree = folder / "tree"
+    for name in tracked():
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tree / name)
+    sources = build(python, tree, folder / "sdist", "sdist")
+    wheel = build(python, tree, folder / "wheel", "wheel")
+    same(contents(wheel), {name.removeprefix("src/"): (ROOT / name).read_bytes()
+                           for name in tracked("src")}, "the wheel and src/")
+    with tarfile.open(sources) as archive:
+        archive.extractall(folder / "unpacked", filter="data")
+    again = build(python, next((folder / "unpacked").iterdir()), folder / "again", "wheel")
+    same(contents(again), contents(wheel), "the wheels of the source distribution and the checkout")
+    say(f"{wheel.name}: {len(contents(wheel))} files, {wheel.stat().st_size / 1e6:.1f} MB; "
+        "the source distribution builds the same")
+    return wheel
+
+
+def tried(wheel: Path, folder: Path) -> None:
+    """Install the wheel into an empty environment and run it in an empty folder."""
+    lfportrait = environment(folder / "user", wheel) / "lfportrait"
+    say("installed")
+    empty = folder / "empty"
+    empty.mkdir()
+    run(lfportrait, "--version", folder=empty)
+    run(lfportrait, "doctor", folder=empty)
+    run(lfportrait, "demo", "--quick", "--quiet", "--out", "demo", folder=empty)
+    for name in ("lightfield.png", "report.html"):
+        if not (empty / "demo" / name).is_file():
+            sys.exit(f"the demo of the installed package wrote no {name}")
+    say("the installed package runs its demo")
+
+
+def main() -> int:
+    with tempfile.TemporaryDirectory(prefix="lfportrait-") as name:
+        wheel = built(Path(name))
+        if "--build" not in sys.argv[1:]:
+            tried(wheel, Path(name))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

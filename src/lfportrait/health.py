@@ -1,0 +1,228 @@
+"""What works on this machine, and how to mend what does not: the facts of ``lfportrait doctor``.
+
+Libraries that take seconds to import are looked up, not imported.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import sys
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from . import models
+from .device import computing_device
+from .download import megabytes
+from .measure import free_disk_bytes, free_memory_bytes, machine
+from .version import __version__
+
+if TYPE_CHECKING:
+    from .lanes.host import KernelCache
+
+__all__ = ["Fact", "examine"]
+
+MEMORY = 4_000_000_000
+"""Bytes that a job takes at its peak: the demo, measured; ``demo --quick`` takes half."""
+DISK = 1_000_000_000
+"""Bytes that its folder takes: the demo's 0.2 GB, and larger photos."""
+
+State = Literal["good", "optional", "bad"]
+
+
+class Fact(NamedTuple):
+    """One thing that was looked at.
+
+    Attributes
+    ----------
+    group, name
+        Under which heading, and what.
+    text
+        What was found, in words.
+    state
+        ``"good"``; ``"optional"``: not there, and jobs run without it; ``"bad"``: mend it.
+    mend
+        The command that gets what is not there, or empty.
+    value
+        What was found, for programs.
+    """
+
+    group: str
+    name: str
+    text: str
+    state: State = "good"
+    mend: str = ""
+    value: Any = None
+
+
+def examine(folder: str | os.PathLike[str] = ".") -> list[Fact]:
+    """Look at this machine.
+
+    Parameters
+    ----------
+    folder
+        Where results would be written.
+
+    Returns
+    -------
+    facts
+        Those of a group one after the other.
+    """
+    return [*_versions(), *_computing(), _memory(free_memory_bytes()), *_disks(Path(folder)),
+            *_libraries(), *_screen(), *_networks()]
+
+
+def _versions() -> list[Fact]:
+    python = platform.python_version()
+    return [Fact("program", "lfportrait", f"{__version__} in {Path(__file__).parent}",
+                 value=__version__),
+            Fact("program", "Python", f"{python} on {platform.system()} {platform.machine()}",
+                 value=python)]
+
+
+def _computing() -> list[Fact]:
+    from .lanes import host
+
+    facts = machine()
+    unit, width = host.vector_unit()
+    layer, threads = host.threading_layer(), host.thread_count()
+    several = layer in ("OpenMP", "TBB")
+    return [
+        Fact("machine", "processor", f"{facts['processor']}, {facts['cores']} cores",
+             value={"name": facts["processor"], "cores": facts["cores"]}),
+        Fact("machine", "vectors", f"{unit}: {width} numbers at once",
+             value={"unit": unit, "width": width}),
+        Fact("machine", "GPU", "this version uses none", value=computing_device()),
+        Fact("machine", "threads", f"{threads} by {layer}" + (
+            "" if several else ", which several Python threads must not use at once"),
+             "good" if several else "bad", "" if several else _install_openmp(),
+             {"count": threads, "layer": layer}),
+        _kernels(host.kernel_cache())]
+
+
+def _install_openmp() -> str:
+    return "brew install libomp" if sys.platform == "darwin" else "apt install libgomp1"
+
+
+def _kernels(cache: KernelCache) -> Fact:
+    if cache.folder is None:
+        return Fact("machine", "kernels", "no folder to keep them in: each run takes minutes more",
+                    "bad", "export NUMBA_CACHE_DIR=FOLDER", {"folder": None, "functions": 0})
+    found = (f"{cache.functions} compiled, {megabytes(cache.bytes)}" if cache.functions
+             else "none compiled yet: the first run takes minutes longer, its kernels are kept")
+    return Fact("machine", "kernels", f"{found} in {cache.folder}",
+                value={"folder": str(cache.folder), "functions": cache.functions,
+                       "bytes": cache.bytes})
+
+
+def _memory(free: int | None) -> Fact:
+    if free is None:
+        return Fact("machine", "memory", "this system does not tell how much is free")
+    text = f"{free / 1e9:.1f} GB free"
+    if free >= MEMORY:
+        return Fact("machine", "memory", text, value=free)
+    return Fact("machine", "memory", f"{text}, but a job takes {MEMORY / 1e9:.0f} GB", "bad",
+                "lfportrait demo --quick, which takes half", free)
+
+
+def _disks(folder: Path) -> list[Fact]:
+    return [_disk("disk here", folder.absolute(), "a job takes", "write elsewhere: --out FOLDER"),
+            _disk("disk of cache", models.cache_folder(), "all networks take",
+                  "export LFPORTRAIT_MODELS=FOLDER")]
+
+
+def _disk(name: str, folder: Path, need: str, mend: str) -> Fact:
+    free = free_disk_bytes(folder)
+    text = f"{free / 1e9:.1f} GB free in {folder}"
+    if free >= DISK:
+        return Fact("machine", name, text, value=free)
+    return Fact("machine", name, f"{text}, but {need} {DISK / 1e9:.0f} GB", "bad", mend, free)
+
+
+_LIBRARIES = (
+    ("ffmpeg", "av", "av", "videos in and out", ()),
+    ("COLMAP", "pycolmap", "pycolmap", "cameras from photos", ()),
+    ("torch", "torch", "torch", "networks, the style's losses", ()),
+    ("OpenCV", "cv2", "opencv-contrib-python", "mattes, motion",
+     (("libGL.so.1", "libgl1"), ("libgthread-2.0.so.0", "libglib2.0-0"))),
+    ("MediaPipe", "mediapipe", "mediapipe", "faces in photos",
+     (("libEGL.so.1", "libegl1"), ("libGLESv2.so.2", "libgles2"))))
+"""Name, module, package, what for, and which of the system's libraries it takes on Linux."""
+
+
+def _libraries() -> list[Fact]:
+    return [_library(*row) for row in _LIBRARIES]
+
+
+def _library(name: str, module: str, package: str, purpose: str,
+             system: tuple[tuple[str, str], ...]) -> Fact:
+    version = _version(module, package)
+    if version is None:
+        return Fact("libraries", name, f"{package} is not installed; it is for {purpose}", "bad",
+                    f"pip install {package}")
+    lost = [pair for pair in system if sys.platform == "linux" and not _loads(pair[0])]
+    if lost:
+        return Fact("libraries", name, f"{package} {version} can't find "
+                    f"{', '.join(library for library, _ in lost)}; it is for {purpose}", "bad",
+                    f"apt install {' '.join(debian for _, debian in lost)}", version)
+    return Fact("libraries", name, f"{package} {version}: {purpose}", value=version)
+
+
+def _version(module: str, package: str) -> str | None:
+    """The version of an installed package, None where there is none."""
+    if find_spec(module) is None:
+        return None
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:  # the module comes from another package
+        return "(of unknown version)"
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def _screen() -> list[Fact]:
+    version = _version("pygame", "pygame-ce")
+    window = (f"pygame-ce {version}: `lfportrait show`" if version
+              else "pygame is not installed; it is for `lfportrait show`")
+    server = _window_system()
+    return [Fact("libraries", "pygame", window, "good" if version else "optional",
+                 "" if version else "pip install 'lfportrait[show]'", version),
+            Fact("machine", "screen", server or "none: this is no desktop session, so that "
+                 "`lfportrait show` has no panel", "good" if server else "optional", value=server)]
+
+
+def _window_system() -> str | None:
+    """What draws windows here, None where nothing does."""
+    if sys.platform in ("win32", "darwin"):
+        return "Windows" if sys.platform == "win32" else "macOS"
+    if os.environ.get("WAYLAND_DISPLAY"):
+        return "Wayland"
+    return "X11" if os.environ.get("DISPLAY") else None
+
+
+def _networks() -> list[Fact]:
+    """Those of the main job first."""
+    first = models.GROUPS["portrait"]
+    names = sorted(models.registry(), key=lambda name: name not in first)
+    needed = models.missing(first)
+    return [_network(name, name in needed, name in models.missing([name])) for name in names]
+
+
+def _network(name: str, needed: bool, missing: bool) -> Fact:
+    purpose = models.PURPOSES.get(name, "")
+    if not missing:
+        return Fact("networks", name, purpose, value=True)
+    group = next((group for group, members in models.GROUPS.items() if name in members), name)
+    mend = (f"lfportrait models fetch {group}" if models.fetchable(name)
+            else f"lfportrait models add {models.registry()[name][0].file}")
+    return Fact("networks", name, f"missing: {purpose}", "bad" if needed else "optional", mend,
+                False)

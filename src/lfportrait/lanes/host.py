@@ -1,0 +1,95 @@
+"""What kernels find on this machine: its vector unit, its threads, and the code compiled so far."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import llvmlite.binding
+import numba
+from numba.core.caching import FunctionCache
+
+__all__ = ["KernelCache", "kernel_cache", "thread_count", "threading_layer", "vector_unit"]
+
+_settings: Any = numba.config
+
+_UNITS = (("avx512f", "AVX-512", 16), ("avx2", "AVX2", 8), ("avx", "AVX", 8), ("sve", "SVE", 4),
+          ("neon", "NEON", 4), ("sse2", "SSE2", 4))
+"""LLVM's feature, its name, and how many floats an instruction takes at least."""
+
+_POOLS = {"omp": ("omppool", "OpenMP"), "tbb": ("tbbpool", "TBB"),
+          "workqueue": ("workqueue", "workqueue")}
+"""Numba's module for each threading layer, and the layer's name."""
+
+
+class KernelCache(NamedTuple):
+    """Where compiled kernels are kept.
+
+    Attributes
+    ----------
+    folder
+        What all of their folders lie in; None where none can be written.
+    functions
+        How many functions have compiled code there.
+    bytes
+        What it takes on the disk.
+    """
+
+    folder: Path | None
+    functions: int
+    bytes: int
+
+
+def vector_unit() -> tuple[str, int]:
+    """The name of this processor's vector unit, and how many floats it takes at a time."""
+    features = llvmlite.binding.get_host_cpu_features()
+    return next(((name, width) for feature, name, width in _UNITS if features.get(feature)),
+                ("none", 1))
+
+
+def thread_count() -> int:
+    """Threads that kernels use."""
+    return int(_settings.NUMBA_NUM_THREADS)
+
+
+def threading_layer() -> str:
+    """The library that gives kernels their threads: OpenMP, TBB or workqueue (Numba's own)."""
+    chosen = str(_settings.THREADING_LAYER)
+    for layer in [chosen] if chosen in _POOLS else _settings.THREADING_LAYER_PRIORITY:
+        module, name = _POOLS[layer]
+        try:
+            import_module(f"numba.np.ufunc.{module}")
+        except ImportError:
+            continue
+        return name
+    return "none"
+
+
+def kernel_cache() -> KernelCache:
+    """Where compiled kernels are kept, by Numba's own choice: beside the sources, if it may."""
+    package = Path(__file__).parents[1]
+    homes = sorted({path.parent for path in [*package.glob("lanes/*.py"),
+                                             *package.glob("*/kernels/*.py")]})
+    try:
+        folders = [_cache_folder(home) for home in homes]
+    except RuntimeError:  # there is none that it could write
+        return KernelCache(None, 0, 0)
+    files = [file for folder in folders for file in folder.glob("*.nb[ic]")]
+    return KernelCache(_common(folders, package), sum(file.suffix == ".nbi" for file in files),
+                       sum(file.stat().st_size for file in files))
+
+
+def _cache_folder(home: Path) -> Path:
+    """Where Numba keeps the code of functions from the files in a folder."""
+    space: dict[str, object] = {}
+    # Numba asks a function for its file: this one says that it comes from there.
+    exec(compile("def stranger():\n    pass", str(home / "__init__.py"), "exec"), space)
+    return Path(FunctionCache(space["stranger"]).cache_path)
+
+
+def _common(folders: list[Path], package: Path) -> Path:
+    """The package, where all of these lie in it, else the folder in which they lie."""
+    if all(folder.is_relative_to(package) for folder in folders):
+        return package
+    return folders[0].parent

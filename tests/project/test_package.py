@@ -1,0 +1,48 @@
+"""What the package must hold; `scripts/try_package.py` builds it and runs it."""
+
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import try_package
+from try_package import ROOT, contents, same
+
+PACKAGE = ROOT / "src" / "lfportrait"
+SOURCES = [path for path in PACKAGE.rglob("*")
+           if path.is_file() and "__pycache__" not in path.parts]
+
+
+def test_every_folder_of_sources_is_a_package():
+    folders = {path.parent for path in SOURCES if path.suffix == ".py"}
+    assert [folder for folder in folders if not (folder / "__init__.py").is_file()] == []
+
+
+def test_every_file_that_is_no_source_is_named_as_data():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    patterns = project["tool"]["setuptools"]["package-data"]["lfportrait"]
+    named = {path for pattern in patterns for path in PACKAGE.glob(pattern)}
+    assert [path for path in SOURCES if path.suffix != ".py" and path not in named] == []
+    assert PACKAGE / "py.typed" in named
+
+
+def test_git_knows_what_the_package_is_made_of():
+    known = set(try_package.tracked("src"))
+    if not known:
+        pytest.skip("no checkout of git's")
+    assert {str(path.relative_to(ROOT).as_posix()) for path in SOURCES
+            if path.suffix in (".toml", ".html", ".safetensors")} <= known
+
+
+def test_what_differs_is_told():
+    same({"a": b"1"}, {"a": b"1"}, "both")
+    with pytest.raises(SystemExit, match="both differ in: b, c, d"):
+        same({"a": b"1", "b": b"2", "c": b"3"}, {"a": b"1", "b": b"9", "d": b"4"}, "both")
+
+
+def test_a_wheels_contents_are_the_packages_files(tmp_path: Path):
+    with zipfile.ZipFile(tmp_path / "some.whl", "w") as archive:
+        archive.writestr("some/__init__.py", "x = 1")
+        archive.writestr("some-1.0.dist-info/RECORD", "")
+    assert contents(tmp_path / "some.whl") == {"some/__init__.py": b"x = 1"}
