@@ -103,7 +103,9 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     pictures = np.empty((rays, display.height, display.width * 3), np.uint8)
     eyes = [display.eyes() + away for away in spread]
     matrix, axes = placement.to_lattice(field.lattice), placement.to_world[:, [0, 2]].T.copy()
-    views = mask.reshape(display.height, display.width * 3)
+    views = mask.reshape(display.height, display.width * 3).view()
+    # Masks from the cache can't be written to; for all others kernels would be compiled once more.
+    views.flags.writeable = False
     if _method(field, display, config) == "slices":
         stride = 2 if config.draft else 1
         for own, out in zip(eyes, pictures, strict=True):
