@@ -90,8 +90,9 @@ class Demo(Common):
     style: str = ""
     """Another exemplar: a picture or a name from `lfportrait styles`."""
     quick: bool = False
-    """A small demo in less than a minute: fewer and smaller photos, a coarser field, one arc of
-    stylised views, a Full-HD display. It shows that everything works, not how well."""
+    """A small demo, about a minute on two cores once its kernels are compiled: fewer and smaller
+    photos, a coarser field, one arc of stylised views, a Full-HD display. It shows that everything
+    works, not how well."""
     display: str = ""
     """Display preset or file; by default generic-4k, and generic-1080p with --quick."""
     size: int = 0
