@@ -31,3 +31,17 @@ def shared_weights(shared_data: Path) -> Path:
     if not folder.is_dir():
         pytest.skip("no pretrained weights beside the checkout (../shared/data/weights)")
     return folder
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the stages' kernels once, on all cores, before the test processes begin.
+
+    Each would compile for itself what both need. A run of one process compiles what it comes by.
+    """
+    if not getattr(session.config.option, "numprocesses", None):
+        return
+    from lfportrait.job.warmup import FUNCTIONS, Warmup
+    from lfportrait.progress import Progress
+
+    with Warmup(tuple(FUNCTIONS)) as warmup, Progress("kernels") as progress:
+        warmup.wait(tuple(FUNCTIONS), progress)

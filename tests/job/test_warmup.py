@@ -39,6 +39,7 @@ def run(script, *arguments):
                           stdout=subprocess.PIPE).stdout.split()
 
 
+@pytest.mark.timeout(900)  # run alone, in a fresh clone, it compiles all stages
 def test_a_job_compiles_nothing_that_was_not_compiled_ahead(tmp_path):
     assert run(JOB, str(tmp_path / "out")) == []
 
