@@ -13,6 +13,25 @@ import pytest
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+TESTS = Path(__file__).resolve().parent
+FIRST = ("field/test_poses.py", "example/rivals/test_network.py",
+         "field/test_raycast.py", "lightfield/test_slices.py",
+         "field/test_cutout.py", "job/test_pipeline.py",
+         "evaluate/test_bench.py", "capture/test_calibrate.py",
+         "example/video/test_frames.py", "lightfield/test_lightfield.py",
+         "field/test_field.py", "evaluate/test_evaluate.py", "project/test_examples.py",
+         "project/test_object_scene.py", "cli/test_cli.py", "stylize/test_stylize.py")
+"""Files that take long, longest first, so that no process sits on one when the others are done.
+Those that two processes begin with need different kernels, which are compiled once then: what one
+process has compiled, the other finds on the disk."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the long files first (xdist hands out files in this order)."""
+    place = {TESTS / name: number for number, name in enumerate(FIRST)}
+    items.sort(key=lambda item: place.get(item.path, len(place)))
+
+
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 

@@ -52,10 +52,10 @@ def test_unknown_option_is_the_users_mistake():
     assert stop.value.code == 2
 
 
-@pytest.fixture
-def style(tmp_path: Path) -> Path:
-    """An exemplar with landmarks, good enough to pass the look at the inputs."""
-    path = tmp_path / "style.png"
+@pytest.fixture(scope="module")
+def style(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An exemplar with landmarks, good enough to pass the look at the inputs; painted once."""
+    path = tmp_path_factory.mktemp("style") / "style.png"
     assert run("styles", "--out", path, "--quiet") == 0
     return path
 

@@ -186,8 +186,8 @@ def test_inception_gives_the_published_features(shared_data, shared_weights, mon
 def test_style_distance_tells_sets_of_pictures_apart(shared_weights, monkeypatch):
     monkeypatch.setenv("LFPORTRAIT_MODELS", str(shared_weights))
     sets = [[np.uint8(255 * tint * smooth(seed, (64, 64))) for seed in seeds]
-            for tint, seeds in ((1.0, range(3)), (1.0, range(3, 6)), (0.3, range(6, 9)))]
+            for tint, seeds in ((1.0, range(2)), (1.0, range(3, 5)), (0.3, range(6, 8)))]
     near, far = style_distance(sets[0], sets[1]), style_distance(sets[0], sets[2])
     for name in ("fid_64", "fid_192", "kid_768"):
         assert far[name] > near[name]
-    assert near["pictures"] == near["exemplar_pictures"] == 3
+    assert near["pictures"] == near["exemplar_pictures"] == 2

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import lfportrait
 from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.errors import UserError
 from lfportrait.field import ReconstructConfig
@@ -107,8 +108,10 @@ make(sys.argv[1] + "/capture", demo_exemplar(width=180, height=240), sys.argv[2]
 
 def start(inputs: Path, out: Path) -> subprocess.Popen:
     root = Path(__file__).resolve().parents[2]
+    # The package that is tested here, wherever it lies: another's kernels would be compiled anew.
+    paths = os.pathsep.join([str(root), str(Path(lfportrait.__file__).parents[1])])
     return subprocess.Popen([sys.executable, "-c", SCRIPT, str(inputs), str(out)], cwd=root,
-                            env={**os.environ, "PYTHONPATH": str(root)},
+                            env={**os.environ, "PYTHONPATH": paths},
                             stderr=subprocess.PIPE, text=True)
 
 

@@ -244,11 +244,11 @@ def test_the_simulated_eye_sees_the_right_view():
     field = field.with_sh((0.8 * np.stack([points[:, 0], points[:, 1], points[:, 2]], 1)
                            )[:, :, None])
     image = encode(field, display, mask=ViewMask.build(display, cache=False))
+    rendered = [render_view(field, display, view) / 255.0 for view in range(24)]
     for view in np.linspace(0, 23, 9).astype(int):
         seen = simulate(image, display, (display.eyes()[view],))
-        scores = [psnr(seen, render_view(field, display, other) / 255.0)
-                  for other in range(0, 24, 2)] + [0]
-        right = psnr(seen, render_view(field, display, view) / 255.0)
+        scores = [psnr(seen, rendered[other]) for other in range(0, 24, 2)] + [0]
+        right = psnr(seen, rendered[view])
         assert right > 28
         assert abs(2 * int(np.argmax(scores)) - view) <= 2
 

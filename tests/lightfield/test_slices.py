@@ -86,7 +86,8 @@ def test_every_sub_pixel_equals_the_twin(field, panel, options):
 
 
 def test_reading_by_gathers_codes_the_same(monkeypatch):
-    field = shell_field(size=24, basis=9)
+    # What is read so are values, whatever they are coefficients of: the smallest kernel will do.
+    field = shell_field(size=24, basis=1)
     image = coded(field, SMALL)
     gathering = functools.partial(slice_kernel, permutes=False)
     monkeypatch.setattr(encode_module, "slice_kernel", gathering)
@@ -145,6 +146,19 @@ def test_one_view_is_what_that_view_has_in_the_coded_picture():
             own = np.floor(SMALL.view_of(rows, columns, place)) == view
             assert own.any()
             assert np.array_equal(image[..., place][own], whole[..., place][own])
+
+
+def test_masks_that_were_built_or_read_need_one_compilation(tmp_path):
+    field = smooth_field(4, 32)
+    for loaded in (False, True):
+        mask = ViewMask.build(SMALL, cache=tmp_path)
+        assert mask.loaded == loaded
+        encode(field, SMALL, EncodeConfig(method="slices"), mask=mask)
+    render_view(field, SMALL, 3, EncodeConfig(method="slices"))
+    # Of each width of the mask's numbers there is one kernel: Numba tells arrays that can't be
+    # written to from others.
+    kinds = [signature[8].dtype for signature in slice_kernel(16, 4).signatures]
+    assert len(kinds) == len(set(kinds))
 
 
 def test_the_method_follows_the_placement():

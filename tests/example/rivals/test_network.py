@@ -52,9 +52,9 @@ def test_training_learns_the_colours_of_one_pair():
 
     photo = drawn_face(64, 48).image
     wanted = (1 - photo[..., ::-1] / 255).astype(np.float32)
-    painter, steps, loss = train([(photo, wanted)], 8, steps=120, seconds=0, rate=3e-3,
+    painter, steps, loss = train([(photo, wanted)], 8, steps=60, seconds=0, rate=3e-3,
                                  adversarial=0.1, seed=0)
-    assert steps == 120 and loss < 0.12
+    assert steps == 60 and loss < 0.12
     made = run(painter, photo)
     assert made.shape == photo.shape and made.min() >= 0 and made.max() <= 1
     assert np.abs(made - wanted).mean() < 0.4 * np.abs(photo / 255 - wanted).mean()
