@@ -60,6 +60,21 @@ def style(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture
+def networks_at_hand(monkeypatch):
+    """A machine that has the networks of a job (where none of them is asked in the end)."""
+    monkeypatch.setattr("lfportrait.job.pipeline.get_networks", lambda *_, **__: None)
+
+
+@pytest.fixture
+def no_networks(monkeypatch, tmp_path):
+    """A machine without networks, and with none to get any from."""
+    monkeypatch.delenv("LFPORTRAIT_MODELS", raising=False)
+    monkeypatch.setenv("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
+    monkeypatch.setattr("lfportrait.models.cache_folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr("lfportrait.download.PAUSE", 0.0)
+
+
 def test_missing_folder(tmp_path, style, capsys):
     out = tmp_path / "out"
     assert run("make", tmp_path / "nowhere", "--style", style, "--out", out) == 2
@@ -85,7 +100,7 @@ def test_two_photos(tmp_path, style, capsys):
     assert not left_in(tmp_path / "out")
 
 
-def test_photos_that_do_not_overlap(tmp_path, style, capsys):
+def test_photos_that_do_not_overlap(tmp_path, style, capsys, networks_at_hand):
     generator = np.random.default_rng(0)
     for number in range(4):
         write_image(tmp_path / "photos" / f"{number}.png",
@@ -96,9 +111,10 @@ def test_photos_that_do_not_overlap(tmp_path, style, capsys):
     assert not left_in(tmp_path / "out")
 
 
-def test_style_without_landmarks_or_face(tmp_path, capsys):
+def test_style_without_landmarks_and_nothing_to_detect_them_with(tmp_path, capsys, no_networks):
     write_image(tmp_path / "flat.png", np.full((64, 48, 3), 0.5))
-    (tmp_path / "photos").mkdir()
+    for number in range(3):
+        write_image(tmp_path / "photos" / f"{number}.jpg", np.full((60, 80, 3), 0.5))
     assert run("make", tmp_path / "photos", "--style", tmp_path / "flat.png",
                "--out", tmp_path / "out") == 2
     assert "flat.png" in one_line(capsys)
@@ -189,7 +205,8 @@ def test_the_demo_is_large_or_quick(tmp_path, monkeypatch, quick):
     assert (asked["display"], asked["style"]) == ("generic-8k", "charcoal")
 
 
-def test_a_damaged_photo_among_good_ones_is_skipped_with_a_warning(tmp_path, style, capsys):
+def test_a_damaged_photo_among_good_ones_is_skipped_with_a_warning(tmp_path, style, capsys,
+                                                                     networks_at_hand):
     generator = np.random.default_rng(0)
     for number in range(2):
         write_image(tmp_path / "photos" / f"{number}.png",

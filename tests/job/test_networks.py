@@ -69,7 +69,7 @@ def test_a_data_set_with_masks_needs_no_mattes(tmp_path, painting):
 def test_a_capture_that_knows_all_needs_nothing(tmp_path, painting):
     ball_capture().save(tmp_path / "capture")
     assert networks_of(tmp_path / "capture", painting, False) == ([], [PERSON, HAIR])
-    assert networks_of(tmp_path / "capture", "fauve", False)[0] == []
+    assert networks_of(tmp_path / "capture", None, False)[0] == []
     painting.with_suffix(".landmarks.txt").unlink()
     assert networks_of(tmp_path / "capture", painting, False)[0] == [FACE]
 

@@ -23,13 +23,13 @@ from .mattes import (
     refine_matte,
     views_share,
 )
-from .photos import is_video
+from .photos import is_video, picture_files
 from .sources import load_photos
 from .video import video_frames
 
 __all__ = [
     "CalibrateConfig", "Camera", "Capture", "Lens", "calibrate", "consistent_mattes",
     "focus_point", "is_calibrated", "is_video", "load_photos", "looks_normalised",
-    "matte_agreement", "mattes_share", "portrait_frame_from_cameras",
+    "matte_agreement", "mattes_share", "picture_files", "portrait_frame_from_cameras",
     "portrait_frame_from_landmarks", "refine_matte", "undistort", "video_frames", "views_share",
 ]

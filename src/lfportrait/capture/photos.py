@@ -17,7 +17,7 @@ from PIL import Image, ImageOps
 
 from ..errors import UserError
 
-__all__ = ["Photo", "is_video", "read_photos"]
+__all__ = ["Photo", "is_video", "picture_files", "read_photos"]
 
 _PICTURES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp"}
 _HEIC = {".heic", ".heif", ".avif"}
@@ -94,6 +94,25 @@ def _unique(photos: list[Photo]) -> list[Photo]:
     return result
 
 
+def picture_files(folder: Path) -> list[Path]:
+    """The pictures of a folder of photos in the order of their names, none of them read.
+
+    Raises
+    ------
+    UserError
+        If the folder is missing or holds none.
+    """
+    if not folder.exists():
+        raise UserError(f"there is no folder {folder}; name the folder of your photos")
+    if not folder.is_dir():
+        raise UserError(f"{folder} is neither a folder of photos nor a video")
+    files = _picture_files(folder)
+    if not files:
+        raise UserError(f"{folder} has no photos in it; put 20 to 100 photos of one person there "
+                        "(JPEG or PNG)")
+    return files
+
+
 def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
     """Read the photos of a folder in the order of their names.
 
@@ -114,14 +133,7 @@ def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
     UserError
         If the folder is missing, or holds no picture that can be read.
     """
-    if not folder.exists():
-        raise UserError(f"there is no folder {folder}; name the folder of your photos")
-    if not folder.is_dir():
-        raise UserError(f"{folder} is neither a folder of photos nor a video")
-    files = _picture_files(folder)
-    if not files:
-        raise UserError(f"{folder} has no photos in it; put 20 to 100 photos of one person there "
-                        "(JPEG or PNG)")
+    files = picture_files(folder)
     photos = []
     heic = 0
     for path in files:

@@ -41,7 +41,12 @@ def _cut_out(photos: Path) -> bool:
     return first is not None and read_image(first).shape[-1] == 4
 
 
-def networks_of(photos: Path, style: str | Path, keep_background: bool,
+def _bare(painting: Path | None) -> bool:
+    """Whether a painting has no landmarks beside it."""
+    return painting is not None and not painting.with_suffix(".landmarks.txt").exists()
+
+
+def networks_of(photos: Path, painting: Path | None, keep_background: bool,
                 ) -> tuple[list[str], list[str]]:
     """The networks that a job can't do without, and those that make it better.
 
@@ -49,8 +54,8 @@ def networks_of(photos: Path, style: str | Path, keep_background: bool,
     ----------
     photos
         Folder of photos, video or data set.
-    style
-        The exemplar: a picture, or the name of an installed one.
+    painting
+        The exemplar's picture; None where the exemplar is known already.
     keep_background
         Whether the room stays, so that no mattes are wanted.
 
@@ -59,11 +64,8 @@ def networks_of(photos: Path, style: str | Path, keep_background: bool,
     needed, better
         Names in the registry of `lfportrait.models`.
     """
-    painting = Path(style)
     described = _described(photos)
-    landmarks_given = (described.get("landmarks") is not None
-                       and (not painting.is_file()
-                            or painting.with_suffix(".landmarks.txt").exists()))
+    landmarks_given = described.get("landmarks") is not None and not _bare(painting)
     needed = [] if landmarks_given else ["face-landmarker"]
     cut_out = keep_background or (not is_video(photos) and _cut_out(photos))
     regions = ["person-segmentation", "hair-segmentation"]
@@ -72,13 +74,13 @@ def networks_of(photos: Path, style: str | Path, keep_background: bool,
     return [*needed, regions[0]], regions[1:]
 
 
-def get_networks(photos: Path, style: str | Path, keep_background: bool, *, offline: bool,
+def get_networks(photos: Path, painting: Path | None, keep_background: bool, *, offline: bool,
                  quiet: bool) -> None:
     """See to it that a job's networks are here, and say what goes on without one.
 
     Parameters
     ----------
-    photos, style, keep_background
+    photos, painting, keep_background
         As for `networks_of`.
     offline
         Download nothing.
@@ -91,10 +93,19 @@ def get_networks(photos: Path, style: str | Path, keep_background: bool, *, offl
         If one that is needed is missing and not to be had: one line with all of them, their size
         and the command that gets them.
     """
-    needed, better = networks_of(photos, style, keep_background)
+    needed, better = networks_of(photos, painting, keep_background)
     if models.missing(needed):
         # All at once: what is only better is part of the same download.
-        models.require([*needed, *better], download=not offline, purpose="this job", quiet=quiet)
+        try:
+            models.require([*needed, *better], download=not offline, purpose="this job",
+                           quiet=quiet)
+        except UserError as error:
+            if not _bare(painting):
+                raise
+            assert painting is not None
+            beside = painting.with_suffix(".landmarks.txt").name
+            raise UserError(f"{error} (the landmarks of {painting} must be detected, too: there is "
+                            f"no {beside} beside it)") from error
         return
     models.require(needed, download=False, quiet=quiet)
     if models.missing(better):

@@ -30,6 +30,8 @@ from ..capture import (
     Capture,
     calibrate,
     is_calibrated,
+    is_video,
+    picture_files,
     portrait_frame_from_landmarks,
 )
 from ..device import computing_device
@@ -53,7 +55,7 @@ from ..stylize import StylizeConfig
 from ..version import __version__
 from .networks import get_networks
 from .person import cut_person
-from .stages import StageFolder, fingerprint_files
+from .stages import StageFolder, check_writable, fingerprint_files
 from .summary import share_job
 from .warmup import Warmup
 
@@ -154,6 +156,16 @@ def _save_folder(write: Callable[[Path], None], target: Path) -> None:
         fresh.rename(target)
 
 
+def _look_at(photos: Path) -> None:
+    """Raise `UserError` where plain photos are too few for anything."""
+    if is_calibrated(photos) or is_video(photos):
+        return
+    count = len(picture_files(photos))
+    if count < 3:
+        raise UserError(f"{count} photos in {photos} are too few to find the cameras; take 20 to "
+                        "100 of a person who holds still")
+
+
 def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
          display: str | Path | Display = "generic-4k", config: MakeConfig | None = None, *,
          device: str = "auto", seed: int = 0, quiet: bool = True, offline: bool = False,
@@ -198,8 +210,13 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     panel = display if isinstance(display, Display) else Display.resolve(display)
     if not isinstance(photos, Capture) and not Path(photos).exists():
         raise UserError(f"there is no folder or file {photos}; name the folder of your photos")
-    if not isinstance(photos, Capture) and not isinstance(style, Exemplar):
-        get_networks(Path(photos), style, config.keep_background, offline=offline, quiet=quiet)
+    if not isinstance(style, Exemplar) and not Path(style).is_file():
+        style = Exemplar.load(style)  # a name: it needs no network
+    check_writable(Path(out))
+    if not isinstance(photos, Capture):
+        _look_at(Path(photos))
+        get_networks(Path(photos), None if isinstance(style, Exemplar) else Path(style),
+                     config.keep_background, offline=offline, quiet=quiet)
     exemplar = style if isinstance(style, Exemplar) else Exemplar.load(style)
     job = _Job(Path(out), photos, exemplar, panel, config, device, seed, quiet)
     with warmup or Warmup(("reconstruct", "transfer", "stylize", "encode")) as job.warmup:

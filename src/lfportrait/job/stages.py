@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 import time
 from collections.abc import Callable, Iterable
@@ -21,7 +22,7 @@ from typing import Any
 from ..errors import UserError
 from ..files import read_json, write_json
 
-__all__ = ["StageFolder", "fingerprint_files"]
+__all__ = ["StageFolder", "check_writable", "fingerprint_files"]
 
 
 def fingerprint_files(paths: Iterable[Path]) -> str:
@@ -35,6 +36,15 @@ def fingerprint_files(paths: Iterable[Path]) -> str:
         except OSError as error:
             raise UserError(f"can't read {path}: {error.strerror}") from error
     return digest.hexdigest()[:32]
+
+
+def check_writable(folder: Path) -> None:
+    """Raise `UserError` where a folder can't be made or written to; nothing is made."""
+    above = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    if not above.is_dir() or not os.access(above, os.W_OK):
+        raise UserError(f"can't write to {folder}: {above} is "
+                        f"{'not writable' if above.is_dir() else 'no folder'}; "
+                        "choose another folder with --out")
 
 
 class StageFolder:
