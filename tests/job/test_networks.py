@@ -60,6 +60,12 @@ def test_photos_that_are_cut_out_need_no_mattes(tmp_path, painting):
     assert networks_of(folder, painting, False) == ([FACE], [PERSON, HAIR])
 
 
+def test_a_damaged_photo_is_passed_over(tmp_path, painting):
+    folder = photos(tmp_path / "photos", 4, ".png")
+    (folder / "0.png").write_bytes(b"torn")
+    assert networks_of(folder, painting, False)[0] == [FACE]
+
+
 def test_a_data_set_with_masks_needs_no_mattes(tmp_path, painting):
     folder = photos(tmp_path / "photos", 3)
     (folder / "masks").mkdir()

@@ -36,9 +36,13 @@ def _cut_out(photos: Path) -> bool:
         return False
     if any(path.is_dir() for path in photos.rglob("masks")):
         return True
-    first = next((path for path in sorted(photos.rglob("*")) if path.suffix.lower() in _PICTURES),
-                 None)
-    return first is not None and read_image(first).shape[-1] == 4
+    for path in sorted(photos.rglob("*")):
+        if path.suffix.lower() in _PICTURES:
+            try:
+                return read_image(path).shape[-1] == 4
+            except UserError:  # a damaged one is left out later, with a warning
+                continue
+    return False
 
 
 def _bare(painting: Path | None) -> bool:

@@ -15,6 +15,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -157,6 +158,7 @@ class Warmup:
         for _ in process.stdout:
             self.compiled += 1
         if process.wait() == 0:
+            _mark(name).parent.mkdir(parents=True, exist_ok=True)
             _mark(name).touch()
 
     def wait(self, names: Sequence[str], progress: Progress | None = None) -> None:
@@ -167,7 +169,7 @@ class Warmup:
                 if progress is not None:
                     progress.update(progress.done, f"compiling kernels, once: {self.compiled} of "
                                     f"{max(self.total, self.compiled)}")
-                threading.Event().wait(0.1)
+                time.sleep(0.1)
 
     def close(self) -> None:
         """End what is still being compiled."""
