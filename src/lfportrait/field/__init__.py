@@ -4,12 +4,12 @@
 holds and renders it, `storage` is its file, `surface` its surface as points or as a mesh.
 """
 
-from .grid import Rendering, SampleWeights, VoxelField
+from .grid import Rendering, SampleWeights, VoxelField, camera_row
 from .quality import held_out_quality
 from .reconstruction import ReconstructConfig, reconstruct, reconstruct_with_figures
 from .storage import save_checkpoint
 from .surface import Mesh, PointCloud, field_mesh, field_points
 
 __all__ = ["Mesh", "PointCloud", "ReconstructConfig", "Rendering", "SampleWeights", "VoxelField",
-           "field_mesh", "field_points", "held_out_quality", "reconstruct",
+           "camera_row", "field_mesh", "field_points", "held_out_quality", "reconstruct",
            "reconstruct_with_figures", "save_checkpoint"]

@@ -194,7 +194,8 @@ class VoxelField:
         return Rendering(image, opacity, depth.reshape(height, width))
 
     def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,
-                       step: float = 0.5) -> SampleWeights:
+                       step: float = 0.5, inside: NDArray[np.bool_] | None = None,
+                       ) -> SampleWeights:
         """The view as a sparse linear map of the lattice rows' colours.
 
         Parameters
@@ -205,6 +206,9 @@ class VoxelField:
             Size of the picture relative to the camera's.
         step
             Distance between samples in voxels.
+        inside
+            Bool [H, W], pixels that are wanted; the others get no rows. None: all that show
+            anything.
 
         Returns
         -------
@@ -212,8 +216,9 @@ class VoxelField:
             Weights below 1e-3 are dropped and the rest of the pixel scaled to its opacity.
         """
         cameras = cameras[view] if scale == 1.0 else cameras[view].scaled(scale)
-        alpha = self.render(cameras, 0, step=step).alpha.ravel()
-        wanted = np.flatnonzero(alpha > 4e-3).astype(np.int64)
+        if inside is None:
+            inside = self.render(cameras, 0, step=step).alpha > 4e-3
+        wanted = np.flatnonzero(inside).astype(np.int64)
         rows = np.empty((len(wanted), CAPACITY), np.int32)
         weights = np.empty((len(wanted), CAPACITY), np.float32)
         counts = np.zeros(len(wanted), np.int64)
@@ -223,11 +228,11 @@ class VoxelField:
                       camera_row(cameras, 0), (int(cameras.width[0]), int(cameras.height[0])),
                       wanted, step, 1e-3, rows, weights, counts)
         kept = np.arange(CAPACITY)[None] < counts[:, None]
-        lengths = np.zeros(len(alpha), np.int64)
+        lengths = np.zeros(inside.size, np.int64)
         lengths[wanted] = counts
         indptr = np.concatenate([[0], np.cumsum(lengths)])
         values = weights[kept]
-        opacity = np.zeros(len(alpha), np.float32)
+        opacity = np.zeros(inside.size, np.float32)
         sums = np.add.reduceat(values, indptr[wanted[counts > 0]]) if len(values) else values
         opacity[wanted[counts > 0]] = sums
         return SampleWeights(indptr, rows[kept], values, opacity)

@@ -1,7 +1,12 @@
 """Hot loops of guided patch synthesis: search for the nearest patches, occupancy, weighted votes.
 
 Every target pixel holds the exemplar pixel that the middle of its patch is copied from, as a flat
-index (`FaceStyle`). Pictures are int16 with `CHANNELS` channels a pixel, colours and guides scaled
+index (`PatchSynthesis`). A pixel's state says what is done with it: `OUTSIDE` it does not count,
+`FOREIGN` it is another pixel's copy, `ACTIVE` it is synthesised, `FIXED` its colour is given.
+Besides the patches' agreement, a pixel may want to come from near a place: that costs the squared
+distance times the pixel's weight, up to a limit.
+
+Pictures are int16 with `CHANNELS` channels a pixel, colours and guides scaled
 by the roots of their weights, so that the error of two patches is a plain sum of squares.
 
 The picture is cut into bands of `BAND` rows. A band is searched in scan order, each pixel trying
@@ -21,8 +26,10 @@ import numpy as np
 
 from ...lanes.cache_keys import identified
 
-__all__ = ["BAND", "CELL", "CHANNELS", "MARGIN", "count_uses", "patch_errors", "search_pass",
-           "vote_patches"]
+__all__ = ["ACTIVE", "BAND", "CELL", "CHANNELS", "FIXED", "FOREIGN", "MARGIN", "OUTSIDE",
+           "count_uses", "patch_errors", "search_pass", "vote_patches"]
+
+OUTSIDE, FOREIGN, ACTIVE, FIXED = 0, 1, 2, 3
 
 CHANNELS = 8
 MARGIN = 2
@@ -61,25 +68,42 @@ def _distance(radius: int) -> Any:
     return distance
 
 
+@numba.njit(inline="always")
+def _astray(wanted, weight, limit, y, x, v, u):
+    """What it costs pixel (x, y) to come from (u, v), away from its wanted place."""
+    if weight[y, x] == 0:
+        return np.float32(0)
+    across = np.float32(u) + np.float32(0.5) - wanted[y, x, 0]
+    down = np.float32(v) + np.float32(0.5) - wanted[y, x, 1]
+    return weight[y, x] * min(across * across + down * down, limit)
+
+
 @functools.cache
 def patch_errors(radius: int) -> Any:
     """Kernel: error of every patch under the present field.
 
     Arguments: ``target`` int16 [H + 2 MARGIN, (W + 2 MARGIN) CHANNELS], ``source`` int16
-    [h, w CHANNELS], ``field`` int32 [H, W] (flat index v w + u), ``error`` float32 [H, W], filled.
+    [h, w CHANNELS], ``state`` uint8 [H, W], ``wanted`` float32 [H, W, 2] places (x, y) with their
+    ``weight`` float32 [H, W] and ``limit`` (squared distance), ``field`` int32 [H, W] (flat index
+    v w + u), ``error`` float32 [H, W], filled, 0 outside.
     """
     distance = _distance(radius)
 
     @identified("patch errors", radius)
     @numba.njit(cache=True, nogil=True, parallel=True)
-    def errors(target, source, field, error):
+    def errors(target, source, state, wanted, weight, limit, field, error):
         height, width = field.shape
         across = source.shape[1] // CHANNELS
-        for y in numba.prange(height):
+        for line in numba.prange(height):
+            y = np.int64(line)
             for x in range(width):
+                if state[y, x] == OUTSIDE:
+                    error[y, x] = 0
+                    continue
                 place = np.int64(field[y, x])
-                error[y, x] = distance(target, y, x, source, place // across, place % across,
-                                       np.float32(np.inf))
+                v, u = place // across, place % across
+                error[y, x] = (distance(target, y, x, source, v, u, np.float32(np.inf))
+                               + _astray(wanted, weight, limit, y, x, v, u))
 
     return errors
 
@@ -97,7 +121,7 @@ def _noise(state):
 def search_pass(radius: int) -> Any:
     """Kernel: one pass of the search over the whole picture.
 
-    Arguments: ``target`` and ``source`` as for `patch_errors`; ``uses`` float32 [cells], how many
+    Arguments: those of `patch_errors` up to ``limit``; ``uses`` float32 [cells], how many
     patches are copied from each cell (`count_uses`); ``penalty``, error of each of them;
     ``guided`` int32 [H, W], places that the guides alone propose; ``before`` int32 [H, W], a copy
     of the field; ``field`` and ``error``, improved in place; ``reach``, the widest step of the
@@ -107,7 +131,8 @@ def search_pass(radius: int) -> Any:
 
     @identified("patch search", radius)
     @numba.njit(cache=True, nogil=True, parallel=True)
-    def search(target, source, uses, penalty, guided, before, field, error, reach, forward, seed):
+    def search(target, source, state, wanted, weight, limit, uses, penalty, guided, before, field,
+               error, reach, forward, seed):
         height, width = field.shape
         rows, across = source.shape[0], source.shape[1] // CHANNELS
         bands = (height + BAND - 1) // BAND
@@ -119,7 +144,9 @@ def search_pass(radius: int) -> Any:
                 y = top + line if forward else bottom - 1 - line
                 for column in range(width):
                     x = column if forward else width - 1 - column
-                    state = _noise(_noise(np.uint64(y * width + x + 1)
+                    if state[y, x] != ACTIVE:
+                        continue
+                    noise = _noise(_noise(np.uint64(y * width + x + 1)
                                           * np.uint64(0x9E3779B97F4A7C15) ^ np.uint64(seed)))
                     own = np.int64(field[y, x])
                     v, u = own // across, own % across
@@ -146,10 +173,10 @@ def search_pass(radius: int) -> Any:
                         else:
                             if width_now < 1:
                                 break
-                            state = _noise(state)
+                            noise = _noise(noise)
                             span = np.uint64(2 * width_now + 1)
-                            p = u + np.int64((state >> np.uint64(40)) % span) - width_now
-                            q = v + np.int64((state >> np.uint64(16) & np.uint64(0xFFFFFF))
+                            p = u + np.int64((noise >> np.uint64(40)) % span) - width_now
+                            q = v + np.int64((noise >> np.uint64(16) & np.uint64(0xFFFFFF))
                                              % span) - width_now
                             width_now //= 2
                         q = min(max(q, MARGIN), rows - 1 - MARGIN)
@@ -160,12 +187,13 @@ def search_pass(radius: int) -> Any:
                         fine = penalty * crowd[q // CELL, p // CELL]
                         if q // CELL != v // CELL or p // CELL != u // CELL:
                             fine += penalty
-                        if fine >= best:
+                        fixed = fine + _astray(wanted, weight, limit, y, x, q, p)
+                        if fixed >= best:
                             continue
-                        found = distance(target, y, x, source, q, p, best - fine)
-                        if found + fine < best:
-                            best = found + fine
-                            error[y, x] = found
+                        found = distance(target, y, x, source, q, p, best - fixed)
+                        if found + fixed < best:
+                            best = found + fixed
+                            error[y, x] = best - fine
                             crowd[v // CELL, u // CELL] -= np.float32(1)
                             crowd[q // CELL, p // CELL] += np.float32(1)
                             v, u = q, p
@@ -175,33 +203,40 @@ def search_pass(radius: int) -> Any:
 
 
 @numba.njit(cache=True, nogil=True)
-def count_uses(field, across, uses):
-    """How many patches are copied from each cell, into ``uses`` float32 [cells].
+def count_uses(field, state, across, uses):
+    """How many patches of active pixels are copied from each cell, into ``uses`` float32 [cells].
 
     ``field`` int32 [H, W] are flat indices into an exemplar ``across`` pixels wide.
     """
     uses[:] = 0
     for y in range(field.shape[0]):
         for x in range(field.shape[1]):
+            if state[y, x] != ACTIVE:
+                continue
             place = np.int64(field[y, x])
             uses[place // across // CELL, place % across // CELL] += np.float32(1)
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
-def vote_patches(field, error, picture, radius, softness, out):
-    """Mean of the colours that the patches over a pixel vote for, weighted by their fit.
+def vote_patches(field, error, state, picture, radius, softness, out):
+    """Mean of the colours that the patches over an active pixel vote for, weighted by their fit.
 
-    ``picture`` float32 [h, w, 3]; ``out`` float32 [H, W, 3] is filled. A patch weighs
-    1 / (``softness`` + its error).
+    ``picture`` float32 [h, w, 3]; ``out`` float32 [H, W, 3] is changed where pixels are active. A
+    patch weighs 1 / (``softness`` + its error).
     """
     height, width = field.shape
     rows, across = picture.shape[:2]
     one = np.float32(1)
-    for y in numba.prange(height):
+    for line in numba.prange(height):
+        y = np.int64(line)
         for x in range(width):
+            if state[y, x] != ACTIVE:
+                continue
             red = green = blue = total = np.float32(0)
             for j in range(max(y - radius, 0), min(y + radius + 1, height)):
                 for i in range(max(x - radius, 0), min(x + radius + 1, width)):
+                    if state[j, i] == OUTSIDE:
+                        continue
                     place = np.int64(field[j, i])
                     v, u = place // across + y - j, place % across + x - i
                     if v < 0 or v >= rows or u < 0 or u >= across:

@@ -13,7 +13,7 @@ Patch synthesis of this kind touches patents; see docs/methods.md before you use
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,24 +27,21 @@ from ..guides.control_points import match_regions
 from ..guides.labels import LABELS, missing_labels
 from ..guides.position import folded_position_guide, pixel_centres
 from ..guides.regions import Regions, find_regions
-from ..kernels.patches import (
-    CELL,
-    CHANNELS,
-    MARGIN,
-    count_uses,
-    patch_errors,
-    search_pass,
-    vote_patches,
+from ..kernels.patches import CELL
+from ..patches import (
+    SCALE,
+    PatchConfig,
+    PatchSource,
+    PatchTarget,
+    occupancy,
+    synthesise_patches,
 )
 from .painted import Painted
 
 __all__ = ["FaceStyle", "FaceStyleConfig"]
 
 Float32 = NDArray[np.float32]
-Int32 = NDArray[np.int32]
 
-FIXED = 4.0
-"""Colours and guides are whole numbers of 1 / FIXED grey levels, times the root of a weight."""
 STEP = np.log(1.1)
 """The exemplar is resized to sizes that are this far apart (logarithm), so that few are made."""
 CODES = np.array([[200, 60], [255, 150], [150, 215], [255, 255], [150, 150], [255, 0], [0, 200],
@@ -92,39 +89,7 @@ class _Source:
     distribution: Distribution
     like: frozenset[str]
     box: tuple[float, float, float, float]
-    guides: list[Float32] = field(default_factory=list)
-    pictures: list[Float32] = field(default_factory=list)
-
-
-def halved(planes: Float32) -> Float32:
-    """Means of blocks of 2 x 2 of [H, W, C]; the last row or column is repeated if odd."""
-    height, width = planes.shape[:2]
-    even = np.pad(planes, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
-    blocks = even.reshape(even.shape[0] // 2, 2, even.shape[1] // 2, 2, -1)
-    return np.ascontiguousarray(blocks.mean(axis=(1, 3), dtype=np.float32))
-
-
-def doubled(places: Int32, shape: tuple[int, int], coarse_width: int,
-            source: tuple[int, int]) -> Int32:
-    """A level's places on the next finer one, int32 ``shape``; ``source`` is the exemplar there."""
-    y, x = np.mgrid[:shape[0], :shape[1]]
-    coarse = places[y // 2, x // 2]
-    v, u = 2 * (coarse // coarse_width) + y % 2, 2 * (coarse % coarse_width) + x % 2
-    return flat(v, u, source)
-
-
-def flat(v: NDArray[Any], u: NDArray[Any], source: tuple[int, int]) -> Int32:
-    """Flat indices of rows ``v`` and columns ``u``, kept a patch's margin inside ``source``."""
-    v = np.clip(v, MARGIN, source[0] - 1 - MARGIN)
-    u = np.clip(u, MARGIN, source[1] - 1 - MARGIN)
-    return np.ascontiguousarray(v * source[1] + u, np.int32)
-
-
-def occupancy(places: Int32, source: tuple[int, int]) -> Float32:
-    """How many patches are copied from each cell of an exemplar of size ``source``, [h, w]."""
-    uses = np.empty((-(-source[0] // CELL), -(-source[1] // CELL)), np.float32)
-    count_uses(places, source[1], uses)
-    return uses
+    pyramid: PatchSource
 
 
 class FaceStyle:
@@ -179,11 +144,11 @@ class FaceStyle:
                         "occupancy": used / 4})
 
     def _roots(self) -> Float32:
-        """Roots of the weights of the guides' channels, times `FIXED`: [5]."""
+        """Roots of the weights of the guides' channels, times `SCALE`: [5]."""
         config = self.config
         weights = [config.appearance_weight, *[config.position_weight / 2] * 2,
                    *[config.segment_weight / 2] * 2]
-        return np.asarray(FIXED * np.sqrt(weights) + 1e-6, np.float32)
+        return np.asarray(SCALE * np.sqrt(weights) + 1e-6, np.float32)
 
     def _source(self, scale: float) -> _Source:
         """The exemplar, resized by ``scale``, with its pyramid; kept."""
@@ -192,16 +157,12 @@ class FaceStyle:
         exemplar = self.exemplar if scale == 1.0 else _resized(self.exemplar, scale)
         regions = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask)
         head = _head(regions.labels())
-        source = _Source(exemplar, regions, Distribution.of(grey(exemplar.image), head),
-                         missing_labels(regions.labels()), regions.box())
         guides = self._guides(exemplar.image, regions, pixel_centres(exemplar.image.shape),
                               exemplar.image.shape, None)
         picture = exemplar.image.astype(np.float32) / np.float32(255)
-        least = 2 * MARGIN + 2
-        while min(guides.shape[:2]) >= least:
-            source.guides.append(guides)
-            source.pictures.append(picture)
-            guides, picture = halved(guides), halved(picture)
+        source = _Source(exemplar, regions, Distribution.of(grey(exemplar.image), head),
+                         missing_labels(regions.labels()), regions.box(),
+                         PatchSource.of(picture, guides))
         self._sources[scale] = source
         return source
 
@@ -224,93 +185,16 @@ class FaceStyle:
                     ) -> tuple[Float32, Float32]:
         """The picture and the exemplar's occupancy, coarse to fine."""
         config = self.config
-        pyramid = [guides]
-        while (min(pyramid[-1].shape[:2]) >= 2 * config.coarsest
-               and len(pyramid) < len(source.guides)):
-            pyramid.append(halved(pyramid[-1]))
-        places: Int32 | None = None
-        colours, used = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.float32)
-        for level in range(len(pyramid) - 1, -1, -1):
-            planes, picture = pyramid[level], source.pictures[level]
-            size = picture.shape[0], picture.shape[1]
-            shape = planes.shape[0], planes.shape[1]
-            guided = _guided_places(position, level, shape, size)
-            places = guided.copy() if places is None else doubled(
-                places, shape, source.pictures[level + 1].shape[1], size)
-            radii = [MARGIN] * config.votes + [1] * (config.polish and level == 0)
-            engine = _Level(planes, picture, source.guides[level], config)
-            for turn, radius in enumerate(radii):
-                colours = engine.improve(places, guided, radius, 1000 * level + 10 * turn,
-                                         max(2, config.reach >> max(0, level - 1)))
-            even = places.size / (size[0] * size[1]) * CELL ** 2
-            used = occupancy(places, size) / np.float32(even)
-        return colours, used
-
-
-class _Level:
-    """One level of the pyramid: votes and searches alternate on it."""
-
-    def __init__(self, planes: Float32, picture: Float32, style_planes: Float32,
-                 config: FaceStyleConfig) -> None:
-        self.config = config
-        self.picture = picture
-        self.root = np.float32(FIXED * 255 * np.sqrt(config.style_weight / 3))
-        self.source = _interleaved(picture * self.root, style_planes)
-        padded = np.pad(planes, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
-        self.target = _interleaved(np.zeros((*padded.shape[:2], 3), np.float32), padded)
-        self.shape = planes.shape[0], planes.shape[1]
-        self.voted: Float32 | None = None
-
-    def improve(self, places: Int32, guided: Int32, radius: int, seed: int,
-                reach: int) -> Float32:
-        """Search better patches for the voted colours, in place; new colours [H, W, 3]."""
-        config = self.config
-        error = np.empty(self.shape, np.float32)
-        if self.voted is None:
-            # Without colours yet all patches weigh the same.
-            error[:] = 0
-            self.voted = self._vote(places, error, radius)
-        self._show(self.voted)
-        patch_errors(radius)(self.target, self.source, places, error)
-        size = self.picture.shape[0], self.picture.shape[1]
-        # The uniformity is meant for a patch of 5 x 5 pixels and for even use of the exemplar.
+        levels, side = 1, min(guides.shape[:2])
+        while side >= 2 * config.coarsest:
+            levels, side = levels + 1, -(-side // 2)
+        image, places = synthesise_patches(
+            PatchTarget(guides, position, position), source.pyramid,
+            PatchConfig(config.style_weight, config.uniformity, levels, config.votes,
+                        config.passes, config.reach, config.polish), config.seed)
+        size = source.exemplar.image.shape[0], source.exemplar.image.shape[1]
         even = places.size / (size[0] * size[1]) * CELL ** 2
-        part = ((2 * radius + 1) / (2 * MARGIN + 1)) ** 2
-        penalty = np.float32(config.uniformity * FIXED ** 2 * part / even)
-        for step in range(config.passes):
-            search_pass(radius)(self.target, self.source, occupancy(places, size), penalty, guided,
-                                places.copy(), places, error, reach, step % 2 == 0,
-                                (config.seed * 1000003 + seed + step) & 0xFFFFFFFF)
-        self.voted = self._vote(places, error, radius)
-        return self.voted
-
-    def _vote(self, places: Int32, error: Float32, radius: int) -> Float32:
-        out = np.empty((*self.shape, 3), np.float32)
-        vote_patches(places, error, self.picture, radius,
-                     np.float32(FIXED ** 2 * (2 * radius + 1) ** 2), out)
-        return out
-
-    def _show(self, colours: Float32) -> None:
-        """Write the voted colours into the target picture."""
-        padded = np.pad(colours * self.root, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)),
-                        mode="edge")
-        self.target.reshape(*padded.shape[:2], CHANNELS)[..., :3] = np.rint(padded)
-
-
-def _interleaved(colours: Float32, planes: Float32) -> NDArray[np.int16]:
-    """Colours and guides as int16 [H, W CHANNELS]."""
-    values = np.rint(np.concatenate([colours, planes], axis=-1)).astype(np.int16)
-    return np.ascontiguousarray(values).reshape(len(values), -1)
-
-
-def _guided_places(position: Float32, level: int, shape: tuple[int, int],
-                   source: tuple[int, int]) -> Int32:
-    """Where the position guide alone sends the pixels of a level, int32 ``shape``."""
-    step = 2 ** level
-    rows = np.minimum(np.arange(shape[0]) * step + step // 2, position.shape[0] - 1)
-    columns = np.minimum(np.arange(shape[1]) * step + step // 2, position.shape[1] - 1)
-    places = position[np.ix_(rows, columns)] / step
-    return flat(places[..., 1].astype(np.int64), places[..., 0].astype(np.int64), source)
+        return image, occupancy(places, size) / np.float32(even)
 
 
 def _head(labels: NDArray[np.uint8]) -> Float32:

@@ -1,0 +1,321 @@
+"""Guided patch synthesis: a picture of overlapping patches of an exemplar that agree.
+
+After FaceStyle (Fiser et al. 2017), which stands on texture optimisation (Kwatra et al. 2005;
+Wexler et al. 2007): patches agree in colour with each other and in guides with the target. On every
+level of a pyramid, votes of the patches and a search for better patches alternate. A penalty on
+exemplar pixels that are used often keeps areas from being filled with the one cheapest patch
+(uniformity). The search starts from given places, so that few levels and steps do.
+
+The target may be an atlas of charts: after each vote and each search, pixels that show what others
+own take over the owner's colour and place, so that charts agree across their borders. Pixels whose
+colours are given (`FIXED`) stay as they are, and what is synthesised beside them goes on from them.
+
+Patch synthesis of this kind touches patents; see docs/methods.md before you use it in a product.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .kernels.atlas import exchange
+from .kernels.patches import (
+    ACTIVE,
+    CELL,
+    CHANNELS,
+    FIXED,
+    MARGIN,
+    count_uses,
+    patch_errors,
+    search_pass,
+    vote_patches,
+)
+
+__all__ = ["SCALE", "PatchConfig", "PatchSource", "PatchTarget", "halved", "occupancy",
+           "synthesise_patches"]
+
+Float32 = NDArray[np.float32]
+Int32 = NDArray[np.int32]
+UInt8 = NDArray[np.uint8]
+
+SCALE = 4.0
+"""Colours and guides are whole numbers of 1 / SCALE grey levels, times the root of a weight."""
+
+
+@dataclass(frozen=True)
+class PatchConfig:
+    """Parameters of the synthesis."""
+
+    style_weight: float = 1.0
+    """Weight of the colours' agreement between overlapping patches, 0.2 to 4."""
+    uniformity: float = 3500.0
+    """Penalty on exemplar pixels used more often than the average, 0 to 15000: low repeats
+    patches, high spreads them over the whole exemplar."""
+    levels: int = 4
+    """Levels of the pyramid, 1 to 8."""
+    votes: int = 4
+    """Alternations of search and voting on each level, 1 to 10."""
+    passes: int = 2
+    """Passes of the search in each alternation, 1 to 6."""
+    reach: int = 16
+    """Widest random step of the search on the finest level, in pixels."""
+    polish: bool = True
+    """Finish with patches of 3 x 3 pixels, which blur less."""
+    finest: int = 0
+    """Level at which to stop, 0 = full size."""
+
+
+@dataclass
+class PatchSource:
+    """An exemplar's pyramid.
+
+    Attributes
+    ----------
+    pictures
+        float32 [h, w, 3] in [0, 1], each half the size of the one before.
+    guides
+        float32 [h, w, G], G <= 5, times the roots of their weights and `SCALE`.
+    """
+
+    pictures: list[Float32]
+    guides: list[Float32]
+
+    @staticmethod
+    def of(picture: Float32, guides: Float32) -> PatchSource:
+        """The pyramid of one picture, down to where no patch fits."""
+        pictures, planes = [picture], [guides]
+        while min(pictures[-1].shape[:2]) >= 2 * (2 * MARGIN + 2):
+            pictures.append(halved(pictures[-1]))
+            planes.append(halved(planes[-1]))
+        return PatchSource(pictures, planes)
+
+
+@dataclass
+class PatchTarget:
+    """What is to be synthesised.
+
+    Attributes
+    ----------
+    guides
+        float32 [H, W, G] as the source's.
+    start
+        float32 [H, W, 2], exemplar places (x, y) where the search begins.
+    guided
+        float32 [H, W, 2], places that the search always tries.
+    wanted, weight, limit
+        float32 [H, W, 2] and [H, W]: the error of coming from elsewhere is the weight times the
+        squared distance from the wanted place, at most ``limit`` (squared pixels), for each pixel
+        of the patch; no weights: everywhere alike.
+    state
+        uint8 [H, W] of `kernels.patches`; None: all is synthesised.
+    owner
+        int32 [H, W], see `skin.Atlas`; None: every pixel owns itself.
+    colors
+        float32 [H, W, 3], of the fixed pixels.
+    """
+
+    guides: Float32
+    start: Float32
+    guided: Float32
+    wanted: Float32 | None = None
+    weight: Float32 | None = None
+    limit: float = np.inf
+    state: UInt8 | None = None
+    owner: Int32 | None = None
+    colors: Float32 | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width."""
+        return self.guides.shape[0], self.guides.shape[1]
+
+
+def halved(planes: Float32) -> Float32:
+    """Means of blocks of 2 x 2 of [H, W, C]; the last row or column is repeated if odd."""
+    height, width = planes.shape[:2]
+    if height % 2 or width % 2:
+        planes = np.pad(planes, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+    top, low = planes[::2], planes[1::2]
+    total = (top[:, ::2] + top[:, 1::2]) + (low[:, ::2] + low[:, 1::2])
+    return np.asarray(total * np.float32(0.25), np.float32)
+
+
+def flat(v: NDArray[Any], u: NDArray[Any], source: tuple[int, int]) -> Int32:
+    """Flat indices of rows ``v`` and columns ``u``, kept a patch's margin inside ``source``."""
+    v = np.clip(v, MARGIN, source[0] - 1 - MARGIN)
+    u = np.clip(u, MARGIN, source[1] - 1 - MARGIN)
+    return np.ascontiguousarray(v * source[1] + u, np.int32)
+
+
+def doubled(places: Int32, shape: tuple[int, int], coarse_width: int,
+            source: tuple[int, int]) -> Int32:
+    """A level's places on the next finer one, int32 ``shape``; ``source`` is the exemplar there."""
+    y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
+    coarse = places[y // 2, x // 2]
+    v, u = 2 * (coarse // coarse_width) + y % 2, 2 * (coarse % coarse_width) + x % 2
+    return flat(v, u, source)
+
+
+def occupancy(places: Int32, source: tuple[int, int], state: UInt8 | None = None) -> Float32:
+    """How many patches are copied from each cell of an exemplar of size ``source``, [h, w]."""
+    uses = np.empty((-(-source[0] // CELL), -(-source[1] // CELL)), np.float32)
+    if state is None:
+        state = np.full(places.shape, ACTIVE, np.uint8)
+    count_uses(places, state, source[1], uses)
+    return uses
+
+
+def _middles(level: int, shape: tuple[int, int], full: tuple[int, int]) -> tuple[Any, Any]:
+    """Rows and columns, for `np.ix_`, of the middles of a level's pixels in the full picture."""
+    step = 2 ** level
+    return np.ix_(np.minimum(np.arange(shape[0]) * step + step // 2, full[0] - 1),
+                  np.minimum(np.arange(shape[1]) * step + step // 2, full[1] - 1))
+
+
+def _coarser_owner(owner: Int32, level: int, shape: tuple[int, int]) -> Int32:
+    """Owners on a coarser level; whoever is owned by one that is not its own owner keeps itself."""
+    if level == 0:
+        return owner
+    width = owner.shape[1]
+    middle = owner[_middles(level, shape, (owner.shape[0], width))]
+    coarse = np.where(middle >= 0, ((middle // width) >> level) * shape[1]
+                      + ((middle % width) >> level), -1).astype(np.int32).reshape(-1)
+    index = np.arange(coarse.size, dtype=np.int32)
+    for _ in range(2):
+        coarse = np.where(coarse >= 0, coarse[coarse], coarse)
+    settled = (coarse >= 0) & (coarse[coarse] == coarse)
+    return np.where((coarse >= 0) & ~settled, index, coarse).reshape(shape)
+
+
+def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchConfig,
+                       seed: int = 0) -> tuple[Float32, Int32]:
+    """Synthesise, coarse to fine.
+
+    Returns
+    -------
+    colors
+        float32 [H, W, 3] in [0, 1] of the finest level; 0 outside.
+    places
+        int32 [H, W], flat index of the exemplar's pixel behind each patch's middle.
+    """
+    guides = [target.guides]
+    while len(guides) < min(config.levels, len(source.pictures)):
+        guides.append(halved(guides[-1]))
+    places: Int32 | None = None
+    colors = np.zeros((1, 1, 3), np.float32)
+    for level in range(len(guides) - 1, min(config.finest, len(guides) - 1) - 1, -1):
+        engine = _Level(target, source, guides[level], level, config)
+        places = engine.first_places(places)
+        radii = [MARGIN] * config.votes + [1] * (config.polish and level == config.finest)
+        for turn, radius in enumerate(radii):
+            colors = engine.improve(places, radius, seed * 1000003 + 1000 * level + 10 * turn,
+                                    max(2, config.reach >> max(0, level - 1)))
+    assert places is not None
+    return colors, places
+
+
+class _Level:
+    """One level of the pyramid: votes and searches alternate on it."""
+
+    def __init__(self, target: PatchTarget, source: PatchSource, planes: Float32, level: int,
+                 config: PatchConfig) -> None:
+        self.config, self.level, self.source = config, level, source
+        self.picture = source.pictures[level]
+        self.size = self.picture.shape[0], self.picture.shape[1]
+        self.shape = planes.shape[0], planes.shape[1]
+        self.root = np.float32(SCALE * 255 * np.sqrt(config.style_weight / 3))
+        self.patches = _interleaved(self.picture * self.root, source.guides[level])
+        padded = np.pad(planes, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
+        self.target = _interleaved(np.zeros((*padded.shape[:2], 3), np.float32), padded)
+        middles = _middles(level, self.shape, target.shape)
+        self.state = (np.full(self.shape, ACTIVE, np.uint8) if target.state is None
+                      else np.ascontiguousarray(target.state[middles]))
+        self.owner = (None if target.owner is None
+                      else _coarser_owner(target.owner, level, self.shape))
+        self._want(target, middles)
+        self.start = self._flat(target.start[middles])
+        self.guided = self._flat(target.guided[middles])
+        self.fixed: Float32 | None = None
+        if target.colors is not None:
+            self.fixed = target.colors
+            for _ in range(level):
+                self.fixed = halved(self.fixed)
+        self.voted: Float32 | None = None
+
+    def _want(self, target: PatchTarget, middles: tuple[Any, Any]) -> None:
+        """Wanted places, their weights and the limit on this level."""
+        step = 2 ** self.level
+        if target.wanted is None or target.weight is None:
+            self.wanted = np.zeros((*self.shape, 2), np.float32)
+            self.weight = np.zeros(self.shape, np.float32)
+        else:
+            self.wanted = np.ascontiguousarray(target.wanted[middles] / np.float32(step))
+            self.weight = target.weight[middles] * np.float32(SCALE ** 2 * step ** 2)
+        self.limit = np.float32(target.limit / step ** 2)
+
+    def _flat(self, places: Float32) -> Int32:
+        coarse = np.nan_to_num(places) / np.float32(2 ** self.level)
+        return flat(coarse[..., 1].astype(np.int64), coarse[..., 0].astype(np.int64), self.size)
+
+    def first_places(self, coarser: Int32 | None) -> Int32:
+        """Where the search begins: what the coarser level found, or the given start."""
+        if coarser is None:
+            return self.start.copy()
+        places = doubled(coarser, self.shape, self.source.pictures[self.level + 1].shape[1],
+                         self.size)
+        return np.where(self.state == FIXED, self.start, places)
+
+    def improve(self, places: Int32, radius: int, seed: int, reach: int) -> Float32:
+        """Search better patches for the voted colours, in place; new colours [H, W, 3]."""
+        config = self.config
+        error = np.zeros(self.shape, np.float32)
+        if self.voted is None:
+            # Without colours yet all patches weigh the same.
+            self.voted = np.zeros((*self.shape, 3), np.float32)
+            if self.fixed is not None:
+                self.voted[:] = self.fixed
+            self._vote(places, error, radius)
+        self._show(self.voted)
+        area = np.float32((2 * radius + 1) ** 2)
+        want = (self.wanted, self.weight * area, self.limit)
+        patch_errors(radius)(self.target, self.patches, self.state, *want, places, error)
+        # The uniformity is meant for a patch of 5 x 5 pixels and for even use of the exemplar.
+        even = max(int((self.state == ACTIVE).sum()), 1) / (self.size[0] * self.size[1]) * CELL ** 2
+        part = area / (2 * MARGIN + 1) ** 2
+        penalty = np.float32(config.uniformity * SCALE ** 2 * part / even)
+        for step in range(config.passes):
+            uses = occupancy(places, self.size, self.state)
+            search_pass(radius)(self.target, self.patches, self.state, *want, uses, penalty,
+                                self.guided, places.copy(), places, error, reach, step % 2 == 0,
+                                (seed + step) & 0xFFFFFFFF)
+            self._agree(places[..., None])
+        self._vote(places, error, radius)
+        return self.voted
+
+    def _vote(self, places: Int32, error: Float32, radius: int) -> None:
+        assert self.voted is not None
+        vote_patches(places, error, self.state, self.picture, radius,
+                     np.float32(SCALE ** 2 * (2 * radius + 1) ** 2), self.voted)
+        self._agree(self.voted)
+
+    def _agree(self, values: NDArray[Any]) -> None:
+        """Give the pixels of an atlas that others own their owner's values."""
+        if self.owner is not None:
+            exchange(self.owner, values)
+
+    def _show(self, colours: Float32) -> None:
+        """Write the voted colours into the target picture."""
+        padded = np.pad(colours * self.root, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)),
+                        mode="edge")
+        self.target.reshape(*padded.shape[:2], CHANNELS)[..., :3] = np.rint(padded)
+
+
+def _interleaved(colours: Float32, planes: Float32) -> NDArray[np.int16]:
+    """Colours and guides as int16 [H, W CHANNELS]; channels that are not used are 0."""
+    out = np.zeros((*colours.shape[:2], CHANNELS), np.int16)
+    out[..., :3] = np.rint(colours)
+    out[..., 3:3 + planes.shape[2]] = np.rint(planes)
+    return out.reshape(len(out), -1)

@@ -1,0 +1,304 @@
+"""Charts of a head's surface: far views from all around, of which each point belongs to one.
+
+One unwrapping of a head tears or folds somewhere: behind the ears, under nose and chin, at a bun.
+So the surface is looked at from a few directions, by cameras so far away that they hardly see
+perspective. A point belongs to the chart that its surroundings face most, among those that see it;
+"surroundings" are the normals of the head's large shape, so that the borders are smooth lines and
+no wrinkle changes hands. The charts lie side by side in one atlas, cut down to what they own and a
+margin in which they show what their neighbours own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, gaussian_filter
+
+from ...capture import Camera
+from ...errors import UserError
+from ...field import VoxelField, camera_row
+from ..kernels.atlas import find_owners, locate, smooth_normals, sum_normals, surface_normals
+
+__all__ = ["DIRECTIONS", "Atlas", "Shape", "draw_atlas"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+DIRECTIONS = ((0.0, 5.0), (60.0, 5.0), (-60.0, 5.0), (120.0, 0.0), (-120.0, 0.0), (180.0, 0.0),
+              (0.0, 72.0), (0.0, -48.0))
+"""Yaw and pitch of the charts in degrees, 0 = from the front."""
+FRONT = 0.45
+"""Added to the cosine of the front chart: the face stays on it."""
+DISTANCE = 14.0
+"""Of the cameras from the middle, in units of the portrait frame."""
+MARGIN = 24
+"""Pixels around what a chart owns."""
+ALIGN = 16
+"""Charts begin at multiples of so many pixels, for the pyramids."""
+CELL = 0.055
+"""Side of the cells in which normals are collected for the large shape, world units."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The large shape of a head: smoothed normals on a grid.
+
+    Attributes
+    ----------
+    normals
+        float32 [Z, Y, X, 3], not of unit length.
+    low
+        float64 [3], corner of the first cell.
+    cell
+        Side of a cell.
+    """
+
+    normals: Float32
+    low: Float64
+    cell: float
+
+    def at(self, points: NDArray[np.floating]) -> Float32:
+        """Unit normals of the large shape at points [..., 3], float32."""
+        flat = np.ascontiguousarray(np.nan_to_num(points), np.float32).reshape(-1, 3)
+        out = np.empty_like(flat)
+        smooth_normals(flat, self.normals, self.low, self.cell, out)
+        return out.reshape(points.shape)
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """Charts side by side; sizes in pixels, places in the world.
+
+    Attributes
+    ----------
+    cameras
+        One a chart.
+    boxes
+        int64 [C, 6]: the columns and rows x0, y0, x1, y1 of a chart that the atlas holds, and where
+        in the atlas the chart's pixel (0, 0) lies.
+    depth
+        float32 [H, W], along the chart's axis; infinite where there is no surface.
+    points
+        float32 [H, W, 3], NaN without surface.
+    normals
+        float32 [H, W, 3], of the surface itself; NaN where unknown.
+    color
+        float32 [H, W, 3], the head as it is, sRGB in [0, 1].
+    owner
+        int32 [H, W]: flat index of the pixel that owns the surface point here, itself where it
+        does; within `MARGIN` of the surface that of the nearest one, else -1.
+    shape
+        Normals of the large shape.
+    """
+
+    cameras: Camera
+    boxes: NDArray[np.int64]
+    depth: Float32
+    points: Float32
+    normals: Float32
+    color: Float32
+    owner: NDArray[np.int32]
+    shape: Shape
+
+    @property
+    def own(self) -> NDArray[np.bool_]:
+        """Pixels that own their surface point, bool [H, W]."""
+        return np.asarray(self.owner.reshape(-1) == np.arange(self.owner.size, dtype=np.int32)
+                          ).reshape(self.owner.shape)
+
+    @property
+    def rows(self) -> Float64:
+        """The cameras as the kernels take them, float64 [C, 16]."""
+        return np.stack([camera_row(self.cameras, n) for n in range(len(self.cameras))])
+
+    @property
+    def bias(self) -> Float64:
+        """What is added to a chart's cosine, float64 [C]."""
+        return np.where(np.arange(len(self.cameras)) == 0, FRONT, 0.0)
+
+
+    def locate(self, points: Float32, before: float, behind: float) -> tuple[Float32, Float32]:
+        """Places of points in the atlas.
+
+        Parameters
+        ----------
+        points
+            float32 [N, 3] in the world.
+        before, behind
+            How far before a chart's surface, and under it, a point may lie, in world units.
+
+        Returns
+        -------
+        places
+            float32 [N, 2], (x, y) in pixels of the atlas; NaN where no chart shows the point.
+        depth
+            float32 [N], how far it lies under the surface.
+        """
+        places = np.empty((len(points), 2), np.float32)
+        depth = np.empty(len(points), np.float32)
+        locate(np.ascontiguousarray(points, np.float32), self.shape.at(points), self.rows,
+               self.bias, self.boxes, self.depth, before, behind, places, depth)
+        return places, depth
+
+
+@dataclass
+class _Chart:
+    """One chart before it is cut: its camera, and what it shows."""
+
+    camera: Camera
+    depth: Float32
+    points: Float32
+    normals: Float32
+    color: Float32
+
+
+def draw_atlas(field: VoxelField, pixels: float) -> Atlas:
+    """Look at a field from all around.
+
+    Parameters
+    ----------
+    field
+        In the portrait frame.
+    pixels
+        Pixels of a chart per world unit.
+
+    Raises
+    ------
+    UserError
+        If the field shows no surface.
+    """
+    charts = [_draw(field, yaw, pitch, pixels) for yaw, pitch in DIRECTIONS]
+    if not any(np.isfinite(chart.depth).any() for chart in charts):
+        raise UserError("the field is empty: no view shows anything to stylise")
+    shape = _large_shape(field, charts)
+    whole = [(0, 0, chart.depth.shape[1], chart.depth.shape[0]) for chart in charts]
+    first = _packed(charts, whole, shape)
+    spacing = 2.0 * field.radius / np.array(field.links.shape[::-1])
+    tolerance = 2.5 * float(spacing.mean())
+    owner = _owners(first, tolerance)
+    used = [_used(owner, first.boxes[n]) for n in range(len(charts))]
+    kept = [n for n, box in enumerate(used) if box is not None]
+    final = _packed([charts[n] for n in kept], [used[n] for n in kept], shape)
+    owner = _owners(final, tolerance)
+    return Atlas(final.cameras, final.boxes, final.depth, final.points, final.normals, final.color,
+                 _with_fringe(owner), shape)
+
+
+def _draw(field: VoxelField, yaw: float, pitch: float, pixels: float) -> _Chart:
+    """One far view of the field, cut to what it shows."""
+    focal = pixels * DISTANCE
+    low, high = field.bounds
+    corners = np.array([[(low, high)[a][0], (low, high)[b][1], (low, high)[c][2]]
+                        for a in (0, 1) for b in (0, 1) for c in (0, 1)])
+    wide = Camera.arc(np.array([yaw]), distance=DISTANCE, width=2, height=2, focal=focal,
+                      pitch=pitch)
+    reach = np.abs(wide.project(corners)[0][0] - 1.0).max(axis=0)
+    # A head fills [-1, 1]; what a field holds far outside is not looked at.
+    reach = np.minimum(reach, 1.6 * pixels)
+    width, height = (int(2 * np.ceil(n)) for n in reach)
+    # A small picture tells which part is worth drawing.
+    camera = Camera(wide.pose, wide.focal, np.array([width / 2, height / 2]), np.array([width]),
+                    np.array([height]))
+    small = field.render(camera.scaled(0.125), 0, step=1.0)
+    rows, columns = np.nonzero(small.alpha > 0.3)
+    if not len(rows):
+        empty = np.zeros((0, 0, 3), np.float32)
+        return _Chart(camera, np.zeros((0, 0), np.float32), empty, empty, empty)
+    ratio = np.array([width, height]) / np.array(small.alpha.shape[::-1])
+    x0, y0 = (max(int((n.min() - 1) * r), 0) for n, r in zip((columns, rows), ratio))
+    x1 = min(int((columns.max() + 2) * ratio[0]), width)
+    y1 = min(int((rows.max() + 2) * ratio[1]), height)
+    camera = Camera(wide.pose, wide.focal, np.array([width / 2 - x0, height / 2 - y0]),
+                    np.array([x1 - x0]), np.array([y1 - y0]))
+    shot = field.render(camera, 0, background=0.0)
+    solid = np.isfinite(shot.depth) & (shot.alpha > 0.5)
+    depth = np.where(solid, shot.depth, np.inf).astype(np.float32)
+    points = shot.points(camera, 0).astype(np.float32)
+    points[~solid] = np.nan
+    color = np.clip(shot.color / np.maximum(shot.alpha, 0.5)[..., None], 0, 1).astype(np.float32)
+    normals = np.empty(points.shape, np.float32)
+    surface_normals(points, 6.0 / pixels, normals)
+    return _Chart(camera, depth, points, normals, color)
+
+
+def _large_shape(field: VoxelField, charts: list[_Chart]) -> Shape:
+    """Normals of all charts, collected in cells and smoothed."""
+    low, high = np.clip(field.bounds, -1.7, 1.7)
+    size = np.maximum(np.ceil((high - low) / CELL).astype(int), 2)
+    sums = np.zeros((*size[::-1], 3), np.float32)
+    for chart in charts:
+        if chart.depth.size:
+            sum_normals(chart.points, chart.normals, low, CELL, sums)
+    return Shape(np.ascontiguousarray(gaussian_filter(sums, (1.5, 1.5, 1.5, 0.0), truncate=3.0)),
+                 low, CELL)
+
+
+def _packed(charts: list[_Chart], used: list[tuple[int, int, int, int] | None],
+            shape: Shape) -> Atlas:
+    """Parts (x0, y0, x1, y1) of charts side by side, in shelves; nothing is owned yet."""
+    parts = [box for box in used if box is not None]
+    widest = max(x1 - x0 for x0, _, x1, _ in parts) + 2 * ALIGN
+    area = sum((x1 - x0 + ALIGN) * (y1 - y0 + ALIGN) for x0, y0, x1, y1 in parts)
+    width = max(widest, int(np.sqrt(area) * 1.1))
+    width = -(-width // ALIGN) * ALIGN
+    boxes = np.zeros((len(parts), 6), np.int64)
+    x, y, shelf = ALIGN, ALIGN, 0
+    for n in sorted(range(len(parts)), key=lambda n: parts[n][1] - parts[n][3]):
+        x0, y0, x1, y1 = parts[n]
+        if x + x1 - x0 + ALIGN > width:
+            x, y, shelf = ALIGN, y + shelf, 0
+        boxes[n] = x0, y0, x1, y1, x - x0, y - y0
+        step_x, step_y = (-(-(size + ALIGN) // ALIGN) * ALIGN for size in (x1 - x0, y1 - y0))
+        x, shelf = x + step_x, max(shelf, step_y)
+    height = -(-(y + shelf) // ALIGN) * ALIGN
+    depth = np.full((height, width), np.inf, np.float32)
+    points, normals = (np.full((height, width, 3), np.nan, np.float32) for _ in range(2))
+    color = np.zeros((height, width, 3), np.float32)
+    for chart, box in zip(charts, boxes):
+        x0, y0, x1, y1, dx, dy = box
+        there = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
+        here = slice(y0, y1), slice(x0, x1)
+        for target, source in ((depth, chart.depth), (points, chart.points),
+                               (normals, chart.normals), (color, chart.color)):
+            target[there] = source[here]
+    return Atlas(Camera.concatenate([chart.camera for chart in charts]), boxes, depth, points,
+                 normals, color, np.full((height, width), -1, np.int32), shape)
+
+
+def _owners(atlas: Atlas, tolerance: float) -> NDArray[np.int32]:
+    """Owner of every pixel with a surface, int32 [H, W]; see `Atlas`."""
+    own = np.full(atlas.depth.shape, -1, np.int8)
+    for n, (x0, y0, x1, y1, dx, dy) in enumerate(atlas.boxes):
+        own[y0 + dy:y1 + dy, x0 + dx:x1 + dx] = n
+    owner = np.empty(own.shape, np.int32)
+    find_owners(atlas.points, atlas.shape.at(atlas.points), own, atlas.rows, atlas.bias,
+                atlas.boxes, atlas.depth, tolerance, owner)
+    flat = owner.reshape(-1)
+    index = np.arange(flat.size, dtype=np.int32)
+    # A pixel's owner may itself find another: follow, and end chains that do not end.
+    for _ in range(3):
+        flat = np.where(flat >= 0, flat[flat], flat)
+    settled = (flat >= 0) & (flat[flat] == flat)
+    return np.where((flat >= 0) & ~settled, index, flat).reshape(owner.shape)
+
+
+def _used(owner: NDArray[np.int32], box: NDArray[np.int64]) -> tuple[int, int, int, int] | None:
+    """The part of a chart that owns anything, with a margin, in its own pixels."""
+    x0, y0, x1, y1, dx, dy = (int(n) for n in box)
+    there = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
+    index = np.arange(owner.size, dtype=np.int32).reshape(owner.shape)
+    rows, columns = np.nonzero(owner[there] == index[there])
+    if not len(rows):
+        return None
+    return (max(x0, int(columns.min()) + x0 - MARGIN), max(y0, int(rows.min()) + y0 - MARGIN),
+            min(x1, int(columns.max()) + x0 + MARGIN + 1),
+            min(y1, int(rows.max()) + y0 + MARGIN + 1))
+
+
+def _with_fringe(owner: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Owners, also of pixels beside the surface: those of the nearest pixel on it."""
+    away, index = distance_transform_edt(owner < 0, return_indices=True)
+    near = owner[index[0], index[1]]
+    return np.asarray(np.where(away <= MARGIN, near, -1), np.int32)
