@@ -26,7 +26,7 @@ from lfportrait.field import ReconstructConfig
 from lfportrait.job import MakeConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
 from lfportrait.share import ExportConfig, SequenceConfig
-from lfportrait.stylize import StylizeConfig
+from lfportrait.stylize import MixConfig, StylizeConfig
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "parameters.md"
 
@@ -35,6 +35,7 @@ SECTIONS = [
     ("Reconstruct", ReconstructConfig,
      "`lfportrait reconstruct`; in `make`: `--reconstruct.NAME`."),
     ("Stylize", StylizeConfig, "`lfportrait stylize`; in `make`: `--stylize.NAME`."),
+    ("Restyle", MixConfig, "`lfportrait restyle`."),
     ("Transfer by example", TransferConfig,
      "`lfportrait transfer`; in `stylize`: `--transfer.NAME`; in `make`: "
      "`--stylize.transfer.NAME`."),

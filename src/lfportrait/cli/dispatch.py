@@ -27,6 +27,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "reconstruct": ("reconstruction", "Reconstruct", "capture -> radiance field"),
     "transfer": ("stylization", "TransferPhoto", "stylise one photo by example (2D)"),
     "stylize": ("stylization", "Stylize", "radiance field + exemplar -> stylised field"),
+    "restyle": ("restyling", "Restyle", "another mix of photo and painting, without training"),
     "styles": ("styles", "Styles", "list the installed exemplars"),
     "render": ("reconstruction", "Render", "field -> pictures or a video"),
     "export": ("export", "Export", "field -> point cloud, coloured mesh or svox2 checkpoint"),

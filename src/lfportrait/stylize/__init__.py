@@ -1,4 +1,8 @@
-"""Optimising a field to a style: features, losses, colour fit (Shen et al. 2023, 2.1-2.2)."""
+"""Optimising a field to a style: features, losses, colour fit (Shen et al. 2023, 2.1-2.2).
+
+A `StyledField` keeps the colours of the photo and of the paintings: `mixing` turns them up and down
+without training.
+"""
 
 import sys
 from types import ModuleType
@@ -7,10 +11,13 @@ from typing import TYPE_CHECKING, Any
 from ..lazy import attach
 
 if TYPE_CHECKING:
+    from .mix_options import MixConfig
+    from .mixing import StyledField
     from .networks import load_network
     from .optimize import StylizeConfig, stylize, stylize_with_figures
 
-__all__ = ["StylizeConfig", "load_network", "stylize", "stylize_with_figures"]
+__all__ = ["MixConfig", "StyledField", "StylizeConfig", "load_network", "stylize",
+           "stylize_with_figures"]
 
 __getattr__, __dir__ = attach(__name__, __file__)
 

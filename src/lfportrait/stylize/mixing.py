@@ -1,0 +1,279 @@
+"""Stylised fields whose style is turned up and down, and changed in places, without training.
+
+Density is the same for the photo and for every painting: only the colour of each lattice row
+differs. So a field can carry the photo's colours and those of one or more paintings, and what is
+shown is mixed from them, row by row, in a fraction of a second.
+
+The file is a field's (`lfportrait.field.storage`), with the mixed colours as its own: svox2 and all
+commands that take a field show the mix. Beside them stand ``painted`` and ``photo`` as uint8,
+rounded by at most half of a level of an 8-bit picture, and the same at each further saving.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..example import RegionStyle
+from ..field import VoxelField, read_arrays, save_field
+from .mix_options import RegionValue, known, number, plain, read_value
+from .tones import BINS, colored, luma, matching_curve, tone_histogram, toned
+
+__all__ = ["StyledField"]
+
+Float32 = NDArray[np.float32]
+
+_C0 = 0.28209479177387814
+_BLOCK = 32768
+"""Rows mixed at a time: few enough that all that is computed for them stays in the cache."""
+_KEYS = ("style_names", "painted", "photo", "labels", "region_names", "mix")
+
+
+@dataclass(kw_only=True)
+class StyledField(VoxelField):
+    """A field that knows its colours as photographed and as painted, and shows a mix of them.
+
+    Attributes
+    ----------
+    painted
+        float32 [S, N, 3], sRGB in [0, 1]: colours of the lattice rows in each of S styles, at full
+        strength, the same from all sides.
+    styles
+        Names of the S styles.
+    photo
+        float32 [N, 3], sRGB in [0, 1]: the real field's mean colours.
+    labels
+        uint8 [N, R], how far a row lies in each of R regions; 255 is wholly inside.
+    regions
+        Names of the R regions.
+    mixture
+        The arguments of `mix` that `sh` was made with.
+    """
+
+    painted: Float32
+    styles: tuple[str, ...]
+    photo: Float32
+    labels: NDArray[np.uint8]
+    regions: tuple[str, ...]
+    mixture: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        count = len(self.density)
+        if not self.styles or len({*self.styles}) < len(self.styles) or (
+                self.painted.shape != (len(self.styles), count, 3)):
+            raise ValueError(f"{count} rows in the styles {self.styles} need one name for each and "
+                             f"colours [S, N, 3], not {self.painted.shape}")
+        if self.photo.shape != (count, 3):
+            raise ValueError(f"{count} rows need colours [N, 3] of the photo, "
+                             f"not {self.photo.shape}")
+        if (self.labels.shape != (count, len(self.regions)) or self.labels.dtype != np.uint8
+                or len({*self.regions}) < len(self.regions)):
+            raise ValueError(f"{count} rows in the regions {self.regions} need one name for each "
+                             f"and labels uint8 [N, R], not {self.labels.dtype} "
+                             f"{self.labels.shape}")
+
+    @staticmethod
+    def of(real: VoxelField, painted: NDArray[Any], styles: Collection[str], photo: NDArray[Any],
+           labels: NDArray[np.uint8], regions: Collection[str] | None = None) -> StyledField:
+        """A field that shows its first style at full strength.
+
+        Parameters
+        ----------
+        real
+            The field, with which densities, cube and background are shared.
+        painted, styles, photo, labels, regions
+            As the attributes; colours are clipped to [0, 1]. By default the regions are
+            `lfportrait.example.LABELS`.
+
+        Raises
+        ------
+        UserError
+            If two styles have one name.
+        ValueError
+            If the arrays do not fit together, or hold values that are not finite.
+        """
+        if regions is None:
+            from ..example import LABELS
+
+            regions = LABELS
+        twice = sorted({name for name in styles if list(styles).count(name) > 1})
+        if twice:
+            raise UserError(f"two styles have the name {twice[0]}: rename one of the pictures")
+        if not (np.isfinite(painted).all() and np.isfinite(photo).all()):
+            raise ValueError("the colours of a styled field must be finite")
+        return StyledField(
+            real.links, real.density, np.zeros((len(real.density), 3, 1), np.float32), real.center,
+            real.radius, real.frame, real.background,
+            painted=np.clip(painted, 0.0, 1.0).astype(np.float32), styles=tuple(styles),
+            photo=np.clip(photo, 0.0, 1.0).astype(np.float32), labels=labels,
+            regions=tuple(regions)).mix()
+
+    def mix(self, strength: float = 1.0, identity: float = 0.0,
+            regions: Mapping[str, RegionValue] | None = None, keep_colors: bool = False,
+            keep: Collection[str] = (), style: str | None = None) -> StyledField:
+        """The field in other colours, always from the photo and the paintings, whatever it shows.
+
+        Parameters
+        ----------
+        strength
+            0 leaves the photo's colours, 1 gives the painting's; linear between.
+        identity
+            0 to 1: so much of the painting's luma gives way to the photo's, which a rising curve
+            has given the distribution of the painting's (rows count by their opacity). Light and
+            shade are then the person's, tones and chroma the painting's.
+        regions
+            What regions get: a number that multiplies the strength in it, the name of another
+            style, or both, as a pair or as text (``"STYLE:0.5"``). Numbers above 1, up to 4, go on
+            beyond the painting, away from the photo, and are clipped to [0, 1]. Regions are mixed
+            by their soft labels; where they overlap, the later one counts.
+        keep_colors
+            Take the luma of all this alone, with the photo's chroma.
+        keep
+            Regions that stay as in the photo, whatever else is said of them.
+        style
+            Style of everything else; None takes the first.
+
+        Returns
+        -------
+        styled
+            A field with other `sh`, degree 0; everything else is shared.
+
+        Raises
+        ------
+        UserError
+            If a region or a style is unknown, or a number out of range.
+        """
+        strength = number(strength, "the strength", 1.0)
+        identity = number(identity, "the identity", 1.0)
+        style = self.styles[0] if style is None else known(style, "style", self.styles)
+        kept = tuple(known(name, "region", self.regions)
+                     for name in ((keep,) if isinstance(keep, str) else keep))
+        choices = {known(name, "region", self.regions): read_value(name, value, self.styles)
+                   for name, value in (regions or {}).items()}
+        mixture = {"strength": strength, "identity": identity, "regions": plain(choices),
+                   "keep_colors": bool(keep_colors), "keep": list(kept), "style": style}
+        wanted = [*choices.values(), *(RegionStyle(name, "", 0.0) for name in kept)]
+        curves = self._curves({style, *(choice.style or style for choice in wanted)}
+                              if identity > 0 else set())
+        coefficients = np.empty((len(self.density), 3, 1), np.float32)
+        for start in range(0, len(coefficients), _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            photo = np.ascontiguousarray(self.photo[rows].T)
+            mixed = photo.copy()
+            for name, amount in self._amounts(rows, wanted, style, strength).items():
+                mixed += amount * (self._painting(rows, name, photo, curves.get(name), identity)
+                                   - photo)
+            np.clip(mixed, 0, 1, out=mixed)
+            if keep_colors:
+                mixed = colored(luma(mixed), photo - luma(photo))
+            coefficients[rows, :, 0] = ((mixed - np.float32(0.5)) * np.float32(1 / _C0)).T
+        return replace(self, sh=coefficients, mixture=mixture)
+
+    def _amounts(self, rows: slice, choices: list[RegionStyle], style: str, strength: float,
+                 ) -> dict[str, Any]:
+        """How much each style changes rows: a number, or one for each row."""
+        amounts: dict[str, Any] = {}
+        room: Any = np.float32(1)
+        # The last has its whole label, the ones before it what is left. At the seam of two regions
+        # their labels add up to 1, and nothing of what the rest of the field gets shows there.
+        for choice in reversed(choices):
+            label = self.labels[rows, self.regions.index(choice.region)]
+            share = np.minimum(label * np.float32(1 / 255), room)
+            room = room - share
+            name = choice.style or style
+            amounts[name] = amounts.get(name, 0) + np.float32(strength * choice.strength) * share
+        amounts[style] = amounts.get(style, 0) + np.float32(strength) * room
+        return amounts
+
+    def _painting(self, rows: slice, style: str, photo: Float32, curve: Float32 | None,
+                  identity: float) -> Float32:
+        """Rows in a style, shaded by the photo: float32 [3, rows]."""
+        painted = np.ascontiguousarray(self.painted[self.styles.index(style), rows].T)
+        if curve is None:
+            return painted
+        light = luma(painted)
+        shaded = light + np.float32(identity) * (toned(luma(photo), curve) - light)
+        return colored(shaded, painted - light)
+
+    def _curves(self, styles: Collection[str]) -> dict[str, Float32]:
+        """The curve that gives the photo's luma the distribution of each style's."""
+        if not styles:
+            return {}
+        # Light taken by a step of one voxel: rows of thin air have colours that nobody sees.
+        voxel = float((2.0 * self.radius / self.links.shape[::-1]).mean())
+        photo = np.zeros(BINS)
+        paintings = {name: np.zeros(BINS) for name in styles}
+        for start in range(0, len(self.density), _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            opacity = -np.expm1(self.density[rows] * np.float32(-voxel))
+            photo += tone_histogram(luma(self.photo[rows].T), opacity)
+            for name, histogram in paintings.items():
+                colors = self.painted[self.styles.index(name), rows]
+                histogram += tone_histogram(luma(colors.T), opacity)
+        return {name: matching_curve(photo, histogram) for name, histogram in paintings.items()}
+
+    def save(self, path: Any) -> None:
+        """Write the field with all its styles as an ``.npz`` that svox2 reads, too.
+
+        Raises
+        ------
+        UserError
+            If the file has another ending or can't be written.
+        """
+        save_field(self, path, deflated=("labels",), style_names=np.array(self.styles, np.str_),
+                   painted=_bytes(self.painted), photo=_bytes(self.photo), labels=self.labels,
+                   region_names=np.array(self.regions, np.str_),
+                   mix=np.str_(json.dumps(self.mixture, ensure_ascii=False)))
+
+    @staticmethod
+    def load(path: Any) -> StyledField:
+        """Read a field that `save` wrote.
+
+        Raises
+        ------
+        UserError
+            If the file is missing, damaged, or a field without colours to mix.
+        """
+        plain_field = VoxelField.load(path)
+        arrays = read_arrays(path, _KEYS)
+        if "painted" not in arrays:
+            raise UserError(f"{path} holds no colours to mix: it was not written by this version's "
+                            "`lfportrait stylize`; run that again")
+        missing = [name for name in _KEYS if name not in arrays]
+        if missing:
+            raise UserError(f"{path} is damaged: it has no {', '.join(missing)}")
+        wrong = [name for name in ("painted", "photo", "labels") if arrays[name].dtype != np.uint8]
+        wrong += [name for name in ("style_names", "region_names", "mix")
+                  if arrays[name].dtype.kind != "U"]
+        if wrong:
+            raise UserError(f"{path} is damaged: {', '.join(wrong)} can't be of the type "
+                            f"{', '.join(str(arrays[name].dtype) for name in wrong)}")
+        try:
+            mixture = json.loads(str(arrays["mix"]))
+            if not isinstance(mixture, dict):
+                raise ValueError("it does not tell what it was mixed from")
+            return StyledField(
+                plain_field.links, plain_field.density, plain_field.sh, plain_field.center,
+                plain_field.radius, plain_field.frame, plain_field.background,
+                painted=_floats(arrays["painted"]), photo=_floats(arrays["photo"]),
+                styles=tuple(map(str, arrays["style_names"].ravel())), labels=arrays["labels"],
+                regions=tuple(map(str, arrays["region_names"].ravel())), mixture=mixture)
+        except ValueError as error:
+            raise UserError(f"{path} is damaged: {error}") from error
+
+
+def _bytes(colors: Float32) -> NDArray[np.uint8]:
+    """Colours in [0, 1] as whole numbers of 255ths."""
+    return (colors * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+
+
+def _floats(colors: NDArray[np.uint8]) -> Float32:
+    """The inverse of `_bytes`."""
+    return np.divide(colors, np.float32(255), dtype=np.float32)
