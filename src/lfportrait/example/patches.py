@@ -109,6 +109,11 @@ class PatchTarget:
         float32 [H, W, 2] and [H, W]: the error of coming from elsewhere is the weight times the
         squared distance from the wanted place, at most ``limit`` (squared pixels), for each pixel
         of the patch; no weights: everywhere alike.
+    even
+        float32 [h, w], how often each exemplar pixel would be used if those of its material were
+        used alike; None: all alike.
+    trust
+        float32 [H, W], factor of the weight of the first two guides; None: 1.
     state
         uint8 [H, W] of `kernels.patches`; None: all is synthesised.
     owner
@@ -123,6 +128,8 @@ class PatchTarget:
     wanted: Float32 | None = None
     weight: Float32 | None = None
     limit: float = np.inf
+    even: Float32 | None = None
+    trust: Float32 | None = None
     state: UInt8 | None = None
     owner: Int32 | None = None
     colors: Float32 | None = None
@@ -235,7 +242,10 @@ class _Level:
                       else np.ascontiguousarray(target.state[middles]))
         self.owner = (None if target.owner is None
                       else _coarser_owner(target.owner, level, self.shape))
+        self.trust = (np.ones(self.shape, np.float32) if target.trust is None
+                      else np.ascontiguousarray(target.trust[middles]))
         self._want(target, middles)
+        self.even = self._even(target)
         self.start = self._flat(target.start[middles])
         self.guided = self._flat(target.guided[middles])
         self.fixed: Float32 | None = None
@@ -255,6 +265,18 @@ class _Level:
             self.wanted = np.ascontiguousarray(target.wanted[middles] / np.float32(step))
             self.weight = target.weight[middles] * np.float32(SCALE ** 2 * step ** 2)
         self.limit = np.float32(target.limit / step ** 2)
+
+    def _even(self, target: PatchTarget) -> Float32:
+        """Uses of each cell of the exemplar if all of one material were used alike."""
+        rows, columns = (-(-n // CELL) for n in self.size)
+        overall = max(int((self.state == ACTIVE).sum()), 1) / (self.size[0] * self.size[1])
+        if target.even is None:
+            return np.full((rows, columns), overall * CELL ** 2, np.float32)
+        step = 2 ** self.level * CELL
+        y, x = (np.minimum(np.arange(n) * step + step // 2, m - 1)
+                for n, m in zip((rows, columns), target.even.shape))
+        # What is not wanted at all is dear, but not beyond measure.
+        return np.maximum(target.even[np.ix_(y, x)], np.float32(0.3 * overall)) * CELL ** 2
 
     def _flat(self, places: Float32) -> Int32:
         coarse = np.nan_to_num(places) / np.float32(2 ** self.level)
@@ -280,12 +302,11 @@ class _Level:
             self._vote(places, error, radius)
         self._show(self.voted)
         area = np.float32((2 * radius + 1) ** 2)
-        want = (self.wanted, self.weight * area, self.limit)
+        want = (self.trust, self.wanted, self.weight * area, self.limit)
         patch_errors(radius)(self.target, self.patches, self.state, *want, places, error)
         # The uniformity is meant for a patch of 5 x 5 pixels and for even use of the exemplar.
-        even = max(int((self.state == ACTIVE).sum()), 1) / (self.size[0] * self.size[1]) * CELL ** 2
         part = area / (2 * MARGIN + 1) ** 2
-        penalty = np.float32(config.uniformity * SCALE ** 2 * part / even)
+        penalty = np.asarray(config.uniformity * SCALE ** 2 * part / self.even, np.float32)
         for step in range(config.passes):
             uses = occupancy(places, self.size, self.state)
             search_pass(radius)(self.target, self.patches, self.state, *want, uses, penalty,

@@ -43,12 +43,15 @@ _SHARED = {"reassoc", "contract", "nsz"}
 
 @functools.cache
 def _distance(radius: int) -> Any:
-    """Sum of squared differences of two patches of one radius, given up beyond a limit."""
+    """Sum of squared differences of two patches of one radius, given up beyond a limit.
+
+    ``scales`` float32 [(2 radius + 1) CHANNELS] weighs the channels of a row (`_scales`).
+    """
     count = (2 * radius + 1) * CHANNELS
 
     @identified("patch distance", radius)
     @numba.njit(fastmath=_SHARED, inline="never")
-    def distance(target, y, x, source, v, u, limit):
+    def distance(target, y, x, source, v, u, scales, limit):
         total = np.float32(0)
         first = (x + MARGIN - radius) * CHANNELS
         other = (u - radius) * CHANNELS
@@ -59,13 +62,21 @@ def _distance(radius: int) -> Any:
             for k in range(count):
                 step = (np.float32(one[np.uintp(first + k)])
                         - np.float32(two[np.uintp(other + k)]))
-                part += step * step
+                part += step * step * scales[np.uintp(k)]
             total += part
             if total >= limit:
                 break
         return total
 
     return distance
+
+
+@numba.njit(inline="always")
+def _scales(trust, y, x, out):
+    """Weights of a row's channels for the patch at (x, y): the first two guides' trust, else 1."""
+    for k in range(len(out)):
+        channel = k % CHANNELS
+        out[k] = trust[y, x] if channel == 3 or channel == 4 else np.float32(1)
 
 
 @numba.njit(inline="always")
@@ -83,7 +94,8 @@ def patch_errors(radius: int) -> Any:
     """Kernel: error of every patch under the present field.
 
     Arguments: ``target`` int16 [H + 2 MARGIN, (W + 2 MARGIN) CHANNELS], ``source`` int16
-    [h, w CHANNELS], ``state`` uint8 [H, W], ``wanted`` float32 [H, W, 2] places (x, y) with their
+    [h, w CHANNELS], ``state`` uint8 [H, W], ``trust`` float32 [H, W], factor of the weight of the
+    first two guides in a pixel's patch, ``wanted`` float32 [H, W, 2] places (x, y) with their
     ``weight`` float32 [H, W] and ``limit`` (squared distance), ``field`` int32 [H, W] (flat index
     v w + u), ``error`` float32 [H, W], filled, 0 outside.
     """
@@ -91,18 +103,20 @@ def patch_errors(radius: int) -> Any:
 
     @identified("patch errors", radius)
     @numba.njit(cache=True, nogil=True, parallel=True)
-    def errors(target, source, state, wanted, weight, limit, field, error):
+    def errors(target, source, state, trust, wanted, weight, limit, field, error):
         height, width = field.shape
         across = source.shape[1] // CHANNELS
         for line in numba.prange(height):
             y = np.int64(line)
+            scales = np.empty((2 * radius + 1) * CHANNELS, np.float32)
             for x in range(width):
                 if state[y, x] == OUTSIDE:
                     error[y, x] = 0
                     continue
                 place = np.int64(field[y, x])
                 v, u = place // across, place % across
-                error[y, x] = (distance(target, y, x, source, v, u, np.float32(np.inf))
+                _scales(trust, y, x, scales)
+                error[y, x] = (distance(target, y, x, source, v, u, scales, np.float32(np.inf))
                                + _astray(wanted, weight, limit, y, x, v, u))
 
     return errors
@@ -122,7 +136,8 @@ def search_pass(radius: int) -> Any:
     """Kernel: one pass of the search over the whole picture.
 
     Arguments: those of `patch_errors` up to ``limit``; ``uses`` float32 [cells], how many
-    patches are copied from each cell (`count_uses`); ``penalty``, error of each of them;
+    patches are copied from each cell (`count_uses`); ``penalty`` float32 [cells], error of each of
+    them;
     ``guided`` int32 [H, W], places that the guides alone propose; ``before`` int32 [H, W], a copy
     of the field; ``field`` and ``error``, improved in place; ``reach``, the widest step of the
     random search, halved down to 1; ``forward``, direction of the scan; ``seed``.
@@ -131,15 +146,16 @@ def search_pass(radius: int) -> Any:
 
     @identified("patch search", radius)
     @numba.njit(cache=True, nogil=True, parallel=True)
-    def search(target, source, state, wanted, weight, limit, uses, penalty, guided, before, field,
-               error, reach, forward, seed):
+    def search(target, source, state, trust, wanted, weight, limit, uses, penalty, guided, before,
+               field, error, reach, forward, seed):
         height, width = field.shape
         rows, across = source.shape[0], source.shape[1] // CHANNELS
         bands = (height + BAND - 1) // BAND
         step = 1 if forward else -1
         for band in numba.prange(bands):
             top, bottom = band * BAND, min((band + 1) * BAND, height)
-            crowd = uses.copy()
+            crowd = uses * penalty
+            scales = np.empty((2 * radius + 1) * CHANNELS, np.float32)
             for line in range(bottom - top):
                 y = top + line if forward else bottom - 1 - line
                 for column in range(width):
@@ -148,9 +164,10 @@ def search_pass(radius: int) -> Any:
                         continue
                     noise = _noise(_noise(np.uint64(y * width + x + 1)
                                           * np.uint64(0x9E3779B97F4A7C15) ^ np.uint64(seed)))
+                    _scales(trust, y, x, scales)
                     own = np.int64(field[y, x])
                     v, u = own // across, own % across
-                    best = error[y, x] + penalty * crowd[v // CELL, u // CELL]
+                    best = error[y, x] + crowd[v // CELL, u // CELL]
                     # Neighbours in the direction of the scan, the guides' own place, then random
                     # steps that shrink.
                     width_now = reach
@@ -184,18 +201,18 @@ def search_pass(radius: int) -> Any:
                         if q == v and p == u:
                             continue
                         # Coming, the patch would crowd the cell further; staying, it counts.
-                        fine = penalty * crowd[q // CELL, p // CELL]
+                        fine = crowd[q // CELL, p // CELL]
                         if q // CELL != v // CELL or p // CELL != u // CELL:
-                            fine += penalty
+                            fine += penalty[q // CELL, p // CELL]
                         fixed = fine + _astray(wanted, weight, limit, y, x, q, p)
                         if fixed >= best:
                             continue
-                        found = distance(target, y, x, source, q, p, best - fixed)
+                        found = distance(target, y, x, source, q, p, scales, best - fixed)
                         if found + fixed < best:
                             best = found + fixed
                             error[y, x] = best - fine
-                            crowd[v // CELL, u // CELL] -= np.float32(1)
-                            crowd[q // CELL, p // CELL] += np.float32(1)
+                            crowd[v // CELL, u // CELL] -= penalty[v // CELL, u // CELL]
+                            crowd[q // CELL, p // CELL] += penalty[q // CELL, p // CELL]
                             v, u = q, p
                     field[y, x] = np.int32(v * across + u)
 

@@ -36,6 +36,8 @@ __all__ = ["Painting", "SkinConfig", "SkinPainter"]
 Float32 = NDArray[np.float32]
 
 MATERIALS = ("skin", "hair", "neck", "clothes", "background")
+CONTOUR = 0.016
+"""Detail of this strength (root mean square of luma) counts half."""
 CODES = np.array([[150, 150], [255, 0], [150, 120], [0, 60], [0, 255]], np.float32)
 """A place in a plane for each material, far apart where they must not mix."""
 
@@ -44,7 +46,7 @@ CODES = np.array([[150, 150], [255, 0], [150, 120], [0, 60], [0, 255]], np.float
 class SkinConfig:
     """Painting on the skin."""
 
-    tone_weight: float = 0.5
+    tone_weight: float = 0.3
     """Weight of the photo's light and shade where patches are laid, 0 to 2."""
     detail_weight: float = 1.0
     """Weight of the photo's edges and patterns there, 0 to 4."""
@@ -55,7 +57,7 @@ class SkinConfig:
     far_place_weight: float = 0.15
     """The same in hair, on neck and clothes."""
     patches: PatchConfig = field(default_factory=lambda: PatchConfig(
-        style_weight=1.0, votes=3, passes=2, levels=4))
+        style_weight=1.0, uniformity=2000.0, votes=4, passes=2, levels=5))
     """Synthesis of patches."""
 
 
@@ -142,9 +144,11 @@ class SkinPainter:
         image, shift = self._blit(skin, guide, position, anchor)
         lap("blit")
         labels = sample_labels(self.transfer.labels, position)
-        color = self._lay_patches(skin, guide, position, anchor + shift, image, labels, lap)
+        color = self._lay_patches(skin, guide, position, anchor, anchor + shift, image, labels,
+                                  lap)
         exchange(atlas.owner, color)
-        steps = {"blit": image, "position": position}
+        exchange(atlas.owner, self.crisp)
+        steps = {"crisp": self.crisp, "blit": image, "position": position}
         return Painting(skin, color, labels, seconds, steps)
 
     def _blit(self, skin: Skin, guide: SurfaceGuide, position: Float32,
@@ -169,8 +173,8 @@ class SkinPainter:
             calm=CALM * 255 * config.table.appearance_weight)
         return result.image, result.shift
 
-    def _lay_patches(self, skin: Skin, guide: SurfaceGuide, position: Float32, places: Float32,
-                     image: Float32, labels: NDArray[np.uint8], lap: Any) -> Float32:
+    def _lay_patches(self, skin: Skin, guide: SurfaceGuide, position: Float32, anchor: Float32,
+                     places: Float32, image: Float32, labels: NDArray[np.uint8], lap: Any) -> Float32:
         """Patches that agree, over all that is not the face."""
         config, atlas = self.config, skin.atlas
         ratio = round(skin.pixels / guide.scale, 3)
@@ -183,25 +187,32 @@ class SkinPainter:
         state = np.full(own.shape, OUTSIDE, np.uint8)
         state[np.isfinite(atlas.depth)] = FOREIGN
         state[own] = ACTIVE
-        state[own & (face > 0.5)] = FIXED
+        # A surface seen from within, where no photo looked, is no face.
+        outwards = atlas.shape.at(atlas.points)[..., 2] > -0.2
+        state[own & (face > 0.5) & outwards] = FIXED
         wanted = _into(materials, own_materials, position * np.float32(ratio))
         start = np.where(np.isfinite(places), places * np.float32(ratio), wanted)
         near = gaussian_blur(np.asarray(face, np.float32), 6 * unit)
-        skinlike = materials.shares[..., 0]
+        skinlike = materials.shares[..., 0] * relative_stretch(position, anchor) ** 2
         weight = (config.far_place_weight + (config.place_weight - config.far_place_weight)
                   * np.clip(2 * near, 0, 1) * skinlike) / np.float32(unit ** 2) * 100
-        guides = self._guides(materials, skin.seen)
+        guides = self._guides(materials)
+        # An ear is told by its own light and shade.
+        trust = _contours(skin, unit) * (1 + 3 * skin.ears)
         values = np.concatenate([guides, start, wanted, wanted, weight[..., None],
-                                 image], axis=-1).astype(np.float32)
+                                 trust[..., None], image], axis=-1).astype(np.float32)
         exchange(atlas.owner, values)
         count = guides.shape[2]
         target = PatchTarget(
             np.ascontiguousarray(values[..., :count]), values[..., count:count + 2],
             values[..., count + 2:count + 4], values[..., count + 4:count + 6],
-            values[..., count + 6], float((25 * unit) ** 2), state, atlas.owner,
+            values[..., count + 6], float((25 * unit) ** 2),
+            _even(materials, own_materials, state == ACTIVE), values[..., count + 7], state,
+            atlas.owner,
             np.ascontiguousarray(values[..., -3:]))
         lap("targets")
-        color, _ = synthesise_patches(target, source, config.patches, self.seed)
+        color, places = synthesise_patches(target, source, config.patches, self.seed)
+        self.crisp = np.where((state == ACTIVE)[..., None], source.pictures[0].reshape(-1, 3)[places], color)
         lap("patches")
         return color
 
@@ -211,7 +222,7 @@ class SkinPainter:
         return np.asarray(SCALE * np.sqrt([config.tone_weight, config.detail_weight,
                                            *[config.material_weight / 2] * 2]), np.float32)
 
-    def _guides(self, materials: _Materials, trust: Float32 | float = 1.0) -> Float32:
+    def _guides(self, materials: _Materials) -> Float32:
         """Guides of the patches, float32 [h, w, 4]."""
         planes = np.stack([255 * materials.tone, 255 * materials.detail], axis=-1)
         codes = materials.shares @ CODES
@@ -231,7 +242,7 @@ class SkinPainter:
         plain = (labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30)
         image = self.exemplar.image.astype(np.float32) / np.float32(255)
         away = skin_distance(gaussian_blur3(image, 0.02 * self.exemplar.size), plain)
-        bare = 1 / (1 + np.exp(np.clip((away - 3.5) / 0.5, -30, 30)))
+        bare = 1 / (1 + np.exp(np.clip((away - 2.5) / 0.4, -30, 30)))
         shares[..., 3] = shares[..., 2] * (1 - bare)
         shares[..., 2] *= bare
         shares = np.stack([np.asarray(Image.fromarray(shares[..., n]).resize(
@@ -254,6 +265,9 @@ class SkinPainter:
             # What the exemplar has as hair and the sitter does not is skin.
             shares[..., 0] += np.maximum(1 - hair - shares[..., [0, 2]].sum(-1), 0)
             shares[..., 1] = hair
+        ears = skin.ears * (1 - skin.hair if skin.hair is not None else np.float32(1))
+        shares *= (1 - ears)[..., None]
+        shares[..., 0] += ears
         clothes = skin.clothes
         shares *= (1 - clothes)[..., None]
         shares[..., 3] = clothes
@@ -279,12 +293,35 @@ class SkinPainter:
                 if inside.sum() < 100 or there.sum() < 100:
                     matched += share * values
                     continue
+                if values is detail:
+                    # Noise of a plain place is not made as strong as strokes.
+                    gain = reference[there].std() / max(float(values[inside].std()), 1e-4)
+                    matched += share * values * np.float32(np.clip(gain, 0.5, 2.5))
+                    continue
                 wanted = Distribution.of(reference, there.astype(np.float32))
                 matched += share * match_histogram(values, wanted, inside)
             values[:] = matched
         # What no photo saw has no detail, and the material's middle tone.
         detail *= skin.seen
         return _Materials(shares, tone, detail)
+
+
+def _even(materials: _Materials, theirs: _Materials, active: NDArray[np.bool_]) -> Float32:
+    """How often each exemplar pixel is used if those of its material are used alike, [h, w]."""
+    wanted = materials.shares[active].sum(0)
+    there = theirs.shares.reshape(-1, len(MATERIALS)).sum(0)
+    return np.asarray(theirs.shares @ (wanted / np.maximum(there, 1.0)).astype(np.float32),
+                      np.float32)
+
+
+def _contours(skin: Skin, unit: float) -> Float32:
+    """How much the photo has to say at a place: strong where it shows edges or a pattern.
+
+    float32 [H, W] in [0, 1]: the energy of its detail against that of what is hardly seen.
+    """
+    detail = _detail(skin, 2.0 * unit, 0.3 * unit)
+    energy = gaussian_blur(detail * detail, 1.5 * unit)
+    return np.asarray(skin.seen * energy / (energy + CONTOUR ** 2), np.float32)
 
 
 def gaussian_blur3(image: Float32, sigma: float) -> Float32:

@@ -45,6 +45,8 @@ class Skin:
         float32 [H, W] in [0, 1], or None where it could not be told.
     clothes
         float32 [H, W] in [0, 1]: what lies below the chin and is not of the face's colour.
+    ears
+        float32 [H, W] in [0, 1].
     seen
         float32 [H, W] in [0, 1]: how frontally the best photo saw a place; 1 where no cameras are
         known.
@@ -55,6 +57,7 @@ class Skin:
     pixels: float
     hair: Float32 | None
     clothes: Float32
+    ears: Float32
     seen: Float32
 
     @staticmethod
@@ -86,7 +89,8 @@ class Skin:
         hair = _hair(atlas) if networks else None
         if hair is not None and not _plausible(atlas, points, hair * seen):
             hair = None
-        return Skin(atlas, points, pixels, hair, _clothes(atlas, points, hair, pixels), seen)
+        return Skin(atlas, points, pixels, hair, _clothes(atlas, points, hair, pixels),
+                    _ears(atlas, points), seen)
 
 
 def _chart_slices(atlas: Atlas, n: int) -> tuple[slice, slice]:
@@ -193,6 +197,23 @@ def _clothes(atlas: Atlas, landmarks: Float64, hair: Float32 | None, pixels: flo
     if hair is not None:
         share = share * (1 - hair)
     return gaussian_blur(np.asarray(share, np.float32), 0.01 * pixels)
+
+
+def _ears(atlas: Atlas, landmarks: Float64) -> Float32:
+    """Soft ellipsoids at the ends of the jaw, from the brows to the nose's foot."""
+    out = np.zeros(atlas.depth.shape, np.float32)
+    brows, foot = float(np.nanmean(landmarks[17:27, 1])), float(np.nanmean(landmarks[31:36, 1]))
+    height = brows - float(np.nanmin(landmarks[:, 1]))
+    for end, side in ((0, -1.0), (16, 1.0)):
+        if not np.isfinite(landmarks[end]).all():
+            continue
+        middle = np.array([landmarks[end, 0] + 0.05 * side * height, 0.4 * brows + 0.6 * foot,
+                           landmarks[end, 2] - 0.3 * height])
+        reach = height * np.array([0.24, 0.28, 0.22])
+        with np.errstate(invalid="ignore"):
+            away = np.sqrt((((atlas.points - middle) / reach) ** 2).sum(-1))
+            out = np.fmax(out, np.clip((1.15 - away) / 0.2, 0, 1))
+    return np.asarray(np.nan_to_num(out), np.float32)
 
 
 def _seen(atlas: Atlas, cameras: Camera | None) -> Float32:
