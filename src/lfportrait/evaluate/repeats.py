@@ -51,7 +51,7 @@ LOBE = 0.2
 """Correlation down to which lags are connected to zero. Chance is seldom as high near zero, where
 nearly the whole region overlaps: at 0.1 the lobe of a small region grows into the plain around."""
 NEAREST = 0.1
-"""Least lag in units: 1/26 of a face's width, less than the smallest tiles that were seen."""
+"""Least lag in units, 1/26 of a face's width: nearer than that it is the grain of a stroke."""
 LEAST_CONTRAST = 2.0 / 255.0
 """Standard deviation added to both sides of a correlation: fainter patterns are not seen."""
 LEAST_PEAK = 0.1
