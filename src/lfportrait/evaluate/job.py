@@ -98,9 +98,9 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
         ``consistency``, ``contours``, ``identity`` (if the face detector is at hand), ``content``
         (feature distance of stylised and real views; LPIPS, too, if its networks are at hand),
         ``style`` (if an exemplar is given), ``repeats`` (`region_repeats` at the ends and the
-        middle of the arc and from behind; needs an exemplar and labels), ``sharpness`` (of the
-        views at the ends and in the middle, and their ``mean``; needs ``wanted``). What could not
-        be measured is None.
+        middle of the arc, in profile and from behind; needs an exemplar and labels), ``sharpness``
+        (of the views at the ends and in the middle, and their ``mean``; needs ``wanted``). What
+        could not be measured is None.
     """
     def say(text: str) -> None:
         if progress is not None:
@@ -131,7 +131,8 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
     if exemplar is not None and labels is not None:
         say("repeats")
         figures["repeats"] = region_repeats(styled, exemplar, labels, size=close,
-                                            degrees=(*ends_and_middle, 180.0), landmarks=landmarks)
+                                            degrees=(*ends_and_middle, 90.0, 180.0),
+                                            landmarks=landmarks)
     if wanted is not None:
         say("sharpness")
         figures["sharpness"] = _sharpness(styled, wanted, ends_and_middle, close)

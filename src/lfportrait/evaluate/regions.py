@@ -27,8 +27,8 @@ __all__ = ["RowLabels", "exemplar_regions", "region_repeats"]
 
 Masks = dict[str, NDArray[np.bool_]]
 
-DEGREES = (-20.0, 0.0, 20.0, 180.0)
-"""Yaws of the views: ends and middle of a display's arc, and from behind."""
+DEGREES = (-20.0, 0.0, 20.0, 90.0, 180.0)
+"""Yaws of the views: ends and middle of a display's arc, a profile, and from behind."""
 LEAST_AREA = 1.0
 """Square units; in smaller regions chance alone makes high peaks."""
 MARGIN = 0.05
@@ -84,7 +84,8 @@ class RowLabels:
         Returns
         -------
         masks
-            For each view a bool [H, W] by region: opaque pixels that lie in it by more than half.
+            For each view a bool [H, W] by region: pixels of the head (opacity over 0.5) that lie in
+            it by more than half.
         """
         if len(self.weights) != len(field.density):
             raise ValueError(f"labels of {len(self.weights)} rows are not those of a field of "
@@ -99,7 +100,7 @@ class RowLabels:
             shown = field.with_sh((colours - 0.5) / _C0)
             for view, masks in enumerate(out):
                 shot = shown.render(cameras, view, background=0.0)
-                opaque = shot.alpha > 0.9
+                opaque = shot.alpha > 0.5
                 for channel, name in enumerate(three):
                     inside = opaque & (shot.color[..., channel] > 0.5 * shot.alpha)
                     masks[name] = _eroded(inside, margin)

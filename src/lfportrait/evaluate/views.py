@@ -51,7 +51,8 @@ def arc_cameras(field: VoxelField, degrees: Sequence[float] | NDArray[np.floatin
 
 
 def head_cameras(landmarks: NDArray[np.floating], degrees: Sequence[float] | NDArray[np.floating],
-                 size: int, distance: float = 4.4) -> Camera:
+                 size: int, distance: float = 4.4, *, room: float = 1.0,
+                 back: float = 0.13) -> Camera:
     """Cameras whose pictures the head fills, so that strokes are as large as in an exemplar.
 
     Parameters
@@ -64,12 +65,17 @@ def head_cameras(landmarks: NDArray[np.floating], degrees: Sequence[float] | NDA
         Width and height of the pictures in pixels.
     distance
         Of the cameras from the middle of the head, in the field's units.
+    room
+        Height of what is seen, over 2.3 times the distance of brows and chin.
+    back
+        How far the middle lies behind the landmarks' mean, in the same heights: 0.13 for views
+        from the front, a quarter where profiles shall not lose the back of the head.
     """
     brows, chin = float(np.nanmean(landmarks[17:27, 1])), float(np.nanmin(landmarks[:, 1]))
     high = 2.3 * (brows - chin)
-    middle = np.nanmean(landmarks, axis=0) + high * np.array([0.0, 0.1, -0.13])
+    middle = np.nanmean(landmarks, axis=0) + high * np.array([0.0, 0.1, -back])
     return Camera.arc(np.asarray(degrees, np.float64), distance=distance, width=size, height=size,
-                      focal=size * distance / high, target=middle)
+                      focal=size * distance / (room * high), target=middle)
 
 
 def face_unit(field: VoxelField, size: int,
