@@ -23,7 +23,7 @@ What counts as a peak:
 
 Chance: n samples of independent strokes of effective area a (the sum of the squared correlations
 over the lobe; Bartlett 1946) correlate with a standard deviation of sqrt(a / n), and the highest of
-N such values is about sqrt(2 ln N) of these. That is 0.1 to 0.3 in regions of a few square units
+N such values is about sqrt(2 ln N) of these. That is 0.2 to 0.4 in regions of a few square units
 under strokes as broad as hair, and is reported beside the peak.
 
 It finds copies that are moved as a whole. Pieces that are turned, foreshortened or laid at
