@@ -46,6 +46,11 @@ def cell(image: np.ndarray, height: int) -> np.ndarray:
     return np.asarray(Image.fromarray(image).resize((width, height), Image.Resampling.LANCZOS))
 
 
+def total_width(row: list[np.ndarray]) -> int:
+    """Pixels that the cells of a row take side by side."""
+    return sum(picture.shape[1] + GAP for picture in row)
+
+
 def labelled(row: list[np.ndarray], text: str, width: int) -> np.ndarray:
     """Cells side by side under a line of text, ``width`` pixels wide."""
     head = Image.new("RGB", (width, 22), "white")
@@ -91,7 +96,7 @@ def sheet(exemplars: list[Exemplar], photo: np.ndarray, landmarks: np.ndarray, c
     for _, row in rows:
         row[0] = np.pad(row[0], ((0, 0), (0, first - row[0].shape[1]), (0, 0)),
                         constant_values=255)
-    width = max(sum(picture.shape[1] + GAP for picture in row) for _, row in rows)
+    width = max(total_width(row) for _, row in rows)
     return np.concatenate([labelled(row, name, width) for name, row in rows])
 
 

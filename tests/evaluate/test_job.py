@@ -5,10 +5,19 @@ import pytest
 
 from lfportrait import models
 from lfportrait.errors import UserError
-from lfportrait.evaluate import evaluate_field, evaluate_job, job
+from lfportrait.evaluate import (
+    PatchIndex,
+    RowLabels,
+    arc_cameras,
+    evaluate_field,
+    evaluate_job,
+    job,
+    views_fidelity,
+)
 from lfportrait.example import Exemplar
 from lfportrait.field import VoxelField
 from tests.evaluate.test_bench import ball_capture
+from tests.portraits import drawn_face
 from tests.share.test_video import ball
 
 
@@ -81,3 +90,30 @@ def test_a_job_folder_is_measured_whole(tmp_path, no_models):
 def test_what_is_no_job_is_told(tmp_path):
     with pytest.raises(UserError, match="not a finished job: it has no capture"):
         evaluate_job(tmp_path)
+
+
+def test_paint_is_measured_where_its_regions_and_the_painting_are_known(no_models):
+    field = ball()
+    styled = painted(field)
+    options = {"views": 3, "size": 48, "close": 96}
+    assert evaluate_field(field, styled, exemplar(), **options)["repeats"] is None
+    labels = RowLabels(np.full((len(field.density), 1), 255, np.uint8), ("hair",))
+    figures = evaluate_field(field, styled, drawn_face(120, 90), labels=labels,
+                             wanted=lambda cameras, view: styled.render(cameras, view).color,
+                             **options)
+    assert set(figures["repeats"]) == {"hair"}
+    assert set(figures["repeats"]["hair"]["views"]) == {"-20", "0", "20", "90", "180"}
+    assert 0 <= figures["repeats"]["hair"]["ratio"] < 10
+    assert figures["sharpness"] == pytest.approx({"-20": 1, "0": 1, "20": 1, "mean": 1})
+    nothing = np.full((96, 96, 3), np.nan)
+    assert evaluate_field(field, styled, wanted=lambda cameras, view: nothing,
+                          **options)["sharpness"]["mean"] is None
+
+
+def test_views_painted_with_the_exemplar_itself_are_faithful():
+    field = ball()
+    shots = [painted(field).render(arc_cameras(field, [yaw], 48)).color for yaw in (0.0, 45.0)]
+    same = PatchIndex(np.clip(np.concatenate(shots), 0, 1))
+    noise = PatchIndex(np.random.default_rng(0).random((32, 32, 3)))
+    assert views_fidelity(painted(field), same, size=48) < 0.1
+    assert views_fidelity(painted(field), noise, size=48) > 5

@@ -1,7 +1,8 @@
-"""All figures of a finished job: held-out views, consistency, identity, contours, style."""
+"""All figures of a finished job: held-out views, consistency, identity, contours, style, paint."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,42 +13,30 @@ from .. import models
 from ..capture import Camera, Capture
 from ..errors import UserError
 from ..example import Exemplar
-from ..field import Rendering, VoxelField, held_out_quality
+from ..field import VoxelField, held_out_quality
 from ..progress import Progress
-from ..share import sweep_cameras
-from .consistency import consistency
 from .features import LPIPS_NETWORKS, feature_distance, lpips, style_distance
-from .likeness import contour_correlation, identity
+from .likeness import identity
 from .patches import patch_fidelity
+from .regions import RowLabels, region_repeats
+from .sharpness import sharpness
+from .views import Arc, Pictures, arc_cameras
 
-__all__ = ["evaluate_field", "evaluate_job"]
+__all__ = ["evaluate_field", "evaluate_job", "landmarks_kept", "without_nan"]
 
-Pictures = list[NDArray[np.float32]]
+Wanted = Callable[[Camera, int], NDArray[Any]]
+"""Cameras and a view -> what was painted seen in it, [H, W, 3], NaN where unknown."""
 
 
 def _bytes(image: NDArray[np.floating]) -> NDArray[np.uint8]:
     return (np.clip(image, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
-def _known(value: Any) -> Any:
+def without_nan(value: Any) -> Any:
     """Figures with None for what could not be measured: JSON has no NaN."""
     if isinstance(value, dict):
-        return {name: _known(item) for name, item in value.items()}
+        return {name: without_nan(item) for name, item in value.items()}
     return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-def _arc(field: VoxelField, degrees: NDArray[np.float64], size: int) -> Camera:
-    """Cameras at the given yaws, framed like a sweep."""
-    front = sweep_cameras(0.0, 1, size, field)
-    # A sweep's cameras differ in yaw alone: turn the frontal one about the vertical axis.
-    poses = []
-    for yaw in np.radians(degrees):
-        turn = np.eye(4)
-        turn[0, 0] = turn[2, 2] = np.cos(yaw)
-        turn[0, 2], turn[2, 0] = np.sin(yaw), -np.sin(yaw)
-        poses.append(turn @ front.pose[0])
-    return Camera(np.array(poses), front.focal[0], front.center[0], front.width[0],
-                  front.height[0])
 
 
 def _crops(pictures: list[NDArray[np.uint8]], masks: list[NDArray[np.bool_]], size: int,
@@ -71,7 +60,9 @@ def _crops(pictures: list[NDArray[np.uint8]], masks: list[NDArray[np.bool_]], si
 
 def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | None = None, *,
                    cone: float = 40.0, views: int = 21, size: int = 384, crops: int = 48,
-                   seed: int = 0, progress: Progress | None = None) -> dict[str, Any]:
+                   seed: int = 0, labels: RowLabels | None = None,
+                   landmarks: NDArray[np.floating] | None = None, wanted: Wanted | None = None,
+                   close: int = 768, progress: Progress | None = None) -> dict[str, Any]:
     """Measure a stylised field against the real one, and against the exemplar.
 
     Parameters
@@ -90,6 +81,14 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
         Crops of renders and exemplar compared by Inception features.
     seed
         Seed of the samples.
+    labels
+        Regions of the rows, for repeats; by default those that ``styled`` carries, if it does.
+    landmarks
+        [68, 3] in space, for the size of the face in the views for repeats.
+    wanted
+        What was painted, seen in a view, for the sharpness.
+    close
+        Width and height in pixels of the renders for repeats and sharpness.
     progress
         Progress line.
 
@@ -98,52 +97,84 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
     figures
         ``consistency``, ``contours``, ``identity`` (if the face detector is at hand), ``content``
         (feature distance of stylised and real views; LPIPS, too, if its networks are at hand),
-        ``style`` (if an exemplar is given). What could not be measured is None.
+        ``style`` (if an exemplar is given), ``repeats`` (`region_repeats` at the ends and the
+        middle of the arc, in profile and from behind; needs an exemplar and labels), ``sharpness``
+        (of the views at the ends and in the middle, and their ``mean``; needs ``wanted``). What
+        could not be measured is None.
     """
     def say(text: str) -> None:
         if progress is not None:
             progress.update(progress.done, text)
 
-    degrees = np.linspace(-cone / 2, cone / 2, views)
-    cameras = _arc(field, degrees, size)
-    real: list[Rendering] = []
-    painted: Pictures = []
-    for view in range(views):
-        say(f"view {view + 1} of {views}")
-        real.append(field.render(cameras, view))
-        painted.append(np.clip(styled.render(cameras, view).color, 0, 1))
+    arc = Arc.of(field, cone, views, size, say)
+    painted = arc.seen(styled)
     say("consistency")
     figures: dict[str, Any] = {
         "arc": {"cone": cone, "views": views, "size": size},
-        "consistency": consistency(painted, real, cameras)}
+        "consistency": arc.consistency(painted),
+        "contours": {"gradient_correlation": arc.contours(painted)}}
     middle = views // 2
-    inside = real[middle].alpha > 0.5
-    photo = np.clip(real[middle].color, 0, 1)
-    figures["contours"] = {
-        "gradient_correlation": contour_correlation(painted[middle], photo, inside)}
-    figures["content"] = {"feature_distance": feature_distance(painted[middle], photo, inside)}
+    photo = np.clip(arc.real[middle].color, 0, 1)
+    figures["content"] = {
+        "feature_distance": feature_distance(painted[middle], photo, arc.masks[middle])}
     if not models.missing(LPIPS_NETWORKS):
         figures["content"]["lpips"] = lpips(painted[middle], photo)
     if models.available("face-landmarker"):
         say("identity")
-        figures["identity"] = _identity(field, styled, size)
+        figures["identity"] = landmarks_kept(field, styled, size)
     if exemplar is not None:
         say("style")
-        figures["style"] = _style(painted, [r.alpha > 0.5 for r in real], exemplar, crops, seed)
-    measured: dict[str, Any] = _known(figures)
+        figures["style"] = _style(painted, arc.masks, exemplar, crops, seed)
+    labels = labels or RowLabels.of(styled)
+    ends_and_middle = (-cone / 2, 0.0, cone / 2)
+    figures["repeats"] = figures["sharpness"] = None
+    if exemplar is not None and labels is not None:
+        say("repeats")
+        figures["repeats"] = region_repeats(styled, exemplar, labels, size=close,
+                                            degrees=(*ends_and_middle, 90.0, 180.0),
+                                            landmarks=landmarks)
+    if wanted is not None:
+        say("sharpness")
+        figures["sharpness"] = _sharpness(styled, wanted, ends_and_middle, close)
+    measured: dict[str, Any] = without_nan(figures)
     return measured
 
 
-def _identity(field: VoxelField, styled: VoxelField, size: int) -> dict[str, Any]:
-    """Landmarks kept from -45 to +45 degrees, by the registry's detector."""
+def landmarks_kept(field: VoxelField, styled: VoxelField, size: int = 384) -> dict[str, float]:
+    """Landmarks kept from -45 to +45 degrees, by the registry's detector.
+
+    Parameters
+    ----------
+    field, styled
+        The real and the stylised field.
+    size
+        Width and height of the views in pixels.
+
+    Returns
+    -------
+    figures
+        See `lfportrait.evaluate.identity`.
+    """
     from ..face import detect_landmarks
 
     degrees = np.linspace(-45.0, 45.0, 7)
-    cameras = _arc(field, degrees, size)
+    cameras = arc_cameras(field, degrees, size)
     pairs = [tuple(_bytes(one.render(cameras, view).color) for one in (styled, field))
              for view in range(len(degrees))]
     return identity([painted for painted, _ in pairs], [photo for _, photo in pairs],
                     detect_landmarks)
+
+
+def _sharpness(styled: VoxelField, wanted: Wanted, degrees: tuple[float, ...],
+               size: int) -> dict[str, float]:
+    """Sharpness of views against what was painted, by yaw, and the mean of those that have any."""
+    cameras = arc_cameras(styled, degrees, size)
+    figures = {}
+    for view, yaw in enumerate(degrees):
+        shot = styled.render(cameras, view)
+        figures[f"{yaw:g}"] = sharpness(shot.color, wanted(cameras, view), shot.alpha > 0.5)
+    known = [value for value in figures.values() if np.isfinite(value)]
+    return {**figures, "mean": float(np.mean(known)) if known else float("nan")}
 
 
 def _style(painted: Pictures, masks: list[NDArray[np.bool_]], exemplar: Exemplar, crops: int,
@@ -200,8 +231,10 @@ def evaluate_job(job: str | Path, exemplar: Exemplar | None = None, *,
             raise UserError(f"{job} is not a finished job: it has no {name}; run "
                             "`lfportrait make` or `lfportrait demo` first")
     field, styled = VoxelField.load(job / "field.npz"), VoxelField.load(job / "styled.npz")
-    figures = evaluate_field(field, styled, exemplar, progress=progress, **options)
     capture = Capture.load(job / "capture")
+    options = {"labels": RowLabels.read(job / "styled.npz"), "landmarks": capture.landmarks,
+               **options}
+    figures = evaluate_field(field, styled, exemplar, progress=progress, **options)
     if len(capture.testing()):
         figures["test"] = held_out_quality(field, capture)
     return figures

@@ -22,6 +22,7 @@ from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from ..field import Rendering, VoxelField
 from .consistency import pair_error, warp
 from .likeness import Detector
+from .views import head_cameras
 
 __all__ = ["strokes_stick", "strokes_table"]
 
@@ -70,13 +71,8 @@ def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: 
     rows: dict[str, list[tuple[float, float]]] = {way: [] for way in WAYS
                                                   if detect or way != "detected"}
     rows["floor"] = []
-    brows, chin = float(np.nanmean(landmarks[17:27, 1])), float(np.nanmin(landmarks[:, 1]))
-    # The head fills the picture, so that strokes are as large as in the exemplar.
-    high = 2.3 * (brows - chin)
-    middle = np.nanmean(landmarks, axis=0) + high * np.array([0.0, 0.1, -0.13])
     for angle in angles:
-        cameras = Camera.arc(np.array([angle, angle + gap]), distance=distance, width=size,
-                             height=size, focal=size * distance / high, target=middle)
+        cameras = head_cameras(landmarks, (angle, angle + gap), size, distance)
         shots = [field.render(cameras, view) for view in range(2)]
         for way, values in rows.items():
             pictures = [np.clip(shot.color, 0, 1) if way == "floor" else
