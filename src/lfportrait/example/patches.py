@@ -34,15 +34,15 @@ from .kernels.patches import (
     vote_patches,
 )
 
-__all__ = ["SCALE", "PatchConfig", "PatchSource", "PatchTarget", "halved", "occupancy",
-           "synthesise_patches"]
+__all__ = ["SCALE", "PatchConfig", "PatchSource", "PatchTarget", "coarser_owner",
+           "halved", "middles", "occupancy", "settled", "synthesise_patches"]
 
 Float32 = NDArray[np.float32]
 Int32 = NDArray[np.int32]
 UInt8 = NDArray[np.uint8]
 
 SCALE = 4.0
-"""Colours and guides are whole numbers of 1 / SCALE grey levels, times the root of a weight."""
+"""Colours and guides are in 1 / SCALE grey levels, times the root of a weight."""
 
 
 @dataclass(frozen=True)
@@ -58,14 +58,14 @@ class PatchConfig:
     """Levels of the pyramid, 1 to 8."""
     votes: int = 4
     """Alternations of search and voting on each level, 1 to 10."""
+    last_votes: int = 0
+    """The same on the finest level; 0 = as many."""
     passes: int = 2
     """Passes of the search in each alternation, 1 to 6."""
     reach: int = 16
     """Widest random step of the search on the finest level, in pixels."""
     polish: bool = True
     """Finish with patches of 3 x 3 pixels, which blur less."""
-    finest: int = 0
-    """Level at which to stop, 0 = full size."""
 
 
 @dataclass
@@ -175,26 +175,31 @@ def occupancy(places: Int32, source: tuple[int, int], state: UInt8 | None = None
     return uses
 
 
-def _middles(level: int, shape: tuple[int, int], full: tuple[int, int]) -> tuple[Any, Any]:
+def middles(level: int, shape: tuple[int, int], full: tuple[int, int]) -> tuple[Any, Any]:
     """Rows and columns, for `np.ix_`, of the middles of a level's pixels in the full picture."""
     step = 2 ** level
     return np.ix_(np.minimum(np.arange(shape[0]) * step + step // 2, full[0] - 1),
                   np.minimum(np.arange(shape[1]) * step + step // 2, full[1] - 1))
 
 
-def _coarser_owner(owner: Int32, level: int, shape: tuple[int, int]) -> Int32:
+def settled(owner: Int32, rounds: int = 3) -> Int32:
+    """Owners [H, W] that own themselves: chains are followed, and those without an end cut."""
+    flat = owner.reshape(-1)
+    for _ in range(rounds):
+        flat = np.where(flat >= 0, flat[flat], flat)
+    loose = (flat >= 0) & (flat[flat] != flat)
+    return np.where(loose, np.arange(flat.size, dtype=np.int32), flat).reshape(owner.shape)
+
+
+def coarser_owner(owner: Int32, level: int, shape: tuple[int, int]) -> Int32:
     """Owners on a coarser level; whoever is owned by one that is not its own owner keeps itself."""
     if level == 0:
         return owner
     width = owner.shape[1]
-    middle = owner[_middles(level, shape, (owner.shape[0], width))]
+    middle = owner[middles(level, shape, (owner.shape[0], width))]
     coarse = np.where(middle >= 0, ((middle // width) >> level) * shape[1]
-                      + ((middle % width) >> level), -1).astype(np.int32).reshape(-1)
-    index = np.arange(coarse.size, dtype=np.int32)
-    for _ in range(2):
-        coarse = np.where(coarse >= 0, coarse[coarse], coarse)
-    settled = (coarse >= 0) & (coarse[coarse] == coarse)
-    return np.where((coarse >= 0) & ~settled, index, coarse).reshape(shape)
+                      + ((middle % width) >> level), -1).astype(np.int32)
+    return settled(coarse, 2)
 
 
 def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchConfig,
@@ -213,13 +218,17 @@ def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchCo
         guides.append(halved(guides[-1]))
     places: Int32 | None = None
     colors = np.zeros((1, 1, 3), np.float32)
-    for level in range(len(guides) - 1, min(config.finest, len(guides) - 1) - 1, -1):
+    for level in range(len(guides) - 1, -1, -1):
         engine = _Level(target, source, guides[level], level, config)
         places = engine.first_places(places)
-        radii = [MARGIN] * config.votes + [1] * (config.polish and level == config.finest)
+        votes = config.last_votes if level == 0 and config.last_votes else config.votes
+        radii = [MARGIN] * votes + [1] * (config.polish and level == 0)
+        # The coarsest level is small, and what it finds is what all others build on.
+        widest = (max(engine.size) if 0 < level == len(guides) - 1
+                  else max(2, config.reach >> max(0, level - 1)))
         for turn, radius in enumerate(radii):
             colors = engine.improve(places, radius, seed * 1000003 + 1000 * level + 10 * turn,
-                                    max(2, config.reach >> max(0, level - 1)))
+                                    widest)
     assert places is not None
     return colors, places
 
@@ -237,17 +246,17 @@ class _Level:
         self.patches = _interleaved(self.picture * self.root, source.guides[level])
         padded = np.pad(planes, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
         self.target = _interleaved(np.zeros((*padded.shape[:2], 3), np.float32), padded)
-        middles = _middles(level, self.shape, target.shape)
+        places = middles(level, self.shape, target.shape)
         self.state = (np.full(self.shape, ACTIVE, np.uint8) if target.state is None
-                      else np.ascontiguousarray(target.state[middles]))
+                      else np.ascontiguousarray(target.state[places]))
         self.owner = (None if target.owner is None
-                      else _coarser_owner(target.owner, level, self.shape))
+                      else coarser_owner(target.owner, level, self.shape))
         self.trust = (np.ones(self.shape, np.float32) if target.trust is None
-                      else np.ascontiguousarray(target.trust[middles]))
-        self._want(target, middles)
+                      else np.ascontiguousarray(target.trust[places]))
+        self._want(target, places)
         self.even = self._even(target)
-        self.start = self._flat(target.start[middles])
-        self.guided = self._flat(target.guided[middles])
+        self.start = self._flat(target.start[places])
+        self.guided = self._flat(target.guided[places])
         self.fixed: Float32 | None = None
         if target.colors is not None:
             self.fixed = target.colors
@@ -255,15 +264,15 @@ class _Level:
                 self.fixed = halved(self.fixed)
         self.voted: Float32 | None = None
 
-    def _want(self, target: PatchTarget, middles: tuple[Any, Any]) -> None:
+    def _want(self, target: PatchTarget, places: tuple[Any, Any]) -> None:
         """Wanted places, their weights and the limit on this level."""
         step = 2 ** self.level
         if target.wanted is None or target.weight is None:
             self.wanted = np.zeros((*self.shape, 2), np.float32)
             self.weight = np.zeros(self.shape, np.float32)
         else:
-            self.wanted = np.ascontiguousarray(target.wanted[middles] / np.float32(step))
-            self.weight = target.weight[middles] * np.float32(SCALE ** 2 * step ** 2)
+            self.wanted = np.ascontiguousarray(target.wanted[places] / np.float32(step))
+            self.weight = target.weight[places] * np.float32(SCALE ** 2 * step ** 2)
         self.limit = np.float32(target.limit / step ** 2)
 
     def _even(self, target: PatchTarget) -> Float32:
@@ -303,15 +312,16 @@ class _Level:
         self._show(self.voted)
         area = np.float32((2 * radius + 1) ** 2)
         want = (self.trust, self.wanted, self.weight * area, self.limit)
-        patch_errors(radius)(self.target, self.patches, self.state, *want, places, error)
+        patch_errors(radius)(self.target, self.patches, self.size[1], self.state, *want, places,
+                             error)
         # The uniformity is meant for a patch of 5 x 5 pixels and for even use of the exemplar.
         part = area / (2 * MARGIN + 1) ** 2
         penalty = np.asarray(config.uniformity * SCALE ** 2 * part / self.even, np.float32)
         for step in range(config.passes):
             uses = occupancy(places, self.size, self.state)
-            search_pass(radius)(self.target, self.patches, self.state, *want, uses, penalty,
-                                self.guided, places.copy(), places, error, reach, step % 2 == 0,
-                                (seed + step) & 0xFFFFFFFF)
+            search_pass(radius)(self.target, self.patches, self.size[1], self.state, *want, uses,
+                                penalty, self.guided, places.copy(), places, error, reach,
+                                step % 2 == 0, (seed + step) & 0xFFFFFFFF)
             self._agree(places[..., None])
         self._vote(places, error, radius)
         return self.voted
@@ -329,14 +339,16 @@ class _Level:
 
     def _show(self, colours: Float32) -> None:
         """Write the voted colours into the target picture."""
-        padded = np.pad(colours * self.root, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)),
-                        mode="edge")
-        self.target.reshape(*padded.shape[:2], CHANNELS)[..., :3] = np.rint(padded)
+        padded = np.pad(colours, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
+        padded *= self.root
+        self.target[:-16].view(np.float16).reshape(*padded.shape[:2], CHANNELS)[..., :3] = padded
 
 
-def _interleaved(colours: Float32, planes: Float32) -> NDArray[np.int16]:
-    """Colours and guides as int16 [H, W CHANNELS]; channels that are not used are 0."""
-    out = np.zeros((*colours.shape[:2], CHANNELS), np.int16)
-    out[..., :3] = np.rint(colours)
-    out[..., 3:3 + planes.shape[2]] = np.rint(planes)
-    return out.reshape(len(out), -1)
+def _interleaved(colours: Float32, planes: Float32) -> NDArray[np.uint16]:
+    """Colours and guides as flat float16 bits; channels that are not used are 0."""
+    height, width = colours.shape[:2]
+    out = np.zeros(height * width * CHANNELS + 16, np.float16)
+    values = out[:-16].reshape(height, width, CHANNELS)
+    values[..., :3] = colours
+    values[..., 3:3 + planes.shape[2]] = planes
+    return out.view(np.uint16)

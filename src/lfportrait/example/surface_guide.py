@@ -16,6 +16,8 @@ all around the head.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
@@ -26,7 +28,7 @@ from .exemplar import Exemplar, face_size
 from .guides.position import fold_inside, mls_similarity
 from .guides.regions import Regions, find_regions
 
-__all__ = ["SurfaceGuide", "surface_position_guide"]
+__all__ = ["HeadPlane", "SurfaceGuide", "surface_position_guide"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -42,6 +44,57 @@ def squeeze(angle: NDArray[np.floating]) -> Float64:
     beyond = np.maximum(np.asarray(angle, np.float64) - CHEEK, 0.0)
     room = LIMIT - CHEEK
     return np.where(beyond > 0, CHEEK + room * (1 - np.exp(-beyond / room)), angle)
+
+
+class HeadPlane:
+    """The unwrapping of one head: of its landmarks alone, whatever the exemplar.
+
+    Parameters
+    ----------
+    landmarks3d
+        float64 [68, 3] in the portrait frame (+y up, +z out of the face); NaN rows are unknown.
+
+    Attributes
+    ----------
+    origin
+        float64 [3], on the head's vertical axis at the height of the brows.
+    radius, height
+        Of the cylinder, and from the brows down to the chin, world units.
+
+    Raises
+    ------
+    UserError
+        If fewer than 20 landmarks are known.
+    """
+
+    def __init__(self, landmarks3d: NDArray[np.floating]) -> None:
+        points = np.asarray(landmarks3d, np.float64)
+        self.known = np.isfinite(points).all(axis=1)
+        if self.known.sum() < 20:
+            raise UserError(f"only {int(self.known.sum())} of 68 landmarks are known in space; add "
+                            "frontal photos or a landmark file")
+        self.landmarks = points
+        self.origin = _head_origin(points)
+        local = points[self.known] - self.origin
+        self.radius = float(np.median(np.hypot(local[:, 0], local[:, 2])))
+        self.height = float(np.nanmean(points[17:27, 1]) - np.nanmin(points[:, 1]))
+
+    def unwrap(self, points: NDArray[np.floating], squeezed: bool = False) -> Float64:
+        """Unwrapped coordinates [..., 2] of points [..., 3]: x right, y down, world units."""
+        angle, side, y = self._angles(points)
+        if squeezed:
+            angle = squeeze(angle)
+        reach = self.radius * angle
+        return np.stack([reach * np.sin(side), np.where(y > 0, -reach * np.cos(side), -y)], axis=-1)
+
+    def _angles(self, points: NDArray[np.floating]) -> tuple[Float64, Float64, Float64]:
+        """Angle from forward, direction (0 up, clockwise; +-90 degrees below the brows), height."""
+        x, y, z = np.moveaxis(np.asarray(points, np.float64) - self.origin, -1, 0)
+        # The axis leans back below the chin, or the chest would lie behind it.
+        z = z + 1.5 * np.maximum(-y - 0.8 * self.height, 0.0)
+        above = np.maximum(y, 0.0)
+        across = np.hypot(x, above)
+        return np.arctan2(across, z), np.arctan2(x, above), y
 
 
 class SurfaceGuide:
@@ -64,19 +117,13 @@ class SurfaceGuide:
 
     def __init__(self, landmarks3d: NDArray[np.floating], exemplar: Exemplar,
                  regions: Regions | None = None) -> None:
-        points = np.asarray(landmarks3d, np.float64)
-        known = np.isfinite(points).all(axis=1)
-        if known.sum() < 20:
-            raise UserError(f"only {int(known.sum())} of 68 landmarks are known in space; add "
-                            "frontal photos or a landmark file")
+        self.plane = HeadPlane(landmarks3d)
+        points, known = self.plane.landmarks, self.plane.known
         self.exemplar = exemplar
         if regions is None:
             regions = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask)
         self.regions = regions
-        self.origin = _head_origin(points)
-        local = points[known] - self.origin
-        self.radius = float(np.median(np.hypot(local[:, 0], local[:, 2])))
-        self.height = float(np.nanmean(points[17:27, 1]) - np.nanmin(points[:, 1]))
+        self.radius, self.height = self.plane.radius, self.plane.height
         flat = self.unwrap(points[known])
         style = exemplar.landmarks[known]
         self.scale = face_size(style) / face_size(flat)
@@ -87,25 +134,10 @@ class SurfaceGuide:
         self.targets = np.concatenate([style, style_extra])
         self.softness = np.full(len(self.sources), 0.12 * self.radius)
         self.softness[:len(style)] = 0.0
-        self.nearest = self._nearest_person()
-        self.patchwork = Patchwork(exemplar, self.regions)
 
     def unwrap(self, points: NDArray[np.floating], squeezed: bool = False) -> Float64:
-        """Unwrapped coordinates [..., 2] of points [..., 3]: x right, y down, world units."""
-        angle, side, y = self._angles(points)
-        if squeezed:
-            angle = squeeze(angle)
-        reach = self.radius * angle
-        return np.stack([reach * np.sin(side), np.where(y > 0, -reach * np.cos(side), -y)], axis=-1)
-
-    def _angles(self, points: NDArray[np.floating]) -> tuple[Float64, Float64, Float64]:
-        """Angle from forward, direction (0 up, clockwise; +-90 degrees below the brows), height."""
-        x, y, z = np.moveaxis(np.asarray(points, np.float64) - self.origin, -1, 0)
-        # The axis leans back below the chin, or the chest would lie behind it.
-        z = z + 1.5 * np.maximum(-y - 0.8 * self.height, 0.0)
-        above = np.maximum(y, 0.0)
-        across = np.hypot(x, above)
-        return np.arctan2(across, z), np.arctan2(x, above), y
+        """Unwrapped coordinates; see `HeadPlane.unwrap`."""
+        return self.plane.unwrap(points, squeezed)
 
     def _squeezed(self, flat: Float64) -> Float64:
         """Unwrapped coordinates [N, 2] with their angles squeezed."""
@@ -162,7 +194,13 @@ class SurfaceGuide:
         known = np.isfinite(target).all(axis=1) & np.isfinite(source).all(axis=1)
         return source[known], target[known]
 
-    def _nearest_person(self) -> Float32:
+    @functools.cached_property
+    def patchwork(self) -> Patchwork:
+        """Pieces for what lies behind the cheeks."""
+        return Patchwork(self.exemplar, self.regions)
+
+    @functools.cached_property
+    def nearest(self) -> Float32:
         """For every exemplar pixel the nearest one well inside the person, [h, w, 2] (x, y).
 
         Below the chin of an exemplar that shows no body, a pixel stays where it is.
@@ -221,6 +259,29 @@ class SurfaceGuide:
             position[inside] = self._onto_person(self._pieced(self._guided(flat), plane))
         anchor[inside] = plane
         return position, anchor
+
+    def nodes(self, low: Float64, high: Float64, spacing: float) -> Float32:
+        """The map on a regular grid of the unwrapped plane, without the pieces behind the cheeks.
+
+        Parameters
+        ----------
+        low, high
+            float64 [2], corners of the plane's part, world units.
+        spacing
+            Of the nodes, from ``low`` on.
+
+        Returns
+        -------
+        float32 [h, w, 3]: exemplar coordinates (x, y), and how much slower they change than the
+        plane, at least 0.1 and at most 1.
+        """
+        columns, rows = (int(n) for n in np.ceil((high - low) / spacing).astype(int) + 2)
+        x, y = np.meshgrid(low[0] + spacing * np.arange(columns), low[1] + spacing * np.arange(rows))
+        flat = np.stack([x.ravel(), y.ravel()], axis=-1)
+        position = self._onto_person(self._guided(flat)).reshape(rows, columns, 2)
+        steps = [np.linalg.norm(np.gradient(position, axis=axis), axis=-1) for axis in (0, 1)]
+        ratio = np.clip(np.minimum(*steps) / (self.scale * spacing), 0.1, 1.0)
+        return np.concatenate([position, ratio[..., None]], axis=-1).astype(np.float32)
 
     def _guided(self, flat: Float64) -> Float32:
         """Exemplar coordinates [N, 2] of unwrapped ones."""

@@ -119,10 +119,10 @@ class Transfer:
         self.table = cached_table(self.appearance, self.config.table, self.unit,
                                   Path(cache) if cache is not None else None)
         self.table_seconds = time.perf_counter() - start
-        self._distribution = Distribution.of(self.appearance, self.regions.person)
+        self.distribution = Distribution.of(self.appearance, self.regions.person)
         # In a capture a chunk must not depend on which pixel of a hatching a view happens to hit.
         self._steady = gaussian_blur(self.appearance, 0.2 * self.config.blur * exemplar.size)
-        self._face = soft_face(exemplar.image.shape, exemplar.landmarks)
+        self.face = soft_face(exemplar.image.shape, exemplar.landmarks)
         self._like = missing_labels(self.labels)
         self._bald = without_hair(self.labels)
         self._flat = FlatGuide(exemplar, self.regions, self.labels)
@@ -190,7 +190,7 @@ class Transfer:
             scale = anchor_scale(anchor)
         appearance = self._appearance(photo, scale, person)
         guides = Guides(position, appearance, labels, anchor)
-        weights = self._weights(person, labels, position, scale)
+        weights = self.weights(person, labels, position, scale)
         blit, label_weight = config.blit, config.label_weight
         if seeds is None:
             blit = replace(blit, gain=config.steadiness * blit.gain)
@@ -253,9 +253,9 @@ class Transfer:
         sigma = self.config.blur * self.exemplar.size / scale
         # Grain of the photo has no counterpart in paint: smooth what is finer than a stroke.
         appearance = appearance_guide(photo, max(sigma, 0.7), 0.2 * sigma)
-        return match_histogram(appearance, self._distribution, person)
+        return match_histogram(appearance, self.distribution, person)
 
-    def _weights(self, person: Float32, labels: NDArray[np.uint8], position: Float32,
+    def weights(self, person: Float32, labels: NDArray[np.uint8], position: Float32,
                  scale: float) -> Float32:
         """Weights of a pixel of displacement and of an appearance of 1, per target pixel."""
         config = self.config
@@ -282,7 +282,7 @@ class Transfer:
         rows, columns = (-(-n // factor) for n in position.shape[:2])
         middles = np.pad(middles, ((0, rows - middles.shape[0]), (0, columns - middles.shape[1]),
                                    (0, 0)), mode="edge")
-        found = sample_labels(self._face[..., None], middles)[..., 0]
+        found = sample_labels(self.face[..., None], middles)[..., 0]
         return found.astype(np.float32) * np.float32(1 / 255)
 
     @property

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-__all__ = ["exchange", "fill_colors", "find_owners", "locate", "look_up_colors", "smooth_normals",
-           "sum_normals", "surface_normals"]
+__all__ = ["best_facing", "exchange", "find_owners", "fringe", "lift_points", "locate", "look_up_colors", "sample_nodes", "smooth_normals",
+           "spread", "sum_normals", "surface_normals"]
 
 _NOWHERE = -1
 
@@ -155,15 +155,15 @@ def _find(x, y, z, normal, cameras, bias, boxes, depths, before, behind, out):
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def find_owners(points, smooth, own, cameras, bias, boxes, depths, tolerance, owner):
+def find_owners(points, grid, low, cell, own, cameras, bias, boxes, depths, tolerance, owner):
     """Pixel of the atlas that owns each pixel's surface point, int32 [H, W]; -1 without a point.
 
     Parameters
     ----------
     points
         float32 [H, W, 3] of the atlas.
-    smooth
-        float32 [H, W, 3], normals of the large shape.
+    grid, low, cell
+        Normals of the large shape, see `_between`.
     own
         int8 [H, W], the chart that a pixel lies in.
     cameras, bias, boxes, depths
@@ -176,14 +176,15 @@ def find_owners(points, smooth, own, cameras, bias, boxes, depths, tolerance, ow
     height, width = own.shape
     for line in prange(height):
         row = np.int64(line)
-        place = np.empty(2, np.float64)
+        place, normal = np.empty(2, np.float64), np.empty(3, np.float64)
         for column in range(width):
             owner[row, column] = _NOWHERE
-            if not np.isfinite(points[row, column, 0]):
+            x, y, z = points[row, column, 0], points[row, column, 1], points[row, column, 2]
+            if not np.isfinite(x):
                 continue
-            chart, _ = _find(points[row, column, 0], points[row, column, 1],
-                             points[row, column, 2], smooth[row, column], cameras, bias, boxes,
-                             depths, tolerance, tolerance, place)
+            _between(grid, low, cell, x, y, z, normal)
+            chart, _ = _find(x, y, z, normal, cameras, bias, boxes, depths, tolerance, tolerance,
+                             place)
             if chart < 0 or chart == own[row, column]:
                 owner[row, column] = row * width + column
             else:
@@ -191,7 +192,7 @@ def find_owners(points, smooth, own, cameras, bias, boxes, depths, tolerance, ow
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def locate(points, smooth, cameras, bias, boxes, depths, before, behind, places, depth):
+def locate(points, grid, low, cell, cameras, bias, boxes, depths, before, behind, places, depth):
     """Places of points [N, 3] in the atlas, float32 [N, 2]; NaN where no chart shows them.
 
     A point up to ``before`` in front of a chart's surface and up to ``behind`` under it belongs to
@@ -199,18 +200,18 @@ def locate(points, smooth, cameras, bias, boxes, depths, before, behind, places,
     ``depth`` float32 [N] is filled with how far under the surface a point lies.
     """
     for n in prange(len(points)):
-        place = np.empty(2, np.float64)
+        place, normal = np.empty(2, np.float64), np.empty(3, np.float64)
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        _between(grid, low, cell, x, y, z, normal)
         places[n, 0] = places[n, 1] = np.nan
         depth[n] = np.nan
-        chart, away = _find(x, y, z, smooth[n], cameras, bias, boxes, depths, before, behind,
-                            place)
+        chart, away = _find(x, y, z, normal, cameras, bias, boxes, depths, before, behind, place)
         if chart < 0:
             continue
         # Along the normal it is nearer to the surface than along the chart's axis.
-        facing = max(_towards(cameras[chart], x, y, z, smooth[n]), 0.0)
+        facing = max(_towards(cameras[chart], x, y, z, normal), 0.0)
         lift = away * facing
-        x, y, z = x + lift * smooth[n, 0], y + lift * smooth[n, 1], z + lift * smooth[n, 2]
+        x, y, z = x + lift * normal[0], y + lift * normal[1], z + lift * normal[2]
         u, v, _ = _project(cameras[chart], x, y, z)
         i, j = int(np.floor(u)), int(np.floor(v))
         if (boxes[chart, 0] <= i < boxes[chart, 2] and boxes[chart, 1] <= j < boxes[chart, 3]
@@ -218,6 +219,69 @@ def locate(points, smooth, cameras, bias, boxes, depths, before, behind, places,
             place[0], place[1] = u + boxes[chart, 4], v + boxes[chart, 5]
         places[n, 0], places[n, 1] = place[0], place[1]
         depth[n] = lift
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def lift_points(depth, camera, out):
+    """World points at depths [H, W] along a camera's axis, into out float32 [H, W, 3].
+
+    NaN where the depth is infinite.
+    """
+    height, width = depth.shape
+    for line in prange(height):
+        row = np.int64(line)
+        for column in range(width):
+            far = depth[row, column]
+            if not np.isfinite(far):
+                for axis in range(3):
+                    out[row, column, axis] = np.nan
+                continue
+            x = (column + 0.5 - camera[14]) / camera[12] * far
+            y = (row + 0.5 - camera[15]) / camera[13] * far
+            for axis in range(3):
+                k = 4 * axis
+                out[row, column, axis] = (camera[k] * x + camera[k + 1] * y + camera[k + 2] * far
+                                          + camera[k + 3])
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def best_facing(points, normals, positions, out):
+    """Largest cosine between normals [N, 3] at points [N, 3] and directions to positions [P, 3]."""
+    for n in prange(len(points)):
+        best = -1.0
+        for p in range(len(positions)):
+            dx = positions[p, 0] - points[n, 0]
+            dy = positions[p, 1] - points[n, 1]
+            dz = positions[p, 2] - points[n, 2]
+            dot = dx * normals[n, 0] + dy * normals[n, 1] + dz * normals[n, 2]
+            best = max(best, dot / np.sqrt(dx * dx + dy * dy + dz * dz))
+        out[n] = best
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def fringe(owner, margin, out):
+    """Owners for pixels that have none, within ``margin``: of the nearest in the row, else column.
+
+    ``out`` int32 [H, W] comes as a copy of ``owner``.
+    """
+    height, width = owner.shape
+    for line in prange(height):
+        y = np.int64(line)
+        for x in range(width):
+            if owner[y, x] >= 0:
+                continue
+            for away in range(1, margin + 1):
+                if x >= away and owner[y, x - away] >= 0:
+                    out[y, x] = owner[y, x - away]
+                elif x + away < width and owner[y, x + away] >= 0:
+                    out[y, x] = owner[y, x + away]
+                elif y >= away and owner[y - away, x] >= 0:
+                    out[y, x] = owner[y - away, x]
+                elif y + away < height and owner[y + away, x] >= 0:
+                    out[y, x] = owner[y + away, x]
+                else:
+                    continue
+                break
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -257,14 +321,35 @@ def look_up_colors(colors, places, out):
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def fill_colors(owner, colors, out):
-    """Write colors [H, W, 3] with those of their owners into out; 0 where there is none."""
-    height, width = owner.shape
+def spread(values, slots, out):
+    """Rows of values [N, C] at the pixels whose slots [H, W] name them, into out [H, W, C].
+
+    Pixels without a slot (-1) are left as they are.
+    """
+    height, width = slots.shape
     for line in prange(height):
         row = np.int64(line)
         for column in range(width):
-            place = owner[row, column]
-            for channel in range(3):
-                out[row, column, channel] = (
-                    colors[place // width, place % width, channel] if place >= 0
-                    else np.float32(0))
+            slot = slots[row, column]
+            if slot >= 0:
+                for channel in range(values.shape[1]):
+                    out[row, column, channel] = values[slot, channel]
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def sample_nodes(nodes, low, spacing, places, out):
+    """Bilinear values of nodes [h, w, C] at places [N, 2], into out [N, C].
+
+    Node (0, 0) lies at ``low``, the others ``spacing`` apart; beyond them the border's values hold.
+    """
+    height, width, channels = nodes.shape
+    for n in prange(len(places)):
+        x = min(max((places[n, 0] - low[0]) / spacing, 0.0), width - 1.0)
+        y = min(max((places[n, 1] - low[1]) / spacing, 0.0), height - 1.0)
+        i, j = min(int(x), width - 2), min(int(y), height - 2)
+        fx, fy = np.float32(x - i), np.float32(y - j)
+        for channel in range(channels):
+            top = nodes[j, i, channel] + fx * (nodes[j, i + 1, channel] - nodes[j, i, channel])
+            below = nodes[j + 1, i, channel] + fx * (nodes[j + 1, i + 1, channel]
+                                                     - nodes[j + 1, i, channel])
+            out[n, channel] = top + fy * (below - top)

@@ -6,7 +6,7 @@ index (`PatchSynthesis`). A pixel's state says what is done with it: `OUTSIDE` i
 Besides the patches' agreement, a pixel may want to come from near a place: that costs the squared
 distance times the pixel's weight, up to a limit.
 
-Pictures are int16 with `CHANNELS` channels a pixel, colours and guides scaled
+Pictures are float16 with `CHANNELS` channels a pixel, colours and guides scaled
 by the roots of their weights, so that the error of two patches is a plain sum of squares.
 
 The picture is cut into bands of `BAND` rows. A band is searched in scan order, each pixel trying
@@ -25,6 +25,7 @@ import numba
 import numpy as np
 
 from ...lanes.cache_keys import identified
+from ...lanes.vectors import LANES
 
 __all__ = ["ACTIVE", "BAND", "CELL", "CHANNELS", "FIXED", "FOREIGN", "MARGIN", "OUTSIDE",
            "count_uses", "patch_errors", "search_pass", "vote_patches"]
@@ -38,45 +39,60 @@ BAND = 32
 CELL = 4
 """Uses of exemplar pixels are counted in cells of this side."""
 
-_SHARED = {"reassoc", "contract", "nsz"}
+_floats, _load, _load_half, _total = LANES.floats, LANES.load, LANES.load_half, LANES.total
 
 
 @functools.cache
 def _distance(radius: int) -> Any:
     """Sum of squared differences of two patches of one radius, given up beyond a limit.
 
-    ``scales`` float32 [(2 radius + 1) CHANNELS] weighs the channels of a row (`_scales`).
+    ``target`` and ``source`` are flat, ``first`` and ``other`` the patches' first values,
+    ``pitch`` and ``other_pitch`` the values in a row. ``scales`` float32 [48] weighs the channels
+    of a row (`_scales`), 0 beyond its end.
     """
-    count = (2 * radius + 1) * CHANNELS
+    side = 2 * radius + 1
+    parts = (side * CHANNELS + 15) // 16
+    # Whether it is worth going on is asked once, after so many rows.
+    half = radius + 1
 
     @identified("patch distance", radius)
-    @numba.njit(fastmath=_SHARED, inline="never")
-    def distance(target, y, x, source, v, u, scales, limit):
-        total = np.float32(0)
-        first = (x + MARGIN - radius) * CHANNELS
-        other = (u - radius) * CHANNELS
-        for j in range(-radius, radius + 1):
-            one = target[np.uintp(y + MARGIN + j)]
-            two = source[np.uintp(v + j)]
-            part = np.float32(0)
-            for k in range(count):
-                step = (np.float32(one[np.uintp(first + k)])
-                        - np.float32(two[np.uintp(other + k)]))
-                part += step * step * scales[np.uintp(k)]
-            total += part
-            if total >= limit:
-                break
+    @numba.njit(inline="always")
+    def distance(target, first, pitch, source, other, other_pitch, scales, limit):
+        line = _floats(np.float32(0))
+        for row in range(half):
+            a, b = first + np.uintp(row) * pitch, other + np.uintp(row) * other_pitch
+            for part in range(parts):
+                step = (_load_half(target, a + np.uintp(16 * part))
+                        - _load_half(source, b + np.uintp(16 * part)))
+                line += step * step * _load(scales, np.uintp(16 * part))
+        total = _total(line)
+        if total < limit:
+            for row in range(half, side):
+                a, b = first + np.uintp(row) * pitch, other + np.uintp(row) * other_pitch
+                for part in range(parts):
+                    step = (_load_half(target, a + np.uintp(16 * part))
+                            - _load_half(source, b + np.uintp(16 * part)))
+                    line += step * step * _load(scales, np.uintp(16 * part))
+            total = _total(line)
         return total
 
     return distance
 
 
 @numba.njit(inline="always")
-def _scales(trust, y, x, out):
-    """Weights of a row's channels for the patch at (x, y): the first two guides' trust, else 1."""
-    for k in range(len(out)):
-        channel = k % CHANNELS
-        out[k] = trust[y, x] if channel == 3 or channel == 4 else np.float32(1)
+def _scales(trust, out):
+    """Set the weights of a row's first two guides (`_plain_scales`)."""
+    for k in range(3, len(out), CHANNELS):
+        if out[k] != 0:
+            out[k] = out[k + 1] = max(trust, np.float32(1e-6))
+
+
+@numba.njit(inline="always")
+def _plain_scales(side):
+    """Weights of the channels of a row of ``side`` pixels: 1, and 0 beyond its end."""
+    out = np.zeros(48, np.float32)
+    out[:side * CHANNELS] = 1
+    return out
 
 
 @numba.njit(inline="always")
@@ -93,8 +109,9 @@ def _astray(wanted, weight, limit, y, x, v, u):
 def patch_errors(radius: int) -> Any:
     """Kernel: error of every patch under the present field.
 
-    Arguments: ``target`` int16 [H + 2 MARGIN, (W + 2 MARGIN) CHANNELS], ``source`` int16
-    [h, w CHANNELS], ``state`` uint8 [H, W], ``trust`` float32 [H, W], factor of the weight of the
+    Arguments: ``target`` flat float16 bits (uint16) of [H + 2 MARGIN, W + 2 MARGIN, CHANNELS],
+    ``source`` those of [h, w, CHANNELS], both with 16 values more at the end, ``across`` = w,
+    ``state`` uint8 [H, W], ``trust`` float32 [H, W], factor of the weight of the
     first two guides in a pixel's patch, ``wanted`` float32 [H, W, 2] places (x, y) with their
     ``weight`` float32 [H, W] and ``limit`` (squared distance), ``field`` int32 [H, W] (flat index
     v w + u), ``error`` float32 [H, W], filled, 0 outside.
@@ -103,20 +120,23 @@ def patch_errors(radius: int) -> Any:
 
     @identified("patch errors", radius)
     @numba.njit(cache=True, nogil=True, parallel=True)
-    def errors(target, source, state, trust, wanted, weight, limit, field, error):
+    def errors(target, source, across, state, trust, wanted, weight, limit, field, error):
         height, width = field.shape
-        across = source.shape[1] // CHANNELS
+        pitch = (width + 2 * MARGIN) * CHANNELS
         for line in numba.prange(height):
             y = np.int64(line)
-            scales = np.empty((2 * radius + 1) * CHANNELS, np.float32)
+            scales = _plain_scales(2 * radius + 1)
             for x in range(width):
                 if state[y, x] == OUTSIDE:
                     error[y, x] = 0
                     continue
                 place = np.int64(field[y, x])
                 v, u = place // across, place % across
-                _scales(trust, y, x, scales)
-                error[y, x] = (distance(target, y, x, source, v, u, scales, np.float32(np.inf))
+                _scales(trust[y, x], scales)
+                first = np.uintp((y + MARGIN - radius) * pitch + (x + MARGIN - radius) * CHANNELS)
+                other = np.uintp(((v - radius) * across + u - radius) * CHANNELS)
+                error[y, x] = (distance(target, first, np.uintp(pitch), source, other,
+                                        np.uintp(across * CHANNELS), scales, np.float32(np.inf))
                                + _astray(wanted, weight, limit, y, x, v, u))
 
     return errors
@@ -146,16 +166,17 @@ def search_pass(radius: int) -> Any:
 
     @identified("patch search", radius)
     @numba.njit(cache=True, nogil=True, parallel=True)
-    def search(target, source, state, trust, wanted, weight, limit, uses, penalty, guided, before,
-               field, error, reach, forward, seed):
+    def search(target, source, across, state, trust, wanted, weight, limit, uses, penalty, guided,
+               before, field, error, reach, forward, seed):
         height, width = field.shape
-        rows, across = source.shape[0], source.shape[1] // CHANNELS
+        rows = (len(source) - 16) // (across * CHANNELS)
+        pitch = (width + 2 * MARGIN) * CHANNELS
         bands = (height + BAND - 1) // BAND
         step = 1 if forward else -1
         for band in numba.prange(bands):
             top, bottom = band * BAND, min((band + 1) * BAND, height)
             crowd = uses * penalty
-            scales = np.empty((2 * radius + 1) * CHANNELS, np.float32)
+            scales = _plain_scales(2 * radius + 1)
             for line in range(bottom - top):
                 y = top + line if forward else bottom - 1 - line
                 for column in range(width):
@@ -164,7 +185,9 @@ def search_pass(radius: int) -> Any:
                         continue
                     noise = _noise(_noise(np.uint64(y * width + x + 1)
                                           * np.uint64(0x9E3779B97F4A7C15) ^ np.uint64(seed)))
-                    _scales(trust, y, x, scales)
+                    _scales(trust[y, x], scales)
+                    first = np.uintp((y + MARGIN - radius) * pitch
+                                     + (x + MARGIN - radius) * CHANNELS)
                     own = np.int64(field[y, x])
                     v, u = own // across, own % across
                     best = error[y, x] + crowd[v // CELL, u // CELL]
@@ -207,7 +230,9 @@ def search_pass(radius: int) -> Any:
                         fixed = fine + _astray(wanted, weight, limit, y, x, q, p)
                         if fixed >= best:
                             continue
-                        found = distance(target, y, x, source, q, p, scales, best - fixed)
+                        other = np.uintp(((q - radius) * across + p - radius) * CHANNELS)
+                        found = distance(target, first, np.uintp(pitch), source, other,
+                                         np.uintp(across * CHANNELS), scales, best - fixed)
                         if found + fixed < best:
                             best = found + fixed
                             error[y, x] = best - fine

@@ -10,16 +10,25 @@ margin in which they show what their neighbours own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.ndimage import gaussian_filter
 
 from ...capture import Camera
 from ...errors import UserError
 from ...field import VoxelField, camera_row
-from ..kernels.atlas import find_owners, locate, smooth_normals, sum_normals, surface_normals
+from ..kernels.atlas import (
+    find_owners,
+    fringe,
+    lift_points,
+    locate,
+    smooth_normals,
+    sum_normals,
+    surface_normals,
+)
+from ..patches import settled
 
 __all__ = ["DIRECTIONS", "Atlas", "Shape", "draw_atlas"]
 
@@ -37,6 +46,10 @@ MARGIN = 24
 """Pixels around what a chart owns."""
 ALIGN = 16
 """Charts begin at multiples of so many pixels, for the pyramids."""
+REACH = 1.6
+"""What lies further from the middle than this, in world units, is not looked at."""
+SPARSE = 3
+"""Normals of the large shape are taken at every so many pixels."""
 CELL = 0.055
 """Side of the cells in which normals are collected for the large shape, world units."""
 
@@ -82,13 +95,11 @@ class Atlas:
         float32 [H, W], along the chart's axis; infinite where there is no surface.
     points
         float32 [H, W, 3], NaN without surface.
-    normals
-        float32 [H, W, 3], of the surface itself; NaN where unknown.
     color
         float32 [H, W, 3], the head as it is, sRGB in [0, 1].
     owner
         int32 [H, W]: flat index of the pixel that owns the surface point here, itself where it
-        does; within `MARGIN` of the surface that of the nearest one, else -1.
+        does; beside the surface, within `MARGIN`, that of a near one, else -1.
     shape
         Normals of the large shape.
     """
@@ -97,7 +108,6 @@ class Atlas:
     boxes: NDArray[np.int64]
     depth: Float32
     points: Float32
-    normals: Float32
     color: Float32
     owner: NDArray[np.int32]
     shape: Shape
@@ -138,19 +148,19 @@ class Atlas:
         """
         places = np.empty((len(points), 2), np.float32)
         depth = np.empty(len(points), np.float32)
-        locate(np.ascontiguousarray(points, np.float32), self.shape.at(points), self.rows,
-               self.bias, self.boxes, self.depth, before, behind, places, depth)
+        shape = self.shape
+        locate(np.ascontiguousarray(points, np.float32), shape.normals, shape.low, shape.cell,
+               self.rows, self.bias, self.boxes, self.depth, before, behind, places, depth)
         return places, depth
 
 
 @dataclass
 class _Chart:
-    """One chart before it is cut: its camera, and what it shows."""
+    """One chart: its camera, and what it shows."""
 
     camera: Camera
     depth: Float32
     points: Float32
-    normals: Float32
     color: Float32
 
 
@@ -169,25 +179,23 @@ def draw_atlas(field: VoxelField, pixels: float) -> Atlas:
     UserError
         If the field shows no surface.
     """
-    charts = [_draw(field, yaw, pitch, pixels) for yaw, pitch in DIRECTIONS]
-    if not any(np.isfinite(chart.depth).any() for chart in charts):
+    charts = [chart for yaw, pitch in DIRECTIONS
+              if (chart := _draw(field, yaw, pitch, pixels)) is not None]
+    if not charts:
         raise UserError("the field is empty: no view shows anything to stylise")
     shape = _large_shape(field, charts)
     whole = [(0, 0, chart.depth.shape[1], chart.depth.shape[0]) for chart in charts]
     first = _packed(charts, whole, shape)
     spacing = 2.0 * field.radius / np.array(field.links.shape[::-1])
-    tolerance = 2.5 * float(spacing.mean())
-    owner = _owners(first, tolerance)
-    used = [_used(owner, first.boxes[n]) for n in range(len(charts))]
-    kept = [n for n, box in enumerate(used) if box is not None]
-    final = _packed([charts[n] for n in kept], [used[n] for n in kept], shape)
-    owner = _owners(final, tolerance)
-    return Atlas(final.cameras, final.boxes, final.depth, final.points, final.normals, final.color,
-                 _with_fringe(owner), shape)
+    owner = _owners(first, 2.5 * float(spacing.mean()))
+    used = [_used(owner, box) for box in first.boxes]
+    kept = [n for n, part in enumerate(used) if part is not None]
+    final = _packed([charts[n] for n in kept], [part for part in used if part is not None], shape)
+    return replace(final, owner=_with_fringe(_moved(owner, first.boxes[kept], final)))
 
 
-def _draw(field: VoxelField, yaw: float, pitch: float, pixels: float) -> _Chart:
-    """One far view of the field, cut to what it shows."""
+def _draw(field: VoxelField, yaw: float, pitch: float, pixels: float) -> _Chart | None:
+    """One far view of the field, cut to what it shows; None if that is nothing."""
     focal = pixels * DISTANCE
     low, high = field.bounds
     corners = np.array([[(low, high)[a][0], (low, high)[b][1], (low, high)[c][2]]
@@ -196,7 +204,7 @@ def _draw(field: VoxelField, yaw: float, pitch: float, pixels: float) -> _Chart:
                       pitch=pitch)
     reach = np.abs(wide.project(corners)[0][0] - 1.0).max(axis=0)
     # A head fills [-1, 1]; what a field holds far outside is not looked at.
-    reach = np.minimum(reach, 1.6 * pixels)
+    reach = np.minimum(reach, REACH * pixels)
     width, height = (int(2 * np.ceil(n)) for n in reach)
     # A small picture tells which part is worth drawing.
     camera = Camera(wide.pose, wide.focal, np.array([width / 2, height / 2]), np.array([width]),
@@ -204,41 +212,39 @@ def _draw(field: VoxelField, yaw: float, pitch: float, pixels: float) -> _Chart:
     small = field.render(camera.scaled(0.125), 0, step=1.0)
     rows, columns = np.nonzero(small.alpha > 0.3)
     if not len(rows):
-        empty = np.zeros((0, 0, 3), np.float32)
-        return _Chart(camera, np.zeros((0, 0), np.float32), empty, empty, empty)
+        return None
     ratio = np.array([width, height]) / np.array(small.alpha.shape[::-1])
     x0, y0 = (max(int((n.min() - 1) * r), 0) for n, r in zip((columns, rows), ratio))
     x1 = min(int((columns.max() + 2) * ratio[0]), width)
     y1 = min(int((rows.max() + 2) * ratio[1]), height)
     camera = Camera(wide.pose, wide.focal, np.array([width / 2 - x0, height / 2 - y0]),
                     np.array([x1 - x0]), np.array([y1 - y0]))
-    shot = field.render(camera, 0, background=0.0)
+    shot = field.render(camera, 0, background=0.0, step=1.0)
     solid = np.isfinite(shot.depth) & (shot.alpha > 0.5)
-    depth = np.where(solid, shot.depth, np.inf).astype(np.float32)
-    points = shot.points(camera, 0).astype(np.float32)
-    points[~solid] = np.nan
-    color = np.clip(shot.color / np.maximum(shot.alpha, 0.5)[..., None], 0, 1).astype(np.float32)
-    normals = np.empty(points.shape, np.float32)
-    surface_normals(points, 6.0 / pixels, normals)
-    return _Chart(camera, depth, points, normals, color)
+    depth = np.where(solid, shot.depth, np.float32(np.inf))
+    points = np.empty((*depth.shape, 3), np.float32)
+    lift_points(depth, camera_row(camera, 0), points)
+    color = np.clip(shot.color / np.maximum(shot.alpha, np.float32(0.5))[..., None], 0, 1)
+    return _Chart(camera, depth, points, np.asarray(color, np.float32))
 
 
 def _large_shape(field: VoxelField, charts: list[_Chart]) -> Shape:
     """Normals of all charts, collected in cells and smoothed."""
-    low, high = np.clip(field.bounds, -1.7, 1.7)
+    low, high = np.clip(field.bounds, -REACH, REACH)
     size = np.maximum(np.ceil((high - low) / CELL).astype(int), 2)
     sums = np.zeros((*size[::-1], 3), np.float32)
     for chart in charts:
-        if chart.depth.size:
-            sum_normals(chart.points, chart.normals, low, CELL, sums)
+        points = np.ascontiguousarray(chart.points[::SPARSE, ::SPARSE])
+        normals = np.empty(points.shape, np.float32)
+        pitch = DISTANCE / float(chart.camera.focal[0, 0])
+        surface_normals(points, 6.0 * SPARSE * pitch, normals)
+        sum_normals(points, normals, low, CELL, sums)
     return Shape(np.ascontiguousarray(gaussian_filter(sums, (1.5, 1.5, 1.5, 0.0), truncate=3.0)),
                  low, CELL)
 
 
-def _packed(charts: list[_Chart], used: list[tuple[int, int, int, int] | None],
-            shape: Shape) -> Atlas:
+def _packed(charts: list[_Chart], parts: list[tuple[int, int, int, int]], shape: Shape) -> Atlas:
     """Parts (x0, y0, x1, y1) of charts side by side, in shelves; nothing is owned yet."""
-    parts = [box for box in used if box is not None]
     widest = max(x1 - x0 for x0, _, x1, _ in parts) + 2 * ALIGN
     area = sum((x1 - x0 + ALIGN) * (y1 - y0 + ALIGN) for x0, y0, x1, y1 in parts)
     width = max(widest, int(np.sqrt(area) * 1.1))
@@ -254,17 +260,15 @@ def _packed(charts: list[_Chart], used: list[tuple[int, int, int, int] | None],
         x, shelf = x + step_x, max(shelf, step_y)
     height = -(-(y + shelf) // ALIGN) * ALIGN
     depth = np.full((height, width), np.inf, np.float32)
-    points, normals = (np.full((height, width, 3), np.nan, np.float32) for _ in range(2))
+    points = np.full((height, width, 3), np.nan, np.float32)
     color = np.zeros((height, width, 3), np.float32)
-    for chart, box in zip(charts, boxes):
-        x0, y0, x1, y1, dx, dy = box
+    for chart, (x0, y0, x1, y1, dx, dy) in zip(charts, boxes.tolist()):
         there = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
         here = slice(y0, y1), slice(x0, x1)
-        for target, source in ((depth, chart.depth), (points, chart.points),
-                               (normals, chart.normals), (color, chart.color)):
+        for target, source in ((depth, chart.depth), (points, chart.points), (color, chart.color)):
             target[there] = source[here]
     return Atlas(Camera.concatenate([chart.camera for chart in charts]), boxes, depth, points,
-                 normals, color, np.full((height, width), -1, np.int32), shape)
+                 color, np.full((height, width), -1, np.int32), shape)
 
 
 def _owners(atlas: Atlas, tolerance: float) -> NDArray[np.int32]:
@@ -273,15 +277,10 @@ def _owners(atlas: Atlas, tolerance: float) -> NDArray[np.int32]:
     for n, (x0, y0, x1, y1, dx, dy) in enumerate(atlas.boxes):
         own[y0 + dy:y1 + dy, x0 + dx:x1 + dx] = n
     owner = np.empty(own.shape, np.int32)
-    find_owners(atlas.points, atlas.shape.at(atlas.points), own, atlas.rows, atlas.bias,
+    shape = atlas.shape
+    find_owners(atlas.points, shape.normals, shape.low, shape.cell, own, atlas.rows, atlas.bias,
                 atlas.boxes, atlas.depth, tolerance, owner)
-    flat = owner.reshape(-1)
-    index = np.arange(flat.size, dtype=np.int32)
-    # A pixel's owner may itself find another: follow, and end chains that do not end.
-    for _ in range(3):
-        flat = np.where(flat >= 0, flat[flat], flat)
-    settled = (flat >= 0) & (flat[flat] == flat)
-    return np.where((flat >= 0) & ~settled, index, flat).reshape(owner.shape)
+    return settled(owner)
 
 
 def _used(owner: NDArray[np.int32], box: NDArray[np.int64]) -> tuple[int, int, int, int] | None:
@@ -289,16 +288,34 @@ def _used(owner: NDArray[np.int32], box: NDArray[np.int64]) -> tuple[int, int, i
     x0, y0, x1, y1, dx, dy = (int(n) for n in box)
     there = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
     index = np.arange(owner.size, dtype=np.int32).reshape(owner.shape)
-    rows, columns = np.nonzero(owner[there] == index[there])
+    own = owner[there] == index[there]
+    rows, columns = np.flatnonzero(own.any(axis=1)), np.flatnonzero(own.any(axis=0))
     if not len(rows):
         return None
-    return (max(x0, int(columns.min()) + x0 - MARGIN), max(y0, int(rows.min()) + y0 - MARGIN),
-            min(x1, int(columns.max()) + x0 + MARGIN + 1),
-            min(y1, int(rows.max()) + y0 + MARGIN + 1))
+    return (max(x0, int(columns[0]) + x0 - MARGIN), max(y0, int(rows[0]) + y0 - MARGIN),
+            min(x1, int(columns[-1]) + x0 + MARGIN + 1), min(y1, int(rows[-1]) + y0 + MARGIN + 1))
+
+
+def _moved(owner: NDArray[np.int32], before: NDArray[np.int64], atlas: Atlas) -> NDArray[np.int32]:
+    """Owners in another arrangement of the charts: ``before`` are their old boxes."""
+    # Where each pixel of the old atlas has gone; -1: cut away.
+    gone = np.full(owner.size, -1, np.int32).reshape(owner.shape)
+    new_width = atlas.depth.shape[1]
+    out = np.full(atlas.depth.shape, -1, np.int32)
+    for (_, _, _, _, dx, dy), (x0, y0, x1, y1, ex, ey) in zip(before.tolist(),
+                                                              atlas.boxes.tolist()):
+        rows, columns = np.arange(y0, y1)[:, None], np.arange(x0, x1)[None]
+        gone[y0 + dy:y1 + dy, x0 + dx:x1 + dx] = (rows + ey) * new_width + columns + ex
+    flat = gone.reshape(-1)
+    for (_, _, _, _, dx, dy), (x0, y0, x1, y1, ex, ey) in zip(before.tolist(),
+                                                              atlas.boxes.tolist()):
+        old = owner[y0 + dy:y1 + dy, x0 + dx:x1 + dx]
+        out[y0 + ey:y1 + ey, x0 + ex:x1 + ex] = np.where(old >= 0, flat[old], -1)
+    return out
 
 
 def _with_fringe(owner: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Owners, also of pixels beside the surface: those of the nearest pixel on it."""
-    away, index = distance_transform_edt(owner < 0, return_indices=True)
-    near = owner[index[0], index[1]]
-    return np.asarray(np.where(away <= MARGIN, near, -1), np.int32)
+    """Owners, also of pixels beside the surface: those of a near pixel on it."""
+    out = owner.copy()
+    fringe(owner, MARGIN, out)
+    return out

@@ -1,45 +1,66 @@
 """A skin painted by example, once for all views (after Shen et al. 2023, 2.2 and Eq. 6).
 
-The face is painted as on a photo: guides, look-up table, StyleBlit. Everything else starts from
-there and becomes patches of the exemplar that agree with each other (`patches`), guided by what the
-sitter is made of (skin, hair, clothes), by the photo's tones and by its detail. So what the
-exemplar does not show - the back of a head, a neck, a chest - goes on from what it does show, from
-like material, and edges and patterns of the photo stay.
+The face is painted as on a photo: guides, look-up table, StyleBlit. Everything else becomes patches
+of the exemplar that agree with each other and with the face (`patches`), guided by what the sitter
+is made of (`materials`), by the photo's tones and by its detail. So what the exemplar does not
+show - the back of a head, a neck, a chest - goes on from what it does show, from like material, and
+edges and patterns of the photo stay.
 """
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import gaussian_filter
 
+from ...progress import Progress
+from ..back_of_head import Sites
 from ..exemplar import Exemplar
-from ..guides.appearance import Distribution, grey, match_histogram
-from ..guides.blurs import gaussian_blur
-from ..guides.labels import LABELS
-from ..guides.maps import Guides, anchor_scale, relative_stretch, sample_labels
-from ..kernels.atlas import exchange, look_up_colors
+from ..guides.appearance import match_histogram
+from ..guides.maps import Guides, sample_labels
+from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
-from ..patches import SCALE, PatchConfig, PatchSource, PatchTarget, synthesise_patches
+from ..kernels.sites import nearest_sites
+from ..patches import (
+    SCALE,
+    PatchConfig,
+    PatchSource,
+    PatchTarget,
+    coarser_owner,
+    middles,
+    synthesise_patches,
+)
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, Transfer, TransferConfig
-from .sitter import Skin, skin_distance
+from .materials import (
+    MATERIALS,
+    SKIN,
+    ExemplarMaterials,
+    exemplar_shares,
+    sitter_looks,
+    sitter_shares,
+)
+from .sitter import Skin
 
 __all__ = ["Painting", "SkinConfig", "SkinPainter"]
 
 Float32 = NDArray[np.float32]
 
-MATERIALS = ("skin", "hair", "neck", "clothes", "background")
-CONTOUR = 0.016
-"""Detail of this strength (root mean square of luma) counts half."""
 CODES = np.array([[150, 150], [255, 0], [150, 120], [0, 60], [0, 255]], np.float32)
-"""A place in a plane for each material, far apart where they must not mix."""
+"""A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
+NODES = 8.0
+"""Nodes of the guide are so many exemplar pixels apart."""
+PIECE = 0.3
+"""Side of the pieces that the search begins with, over the exemplar's face size."""
+STRETCHED = 0.7
+"""A guide that changes more slowly than this against the surface would stretch its paint."""
+ROAM = 25.0
+"""Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +78,7 @@ class SkinConfig:
     far_place_weight: float = 0.15
     """The same in hair, on neck and clothes."""
     patches: PatchConfig = field(default_factory=lambda: PatchConfig(
-        style_weight=1.0, uniformity=2000.0, votes=4, passes=2, levels=5))
+        style_weight=1.0, uniformity=8000.0, votes=4, last_votes=2, passes=2, levels=5))
     """Synthesis of patches."""
 
 
@@ -70,38 +91,63 @@ class Painting:
     skin
         What was painted on.
     color
-        float32 [H, W, 3] in [0, 1], sRGB, of the atlas; copies and fringes filled.
+        float32 [H / step, W / step, 3] in [0, 1], sRGB, of the atlas; copies and fringes filled.
+    step
+        Pixels of the atlas per pixel of the painting.
     labels
-        uint8 [H, W, K], soft regions of the atlas, see `LABELS`.
+        uint8 [N, K], soft regions of the skin's owning pixels, see `LABELS`.
     seconds
         By step.
-    steps
-        Intermediates by name, for pictures.
     """
 
     skin: Skin
     color: Float32
+    step: int
     labels: NDArray[np.uint8]
     seconds: dict[str, float]
-    steps: dict[str, Float32] = field(default_factory=dict)
 
     def at(self, places: Float32) -> Float32:
         """Colours at places [N, 2] of the atlas, float32 [N, 3]; NaN where those are."""
         out = np.full((len(places), 3), np.nan, np.float32)
-        look_up_colors(self.color, places, out)
+        look_up_colors(self.color, places / np.float32(self.step), out)
         return out
 
 
 @dataclass
-class _Materials:
-    """What the pixels of a picture are, and their tones and detail.
+class _Canvas:
+    """The atlas at the painting's resolution: owners, and where the skin's lists go."""
 
-    ``shares`` float32 [h, w, 5] by `MATERIALS`; ``tone`` and ``detail`` float32 [h, w].
-    """
+    step: int
+    owner: NDArray[np.int32]
+    slots: NDArray[np.int32]
+    surface: NDArray[np.bool_]
 
-    shares: Float32
-    tone: Float32
-    detail: Float32
+    @staticmethod
+    def of(skin: Skin, step: int) -> _Canvas:
+        """Every ``step``-th pixel (a power of two) of the atlas."""
+        atlas = skin.atlas
+        level = step.bit_length() - 1
+        shape = atlas.depth.shape[0] // step, atlas.depth.shape[1] // step
+        if step == 1:
+            return _Canvas(1, atlas.owner, skin.slots, np.isfinite(atlas.depth))
+        places = middles(level, shape, atlas.depth.shape)
+        owner = coarser_owner(atlas.owner, level, shape)
+        # An owner shows what its middle shows, even if that is another's.
+        slots = skin.slots[places].reshape(-1)
+        filled = np.where(owner >= 0, slots[np.maximum(owner, 0)], -1)
+        return _Canvas(step, owner, np.ascontiguousarray(filled.reshape(shape)),
+                       np.isfinite(atlas.depth[places]))
+
+    @property
+    def own(self) -> NDArray[np.bool_]:
+        index = np.arange(self.owner.size, dtype=np.int32).reshape(self.owner.shape)
+        return np.asarray((self.owner == index) & (self.slots >= 0))
+
+    def spread(self, values: Float32, empty: float = 0.0) -> Float32:
+        """Values [N, C] of a skin's lists as a picture [H, W, C]."""
+        out = np.full((*self.slots.shape, values.shape[1]), empty, np.float32)
+        spread(np.ascontiguousarray(values, np.float32), self.slots, out)
+        return out
 
 
 class SkinPainter:
@@ -122,252 +168,201 @@ class SkinPainter:
         self.exemplar, self.seed = exemplar, seed
         self.config = config or SkinConfig()
         self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed))
-        self._sources: dict[float, tuple[PatchSource, _Materials]] = {}
+        soft = self.transfer.face.astype(np.float32) / np.float32(255)
+        near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
+        self._face = np.stack([soft, np.repeat(np.repeat(near, 4, 0), 4, 1)[
+            :soft.shape[0], :soft.shape[1]]], axis=-1)
+        self._shares: Float32 | None = None
+        self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
-    def paint(self, skin: Skin, progress: Any = None) -> Painting:
-        """Paint a skin."""
-        seconds: dict[str, float] = {}
-        clock = time.perf_counter()
+    def paint(self, skin: Skin, step: int = 1, progress: Progress | None = None) -> Painting:
+        """Paint a skin.
 
-        def lap(name: str) -> None:
-            nonlocal clock
-            now = time.perf_counter()
-            seconds[name] = round(now - clock, 4)
-            clock = now
+        Parameters
+        ----------
+        skin
+            Of the sitter.
+        step
+            Pixels of the atlas per painted pixel: 1, or 2 for a preview.
+        progress
+            Progress line.
+        """
+        clock = _Clock()
+        guide = SurfaceGuide(skin.plane.landmarks, self.exemplar, self.transfer.regions)
+        canvas = _Canvas.of(skin, step)
+        position, ratio = self._positions(guide, skin)
+        anchor = np.asarray(guide.scale * skin.flat + guide.shift, np.float32)
+        pixel = np.clip(position.astype(np.int32), 0,
+                        np.array(self.exemplar.image.shape[1::-1], np.int32) - 1)
+        labels = self.transfer.labels[pixel[:, 1], pixel[:, 0]]
+        face = self._face[pixel[:, 1], pixel[:, 0]]
+        clock.lap("guides")
+        core = (face[:, 0] > 0.5) & skin.outwards
+        color = self._paint_face(skin, guide, canvas, position, anchor, ratio, core)
+        clock.lap("face")
+        target, source = self._target(skin, guide, canvas, position, anchor, ratio, labels,
+                                      face[:, 1], core, color)
+        clock.lap("targets")
+        color, _ = synthesise_patches(target, source, self.config.patches, self.seed)
+        exchange(canvas.owner, color)
+        clock.lap("patches")
+        return Painting(skin, color, step, labels, clock.seconds)
 
-        atlas = skin.atlas
-        own = atlas.own
-        guide = SurfaceGuide(skin.landmarks, self.exemplar, self.transfer.regions)
-        points = np.where(own[..., None], atlas.points, np.nan)
-        position, anchor = guide(points)
-        lap("guides")
-        image, shift = self._blit(skin, guide, position, anchor)
-        lap("blit")
-        labels = sample_labels(self.transfer.labels, position)
-        color = self._lay_patches(skin, guide, position, anchor, anchor + shift, image, labels,
-                                  lap)
-        exchange(atlas.owner, color)
-        exchange(atlas.owner, self.crisp)
-        steps = {"crisp": self.crisp, "blit": image, "position": position}
-        return Painting(skin, color, labels, seconds, steps)
+    def _positions(self, guide: SurfaceGuide, skin: Skin) -> tuple[Float32, Float32]:
+        """Exemplar places [N, 2] of a skin's, and how much slower than the plane they change."""
+        spacing = NODES / guide.scale
+        low, high = (np.asarray(end(skin.flat, axis=0), np.float64) for end in (np.min, np.max))
+        nodes = guide.nodes(low, high, spacing)
+        out = np.empty((len(skin.flat), 3), np.float32)
+        sample_nodes(nodes, low, spacing, skin.flat, out)
+        return np.ascontiguousarray(out[:, :2]), out[:, 2]
 
-    def _blit(self, skin: Skin, guide: SurfaceGuide, position: Float32,
-              anchor: Float32) -> tuple[Float32, Float32]:
-        """StyleBlit over the whole skin: colours, and the chunks' shifts."""
+    def _paint_face(self, skin: Skin, guide: SurfaceGuide, canvas: _Canvas, position: Float32,
+                    anchor: Float32, ratio: Float32, core: NDArray[np.bool_]) -> Float32:
+        """StyleBlit over the face, [H, W, 3]; 0 elsewhere."""
         transfer, config = self.transfer, self.transfer.config
-        own = skin.atlas.own
-        scale = guide.scale / skin.pixels
-        sigma = config.blur * self.exemplar.size / scale
-        appearance = _detail(skin, sigma, 0.2 * sigma)
-        appearance = match_histogram(appearance, transfer._distribution, own)
-        person = np.ones(own.shape, np.float32)
-        labels = sample_labels(transfer.labels, position)
-        weights = transfer._weights(person, labels, position, scale)
-        guides = Guides(position, appearance, labels, anchor)
-        weights[..., 0] *= relative_stretch(position, anchor)
-        weights[..., 1] *= skin.seen
-        result = synthesise(
-            guides, weights, config.label_weight, transfer.appearance, transfer.labels,
-            transfer.table, transfer.colours(scale), config.blit, seed=self.seed, scale=None,
-            finest=finest_level(anchor_scale(anchor)),
-            calm=CALM * 255 * config.table.appearance_weight)
-        return result.image, result.shift
+        scale = guide.scale / skin.pixels * canvas.step
+        looks = match_histogram(np.ascontiguousarray(skin.appearance[None]), transfer.distribution,
+                                np.ones((1, len(skin.index)), np.float32))[0]
+        planes = np.concatenate([position, anchor, looks[:, None], ratio[:, None],
+                                 skin.seen[:, None], core[:, None]], axis=1)
+        picture = np.zeros((*canvas.slots.shape, 3), np.float32)
+        for x0, y0, x1, y1, dx, dy in (skin.atlas.boxes // canvas.step).tolist():
+            part = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
+            slots = canvas.slots[part]
+            inside = np.append(core, False)[slots] & (slots >= 0)
+            rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+            if not len(rows):
+                continue
+            # A little around, for the votes.
+            crop = (slice(max(rows[0] - 8, 0), rows[-1] + 9),
+                    slice(max(columns[0] - 8, 0), columns[-1] + 9))
+            values = np.full((*slots[crop].shape, planes.shape[1]), np.nan, np.float32)
+            spread(planes, np.ascontiguousarray(slots[crop]), values)
+            places = np.ascontiguousarray(values[..., :2])
+            labels = sample_labels(transfer.labels, places)
+            known = np.nan_to_num(values)
+            weights = transfer.weights(np.ones(labels.shape[:2], np.float32), labels, places,
+                                       scale)
+            weights *= known[..., 5:7]
+            guides = Guides(places, np.ascontiguousarray(known[..., 4]), labels,
+                            np.ascontiguousarray(values[..., 2:4]))
+            result = synthesise(
+                guides, weights, config.label_weight, transfer.appearance, transfer.labels,
+                transfer.table, transfer.colours(scale), config.blit, seed=self.seed, scale=None,
+                finest=finest_level(scale), calm=CALM * 255 * config.table.appearance_weight)
+            picture[part][crop] = result.image
+        return picture
 
-    def _lay_patches(self, skin: Skin, guide: SurfaceGuide, position: Float32, anchor: Float32,
-                     places: Float32, image: Float32, labels: NDArray[np.uint8], lap: Any) -> Float32:
-        """Patches that agree, over all that is not the face."""
-        config, atlas = self.config, skin.atlas
-        ratio = round(skin.pixels / guide.scale, 3)
-        source, own_materials = self._source(ratio)
-        lap("source")
-        unit = self.exemplar.size * ratio / 50
-        face = sample_labels(self.transfer._face[..., None], position)[..., 0] / np.float32(255)
-        own = atlas.own
-        materials = self._sitter(skin, labels, own_materials, unit)
-        state = np.full(own.shape, OUTSIDE, np.uint8)
-        state[np.isfinite(atlas.depth)] = FOREIGN
-        state[own] = ACTIVE
-        # A surface seen from within, where no photo looked, is no face.
-        outwards = atlas.shape.at(atlas.points)[..., 2] > -0.2
-        state[own & (face > 0.5) & outwards] = FIXED
-        wanted = _into(materials, own_materials, position * np.float32(ratio))
-        start = np.where(np.isfinite(places), places * np.float32(ratio), wanted)
-        near = gaussian_blur(np.asarray(face, np.float32), 6 * unit)
-        skinlike = materials.shares[..., 0] * relative_stretch(position, anchor) ** 2
-        weight = (config.far_place_weight + (config.place_weight - config.far_place_weight)
-                  * np.clip(2 * near, 0, 1) * skinlike) / np.float32(unit ** 2) * 100
-        guides = self._guides(materials)
-        # An ear is told by its own light and shade.
-        trust = _contours(skin, unit) * (1 + 3 * skin.ears)
-        values = np.concatenate([guides, start, wanted, wanted, weight[..., None],
-                                 trust[..., None], image], axis=-1).astype(np.float32)
-        exchange(atlas.owner, values)
-        count = guides.shape[2]
-        target = PatchTarget(
-            np.ascontiguousarray(values[..., :count]), values[..., count:count + 2],
-            values[..., count + 2:count + 4], values[..., count + 4:count + 6],
-            values[..., count + 6], float((25 * unit) ** 2),
-            _even(materials, own_materials, state == ACTIVE), values[..., count + 7], state,
-            atlas.owner,
-            np.ascontiguousarray(values[..., -3:]))
-        lap("targets")
-        color, places = synthesise_patches(target, source, config.patches, self.seed)
-        self.crisp = np.where((state == ACTIVE)[..., None], source.pictures[0].reshape(-1, 3)[places], color)
-        lap("patches")
-        return color
-
-    def _roots(self) -> Float32:
-        """Roots of the guides' weights, times `SCALE`: tone, detail, materials (2)."""
+    def _target(self, skin: Skin, guide: SurfaceGuide, canvas: _Canvas, position: Float32,
+                anchor: Float32, ratio: Float32, labels: NDArray[np.uint8], near: Float32,
+                core: NDArray[np.bool_], color: Float32) -> tuple[PatchTarget, PatchSource]:
+        """What the patches are to do, and what they are taken from."""
         config = self.config
-        return np.asarray(SCALE * np.sqrt([config.tone_weight, config.detail_weight,
-                                           *[config.material_weight / 2] * 2]), np.float32)
+        size = skin.pixels / guide.scale / canvas.step
+        source, theirs = self._source(round(size, 3))
+        unit = self.exemplar.size * size / 50
+        shares = sitter_shares(skin, labels, theirs.present)
+        tone, detail = sitter_looks(skin, shares, theirs)
+        guides = self._guides(shares, tone, detail)
+        wanted = _into(shares, theirs, position * np.float32(size))
+        begin = self._begin(guide, shares, theirs, wanted, anchor * np.float32(size), ratio, size)
+        # Around the face patches stay in place; elsewhere like material will do.
+        hold = np.clip(2 * near, 0, 1) * shares[:, SKIN]
+        weight = (config.far_place_weight + (config.place_weight - config.far_place_weight)
+                  * hold) * ratio ** 2 / unit ** 2
+        # An ear is told by its own light and shade.
+        trust = skin.contours * (1 + 3 * skin.ears)
+        own = canvas.own
+        state = np.full(own.shape, OUTSIDE, np.uint8)
+        state[canvas.surface & (canvas.slots >= 0)] = FOREIGN
+        state[own] = ACTIVE
+        state[own & np.append(core, False)[canvas.slots]] = FIXED
+        active = np.zeros(len(core), bool)
+        active[canvas.slots[state == ACTIVE]] = True
+        demand = shares[active].sum(axis=0) / canvas.step ** 0
+        demand *= (state == ACTIVE).sum() / max(int(active.sum()), 1)
+        there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
+        even = theirs.shares @ (demand / np.maximum(there, 1)).astype(np.float32)
+        planes = canvas.spread(np.concatenate([wanted, begin, weight[:, None], trust[:, None]],
+                                              axis=1))
+        exchange(canvas.owner, color)
+        return PatchTarget(canvas.spread(guides), planes[..., 2:4], planes[..., 2:4],
+                           planes[..., :2], planes[..., 4], float((ROAM * unit) ** 2), even,
+                           planes[..., 5], state, canvas.owner, color), source
 
-    def _guides(self, materials: _Materials) -> Float32:
-        """Guides of the patches, float32 [h, w, 4]."""
-        planes = np.stack([255 * materials.tone, 255 * materials.detail], axis=-1)
-        codes = materials.shares @ CODES
-        return np.asarray(np.concatenate([planes, codes], -1) * self._roots(), np.float32)
+    def _begin(self, guide: SurfaceGuide, shares: Float32, theirs: ExemplarMaterials,
+               wanted: Float32, plane: Float32, ratio: Float32, size: float) -> Float32:
+        """Where the search begins, [N, 2]: the wanted place, or a rigid piece where that stretches.
 
-    def _source(self, ratio: float) -> tuple[PatchSource, _Materials]:
-        """The exemplar at the charts' scale: its pyramid and materials; kept."""
-        if ratio in self._sources:
-            return self._sources[ratio]
-        regions, labels = self.transfer.regions, self.transfer.labels
-        height, width = self.exemplar.image.shape[:2]
-        size = max(round(width * ratio), 16), max(round(height * ratio), 16)
-        picture = np.asarray(Image.fromarray(self.exemplar.image).resize(
-            size, Image.Resampling.LANCZOS), np.float32) / np.float32(255)
-        shares = _shares(labels)
-        features = labels[..., [LABELS.index(n) for n in ("brows", "eyes", "nose", "lips")]]
-        plain = (labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30)
-        image = self.exemplar.image.astype(np.float32) / np.float32(255)
-        away = skin_distance(gaussian_blur3(image, 0.02 * self.exemplar.size), plain)
-        bare = 1 / (1 + np.exp(np.clip((away - 2.5) / 0.4, -30, 30)))
-        shares[..., 3] = shares[..., 2] * (1 - bare)
-        shares[..., 2] *= bare
-        shares = np.stack([np.asarray(Image.fromarray(shares[..., n]).resize(
-            size, Image.Resampling.BILINEAR)) for n in range(len(MATERIALS))], axis=-1)
-        luma = grey(picture)
-        sigma = self.transfer.config.blur * self.exemplar.size * ratio
-        materials = _Materials(shares, luma, luma - gaussian_blur(luma, sigma))
-        pyramid = PatchSource.of(picture, self._guides(materials))
-        self._sources = {ratio: (pyramid, materials)}
-        return self._sources[ratio]
+        Pieces lie around jittered sites of the plane [N, 2] and come from well inside the same
+        material, near the guided place or some way off: alike, but not the same next to each other.
+        """
+        side = PIECE * self.exemplar.size * size
+        sites = Sites.around(plane, side)
+        number = np.empty(len(plane), np.int32)
+        nearest_sites(plane, np.float32(side), sites.first, sites.points, number)
+        middles = sites.points.reshape(-1, 2)
+        guided = np.zeros_like(middles)
+        for axis in range(2):
+            count = np.maximum(np.bincount(number, minlength=len(middles)), 1)
+            guided[:, axis] = np.bincount(number, wanted[:, axis], len(middles)) / count
+        guided += 2 * np.float32(side) * (sites.chances.reshape(-1, 2) - np.float32(0.5))
+        height, width = theirs.tone.shape
+        x = np.clip(guided[:, 0], 0, width - 1).astype(np.int64)[number]
+        y = np.clip(guided[:, 1], 0, height - 1).astype(np.int64)[number]
+        found = theirs.deep[shares.argmax(axis=1), y, x]
+        piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
+        piece += plane - middles[number]
+        piece = _into(shares, theirs, np.asarray(piece, np.float32))
+        return np.where((ratio > STRETCHED)[:, None], wanted, piece)
 
-    def _sitter(self, skin: Skin, labels: NDArray[np.uint8], theirs: _Materials,
-                unit: float) -> _Materials:
-        """The sitter's materials; tones and detail distributed as the exemplar's, by material."""
-        shares = _shares(labels)
-        if skin.hair is not None:
-            hair = skin.hair
-            rest = np.maximum(1 - shares[..., 1], 1e-3)
-            shares[..., [0, 2]] *= ((1 - hair) / rest)[..., None]
-            # What the exemplar has as hair and the sitter does not is skin.
-            shares[..., 0] += np.maximum(1 - hair - shares[..., [0, 2]].sum(-1), 0)
-            shares[..., 1] = hair
-        ears = skin.ears * (1 - skin.hair if skin.hair is not None else np.float32(1))
-        shares *= (1 - ears)[..., None]
-        shares[..., 0] += ears
-        clothes = skin.clothes
-        shares *= (1 - clothes)[..., None]
-        shares[..., 3] = clothes
-        shares[..., 2] += shares[..., 4]
-        shares[..., 4] = 0
-        shares /= np.maximum(shares.sum(-1, keepdims=True), 1e-3)
-        present = theirs.shares.reshape(-1, len(MATERIALS)).mean(0) > 0.004
-        for material, stand_in in ((3, 2), (2, 0), (1, 0)):
-            if not present[material]:
-                shares[..., stand_in] += shares[..., material]
-                shares[..., material] = 0
-        sigma = self.transfer.config.blur * self.exemplar.size * unit * 50 / self.exemplar.size
-        luma = grey(skin.atlas.color)
-        detail = _detail(skin, sigma, 0.7)
-        tone = luma.copy()
-        own = skin.atlas.own
-        for values, reference in ((tone, theirs.tone), (detail, theirs.detail)):
-            matched = np.zeros_like(values)
-            for material in range(4):
-                share = shares[..., material]
-                inside = own & (share > 0.5)
-                there = theirs.shares[..., material] > 0.5
-                if inside.sum() < 100 or there.sum() < 100:
-                    matched += share * values
-                    continue
-                if values is detail:
-                    # Noise of a plain place is not made as strong as strokes.
-                    gain = reference[there].std() / max(float(values[inside].std()), 1e-4)
-                    matched += share * values * np.float32(np.clip(gain, 0.5, 2.5))
-                    continue
-                wanted = Distribution.of(reference, there.astype(np.float32))
-                matched += share * match_histogram(values, wanted, inside)
-            values[:] = matched
-        # What no photo saw has no detail, and the material's middle tone.
-        detail *= skin.seen
-        return _Materials(shares, tone, detail)
+    def _guides(self, shares: Float32, tone: Float32, detail: Float32) -> Float32:
+        """Guides of the patches, float32 [..., 4]: tone, detail, materials (2)."""
+        config = self.config
+        roots = SCALE * np.sqrt([config.tone_weight, config.detail_weight,
+                                 *[config.material_weight / 2] * 2])
+        planes = np.concatenate([255 * tone[..., None], 255 * detail[..., None], shares @ CODES],
+                                axis=-1)
+        return np.asarray(planes * roots.astype(np.float32), np.float32)
+
+    def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
+        """The exemplar at the painting's scale, its pyramid and materials; the last one is kept."""
+        if size not in self._sources:
+            if self._shares is None:
+                self._shares = exemplar_shares(self.exemplar, self.transfer.regions,
+                                               self.transfer.labels)
+            height, width = self.exemplar.image.shape[:2]
+            shape = max(round(width * size), 16), max(round(height * size), 16)
+            picture = np.asarray(Image.fromarray(self.exemplar.image).resize(
+                shape, Image.Resampling.LANCZOS), np.float32) / np.float32(255)
+            shares = np.stack([np.asarray(Image.fromarray(self._shares[..., n]).resize(
+                shape, Image.Resampling.BILINEAR)) for n in range(len(MATERIALS))], axis=-1)
+            theirs = ExemplarMaterials.of(picture, shares, self.exemplar.size * size)
+            self._sources = {size: (PatchSource.of(picture, self._guides(
+                shares, theirs.tone, theirs.detail)), theirs)}
+        return self._sources[size]
 
 
-def _even(materials: _Materials, theirs: _Materials, active: NDArray[np.bool_]) -> Float32:
-    """How often each exemplar pixel is used if those of its material are used alike, [h, w]."""
-    wanted = materials.shares[active].sum(0)
-    there = theirs.shares.reshape(-1, len(MATERIALS)).sum(0)
-    return np.asarray(theirs.shares @ (wanted / np.maximum(there, 1.0)).astype(np.float32),
-                      np.float32)
+class _Clock:
+    """Seconds by step."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        """End a step."""
+        now = time.perf_counter()
+        self.seconds[name], self._last = round(now - self._last, 4), now
 
 
-def _contours(skin: Skin, unit: float) -> Float32:
-    """How much the photo has to say at a place: strong where it shows edges or a pattern.
-
-    float32 [H, W] in [0, 1]: the energy of its detail against that of what is hardly seen.
-    """
-    detail = _detail(skin, 2.0 * unit, 0.3 * unit)
-    energy = gaussian_blur(detail * detail, 1.5 * unit)
-    return np.asarray(skin.seen * energy / (energy + CONTOUR ** 2), np.float32)
-
-
-def gaussian_blur3(image: Float32, sigma: float) -> Float32:
-    """A picture [H, W, 3] blurred."""
-    return np.stack([gaussian_blur(np.ascontiguousarray(image[..., c]), sigma)
-                     for c in range(3)], axis=-1)
-
-
-def _shares(labels: NDArray[np.uint8]) -> Float32:
-    """Shares of `MATERIALS` by soft labels: features are skin, a body is neck."""
-    share = labels.astype(np.float32) / np.float32(255)
-    named = {name: share[..., n] for n, name in enumerate(LABELS)}
-    skin = named["skin"] + named["brows"] + named["eyes"] + named["nose"] + named["lips"]
-    out = np.stack([skin, named["hair"], named["body"], np.zeros_like(skin),
-                    named["background"]], axis=-1)
-    return np.asarray(out / np.maximum(out.sum(-1, keepdims=True), 1e-3), np.float32)
-
-
-def _into(materials: _Materials, theirs: _Materials, position: Float32) -> Float32:
-    """Positions [H, W, 2], moved to the exemplar's nearest place of the like material."""
-    best = materials.shares.argmax(-1)
+def _into(shares: Float32, theirs: ExemplarMaterials, position: Float32) -> Float32:
+    """Positions [N, 2], moved to the exemplar's nearest place of the like material."""
     height, width = theirs.tone.shape
-    x = np.clip(np.nan_to_num(position[..., 0]), 0, width - 1).astype(np.int64)
-    y = np.clip(np.nan_to_num(position[..., 1]), 0, height - 1).astype(np.int64)
-    out = np.nan_to_num(position).copy()
-    for material in range(len(MATERIALS)):
-        there = theirs.shares[..., material] > 0.6
-        here = best == material
-        if there.sum() < 50 or not here.any():
-            continue
-        _, index = distance_transform_edt(~there, return_indices=True)
-        wrong = here & ~there[y, x]
-        out[wrong] = np.stack([index[1][y[wrong], x[wrong]], index[0][y[wrong], x[wrong]]],
-                              -1) + 0.5
-    return np.asarray(out, np.float32)
-
-
-def _detail(skin: Skin, sigma: float, grain: float) -> Float32:
-    """Luma minus its blur over the surface alone, float32 [H, W]."""
-    luma = grey(skin.atlas.color)[..., None].copy()
-    exchange(skin.atlas.owner, luma)
-    inside = (skin.atlas.owner >= 0).astype(np.float32)
-    values = luma[..., 0] * inside
-    weight = np.maximum(gaussian_blur(inside, sigma), 1e-3)
-    broad = gaussian_blur(values, sigma) / weight
-    fine = values
-    if grain > 0.3:
-        fine = gaussian_blur(values, grain) / np.maximum(gaussian_blur(inside, grain), 1e-3)
-    return np.asarray((fine - broad) * inside, np.float32)
+    x = np.clip(position[:, 0], 0, width - 1).astype(np.int64)
+    y = np.clip(position[:, 1], 0, height - 1).astype(np.int64)
+    near = theirs.nearest[shares.argmax(axis=1), y, x]
+    moved = near != y * width + x
+    found = np.stack([near % width, near // width], axis=1) + np.float32(0.5)
+    return np.asarray(np.where(moved[:, None], found, position), np.float32)

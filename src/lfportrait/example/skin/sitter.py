@@ -1,21 +1,28 @@
 """The skin of a sitter: the head's visible surface with all that painting it needs.
 
 A `Skin` is computed once from a field and its landmarks, and kept beside the field; it knows
-nothing of any exemplar. Besides the atlas (`charts`) it holds what the sitter shows where: hair (by
-the segmentation network, asked about the charts that stand upright), clothes (what lies below the
-chin and differs in colour from the face), and how well the photos saw a place.
+nothing of any exemplar. Besides the atlas (`charts`) it holds, for every pixel that owns its
+surface point, what the sitter shows there: light and shade, detail, hair (by the segmentation
+network, asked about the charts that stand upright), clothes (what lies below the chin and differs
+in colour from the face), ears, and how well the photos saw it.
 """
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from ...capture import Camera
 from ...field import VoxelField
-from ..guides.blurs import gaussian_blur
+from ..exemplar import face_size
+from ..guides.appearance import grey
+from ..guides.blurs import broad_blur, gaussian_blur
+from ..kernels.atlas import best_facing, exchange
+from ..surface_guide import HeadPlane
 from .charts import Atlas, draw_atlas
 
 __all__ = ["PIXELS", "Skin", "skin_distance"]
@@ -27,38 +34,57 @@ PIXELS = 384.0
 """Pixels of the charts per world unit: a head is about 600 high, as in most exemplars."""
 UPRIGHT = 30.0
 """Charts of this pitch (degrees) at most are shown to the networks."""
+BLUR = 0.06
+"""Sigma of the blur that tells detail from light, over the face's size (`face_size`)."""
+CONTOUR = 0.016
+"""Detail of this strength (root mean square of luma) counts half."""
 
 
 @dataclass(frozen=True)
 class Skin:
-    """The visible surface of one head.
+    """The visible surface of one head: an atlas, and lists over the N pixels that own a point.
 
     Attributes
     ----------
     atlas
         Charts side by side, [H, W].
-    landmarks
-        float64 [68, 3] in the portrait frame; NaN rows are unknown.
+    plane
+        The unwrapping of the head by its landmarks.
     pixels
         Pixels of the charts per world unit.
+    index
+        int32 [N], flat index in the atlas of each owning pixel.
+    flat
+        float32 [N, 2], unwrapped places, world units.
+    tone, detail, appearance
+        float32 [N]: luma; luma minus its blur (`BLUR`); the same without the photo's grain.
+    contours
+        float32 [N] in [0, 1]: how much the photo has to say at a place (edges, patterns).
     hair
-        float32 [H, W] in [0, 1], or None where it could not be told.
-    clothes
-        float32 [H, W] in [0, 1]: what lies below the chin and is not of the face's colour.
-    ears
-        float32 [H, W] in [0, 1].
+        float32 [N] in [0, 1], or None where it could not be told.
+    clothes, ears
+        float32 [N] in [0, 1]; clothes are what lies below the chin and is not of the face's colour.
     seen
-        float32 [H, W] in [0, 1]: how frontally the best photo saw a place; 1 where no cameras are
+        float32 [N] in [0, 1]: how frontally the best photo saw a place; 1 where no cameras are
         known.
+    outwards
+        bool [N], False where the surface is seen from within, as the large shape shows.
     """
 
     atlas: Atlas
-    landmarks: Float64
+    plane: HeadPlane
     pixels: float
+    index: NDArray[np.int32]
+    flat: Float32
+    tone: Float32
+    detail: Float32
+    appearance: Float32
+    contours: Float32
     hair: Float32 | None
     clothes: Float32
     ears: Float32
     seen: Float32
+    outwards: NDArray[np.bool_]
 
     @staticmethod
     def of(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera | None = None,
@@ -81,24 +107,65 @@ class Skin:
         Raises
         ------
         UserError
-            If the field shows no surface.
+            If the field shows no surface, or fewer than 20 landmarks are known.
         """
-        points = np.asarray(landmarks, np.float64)
+        plane = HeadPlane(landmarks)
         atlas = draw_atlas(field, pixels)
-        seen = _seen(atlas, cameras)
-        hair = _hair(atlas) if networks else None
-        if hair is not None and not _plausible(atlas, points, hair * seen):
+        index = np.flatnonzero(atlas.own).astype(np.int32)
+        points = atlas.points.reshape(-1, 3)[index]
+        normals = atlas.shape.at(points)
+        seen = _seen(points, normals, cameras)
+        hair = _hair(atlas, index, points) if networks else None
+        if hair is not None and not _plausible(plane, points, hair * seen):
             hair = None
-        return Skin(atlas, points, pixels, hair, _clothes(atlas, points, hair, pixels),
-                    _ears(atlas, points), seen)
+        tone, detail, appearance, contours = _looks(atlas, index, _unit(plane) * pixels)
+        depth = (plane.origin[1] - points[:, 1]) / plane.height
+        clothes = _clothes(atlas, index, points, depth, hair)
+        return Skin(atlas, plane, pixels, index, plane.unwrap(points).astype(np.float32), tone,
+                    detail, appearance, contours * seen, hair, clothes,
+                    _ears(plane.landmarks, points), seen, normals[:, 2] > -0.2)
+
+    @functools.cached_property
+    def slots(self) -> NDArray[np.int32]:
+        """Number in the lists of each pixel's owner, int32 [H, W]; -1 where there is none."""
+        number = np.full(self.atlas.owner.size + 1, -1, np.int32)
+        number[self.index] = np.arange(len(self.index), dtype=np.int32)
+        return number[self.atlas.owner]
+
+    @property
+    def face(self) -> float:
+        """Size of the face (`face_size` of the unwrapped landmarks) in pixels of the charts."""
+        return _unit(self.plane) * self.pixels
 
 
-def _chart_slices(atlas: Atlas, n: int) -> tuple[slice, slice]:
-    x0, y0, x1, y1, dx, dy = (int(value) for value in atlas.boxes[n])
-    return slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
+def _unit(plane: HeadPlane) -> float:
+    """Size of the face in world units."""
+    return face_size(plane.unwrap(plane.landmarks[plane.known]))
 
 
-def _hair(atlas: Atlas) -> Float32 | None:
+def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
+           ) -> tuple[Float32, Float32, Float32, Float32]:
+    """Tone, detail, appearance and contours of the owning pixels; ``size`` of the face in pixels."""
+    luma = grey(atlas.color)[..., None].copy()
+    exchange(atlas.owner, luma)
+    inside = (atlas.owner >= 0).astype(np.float32)
+    values = luma[..., 0] * inside
+    sigma = BLUR * size
+    broad = broad_blur(values, sigma) / np.maximum(broad_blur(inside, sigma), np.float32(1e-3))
+    soft = gaussian_blur(values, 0.2 * sigma)
+    soft /= np.maximum(gaussian_blur(inside, 0.2 * sigma), np.float32(1e-3))
+    appearance = (soft - broad) * inside
+    near = broad_blur(values, 0.6 * sigma)
+    near /= np.maximum(broad_blur(inside, 0.6 * sigma), np.float32(1e-3))
+    fine = (soft - near) * inside
+    energy = broad_blur(fine * fine, 0.5 * sigma)
+    contours = energy / (energy + np.float32(CONTOUR ** 2))
+    planes = (values, values - broad, appearance, contours)
+    tone, detail, looks, strength = (plane.reshape(-1)[index] for plane in planes)
+    return tone, detail, looks, strength
+
+
+def _hair(atlas: Atlas, index: NDArray[np.int32], points: Float32) -> Float32 | None:
     """Hair on the upright charts by the network; other charts take it from them by cells."""
     from ... import models
     from ...face import hair_mask
@@ -106,12 +173,11 @@ def _hair(atlas: Atlas) -> Float32 | None:
     if models.missing(["hair-segmentation"]):
         return None
     out = np.full(atlas.depth.shape, np.nan, np.float32)
-    pitch = np.degrees(np.arcsin(np.clip(
-        -atlas.cameras.pose[:, 1, 2], -1, 1)))
-    for n in range(len(atlas.cameras)):
+    pitch = np.degrees(np.arcsin(np.clip(-atlas.cameras.pose[:, 1, 2], -1, 1)))
+    for n, (x0, y0, x1, y1, dx, dy) in enumerate(atlas.boxes.tolist()):
         if abs(pitch[n]) > UPRIGHT:
             continue
-        part = _chart_slices(atlas, n)
+        part = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
         there = np.isfinite(atlas.depth[part])[..., None]
         picture = np.where(there, atlas.color[part], np.float32(0.75))
         rows, columns = picture.shape[:2]
@@ -119,115 +185,95 @@ def _hair(atlas: Atlas) -> Float32 | None:
         square = np.full((side, side, 3), 191, np.uint8)
         top, left = (side - rows) // 2, (side - columns) // 2
         square[top:top + rows, left:left + columns] = np.uint8(picture * 255 + 0.5)
-        out[part] = hair_mask(square, size=384)[top:top + rows, left:left + columns]
-    return _spread(atlas, out)
+        out[part] = hair_mask(square, size=256)[top:top + rows, left:left + columns]
+    return _spread(atlas, points, out.reshape(-1)[index])
 
 
-def _plausible(atlas: Atlas, landmarks: Float64, hair: Float32) -> bool:
+def _spread(atlas: Atlas, points: Float32, values: Float32) -> Float32:
+    """Fill the NaN in values [N] of points [N, 3] with means of the cells of space around."""
+    shape = atlas.shape
+    size = np.array(shape.normals.shape[2::-1])
+    cells = np.clip(((points - shape.low) / shape.cell).astype(np.int64), 0, size - 1)
+    flat = np.ravel_multi_index(tuple(cells.T), tuple(size))
+    known = np.isfinite(values)
+    total, count = (np.bincount(flat[known], weight, int(size.prod())).reshape(size)
+                    for weight in (values[known], None))
+    for axis in range(3):
+        total, count = (gaussian_filter1d(grid.astype(np.float32), 1.0, axis=axis)
+                        for grid in (total, count))
+    mean = (total / np.maximum(count, 1e-6)).reshape(-1)
+    return np.asarray(np.where(known, values, mean[flat]), np.float32)
+
+
+def _plausible(plane: HeadPlane, points: Float32, hair: Float32) -> bool:
     """Whether a good part of the head above the brows is hair: else it is shaven, or a statue."""
-    with np.errstate(invalid="ignore"):
-        above = atlas.own & (atlas.points[..., 1] > float(np.nanmean(landmarks[17:27, 1])))
+    above = points[:, 1] > plane.origin[1]
     return bool(above.any() and hair[above].mean() > 0.2)
 
 
-def _spread(atlas: Atlas, values: Float32) -> Float32:
-    """Fill the surface's NaN in values [H, W] with means of the cells of space around."""
-    surface = np.isfinite(atlas.depth)
-    shape = atlas.shape
-    cells = np.nan_to_num((np.nan_to_num(atlas.points) - shape.low) / shape.cell).astype(np.int64)
-    size = np.array(shape.normals.shape[:3])
-    index = np.ravel_multi_index(tuple(np.clip(cells[..., 2 - axis], 0, size[axis] - 1)
-                                       for axis in range(3)), tuple(size))
-    known = surface & np.isfinite(values)
-    total, count = (np.bincount(index[known], weight, int(size.prod())).reshape(size)
-                    .astype(np.float32) for weight in (values[known].astype(np.float64), None))
-    for axis in range(3):
-        total, count = (gaussian_blur_1d(grid, axis) for grid in (total, count))
-    mean = (total / np.maximum(count, 1e-6)).reshape(-1)
-    out = np.where(surface & ~known, mean[index], np.nan_to_num(values))
-    return np.asarray(np.where(surface, out, 0.0), np.float32)
-
-
-def gaussian_blur_1d(grid: Float32, axis: int) -> Float32:
-    """A grid smoothed by one cell along an axis."""
-    from scipy.ndimage import gaussian_filter1d
-
-    return np.asarray(gaussian_filter1d(grid, 1.0, axis=axis, truncate=3.0), np.float32)
-
-
-def skin_distance(image: NDArray[np.floating], face: NDArray[np.bool_]) -> Float32:
-    """How far colours are from those of the face, in standard deviations, float32 [H, W].
+def skin_distance(colors: NDArray[np.floating], face: NDArray[np.bool_]) -> Float32:
+    """How far colours are from those of the face, in standard deviations, float32 [...].
 
     Parameters
     ----------
-    image
-        float [H, W, 3], sRGB in [0, 1].
+    colors
+        float [..., 3], sRGB in [0, 1].
     face
-        bool [H, W], skin of the face.
+        bool [...], skin of the face.
 
     Shading counts for little, hue and chroma for much.
     """
     from skimage.color import rgb2lab
 
-    values = rgb2lab(np.clip(image, 0, 1)).astype(np.float32) * np.float32([0.4, 1.0, 1.0])
+    values = rgb2lab(np.clip(colors, 0, 1)).astype(np.float32) * np.float32([0.4, 1.0, 1.0])
     if face.sum() < 50:
-        return np.zeros(image.shape[:2], np.float32)
+        return np.zeros(colors.shape[:-1], np.float32)
     sample = values[face]
     spread = np.cov(sample.T) + np.diag([9.0, 9.0, 9.0])
     away = (values - np.median(sample, axis=0)).reshape(-1, 3)
-    root = np.linalg.cholesky(np.linalg.inv(spread))
+    root = np.linalg.cholesky(np.linalg.inv(spread)).astype(np.float32)
     return np.asarray(np.sqrt(((away @ root) ** 2).sum(axis=1)), np.float32).reshape(
-        image.shape[:2])
+        colors.shape[:-1])
 
 
-def _clothes(atlas: Atlas, landmarks: Float64, hair: Float32 | None, pixels: float) -> Float32:
-    """What lies below the chin, is no hair, and is not of the colour of the cheeks."""
-    brows = float(np.nanmean(landmarks[17:27, 1]))
-    chin = float(np.nanmin(landmarks[:, 1]))
-    height = max(brows - chin, 1e-3)
-    depth = (brows - atlas.points[..., 1]) / np.float32(height)
-    own = atlas.own
-    with np.errstate(invalid="ignore"):
-        front = own & (np.abs(atlas.points[..., 0]) < 0.6 * height) & (atlas.points[..., 2] > 0)
-        face = front & (depth > 0.3) & (depth < 0.95)
-        below = np.clip((depth - 1.0) / 0.15, 0, 1)
-    away = skin_distance(atlas.color, face)
-    other = 1 / (1 + np.exp(np.clip((3.5 - away) / 0.5, -30, 30)))
-    share = np.nan_to_num(other * below)
-    if hair is not None:
-        share = share * (1 - hair)
-    return gaussian_blur(np.asarray(share, np.float32), 0.01 * pixels)
+def _clothes(atlas: Atlas, index: NDArray[np.int32], points: Float32, depth: Float64,
+             hair: Float32 | None) -> Float32:
+    """What lies below the chin, is no hair, and is not of the colour of the cheeks, [N].
+
+    ``depth`` [N] is 0 at the brows and 1 at the chin.
+    """
+    out = np.zeros(len(index), np.float32)
+    below = depth > 1.0
+    colors = atlas.color.reshape(-1, 3)[index]
+    face = (depth > 0.3) & (depth < 0.95) & (points[:, 2] > 0)
+    face &= np.abs(points[:, 0]) < np.ptp(points[face, 0]) * 0.25 if face.any() else face
+    chosen = below | face
+    away = skin_distance(colors[chosen], face[chosen])
+    out[chosen] = 1 / (1 + np.exp(np.clip((3.5 - away) / 0.5, -30, 30)))
+    out *= np.clip((depth - 1.0) / 0.15, 0, 1).astype(np.float32)
+    return out if hair is None else out * (1 - hair)
 
 
-def _ears(atlas: Atlas, landmarks: Float64) -> Float32:
-    """Soft ellipsoids at the ends of the jaw, from the brows to the nose's foot."""
-    out = np.zeros(atlas.depth.shape, np.float32)
+def _ears(landmarks: Float64, points: Float32) -> Float32:
+    """Soft ellipsoids behind the ends of the jaw, from the brows to below the nose, [N]."""
+    out = np.zeros(len(points), np.float32)
     brows, foot = float(np.nanmean(landmarks[17:27, 1])), float(np.nanmean(landmarks[31:36, 1]))
     height = brows - float(np.nanmin(landmarks[:, 1]))
     for end, side in ((0, -1.0), (16, 1.0)):
         if not np.isfinite(landmarks[end]).all():
             continue
         middle = np.array([landmarks[end, 0] + 0.05 * side * height, 0.4 * brows + 0.6 * foot,
-                           landmarks[end, 2] - 0.3 * height])
-        reach = height * np.array([0.24, 0.28, 0.22])
-        with np.errstate(invalid="ignore"):
-            away = np.sqrt((((atlas.points - middle) / reach) ** 2).sum(-1))
-            out = np.fmax(out, np.clip((1.15 - away) / 0.2, 0, 1))
-    return np.asarray(np.nan_to_num(out), np.float32)
+                           landmarks[end, 2] - 0.3 * height], np.float32)
+        reach = np.float32(height) * np.float32([0.24, 0.28, 0.22])
+        away = np.sqrt((((points - middle) / reach) ** 2).sum(-1))
+        out = np.maximum(out, np.clip((np.float32(1.15) - away) / np.float32(0.2), 0, 1))
+    return np.asarray(out, np.float32)
 
 
-def _seen(atlas: Atlas, cameras: Camera | None) -> Float32:
-    """How frontally the best of the cameras saw each place, by the large shape alone."""
+def _seen(points: Float32, normals: Float32, cameras: Camera | None) -> Float32:
+    """How frontally the best of the cameras saw each place, by the large shape alone, [N]."""
     if cameras is None or not len(cameras):
-        return np.ones(atlas.depth.shape, np.float32)
-    coarse = atlas.points[::4, ::4]
-    normals = atlas.shape.at(coarse)
-    best = np.full(coarse.shape[:2], -1.0, np.float32)
-    for position in cameras.position[::max(1, len(cameras) // 40)]:
-        towards = position.astype(np.float32) - coarse
-        towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
-        best = np.fmax(best, (towards * normals).sum(-1))
-    share = np.clip((np.nan_to_num(best, nan=-1.0) - 0.1) / 0.3, 0, 1)
-    height, width = atlas.depth.shape
-    return np.ascontiguousarray(np.repeat(np.repeat(share, 4, 0), 4, 1)[:height, :width],
-                                np.float32)
+        return np.ones(len(points), np.float32)
+    out = np.empty(len(points), np.float32)
+    best_facing(points, normals, cameras.position[::max(1, len(cameras) // 40)], out)
+    return np.clip((out - np.float32(0.1)) / np.float32(0.3), 0, 1)

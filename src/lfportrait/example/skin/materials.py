@@ -1,0 +1,208 @@
+"""What exemplar and sitter are made of: skin, hair, neck, clothes.
+
+Patches keep to like material. The exemplar's comes from its regions; what lies below its jaw is
+neck or clothes by place and colour. The sitter's comes from the exemplar's where the guide leads,
+and from the sitter itself where that is known better: hair, clothes, ears.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from ..exemplar import Exemplar
+from ..guides.appearance import Distribution, grey, match_histogram
+from ..guides.blurs import broad_blur
+from ..guides.labels import LABELS
+from ..guides.regions import Regions
+from .sitter import BLUR, Skin, skin_distance
+
+__all__ = ["MATERIALS", "ExemplarMaterials", "material_shares", "sitter_looks", "sitter_shares"]
+
+Float32 = NDArray[np.float32]
+
+MATERIALS = ("skin", "hair", "neck", "clothes", "background")
+SKIN, HAIR, NECK, CLOTHES, GROUND = range(5)
+PLAIN = 0.08
+"""A background whose colours deviate by no more than this (standard deviation) is plain."""
+DEPTH = 0.2
+"""Well inside is this far from the edge, over the face's size, or most of the way there is."""
+LEAST = 0.004
+"""A material that covers less of the exemplar than this is not there."""
+STAND_INS = ((CLOTHES, NECK), (NECK, SKIN), (HAIR, SKIN))
+"""What stands in for a material that the exemplar does not show, in this order."""
+
+
+@dataclass
+class ExemplarMaterials:
+    """Materials and looks of an exemplar at one scale.
+
+    Attributes
+    ----------
+    shares
+        float32 [h, w, 5] by `MATERIALS`.
+    tone, detail
+        float32 [h, w], luma, and luma minus its blur.
+    nearest
+        int32 [5, h, w], flat index of the nearest pixel of each material.
+    deep
+        The same, of the nearest pixel well inside each material.
+    present
+        bool [5], materials that it shows.
+    """
+
+    shares: Float32
+    tone: Float32
+    detail: Float32
+    nearest: NDArray[np.int32]
+    deep: NDArray[np.int32]
+    present: NDArray[np.bool_]
+
+    @staticmethod
+    def of(picture: Float32, shares: Float32, size: float) -> ExemplarMaterials:
+        """From its picture [h, w, 3] and shares; ``size`` of the face in pixels."""
+        luma = grey(picture)
+        present = shares.reshape(-1, len(MATERIALS)).mean(axis=0) > LEAST
+        nearest, deep = (np.empty((len(MATERIALS), *luma.shape), np.int32) for _ in range(2))
+        for material in range(len(MATERIALS)):
+            inside = shares[::2, ::2, material] > 0.6
+            nearest[material] = _nearest(inside, luma.shape)
+            depth = distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
+            limit = min(DEPTH * size / 2, 0.6 * float(depth.max(initial=0.0)))
+            deep[material] = _nearest(inside & (depth >= limit), luma.shape)
+        return ExemplarMaterials(shares, luma, luma - broad_blur(luma, BLUR * size), nearest, deep,
+                                 present)
+
+
+def _nearest(there: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.int32]:
+    """Flat index of the nearest pixel of a mask of every second pixel, int32 [h, w]."""
+    rows, columns = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
+    if not there.any():
+        return np.asarray(rows * shape[1] + columns, np.int32)
+    _, found = distance_transform_edt(~there, return_indices=True)
+    away = found[:, rows // 2, columns // 2]
+    # On the mask a pixel is its own nearest one.
+    own = there[rows // 2, columns // 2]
+    y = np.where(own, rows, np.minimum(2 * away[0], shape[0] - 1))
+    x = np.where(own, columns, np.minimum(2 * away[1], shape[1] - 1))
+    return np.asarray(y * shape[1] + x, np.int32)
+
+
+def material_shares(labels: NDArray[np.uint8]) -> Float32:
+    """Shares of `MATERIALS` by soft labels [..., K]: features are skin, a body is neck."""
+    share = labels.astype(np.float32) / np.float32(255)
+    named = {name: share[..., n] for n, name in enumerate(LABELS)}
+    out = np.zeros((*labels.shape[:-1], len(MATERIALS)), np.float32)
+    for name in ("skin", "brows", "eyes", "nose", "lips"):
+        out[..., SKIN] += named[name]
+    out[..., HAIR], out[..., NECK] = named["hair"], named["body"]
+    out[..., GROUND] = named["background"]
+    out /= np.maximum(out.sum(axis=-1, keepdims=True), np.float32(1e-3))
+    return out
+
+
+def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Float32:
+    """Shares of `MATERIALS` of an exemplar, float32 [h, w, 5].
+
+    Below the jaw, what is of the face's colour, or right below it, is neck, the rest clothes; and
+    where the background is plain, what looks like it there is background.
+    """
+    shares = material_shares(labels)
+    body = shares[..., NECK] > 0.02
+    if not body.any():
+        return shares
+    image = exemplar.image.astype(np.float32) / np.float32(255)
+    features = labels[..., [LABELS.index(n) for n in ("brows", "eyes", "nose", "lips")]]
+    plain = (labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30)
+    smooth = _blurred(image, 0.05 * exemplar.size)
+    _, down = regions.frame.local(image.shape[:2])
+    bare = np.ones(image.shape[:2], np.float32)
+    chosen = body | plain
+    bare[chosen] = np.maximum(_near(skin_distance(smooth[chosen], plain[chosen]), 3.0),
+                              np.clip((1.3 - down[chosen]) / 0.15, 0, 1))
+    behind = labels[..., LABELS.index("background")] > 250
+    if behind.any() and image[behind].std(axis=0).max() < PLAIN:
+        fine = _blurred(image, 0.025 * exemplar.size)
+        chosen = body | behind
+        ground = np.zeros(image.shape[:2], np.float32)
+        ground[chosen] = _near(skin_distance(fine[chosen], behind[chosen]), 1.5)
+        ground *= shares[..., NECK]
+        shares[..., GROUND] += ground
+        shares[..., NECK] -= ground
+    shares[..., CLOTHES] = shares[..., NECK] * (1 - bare)
+    shares[..., NECK] *= bare
+    return shares
+
+
+def _near(distance: Float32, limit: float) -> Float32:
+    """1 for small distances, 0 for large ones, one half at the limit."""
+    return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
+
+
+def _blurred(image: Float32, sigma: float) -> Float32:
+    """A picture [H, W, 3] blurred."""
+    return np.stack([broad_blur(np.ascontiguousarray(image[..., c]), sigma) for c in range(3)],
+                    axis=-1)
+
+
+def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.bool_]) -> Float32:
+    """Shares of `MATERIALS` of a skin's N places, float32 [N, 5]; no background.
+
+    Parameters
+    ----------
+    skin
+        Of the sitter.
+    labels
+        uint8 [N, K], the exemplar's where the guide leads.
+    present
+        bool [5], what the exemplar shows; others stand in for the rest.
+    """
+    shares = material_shares(labels)
+    if skin.hair is not None:
+        rest = np.maximum(1 - shares[:, HAIR], np.float32(1e-3))
+        shares[:, [SKIN, NECK]] *= ((1 - skin.hair) / rest)[:, None]
+        # What the exemplar has as hair and the sitter does not is skin.
+        shares[:, SKIN] += np.maximum(1 - skin.hair - shares[:, SKIN] - shares[:, NECK], 0)
+        shares[:, HAIR] = skin.hair
+    ears = skin.ears if skin.hair is None else skin.ears * (1 - skin.hair)
+    shares *= (1 - ears)[:, None]
+    shares[:, SKIN] += ears
+    shares *= (1 - skin.clothes)[:, None]
+    shares[:, CLOTHES] = skin.clothes
+    shares[:, NECK] += shares[:, GROUND]
+    shares[:, GROUND] = 0
+    shares /= np.maximum(shares.sum(axis=-1, keepdims=True), np.float32(1e-3))
+    for material, stand_in in STAND_INS:
+        if not present[material]:
+            shares[:, stand_in] += shares[:, material]
+            shares[:, material] = 0
+    return shares
+
+
+def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tuple[Float32, Float32]:
+    """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each.
+
+    Tones are distributed as the exemplar's of the same material. Detail is made as strong as its
+    strokes, within bounds: noise of a plain place does not become strokes.
+    """
+    tone, detail = (np.zeros(len(shares), np.float32) for _ in range(2))
+    for material in range(GROUND):
+        share = shares[:, material]
+        inside = share > 0.5
+        there = theirs.shares[..., material] > 0.5
+        if not (share > 0).any():
+            continue
+        if inside.sum() < 100 or there.sum() < 100:
+            tone += share * skin.tone
+            detail += share * skin.detail
+            continue
+        wanted = Distribution.of(theirs.tone, there.astype(np.float32))
+        matched = match_histogram(np.ascontiguousarray(skin.tone[None]), wanted,
+                                  inside[None].astype(np.float32))
+        tone += share * matched[0]
+        gain = theirs.detail[there].std() / max(float(skin.detail[inside].std()), 1e-4)
+        detail += share * skin.detail * np.float32(np.clip(gain, 0.5, 2.5))
+    return tone, detail * skin.seen
