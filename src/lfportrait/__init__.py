@@ -18,16 +18,16 @@ from .version import __version__
 if TYPE_CHECKING:
     from .capture import Camera, Capture, calibrate
     from .errors import UserError
-    from .example import Exemplar, transfer
+    from .example import Exemplar, Skin, transfer
     from .field import VoxelField, reconstruct
     from .job import make
     from .lightfield import Display, ViewMask, encode, simulate
-    from .stylize import stylize
+    from .stylize import StyledField, paint, stylize
 
 __all__ = [
-    "Camera", "Capture", "Display", "Exemplar", "UserError", "ViewMask", "VoxelField",
-    "__version__", "calibrate", "encode", "make", "reconstruct", "simulate", "stylize",
-    "transfer",
+    "Camera", "Capture", "Display", "Exemplar", "Skin", "StyledField", "UserError",
+    "ViewMask", "VoxelField", "__version__", "calibrate", "encode", "make", "paint", "reconstruct",
+    "simulate", "stylize", "transfer",
 ]
 
 __getattr__, __dir__ = attach(__name__, __file__)

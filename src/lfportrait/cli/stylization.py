@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
@@ -95,8 +96,9 @@ class Stylize(Common):
     """Field file (.npz)."""
     capture: Path
     """The capture that the field was reconstructed from."""
-    style: str
-    """Exemplar: a picture or a name from `lfportrait styles`."""
+    style: Annotated[list[str], tyro.conf.UseAppendAction]
+    """Exemplar: a picture or a name from `lfportrait styles`. Given several times, all paintings
+    are kept in the file; the field shows the first, `lfportrait restyle` the others."""
     out: Path = Path("styled.npz")
     """File for the stylised field."""
     config: Annotated[StylizeConfig, tyro.conf.arg(name="")] = option(default_factory=StylizeConfig)
@@ -109,15 +111,21 @@ class Stylize(Common):
         from ..capture import CalibrateConfig
         from ..field import VoxelField
         from ..job import prepare_capture
-        from ..stylize import stylize_with_figures
+        from ..stylize import kept_skin, stylize_with_figures
 
-        exemplar = Exemplar.load(self.style)
+        if not self.style:
+            raise UserError("no style is given; name a painting: --style PICTURE")
+        exemplars = [Exemplar.load(style) for style in self.style]
         voxels = VoxelField.load(self.field)
         capture, _ = prepare_capture(self.capture, CalibrateConfig(), keep_background=True,
                                      need_face=True)
         with self.progress("stylize") as progress:
+            skin = (kept_skin(self.field, voxels, capture, self.config.pixels)
+                    if self.config.on_skin else None)
             styled, figures = stylize_with_figures(
-                voxels, capture, exemplar, replace(self.config, seed=self.seed), progress,
-                device=self.device, dump=self.dump)
+                voxels, capture, exemplars, replace(self.config, seed=self.seed), progress,
+                device=self.device, dump=self.dump, skin=skin)
         styled.save(self.out)
+        for notice in figures["notices"]:
+            print(f"note: {notice}", file=sys.stderr)
         return figures

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         Painted,
         StyleNetwork,
     )
+    from .skin import Painting, Skin, SkinConfig, SkinPainter
     from .styleblit import BlitConfig, Synthesis, synthesise
     from .surface_guide import SurfaceGuide, surface_position_guide
     from .table import LookUpTable, TableConfig, build_table
@@ -37,11 +38,11 @@ if TYPE_CHECKING:
 __all__ = [
     "LABELS", "METHODS", "BlitConfig", "Exemplar", "FaceBlit", "FaceBlitConfig", "FaceStyle",
     "FaceStyleConfig", "Guides", "LookUpTable", "Method", "MethodConfig", "NetworkConfig",
-    "Painted", "RegionStyle", "Regions", "Sitting", "StyleNetwork", "SurfaceGuide", "Synthesis",
-    "TableConfig", "Transfer", "TransferConfig", "TransferResult", "VideoTransfer",
-    "appearance_guide", "build_table", "face_landmarks", "face_size", "find_regions",
-    "mix_regions", "paint", "position_guide", "prepare", "provided_styles", "read_region",
-    "surface_position_guide", "synthesise", "transfer",
+    "Painted", "Painting", "RegionStyle", "Regions", "Sitting", "Skin", "SkinConfig", "SkinPainter",
+    "StyleNetwork", "SurfaceGuide", "Synthesis", "TableConfig", "Transfer", "TransferConfig",
+    "TransferResult", "VideoTransfer", "appearance_guide", "build_table", "face_landmarks",
+    "face_size", "find_regions", "mix_regions", "paint", "position_guide", "prepare",
+    "provided_styles", "read_region", "surface_position_guide", "synthesise", "transfer",
 ]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -15,7 +15,7 @@ Patch synthesis of this kind touches patents; see docs/methods.md before you use
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,10 @@ class PatchConfig:
     """Widest random step of the search on the finest level, in pixels."""
     polish: bool = True
     """Finish with patches of 3 x 3 pixels, which blur less."""
+
+    def hasty(self) -> PatchConfig:
+        """The same for a preview: fewer alternations."""
+        return replace(self, votes=max(1, self.votes // 2), last_votes=1, passes=1, polish=False)
 
 
 @dataclass

@@ -276,7 +276,8 @@ class SurfaceGuide:
         plane, at least 0.1 and at most 1.
         """
         columns, rows = (int(n) for n in np.ceil((high - low) / spacing).astype(int) + 2)
-        x, y = np.meshgrid(low[0] + spacing * np.arange(columns), low[1] + spacing * np.arange(rows))
+        x, y = np.meshgrid(low[0] + spacing * np.arange(columns),
+                           low[1] + spacing * np.arange(rows))
         flat = np.stack([x.ravel(), y.ravel()], axis=-1)
         position = self._onto_person(self._guided(flat)).reshape(rows, columns, 2)
         steps = [np.linalg.norm(np.gradient(position, axis=axis), axis=-1) for axis in (0, 1)]

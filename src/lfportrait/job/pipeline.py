@@ -303,13 +303,15 @@ class _Job:
         return {**figures, "peak_memory_bytes": peak_memory_bytes()}
 
     def _stylize(self) -> dict[str, Any]:
-        from ..stylize import stylize_with_figures
+        from ..stylize import kept_skin, stylize_with_figures
 
+        config = replace(self.config.stylize, seed=self.seed)
+        path = self.out / "field.npz"
         with self._progress("stylize", ("transfer", "stylize")) as progress:
-            styled, figures = stylize_with_figures(
-                VoxelField.load(self.out / "field.npz"), Capture.load(self.out / "capture"),
-                self.exemplar, replace(self.config.stylize, seed=self.seed), progress,
-                device=self.device)
+            field, capture = VoxelField.load(path), Capture.load(self.out / "capture")
+            skin = kept_skin(path, field, capture, config.pixels) if config.on_skin else None
+            styled, figures = stylize_with_figures(field, capture, self.exemplar, config, progress,
+                                                   device=self.device, skin=skin)
         styled.save(self.out / "styled.npz")
         return {**figures, "peak_memory_bytes": peak_memory_bytes()}
 

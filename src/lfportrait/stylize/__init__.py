@@ -11,13 +11,16 @@ from typing import TYPE_CHECKING, Any
 from ..lazy import attach
 
 if TYPE_CHECKING:
+    from .config import StylizeConfig
     from .mix_options import MixConfig
     from .mixing import StyledField
     from .networks import load_network
-    from .optimize import StylizeConfig, stylize, stylize_with_figures
+    from .on_skin import paint
+    from .optimize import stylize, stylize_with_figures
+    from .skin_files import kept_skin
 
-__all__ = ["MixConfig", "StyledField", "StylizeConfig", "load_network", "stylize",
-           "stylize_with_figures"]
+__all__ = ["MixConfig", "StyledField", "StylizeConfig", "kept_skin", "load_network", "paint",
+           "stylize", "stylize_with_figures"]
 
 __getattr__, __dir__ = attach(__name__, __file__)
 

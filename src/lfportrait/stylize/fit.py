@@ -101,21 +101,14 @@ class ColorModel:
             self.colors = part * self.colors + (1.0 - part) * guess
         return float(1.0 - seen.mean())
 
-    def coefficients(self, field: VoxelField, strength: float = 1.0) -> Float32:
-        """Spherical-harmonic coefficients; ``strength`` blends from the real field's, 0, to 1."""
-        styled = ((self.colors - 0.5) / _C0)[:, :, None]
-        if strength >= 1.0:
-            return styled
-        mixed = (1.0 - strength) * field.sh
-        mixed[:, :, :1] += strength * styled
-        return mixed
-
 
 def _trust(view: StyleView) -> Float32:
     """Weight of each pixel in the fit: opaque, and seen frontally rather than grazing.
 
     Strokes stay sharp if the view that sees a place best has most of the say.
     """
+    if view.trust is not None:
+        return view.trust
     weight = view.alpha * (0.02 + view.confidence ** 3)
     return np.ascontiguousarray(np.where(view.alpha > 0.05, weight, 0.0), np.float32)
 

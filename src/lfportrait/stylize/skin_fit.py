@@ -1,4 +1,4 @@
-"""A painted skin becomes a field's colours: looked up at first, then fitted exactly.
+"""A painted skin becomes a field's colours: looked up at first, then fitted.
 
 A lattice point takes the colour of the surface point above it, along the normal of the head's large
 shape. That is all a preview needs. Between lattice points, though, strokes are soft: so the charts
@@ -12,49 +12,105 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
-from ..example.skin import Painting, Skin
+from ..example import Painting, Skin
 from ..field import VoxelField
 from .fit import ColorModel
 from .views import StyleView
 
-__all__ = ["chart_views", "look_up_rows"]
+__all__ = ["chart_views", "look_up_rows", "row_labels", "show_painting"]
 
 Float32 = NDArray[np.float32]
 
-BEFORE, BEHIND = 2.5, 7.0
-"""Lattice points up to so many voxels before a chart's surface, and under it, take its colour."""
+ASIDE = 0.02
+"""Weight in the fit of what a chart shows but does not own."""
 
 
-def row_places(field: VoxelField, skin: Skin) -> Float32:
-    """Place in the skin's atlas of each lattice row, float32 [N, 2]; NaN where there is none."""
-    points = np.ascontiguousarray(field.lattice_points(), np.float32)
-    voxel = float((2.0 * field.radius / np.array(field.links.shape[::-1])).mean())
-    return skin.atlas.locate(points, BEFORE * voxel, BEHIND * voxel)[0]
-
-
-def look_up_rows(model: ColorModel, painting: Painting, places: Float32) -> None:
+def look_up_rows(model: ColorModel, painting: Painting) -> None:
     """Give a model's rows the painting's colours at their places; marks them as seen."""
-    found = painting.at(places)
+    found = painting.at(painting.skin.rows)
     known = np.isfinite(found[:, 0])
     model.colors[known] = found[known]
     model.seen[known] = 1.0
 
 
-def chart_views(field: VoxelField, painting: Painting, background: float) -> list[StyleView]:
-    """The charts as views of a fit: what they should show, and the lattice rows behind it."""
-    atlas = painting.skin.atlas
+def row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
+    """Soft regions of a field's rows, uint8 [N, R], and the regions' names.
+
+    Rows that no chart shows belong to none.
+    """
+    labels, names = skin.labels
+    slots = skin.slots
+    known = np.isfinite(skin.rows[:, 0])
+    pixel = skin.rows[known].astype(np.int64)
+    slot = slots[np.clip(pixel[:, 1], 0, slots.shape[0] - 1),
+                 np.clip(pixel[:, 0], 0, slots.shape[1] - 1)]
+    out = np.zeros((len(skin.rows), len(names)), np.uint8)
+    out[known] = np.where((slot >= 0)[:, None], labels[slot], 0)
+    return out, names
+
+
+def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1,
+                ) -> list[StyleView]:
+    """The charts as views of a fit, and the lattice rows behind each pixel.
+
+    Parameters
+    ----------
+    field
+        The real field.
+    skin
+        Of the field.
+    background
+        Grey level behind the head.
+    step
+        Every so many pixels; a power of two up to 16.
+    """
+    atlas = skin.atlas
     own = atlas.own
     views = []
-    for n, (x0, y0, x1, y1, dx, dy) in enumerate(atlas.boxes.tolist()):
-        there = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
+    for n, (x0, y0, x1, y1, _, _) in enumerate(atlas.boxes.tolist()):
+        width, height = (x1 - x0) // step, (y1 - y0) // step
+        there = chart_pixels(skin, n, step)
         camera = atlas.cameras[n]
-        camera = Camera(camera.pose, camera.focal, camera.center - np.array([x0, y0]),
-                        np.array([x1 - x0]), np.array([y1 - y0]))
-        weights = field.sample_weights(camera, 0, inside=atlas.owner[there] >= 0)
-        alpha = weights.alpha.reshape(y1 - y0, x1 - x0)
-        shown = (alpha[..., None] * picture + (1 - alpha[..., None]) * np.float32(background)
-                 for picture in (atlas.color[there], painting.color[there]))
-        content, example = (np.asarray(picture, np.float32) for picture in shown)
-        trust = np.where(own[there], np.float32(1), np.float32(0))
-        views.append(StyleView(content, example, alpha, trust, weights))
+        camera = Camera(camera.pose, camera.focal / step,
+                        (camera.center - np.array([x0, y0])) / step, np.array([width]),
+                        np.array([height]))
+        # The networks look at whole pictures; the fit only at what a chart owns.
+        inside = own[there] if step == 1 else atlas.owner[there] >= 0
+        weights = field.sample_weights(camera, 0, inside=inside)
+        alpha = weights.alpha.reshape(height, width)
+        content = _shown(atlas.color[there], alpha, background)
+        trust = np.where(own[there], np.float32(1), np.float32(ASIDE)) * alpha
+        trust[alpha < 0.05] = 0.0
+        views.append(StyleView(content, content, alpha, trust, weights, trust))
     return views
+
+
+def chart_pixels(skin: Skin, n: int, step: int) -> tuple[slice, slice]:
+    """Rows and columns of the atlas that hold every ``step``-th pixel of a chart."""
+    x0, y0, x1, y1, dx, dy = (int(value) for value in skin.atlas.boxes[n])
+    width, height = (x1 - x0) // step, (y1 - y0) // step
+    left, top = x0 + dx + step // 2, y0 + dy + step // 2
+    return slice(top, top + height * step, step), slice(left, left + width * step, step)
+
+
+def show_painting(views: list[StyleView], painting: Painting, background: float,
+                  step: int = 1) -> None:
+    """Let the charts' views (`chart_views`) ask for a painting's colours."""
+    for n, view in enumerate(views):
+        rows, columns = chart_pixels(painting.skin, n, 1)
+        x0, y0 = columns.start, rows.start
+        if step == painting.step:
+            picture = painting.color[y0 // step:, x0 // step:][:view.shape[0], :view.shape[1]]
+        else:
+            # Means of blocks: the middle alone would alias.
+            block = step // painting.step
+            part = painting.color[y0 // painting.step:, x0 // painting.step:]
+            part = part[:view.shape[0] * block, :view.shape[1] * block]
+            picture = part.reshape(view.shape[0], block, view.shape[1], block, 3).mean((1, 3))
+        view.example = _shown(picture, view.alpha, background)
+
+
+def _shown(picture: Float32, alpha: Float32, background: float) -> Float32:
+    """A picture on the background, by its opacity."""
+    opacity = alpha[..., None]
+    return np.asarray(opacity * picture + (1 - opacity) * np.float32(background), np.float32)

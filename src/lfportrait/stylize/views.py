@@ -33,6 +33,9 @@ class StyleView:
         float32 [h, w]: how frontally the surface is seen, 0 to 1.
     weights
         The crop's pixels as a linear map of the lattice's colours.
+    trust
+        float32 [h, w], weight of each pixel in the fit; None: opaque, and frontal rather than
+        grazing.
     result
         What the transfer did, for ``--dump``; None unless asked for.
     """
@@ -42,12 +45,18 @@ class StyleView:
     alpha: Float32
     confidence: Float32
     weights: SampleWeights
+    trust: Float32 | None = None
     result: Any = None
 
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width of the crop."""
         return self.alpha.shape[0], self.alpha.shape[1]
+
+    @property
+    def trusted(self) -> Float32:
+        """Weight of each pixel's gradient, float32 [h, w]."""
+        return self.alpha if self.trust is None else self.trust
 
 
 def style_cameras(field: VoxelField, size: int, arc: float, count: int,
@@ -145,4 +154,4 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
         example = (example * alpha + background * (1.0 - alpha)).astype(np.float32)
     facing = _facing(points, camera.position[0])
     return StyleView(content, example, rendering.alpha, facing, field.sample_weights(camera, 0),
-                     result if keep else None)
+                     result=result if keep else None)

@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-__all__ = ["best_facing", "exchange", "find_owners", "fringe", "lift_points", "locate", "look_up_colors", "sample_nodes", "smooth_normals",
-           "spread", "sum_normals", "surface_normals"]
+__all__ = ["best_facing", "exchange", "find_owners", "fringe", "lift_points", "locate",
+           "look_up_colors", "sample_nodes", "smooth_normals", "spread", "sum_normals",
+           "surface_normals"]
 
 _NOWHERE = -1
 
@@ -80,7 +81,7 @@ def sum_normals(points, normals, low, cell, sums):
 
 @njit(cache=True, nogil=True)
 def _between(grid, low, cell, x, y, z, out):
-    """Trilinear value of a grid [Z, Y, X, 3] whose cells' middles hold the values, at unit length."""
+    """Trilinear value of a grid [Z, Y, X, 3], held by its cells' middles, at unit length."""
     fx = min(max((x - low[0]) / cell - 0.5, 0.0), grid.shape[2] - 1.001)
     fy = min(max((y - low[1]) / cell - 0.5, 0.0), grid.shape[1] - 1.001)
     fz = min(max((z - low[2]) / cell - 0.5, 0.0), grid.shape[0] - 1.001)

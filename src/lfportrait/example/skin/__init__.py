@@ -5,6 +5,8 @@ paints it by one exemplar.
 """
 
 from .painting import Painting, SkinConfig, SkinPainter
-from .sitter import Skin
+from .sitter import PIXELS, Skin
+from .storage import load_skin, save_skin, skin_key
 
-__all__ = ["Painting", "Skin", "SkinConfig", "SkinPainter"]
+__all__ = ["PIXELS", "Painting", "Skin", "SkinConfig", "SkinPainter", "load_skin",
+           "save_skin", "skin_key"]

@@ -94,8 +94,6 @@ class Painting:
         float32 [H / step, W / step, 3] in [0, 1], sRGB, of the atlas; copies and fringes filled.
     step
         Pixels of the atlas per pixel of the painting.
-    labels
-        uint8 [N, K], soft regions of the skin's owning pixels, see `LABELS`.
     seconds
         By step.
     """
@@ -103,7 +101,6 @@ class Painting:
     skin: Skin
     color: Float32
     step: int
-    labels: NDArray[np.uint8]
     seconds: dict[str, float]
 
     def at(self, places: Float32) -> Float32:
@@ -206,7 +203,7 @@ class SkinPainter:
         color, _ = synthesise_patches(target, source, self.config.patches, self.seed)
         exchange(canvas.owner, color)
         clock.lap("patches")
-        return Painting(skin, color, step, labels, clock.seconds)
+        return Painting(skin, color, step, clock.seconds)
 
     def _positions(self, guide: SurfaceGuide, skin: Skin) -> tuple[Float32, Float32]:
         """Exemplar places [N, 2] of a skin's, and how much slower than the plane they change."""
@@ -280,7 +277,7 @@ class SkinPainter:
         state[own & np.append(core, False)[canvas.slots]] = FIXED
         active = np.zeros(len(core), bool)
         active[canvas.slots[state == ACTIVE]] = True
-        demand = shares[active].sum(axis=0) / canvas.step ** 0
+        demand = shares[active].sum(axis=0)
         demand *= (state == ACTIVE).sum() / max(int(active.sum()), 1)
         there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
         even = theirs.shares @ (demand / np.maximum(there, 1)).astype(np.float32)

@@ -24,6 +24,10 @@ from ..guides.blurs import broad_blur, gaussian_blur
 from ..kernels.atlas import best_facing, exchange
 from ..surface_guide import HeadPlane
 from .charts import Atlas, draw_atlas
+from .regions import REGIONS, skin_regions
+
+BEFORE, BEHIND = 2.5, 7.0
+"""Lattice points up to so many voxels before a chart's surface, and under it, take its colour."""
 
 __all__ = ["PIXELS", "Skin", "skin_distance"]
 
@@ -69,6 +73,9 @@ class Skin:
         known.
     outwards
         bool [N], False where the surface is seen from within, as the large shape shows.
+    rows
+        float32 [R, 2], places in the atlas of the field's R lattice rows; NaN where no chart shows
+        them.
     """
 
     atlas: Atlas
@@ -85,6 +92,7 @@ class Skin:
     ears: Float32
     seen: Float32
     outwards: NDArray[np.bool_]
+    rows: Float32
 
     @staticmethod
     def of(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera | None = None,
@@ -123,7 +131,8 @@ class Skin:
         clothes = _clothes(atlas, index, points, depth, hair)
         return Skin(atlas, plane, pixels, index, plane.unwrap(points).astype(np.float32), tone,
                     detail, appearance, contours * seen, hair, clothes,
-                    _ears(plane.landmarks, points), seen, normals[:, 2] > -0.2)
+                    _ears(plane.landmarks, points), seen, normals[:, 2] > -0.2,
+                    _row_places(field, atlas))
 
     @functools.cached_property
     def slots(self) -> NDArray[np.int32]:
@@ -132,10 +141,24 @@ class Skin:
         number[self.index] = np.arange(len(self.index), dtype=np.int32)
         return number[self.atlas.owner]
 
+    @functools.cached_property
+    def labels(self) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
+        """Soft regions of the owning pixels, uint8 [N, R], and the regions' names."""
+        points = self.atlas.points.reshape(-1, 3)[self.index]
+        return skin_regions(self.plane, self.atlas.cameras[0], points, self.atlas.shape.at(points),
+                            self.flat, self.hair, self.ears, self.clothes), REGIONS
+
     @property
     def face(self) -> float:
         """Size of the face (`face_size` of the unwrapped landmarks) in pixels of the charts."""
         return _unit(self.plane) * self.pixels
+
+
+def _row_places(field: VoxelField, atlas: Atlas) -> Float32:
+    """Place in the atlas of each lattice row, float32 [R, 2]; NaN where there is none."""
+    points = np.asarray(field.lattice_points(), np.float32)
+    voxel = float((2.0 * field.radius / np.array(field.links.shape[::-1])).mean())
+    return atlas.locate(points, BEFORE * voxel, BEHIND * voxel)[0]
 
 
 def _unit(plane: HeadPlane) -> float:
@@ -145,7 +168,7 @@ def _unit(plane: HeadPlane) -> float:
 
 def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
            ) -> tuple[Float32, Float32, Float32, Float32]:
-    """Tone, detail, appearance and contours of the owning pixels; ``size`` of the face in pixels."""
+    """Tone, detail, appearance, contours of the owning pixels; ``size`` of the face in pixels."""
     luma = grey(atlas.color)[..., None].copy()
     exchange(atlas.owner, luma)
     inside = (atlas.owner >= 0).astype(np.float32)
@@ -161,7 +184,8 @@ def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
     energy = broad_blur(fine * fine, 0.5 * sigma)
     contours = energy / (energy + np.float32(CONTOUR ** 2))
     planes = (values, values - broad, appearance, contours)
-    tone, detail, looks, strength = (plane.reshape(-1)[index] for plane in planes)
+    tone, detail, looks, strength = (np.asarray(plane, np.float32).reshape(-1)[index]
+                                     for plane in planes)
     return tone, detail, looks, strength
 
 
@@ -225,7 +249,8 @@ def skin_distance(colors: NDArray[np.floating], face: NDArray[np.bool_]) -> Floa
     """
     from skimage.color import rgb2lab
 
-    values = rgb2lab(np.clip(colors, 0, 1)).astype(np.float32) * np.float32([0.4, 1.0, 1.0])
+    values = rgb2lab(np.clip(colors, 0, 1)).astype(np.float32)
+    values *= np.array([0.4, 1.0, 1.0], np.float32)
     if face.sum() < 50:
         return np.zeros(colors.shape[:-1], np.float32)
     sample = values[face]
@@ -264,7 +289,7 @@ def _ears(landmarks: Float64, points: Float32) -> Float32:
             continue
         middle = np.array([landmarks[end, 0] + 0.05 * side * height, 0.4 * brows + 0.6 * foot,
                            landmarks[end, 2] - 0.3 * height], np.float32)
-        reach = np.float32(height) * np.float32([0.24, 0.28, 0.22])
+        reach = np.float32(height) * np.array([0.24, 0.28, 0.22], np.float32)
         away = np.sqrt((((points - middle) / reach) ** 2).sum(-1))
         out = np.maximum(out, np.clip((np.float32(1.15) - away) / np.float32(0.2), 0, 1))
     return np.asarray(out, np.float32)

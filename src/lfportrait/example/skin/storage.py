@@ -1,0 +1,81 @@
+"""A skin's file, beside its field: what took long to find; the rest is computed when it is read.
+
+The file knows what it was made of: it is used for that field and those landmarks alone.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...capture import Camera
+from ...files import atomic_write
+from ...keys import key_of
+from ..kernels.atlas import lift_points
+from ..surface_guide import HeadPlane
+from .charts import Atlas, Shape
+from .sitter import Skin
+
+__all__ = ["load_skin", "save_skin", "skin_key"]
+
+VERSION = 1
+_LISTS = ("index", "flat", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
+          "seen", "outwards", "rows")
+
+
+def skin_key(*made_of: Any) -> str:
+    """What a skin depends on, as a short text."""
+    return key_of("skin", VERSION, *made_of)
+
+
+def save_skin(skin: Skin, path: Path, key: str) -> None:
+    """Write a skin and the key of what it was made of."""
+    atlas = skin.atlas
+    cameras = atlas.cameras
+    lists: dict[str, NDArray[Any]] = {}
+    for name in _LISTS:
+        value = getattr(skin, name)
+        if value is not None:
+            # Shares and tones have no more than a thousand steps.
+            lists[name] = (value.astype(np.float16) if value.dtype == np.float32
+                           and name not in ("flat", "rows") else value)
+    with atomic_write(path) as stream:
+        np.savez(stream, allow_pickle=False, key=np.str_(key), pixels=np.float64(skin.pixels),
+                 landmarks=skin.plane.landmarks, boxes=atlas.boxes, depth=atlas.depth,
+                 color=np.uint8(atlas.color * 255 + 0.5), owner=atlas.owner,
+                 shape_normals=atlas.shape.normals, shape_low=atlas.shape.low,
+                 shape_cell=np.float64(atlas.shape.cell), pose=cameras.pose, focal=cameras.focal,
+                 center=cameras.center, width=cameras.width, height=cameras.height, **lists)
+
+
+def load_skin(path: Path, key: str) -> Skin | None:
+    """The skin in a file; None if there is none, or it was made of something else."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            if str(data["key"]) != key:
+                return None
+            arrays = {name: data[name] for name in data.files}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+        return None
+    cameras = Camera(*(arrays[name] for name in ("pose", "focal", "center", "width", "height")))
+    shape = Shape(arrays["shape_normals"], arrays["shape_low"], float(arrays["shape_cell"]))
+    depth = arrays["depth"]
+    points = np.full((*depth.shape, 3), np.nan, np.float32)
+    atlas = Atlas(cameras, arrays["boxes"], depth, points,
+                  arrays["color"].astype(np.float32) / np.float32(255), arrays["owner"], shape)
+    for row, (x0, y0, x1, y1, dx, dy) in zip(atlas.rows, atlas.boxes.tolist()):
+        there = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
+        part = np.empty((y1 - y0, x1 - x0, 3), np.float32)
+        camera = row.copy()
+        camera[14:] -= (x0, y0)
+        lift_points(np.ascontiguousarray(depth[there]), camera, part)
+        points[there] = part
+    lists = {name: (value.astype(np.float32) if value.dtype == np.float16 else value)
+             for name in _LISTS if (value := arrays.get(name)) is not None}
+    return Skin(atlas, HeadPlane(arrays["landmarks"]), float(arrays["pixels"]),
+                **{"hair": None, **lists})

@@ -1,0 +1,92 @@
+"""Parameters of the stylisation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import tyro
+
+from ..example import SkinConfig, TransferConfig
+from ..example.skin import PIXELS
+
+__all__ = ["StylizeConfig"]
+
+Network = Literal["auto", "vgg16", "resnet50", "vgg19-se", "embedded"]
+
+
+@dataclass(frozen=True)
+class StylizeConfig:
+    """Parameters of the stylisation."""
+
+    method: Literal["skin", "paper", "arf"] = "skin"
+    """skin: painted once on the head's surface, then fitted and refined; paper: views painted one
+    by one (Shen et al. 2023), then the losses; arf: nearest-neighbour features, no examples."""
+    preview: bool = False
+    """On the skin: half the resolution, no fit and no refinement; seconds."""
+    pixels: float = PIXELS
+    """On the skin: its pixels per world unit (a head is about one and a half high), 96 to 768."""
+    guide: Literal["surface", "view"] = "view"
+    """Of painted views: from the landmarks in each view (paper), or anchored to the surface."""
+    size: int = 576
+    """Width and height of painted views in pixels."""
+    arc: float = 75.0
+    """Half angle of their arc in degrees."""
+    views: int = 15
+    """Views on each arc."""
+    pitches: tuple[float, ...] = (-12.0, 8.0, 28.0)
+    """Height of the arcs in degrees above the horizon."""
+    fit_iterations: int = -1
+    """Iterations of the least-squares fit to the painting; -1: 2 on the skin (more are sharper, and
+    neighbouring views agree less), 12 in views."""
+    steps: int = -1
+    """Refinement steps, one view each; 0 leaves the fit; -1: 21 on the skin, 90 in views."""
+    learning_rate: float = -1.0
+    """Adam's step in colour units at the start; it falls to a tenth; -1: 0.005 on the skin, 0.02 in
+    views."""
+    content_network: Network = "auto"
+    """Features of the content loss; auto: vgg16 if its weights are at hand, else embedded."""
+    style_network: Network = "auto"
+    """Features of the style loss; auto: resnet50 if its weights are at hand, else embedded."""
+    alpha: float = 0.001
+    """Weight of the content loss; at the paper's 0.001 its gradient is 0.1 of the fit's."""
+    beta: float = 0.005
+    """Weight of the style loss; at the paper's 0.005 its gradient is 0.5 of the fit's."""
+    gamma: float = 10.0
+    """Weight of the Laplacian loss; at the paper's 10 its gradient is 0.5 of the fit's."""
+    lap_reference: Literal["example", "content"] = "example"
+    """Contours kept: of the example (brush work) or of the photo (the paper's words)."""
+    lap_pool: int = 1
+    """Average pooling before the Laplacian, 1 to 16 pixels."""
+    strength: float = 1.0
+    """0 leaves the real colours, 1 gives the style; `lfportrait restyle` changes it afterwards."""
+    keep: tuple[str, ...] = ()
+    """Regions kept from the photo: eyes, lips, hair, ears, clothes, ..."""
+    background: float = 1.0
+    """Grey level behind the head while stylising."""
+    skin: SkinConfig = field(default_factory=SkinConfig)
+    """Painting on the skin."""
+    transfer: TransferConfig = field(default_factory=TransferConfig)
+    """Example-based transfer of faces and views."""
+    seed: tyro.conf.Suppress[int] = 0
+    """Seed of the order of the views and of the chunks."""
+
+    @property
+    def on_skin(self) -> bool:
+        """Whether the head is painted on its surface."""
+        return self.method == "skin"
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of the fit."""
+        return self.fit_iterations if self.fit_iterations >= 0 else (2 if self.on_skin else 12)
+
+    @property
+    def refinements(self) -> int:
+        """Refinement steps."""
+        return self.steps if self.steps >= 0 else (21 if self.on_skin else 90)
+
+    @property
+    def rate(self) -> float:
+        """Adam's first step."""
+        return self.learning_rate if self.learning_rate > 0 else (0.005 if self.on_skin else 0.02)

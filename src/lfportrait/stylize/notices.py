@@ -1,0 +1,66 @@
+"""What sitter and exemplar do not share, told in a line each: eyes, mouth, size of the strokes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Capture
+from ..example import Exemplar
+from .config import StylizeConfig
+
+__all__ = ["eye_opening", "mouth_opening", "notices"]
+
+Points = NDArray[np.floating]
+
+SHUT, OPEN = 0.17, 0.23
+"""Height over width of eyes that are shut, and of eyes that are open."""
+PARTED = 0.14
+"""Height of the gap between the lips over the mouth's width, of a mouth that is open."""
+COARSE = 100.0
+"""An exemplar whose face is smaller (`face_size`, pixels) is coarse beside a display's rows."""
+
+
+def _opening(points: Points, pairs: Sequence[tuple[int, int]], ends: tuple[int, int]) -> float:
+    """Mean distance of pairs of landmarks over that of two ends; NaN where they are unknown."""
+    width = float(np.linalg.norm(points[ends[0]] - points[ends[1]]))
+    return float(np.mean([np.linalg.norm(points[a] - points[b]) for a, b in pairs])) / max(
+        width, 1e-9)
+
+
+def eye_opening(points: Points) -> float:
+    """Mean height of the eyes over their width, from landmarks [68, 2] or [68, 3]."""
+    return 0.5 * (_opening(points, ((37, 41), (38, 40)), (36, 39))
+                  + _opening(points, ((43, 47), (44, 46)), (42, 45)))
+
+
+def mouth_opening(points: Points) -> float:
+    """Height of the gap between the lips over the mouth's width, from landmarks [68, 2 or 3]."""
+    return _opening(points, ((61, 67), (62, 66), (63, 65)), (48, 54))
+
+
+def notices(capture: Capture, exemplars: Sequence[Exemplar], config: StylizeConfig) -> list[str]:
+    """What a user should know before looking at the result; a line each."""
+    out: list[str] = []
+    points = capture.landmarks
+    if points is None:
+        return out
+    for exemplar in exemplars:
+        theirs = exemplar.landmarks
+        kept = set(config.keep)
+        if "eyes" not in kept and eye_opening(points) < SHUT and eye_opening(theirs) > OPEN:
+            out.append(f"the sitter's eyes are closed, those of {exemplar.name} are open: "
+                       "--keep eyes leaves the photo's")
+        mouths = mouth_opening(points), mouth_opening(theirs)
+        if "lips" not in kept and (mouths[0] > PARTED) != (mouths[1] > PARTED):
+            which = "open" if mouths[0] > PARTED else "closed"
+            other = "closed" if mouths[0] > PARTED else "open"
+            out.append(f"the sitter's mouth is {which}, that of {exemplar.name} is {other}: "
+                       "--keep lips leaves the photo's")
+        if exemplar.size < COARSE:
+            out.append(f"the face of {exemplar.name} is only about {3.2 * exemplar.size:.0f} "
+                       "pixels wide: its strokes will be coarse on a large display; use a larger "
+                       "picture of it")
+    return out

@@ -1,0 +1,177 @@
+"""Refinement of a field's colours by the losses (Shen et al. 2023, Eq. 4-7, 9), view by view.
+
+The losses' weights are calibrated: at the paper's values, each term's gradient has a set share of
+the norm of that of the fit to the examples. What does not change from step to step - features of
+the real views, and of the examples - is computed once a view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from .. import models
+from ..example import Exemplar
+from ..progress import Progress
+from .config import StylizeConfig
+from .fit import ColorModel
+from .kernels.linear import adam_step
+from .losses import content_loss, laplacian_loss, nearest_neighbour_loss, stacked
+from .networks import FeatureNetwork, load_network
+from .views import StyleView
+
+__all__ = ["Constants", "Refinement"]
+
+
+class Refinement:
+    """The losses' steps over the views.
+
+    Parameters
+    ----------
+    model
+        The colours; changed in place.
+    views
+        What they should show.
+    exemplar
+        The painting.
+    config
+        Weights, networks, steps.
+    constants
+        Content features by view of an earlier refinement of the same views (`Constants`).
+    """
+
+    def __init__(self, model: ColorModel, views: list[StyleView], exemplar: Exemplar,
+                 config: StylizeConfig, constants: Constants | None = None) -> None:
+        self.constants = constants if constants is not None else Constants()
+        self._wanted: dict[int, torch.Tensor] = {}
+        self.model, self.views, self.config = model, views, config
+        names = {"content": (config.content_network, "vgg16"),
+                 "style": (config.style_network, "resnet50")}
+        self.names = {term: ((paper if models.available(paper) else "embedded")
+                             if chosen == "auto" else chosen)
+                      for term, (chosen, paper) in names.items()}
+        self.content: FeatureNetwork = load_network(self.names["content"])
+        self.style: FeatureNetwork = load_network(self.names["style"])
+        self.exemplar = self._exemplar_features(exemplar) if config.method == "arf" else None
+        self.scale: dict[str, float] = {}
+
+    def _exemplar_features(self, exemplar: Exemplar) -> torch.Tensor:
+        """Features of the whole exemplar at the views' stroke size."""
+        picture = torch.from_numpy(exemplar.image.astype(np.float32) / 255.0).permute(2, 0, 1)[None]
+        factor = self.config.size / max(picture.shape[-2:])
+        picture = torch.nn.functional.interpolate(picture, scale_factor=factor, mode="bilinear",
+                                                  antialias=True)
+        with torch.no_grad():
+            features = stacked(self.style(picture))
+        return features.flatten(1).T
+
+    def _terms(self, view: StyleView, image: torch.Tensor) -> dict[str, torch.Tensor]:
+        """The losses of one render [1, 3, h, w]."""
+        def tensor(picture: NDArray[np.float32]) -> torch.Tensor:
+            return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None]
+
+        wanted = tensor(view.example if self.exemplar is None else view.content)
+        content = tensor(view.content)
+        content_features = self.constants.content(view, self.names["content"],
+                                                  lambda: stacked(self.content(content)))
+        features = stacked(self.style(image))
+        inside = _inside(view, features)
+        bank = self.exemplar
+        if bank is None:
+            if id(view) not in self._wanted:
+                with torch.no_grad():
+                    self._wanted[id(view)] = stacked(self.style(wanted))[:, inside].T
+            bank = self._wanted[id(view)]
+        found = stacked(self.content(image)) if self.content is not self.style else features
+        inside_content = _inside(view, found)
+        terms = {
+            "style": nearest_neighbour_loss(features[:, inside].T, bank),
+            "content": content_loss(found, content_features, inside_content),
+            "laplacian": laplacian_loss(
+                image[0], wanted[0] if self.config.lap_reference == "example" else content[0],
+                pool=self.config.lap_pool)}
+        if self.exemplar is None:
+            terms["fit"] = (image - wanted).square().mean()
+        return terms
+
+    def _shares(self) -> dict[str, float]:
+        """Wanted gradient norm of each term, relative to the anchor's."""
+        config = self.config
+        return {"fit": 1.0, "content": 0.1 * config.alpha / 0.001,
+                "style": 0.5 * config.beta / 0.005, "laplacian": 0.5 * config.gamma / 10.0}
+
+    def _gradients(self, view: StyleView) -> tuple[dict[str, float], dict[str, float],
+                                                   dict[str, torch.Tensor]]:
+        """Losses, gradient norms and image gradients of each term for the colours as they are."""
+        image = torch.from_numpy(np.ascontiguousarray(
+            self.model.picture(view).transpose(2, 0, 1)))[None].requires_grad_(True)
+        losses, norms, gradients = {}, {}, {}
+        terms = self._terms(view, image)
+        for name, loss in terms.items():
+            gradient, = torch.autograd.grad(loss, image, retain_graph=True)
+            losses[name], gradients[name] = float(loss.detach()), gradient
+            norms[name] = float(gradient.norm())
+        return losses, norms, gradients
+
+    def _calibrate(self) -> dict[str, Any]:
+        """Scale each term so that its gradient has its share of the norm of a flat unit step."""
+        probe = self.views[len(self.views) // 2]
+        losses, norms, _ = self._gradients(probe)
+        self.scale = {name: share / max(norms[name], 1e-12)
+                      for name, share in self._shares().items() if name in norms}
+        return {"losses": losses, "gradient_norms": norms, "scales": dict(self.scale)}
+
+    def run(self, progress: Progress | None) -> dict[str, Any]:
+        """Take the steps; returns losses and gradient norms before and after."""
+        config, model = self.config, self.model
+        before = self._calibrate()
+        mean, square = np.zeros_like(model.colors), np.zeros_like(model.colors)
+        gradient = np.zeros((3, len(model.colors)), np.float32)
+        generator = np.random.Generator(np.random.Philox(key=[config.seed, 1]))
+        order: list[int] = []
+        for step in range(config.refinements):
+            if not order:
+                order = list(generator.permutation(len(self.views)))
+            view = self.views[order.pop()]
+            image = torch.from_numpy(np.ascontiguousarray(
+                model.picture(view).transpose(2, 0, 1)))[None].requires_grad_(True)
+            terms = self._terms(view, image)
+            loss = torch.stack([self.scale[name] * value for name, value in terms.items()]).sum()
+            slope, = torch.autograd.grad(loss, image)
+            picture = slope[0].permute(1, 2, 0).numpy() * view.trusted[..., None]
+            model.pulled_back(view, np.ascontiguousarray(picture), gradient)
+            rate = config.rate * 0.1 ** (step / max(1, config.refinements))
+            adam_step(model.colors, gradient, mean, square, np.float32(rate), step + 1)
+            if progress is not None:
+                progress.update(progress.done + 1, f"refine {step + 1} of {config.refinements}: "
+                                f"style {float(terms['style'].detach()):.4f}")
+        after, norms, _ = self._gradients(self.views[len(self.views) // 2])
+        return {"networks": self.names, "steps": config.refinements, "before": before,
+                "after": {"losses": after, "gradient_norms": norms}}
+
+
+class Constants:
+    """Features that no step and no style changes: those of the real views."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, str], torch.Tensor] = {}
+
+    def content(self, view: StyleView, network: str,
+                compute: Callable[[], torch.Tensor]) -> torch.Tensor:
+        """Content features of a view, computed when first asked for."""
+        key = id(view), network
+        if key not in self._known:
+            with torch.no_grad():
+                self._known[key] = compute()
+        return self._known[key]
+
+
+def _inside(view: StyleView, features: torch.Tensor) -> torch.Tensor:
+    """Places of a feature map [C, h, w] that show the head, bool [h, w]."""
+    share = torch.nn.functional.interpolate(torch.from_numpy(view.alpha)[None, None],
+                                            size=features.shape[-2:], mode="area")
+    return share[0, 0] > 0.3

@@ -1,0 +1,47 @@
+"""The skin of a field, from the file beside the field or computed and kept there."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+
+from ..capture import Capture
+from ..errors import UserError
+from ..example import Skin
+from ..example.skin import load_skin, save_skin, skin_key
+from ..field import VoxelField
+
+__all__ = ["kept_skin"]
+
+
+def kept_skin(path: Path, field: VoxelField, capture: Capture, pixels: float) -> Skin:
+    """The skin of the field that was read from ``path``.
+
+    Its file, ``NAME.skin.npz``, lies beside the field's; where it is missing, or was made of
+    another field, other landmarks or at another resolution, the skin is computed and written. If
+    nothing can be written there, it is computed each time.
+
+    Parameters
+    ----------
+    path
+        The field's file.
+    field, capture
+        The field, and its capture with landmarks.
+    pixels
+        Pixels per world unit.
+    """
+    if capture.landmarks is None:
+        raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on the "
+                        "photos, or use --method arf")
+    from .. import models
+
+    state = path.stat()
+    key = skin_key(state.st_size, state.st_mtime_ns, capture.landmarks, capture.cameras.pose,
+                   pixels, not models.missing(["hair-segmentation"]))
+    beside = path.with_suffix(".skin.npz")
+    skin = load_skin(beside, key)
+    if skin is None:
+        skin = Skin.of(field, capture.landmarks, capture.cameras, pixels)
+        with suppress(OSError):
+            save_skin(skin, beside, key)
+    return skin
