@@ -161,9 +161,12 @@ def test_stylize_reports_its_parts():
     head = np.asarray(landmarks(SITTER)) * 0.5
     figures = bench_stylize(ball(), replace(capture, landmarks=head),
                             demo_exemplar(width=144, height=192), size=96, views=2, steps=2)
-    assert figures["views"] == 2 and figures["networks"]
-    for name in ("view_seconds", "fit_iteration_seconds", "step_seconds"):
+    assert figures["views"]["views"] == 2 and figures["networks"]
+    for name in ("skin_seconds", "exemplar_seconds", "preview_seconds", "again_seconds",
+                 "paint_seconds", "fit_iteration_seconds", "step_seconds"):
         assert figures[name] > 0
+    for name in ("view_seconds", "fit_iteration_seconds", "step_seconds"):
+        assert figures["views"][name] > 0
 
 
 def test_unknown_measurements_are_refused():

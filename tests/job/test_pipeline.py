@@ -26,8 +26,8 @@ PANEL = Display(128, 96, views=16, pitch=7.3, slant=0.15, cone=40, quilt=(3, 2),
 CONFIG = MakeConfig(
     reconstruct=ReconstructConfig(resolutions=(24, 48), rays=(0.12, 0.3), batch=(1024,),
                                   sh_degree=0),
-    stylize=StylizeConfig(size=96, arc=30.0, views=2, pitches=(5.0,), fit_iterations=4, steps=2,
-                          content_network="embedded", style_network="embedded"),
+    stylize=StylizeConfig(pixels=72.0, fit_iterations=2, steps=2, content_network="embedded",
+                          style_network="embedded"),
     sweep_size=64)
 FILES = ("field.npz", "styled.npz", "lightfield.png", "sweep.mp4")
 

@@ -34,12 +34,11 @@ class _Scale(NamedTuple):
 
 FULL = _Scale(384, 60, 1024, "generic-4k", MakeConfig(
     reconstruct=ReconstructConfig(resolutions=(128, 256), rays=(1.0, 7.0)),
-    stylize=StylizeConfig(size=512, views=11, pitches=(-8.0, 16.0), fit_iterations=12, steps=44,
-                          content_network="embedded", style_network="embedded")))
+    stylize=StylizeConfig(content_network="embedded", style_network="embedded")))
 QUICK = _Scale(256, 32, 768, "generic-1080p", MakeConfig(
     reconstruct=ReconstructConfig(resolutions=(80, 160), rays=(0.4, 1.4)),
-    stylize=StylizeConfig(size=384, views=9, pitches=(4.0,), fit_iterations=8, steps=9,
-                          content_network="embedded", style_network="embedded"),
+    stylize=StylizeConfig(pixels=256.0, steps=7, content_network="embedded",
+                          style_network="embedded"),
     sweep_size=384))
 
 KERNELS = ("photograph", "transfer", "reconstruct", "stylize", "encode")
@@ -91,7 +90,7 @@ class Demo(Common):
     """Another exemplar: a picture or a name from `lfportrait styles`."""
     quick: bool = False
     """A small demo, about a minute on two cores once its kernels are compiled: fewer and smaller
-    photos, a coarser field, one arc of stylised views, a Full-HD display. It shows that everything
+    photos, a coarser field, a coarser skin, a Full-HD display. It shows that everything
     works, not how well."""
     display: str = ""
     """Display preset or file; by default generic-4k, and generic-1080p with --quick."""

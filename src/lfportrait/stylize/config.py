@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import tyro
@@ -75,6 +75,13 @@ class StylizeConfig:
     def on_skin(self) -> bool:
         """Whether the head is painted on its surface."""
         return self.method == "skin"
+
+    @property
+    def painting(self) -> SkinConfig:
+        """Parameters of the painting on the skin, hasty ones for a preview."""
+        if not self.preview:
+            return self.skin
+        return replace(self.skin, patches=self.skin.patches.hasty())
 
     @property
     def iterations(self) -> int:

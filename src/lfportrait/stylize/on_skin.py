@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,10 +51,7 @@ def paint(skin: Skin, exemplar: Exemplar, config: StylizeConfig | None = None) -
 
 
 def _painter(exemplar: Exemplar, config: StylizeConfig) -> SkinPainter:
-    skin = config.skin
-    if config.preview:
-        skin = replace(skin, patches=skin.patches.hasty())
-    return SkinPainter(exemplar, skin, config.transfer, config.seed)
+    return SkinPainter(exemplar, config.painting, config.transfer, config.seed)
 
 
 class _Views:

@@ -6,6 +6,7 @@ Times depend on the machine and on what else runs on it: compare the ratios of o
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -114,7 +115,7 @@ def _curve_plot(curve: list[dict[str, Any]]) -> NDArray[np.uint8]:
 def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None = None, *,
                   size: int = 320, views: int = 5, steps: int = 6,
                   progress: Progress | None = None) -> dict[str, Any]:
-    """Stylisation, its parts apart, on few small views.
+    """Stylisation, its parts apart: on the skin, and by a few painted views beside it.
 
     Parameters
     ----------
@@ -122,34 +123,66 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
         The real field and its capture with landmarks.
     exemplar
         The painting; the embedded one by default.
-    size, views, steps
-        Size and number of views, refinement steps.
+    size, views
+        Size and number of the painted views.
+    steps
+        Refinement steps.
     progress
         Progress line.
 
     Returns
     -------
     figures
-        ``seconds`` of the parts, ``view_seconds`` (render, transfer, weights of a view),
-        ``fit_iteration_seconds``, ``step_seconds`` (one refinement step), the networks.
+        ``skin_seconds``; ``preview_seconds`` (the second one, with another seed);
+        ``exemplar_seconds`` (preparing a painting); ``paint_seconds``,
+        ``fit_iteration_seconds``, ``step_seconds`` on the skin; the networks; and ``views`` by
+        painted views: ``view_seconds`` (render, transfer, weights of a view),
+        ``fit_iteration_seconds``, ``step_seconds``.
     """
-    from ...stylize import StylizeConfig, stylize_with_figures
+    from ...example import Skin, SkinPainter
+    from ...stylize import StylizeConfig, paint, stylize_with_figures
 
     if exemplar is None:
         from ...demo import demo_exemplar
 
         exemplar = demo_exemplar()
-    config = StylizeConfig(size=size, views=views, pitches=(8.0,), steps=steps)
-    # A miniature run compiles the kernels and loads the networks before the clock starts.
-    stylize_with_figures(field, capture, exemplar, replace(config, size=96, views=1, steps=1))
+    assert capture.landmarks is not None
+    config = StylizeConfig(steps=steps)
+    preview = StylizeConfig(preview=True)
+    by_views = StylizeConfig(method="paper", size=size, views=views, pitches=(8.0,), steps=steps)
+    # Miniature runs compile the kernels and load the networks before the clock starts.
+    stylize_with_figures(field, capture, exemplar, replace(config, pixels=96.0, steps=1))
+    stylize_with_figures(field, capture, exemplar, replace(by_views, size=96, views=1, steps=1))
+    say(progress, "skin")
+    clock = [time.perf_counter()]
+    skin = Skin.of(field, capture.landmarks, capture.cameras)
+    clock.append(time.perf_counter())
+    SkinPainter(exemplar)
+    clock.append(time.perf_counter())
+    paint(skin, exemplar, preview)
+    clock.append(time.perf_counter())
+    painter = SkinPainter(exemplar, preview.painting)
+    painter.paint(skin, 2)
+    clock.append(time.perf_counter())
+    painter.seed = 1
+    painter.paint(skin, 2)
+    clock.append(time.perf_counter())
     say(progress, "stylising")
-    _, run = stylize_with_figures(field, capture, exemplar, config, progress)
+    _, run = stylize_with_figures(field, capture, exemplar, config, progress, skin=skin)
     seconds = run["seconds"]
-    return {"seconds": seconds, "size": size, "views": run["views"], "steps": steps,
-            "view_seconds": seconds["views"] / max(run["views"], 1),
-            "fit_iteration_seconds": seconds["fit"] / max(config.fit_iterations, 1),
+    say(progress, "by views")
+    _, viewed = stylize_with_figures(field, capture, exemplar, by_views, progress)
+    others = viewed["seconds"]
+    return {"skin_seconds": clock[1] - clock[0], "exemplar_seconds": clock[2] - clock[1],
+            "preview_seconds": clock[3] - clock[2], "again_seconds": clock[5] - clock[4],
+            "paint_seconds": seconds["paint"], "seconds": seconds, "steps": steps,
+            "fit_iteration_seconds": seconds["fit"] / max(config.iterations, 1),
             "step_seconds": seconds["refine"] / max(steps, 1),
             "networks": run.get("refinement", {}).get("networks", {}),
+            "views": {"size": size, "views": viewed["views"], "seconds": others,
+                      "view_seconds": others["views"] / max(viewed["views"], 1),
+                      "fit_iteration_seconds": others["fit"] / max(by_views.iterations, 1),
+                      "step_seconds": others["refine"] / max(steps, 1)},
             "peak_memory_bytes": peak_memory_bytes()}
 
 
