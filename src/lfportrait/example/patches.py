@@ -117,7 +117,7 @@ class PatchTarget:
         float32 [h, w], how often each exemplar pixel would be used if those of its material were
         used alike; None: all alike.
     trust
-        float32 [H, W], factor of the weight of the first two guides; None: 1.
+        float32 [H, W], factor of the weight of the first guide; None: 1.
     state
         uint8 [H, W] of `kernels.patches`; None: all is synthesised.
     owner

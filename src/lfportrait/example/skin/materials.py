@@ -18,14 +18,15 @@ from ..guides.appearance import Distribution, grey, match_histogram
 from ..guides.blurs import broad_blur
 from ..guides.labels import LABELS
 from ..guides.regions import Regions
+from .regions import hair_by_place
 from .sitter import BLUR, Skin, skin_distance
 
 __all__ = ["MATERIALS", "ExemplarMaterials", "material_shares", "sitter_looks", "sitter_shares"]
 
 Float32 = NDArray[np.float32]
 
-MATERIALS = ("skin", "hair", "neck", "clothes", "background")
-SKIN, HAIR, NECK, CLOTHES, GROUND = range(5)
+MATERIALS = ("skin", "hair", "neck", "clothes", "background", "features")
+SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES = range(6)
 PLAIN = 0.08
 """A background whose colours deviate by no more than this (standard deviation) is plain."""
 DEPTH = 0.2
@@ -43,15 +44,15 @@ class ExemplarMaterials:
     Attributes
     ----------
     shares
-        float32 [h, w, 5] by `MATERIALS`.
+        float32 [h, w, 6] by `MATERIALS`.
     tone, detail
-        float32 [h, w], luma, and luma minus its blur.
+        float32 [h, w], luma blurred, and what that leaves out.
     nearest
-        int32 [5, h, w], flat index of the nearest pixel of each material.
+        int32 [6, h, w], flat index of the nearest pixel of each material.
     deep
         The same, of the nearest pixel well inside each material.
     present
-        bool [5], materials that it shows.
+        bool [6], materials that it shows.
     """
 
     shares: Float32
@@ -73,8 +74,8 @@ class ExemplarMaterials:
             depth = distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
             limit = min(DEPTH * size / 2, 0.6 * float(depth.max(initial=0.0)))
             deep[material] = _nearest(inside & (depth >= limit), luma.shape)
-        return ExemplarMaterials(shares, luma, luma - broad_blur(luma, BLUR * size), nearest, deep,
-                                 present)
+        tone = broad_blur(luma, BLUR * size)
+        return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present)
 
 
 def _nearest(there: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.int32]:
@@ -92,20 +93,20 @@ def _nearest(there: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.int
 
 
 def material_shares(labels: NDArray[np.uint8]) -> Float32:
-    """Shares of `MATERIALS` by soft labels [..., K]: features are skin, a body is neck."""
+    """Shares of `MATERIALS` by soft labels [..., K]: a body is neck."""
     share = labels.astype(np.float32) / np.float32(255)
     named = {name: share[..., n] for n, name in enumerate(LABELS)}
     out = np.zeros((*labels.shape[:-1], len(MATERIALS)), np.float32)
-    for name in ("skin", "brows", "eyes", "nose", "lips"):
-        out[..., SKIN] += named[name]
-    out[..., HAIR], out[..., NECK] = named["hair"], named["body"]
+    for name in ("brows", "eyes", "nose", "lips"):
+        out[..., FEATURES] += named[name]
+    out[..., SKIN], out[..., HAIR], out[..., NECK] = named["skin"], named["hair"], named["body"]
     out[..., GROUND] = named["background"]
     out /= np.maximum(out.sum(axis=-1, keepdims=True), np.float32(1e-3))
     return out
 
 
 def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Float32:
-    """Shares of `MATERIALS` of an exemplar, float32 [h, w, 5].
+    """Shares of `MATERIALS` of an exemplar, float32 [h, w, 6].
 
     Below the jaw, what is of the face's colour, or right below it, is neck, the rest clothes; and
     where the background is plain, what looks like it there is background.
@@ -149,7 +150,9 @@ def _blurred(image: Float32, sigma: float) -> Float32:
 
 
 def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.bool_]) -> Float32:
-    """Shares of `MATERIALS` of a skin's N places, float32 [N, 5]; no background.
+    """Shares of `MATERIALS` of a skin's N places, float32 [N, 6]; no background, no features.
+
+    Features are painted with the face; elsewhere nobody wants an eye.
 
     Parameters
     ----------
@@ -158,10 +161,17 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.boo
     labels
         uint8 [N, K], the exemplar's where the guide leads.
     present
-        bool [5], what the exemplar shows; others stand in for the rest.
+        bool [6], what the exemplar shows; others stand in for the rest.
     """
     shares = material_shares(labels)
-    if skin.hair is not None:
+    shares[:, SKIN] += shares[:, FEATURES]
+    shares[:, FEATURES] = 0
+    if skin.hair is None:
+        # A shaven head, or a statue's: the painter's hair, where hair is.
+        more = np.maximum(hair_by_place(skin.plane, skin.flat) - shares[:, HAIR], 0)
+        shares *= (1 - more)[:, None]
+        shares[:, HAIR] += more
+    else:
         rest = np.maximum(1 - shares[:, HAIR], np.float32(1e-3))
         shares[:, [SKIN, NECK]] *= ((1 - skin.hair) / rest)[:, None]
         # What the exemplar has as hair and the sitter does not is skin.
@@ -189,7 +199,7 @@ def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tupl
     strokes, within bounds: noise of a plain place does not become strokes.
     """
     tone, detail = (np.zeros(len(shares), np.float32) for _ in range(2))
-    for material in range(GROUND):
+    for material in (SKIN, HAIR, NECK, CLOTHES):
         share = shares[:, material]
         inside = share > 0.5
         there = theirs.shares[..., material] > 0.5

@@ -51,7 +51,7 @@ __all__ = ["Painting", "SkinConfig", "SkinPainter"]
 
 Float32 = NDArray[np.float32]
 
-CODES = np.array([[150, 150], [255, 0], [150, 120], [0, 60], [0, 255]], np.float32)
+CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255]], np.float32)
 """A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
 NODES = 8.0
 """Nodes of the guide are so many exemplar pixels apart."""
@@ -315,11 +315,11 @@ class SkinPainter:
         return np.where((ratio > STRETCHED)[:, None], wanted, piece)
 
     def _guides(self, shares: Float32, tone: Float32, detail: Float32) -> Float32:
-        """Guides of the patches, float32 [..., 4]: tone, detail, materials (2)."""
+        """Guides of the patches, float32 [..., 4]: detail, tone, materials (2)."""
         config = self.config
-        roots = SCALE * np.sqrt([config.tone_weight, config.detail_weight,
+        roots = SCALE * np.sqrt([config.detail_weight, config.tone_weight,
                                  *[config.material_weight / 2] * 2])
-        planes = np.concatenate([255 * tone[..., None], 255 * detail[..., None], shares @ CODES],
+        planes = np.concatenate([255 * detail[..., None], 255 * tone[..., None], shares @ CODES],
                                 axis=-1)
         return np.asarray(planes * roots.astype(np.float32), np.float32)
 

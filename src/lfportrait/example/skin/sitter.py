@@ -61,7 +61,8 @@ class Skin:
     flat
         float32 [N, 2], unwrapped places, world units.
     tone, detail, appearance
-        float32 [N]: luma; luma minus its blur (`BLUR`); the same without the photo's grain.
+        float32 [N]: luma blurred (`BLUR`); what that leaves out; the same without the photo's
+        grain.
     contours
         float32 [N] in [0, 1]: how much the photo has to say at a place (edges, patterns).
     hair
@@ -183,7 +184,7 @@ def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
     fine = (soft - near) * inside
     energy = broad_blur(fine * fine, 0.5 * sigma)
     contours = energy / (energy + np.float32(CONTOUR ** 2))
-    planes = (values, values - broad, appearance, contours)
+    planes = (broad, values - broad, appearance, contours)
     tone, detail, looks, strength = (np.asarray(plane, np.float32).reshape(-1)[index]
                                      for plane in planes)
     return tone, detail, looks, strength
