@@ -63,28 +63,10 @@ def _transfer() -> None:
 
 
 def _stylize() -> None:
-    import numpy as np
-
-    from ..example import Painting, Skin
-    from ..example.skin.painting import rehearse
-    from ..stylize import StylizeConfig
-    from ..stylize.fit import ColorModel
-    from ..stylize.refinement import Refinement
-    from ..stylize.skin_fit import chart_views, look_up_rows, show_painting
+    from ..stylize import rehearse
     from .specimens import ball_capture, ball_field, drawn_exemplar
 
-    field, capture = ball_field(9), ball_capture()
-    assert capture.landmarks is not None
-    skin = Skin.of(field, capture.landmarks, capture.cameras, pixels=64.0, networks=False)
-    # The face's kernels are those of the transfer, which are compiled elsewhere.
-    rehearse(skin)
-    painting = Painting(skin, np.ascontiguousarray(skin.atlas.color), 1, {})
-    model, views = ColorModel(field, 1.0), chart_views(field, skin, 1.0)
-    look_up_rows(model, painting)
-    show_painting(views, painting, 1.0)
-    model.fit(views, 1)
-    Refinement(model, views, drawn_exemplar(), StylizeConfig(
-        steps=1, content_network="embedded", style_network="embedded")).run(None)
+    rehearse(ball_field(9), ball_capture(), drawn_exemplar())
 
 
 def _encode() -> None:

@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     from .networks import load_network
     from .on_skin import paint
     from .optimize import stylize, stylize_with_figures
+    from .rehearsal import rehearse
     from .skin_files import kept_skin
 
 __all__ = ["MixConfig", "StyledField", "StylizeConfig", "kept_skin", "load_network", "paint",
-           "stylize", "stylize_with_figures"]
+           "rehearse", "stylize", "stylize_with_figures"]
 
 __getattr__, __dir__ = attach(__name__, __file__)
 

@@ -5,8 +5,9 @@ paints it by one exemplar.
 """
 
 from .painting import Painting, SkinConfig, SkinPainter
+from .rehearsal import rehearse_painting
 from .sitter import PIXELS, Skin
 from .storage import load_skin, save_skin, skin_key
 
 __all__ = ["PIXELS", "Painting", "Skin", "SkinConfig", "SkinPainter", "load_skin",
-           "save_skin", "skin_key"]
+           "rehearse_painting", "save_skin", "skin_key"]

@@ -67,6 +67,9 @@ ROAM = 25.0
 class SkinConfig:
     """Painting on the skin."""
 
+    agree: bool = True
+    """Let patches agree outside the face; else chunks and pieces alone, which repeat and tear but
+    touch no patent (docs/methods.md)."""
     tone_weight: float = 0.3
     """Weight of the photo's light and shade where patches are laid, 0 to 2."""
     detail_weight: float = 1.0
@@ -111,7 +114,7 @@ class Painting:
 
 
 @dataclass
-class _Canvas:
+class Canvas:
     """The atlas at the painting's resolution: owners, and where the skin's lists go."""
 
     step: int
@@ -120,19 +123,19 @@ class _Canvas:
     surface: NDArray[np.bool_]
 
     @staticmethod
-    def of(skin: Skin, step: int) -> _Canvas:
+    def of(skin: Skin, step: int) -> Canvas:
         """Every ``step``-th pixel (a power of two) of the atlas."""
         atlas = skin.atlas
         level = step.bit_length() - 1
         shape = atlas.depth.shape[0] // step, atlas.depth.shape[1] // step
         if step == 1:
-            return _Canvas(1, atlas.owner, skin.slots, np.isfinite(atlas.depth))
+            return Canvas(1, atlas.owner, skin.slots, np.isfinite(atlas.depth))
         places = middles(level, shape, atlas.depth.shape)
         owner = coarser_owner(atlas.owner, level, shape)
         # An owner shows what its middle shows, even if that is another's.
         slots = skin.slots[places].reshape(-1)
         filled = np.where(owner >= 0, slots[np.maximum(owner, 0)], -1)
-        return _Canvas(step, owner, np.ascontiguousarray(filled.reshape(shape)),
+        return Canvas(step, owner, np.ascontiguousarray(filled.reshape(shape)),
                        np.isfinite(atlas.depth[places]))
 
     @property
@@ -186,17 +189,24 @@ class SkinPainter:
         """
         clock = _Clock()
         guide = SurfaceGuide(skin.plane.landmarks, self.exemplar, self.transfer.regions)
-        canvas = _Canvas.of(skin, step)
+        canvas = Canvas.of(skin, step)
         position, ratio = self._positions(guide, skin)
+        if not self.config.agree:
+            points = skin.atlas.points.reshape(-1, 3)[skin.index]
+            position = guide(points[None])[0][0]
         anchor = np.asarray(guide.scale * skin.flat + guide.shift, np.float32)
         pixel = np.clip(position.astype(np.int32), 0,
                         np.array(self.exemplar.image.shape[1::-1], np.int32) - 1)
         labels = self.transfer.labels[pixel[:, 1], pixel[:, 0]]
         face = self._face[pixel[:, 1], pixel[:, 0]]
         clock.lap("guides")
-        core = (face[:, 0] > 0.5) & skin.outwards
+        core = (face[:, 0] > 0.5) & skin.outwards if self.config.agree else np.ones(
+            len(face), bool)
         color = self._paint_face(skin, guide, canvas, position, anchor, ratio, core)
         clock.lap("face")
+        if not self.config.agree:
+            exchange(canvas.owner, color)
+            return Painting(skin, color, step, clock.seconds)
         target, source = self._target(skin, guide, canvas, position, anchor, ratio, labels,
                                       face[:, 1], core, color)
         clock.lap("targets")
@@ -214,7 +224,7 @@ class SkinPainter:
         sample_nodes(nodes, low, spacing, skin.flat, out)
         return np.ascontiguousarray(out[:, :2]), out[:, 2]
 
-    def _paint_face(self, skin: Skin, guide: SurfaceGuide, canvas: _Canvas, position: Float32,
+    def _paint_face(self, skin: Skin, guide: SurfaceGuide, canvas: Canvas, position: Float32,
                     anchor: Float32, ratio: Float32, core: NDArray[np.bool_]) -> Float32:
         """StyleBlit over the face, [H, W, 3]; 0 elsewhere."""
         transfer, config = self.transfer, self.transfer.config
@@ -251,7 +261,7 @@ class SkinPainter:
             picture[part][crop] = result.image
         return picture
 
-    def _target(self, skin: Skin, guide: SurfaceGuide, canvas: _Canvas, position: Float32,
+    def _target(self, skin: Skin, guide: SurfaceGuide, canvas: Canvas, position: Float32,
                 anchor: Float32, ratio: Float32, labels: NDArray[np.uint8], near: Float32,
                 core: NDArray[np.bool_], color: Float32) -> tuple[PatchTarget, PatchSource]:
         """What the patches are to do, and what they are taken from."""
@@ -363,24 +373,3 @@ def _into(shares: Float32, theirs: ExemplarMaterials, position: Float32) -> Floa
     moved = near != y * width + x
     found = np.stack([near % width, near // width], axis=1) + np.float32(0.5)
     return np.asarray(np.where(moved[:, None], found, position), np.float32)
-
-
-def rehearse(skin: Skin) -> None:
-    """Lay a few patches of the photo on the photo: all kernels of a painting but the face's."""
-    canvas = _Canvas.of(skin, 2)
-    flat = np.stack([skin.index % 32, skin.index // 32 % 32], axis=1).astype(np.float32)
-    nodes = np.zeros((2, 2, 3), np.float32)
-    sample_nodes(nodes, np.zeros(2), 1.0, flat, np.empty((len(flat), 3), np.float32))
-    number = np.empty(len(flat), np.int32)
-    sites = Sites.around(flat, 8.0)
-    nearest_sites(flat, np.float32(8.0), sites.first, sites.points, number)
-    places = canvas.spread(flat)
-    guides = canvas.spread(np.repeat(skin.tone[:, None], 4, axis=1))
-    source = PatchSource.of(np.zeros((48, 48, 3), np.float32), np.zeros((48, 48, 4), np.float32))
-    state = np.where(canvas.own, ACTIVE, OUTSIDE).astype(np.uint8)
-    weight = canvas.spread(skin.seen[:, None])[..., 0]
-    color = np.zeros((*state.shape, 3), np.float32)
-    exchange(canvas.owner, color)
-    synthesise_patches(PatchTarget(guides, places, places, places, weight, 9.0, None, weight, state,
-                                   canvas.owner, color), source,
-                       PatchConfig(levels=2, votes=1, passes=1))

@@ -1,0 +1,36 @@
+"""A painting of next to nothing, so that its kernels are compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..back_of_head import Sites
+from ..kernels.atlas import exchange, sample_nodes
+from ..kernels.patches import ACTIVE, OUTSIDE
+from ..kernels.sites import nearest_sites
+from ..patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
+from .painting import Canvas
+from .sitter import Skin
+
+__all__ = ["rehearse_painting"]
+
+
+def rehearse_painting(skin: Skin) -> None:
+    """Lay a few patches of the photo on the photo: all kernels of a painting but the face's."""
+    canvas = Canvas.of(skin, 2)
+    flat = np.stack([skin.index % 32, skin.index // 32 % 32], axis=1).astype(np.float32)
+    nodes = np.zeros((2, 2, 3), np.float32)
+    sample_nodes(nodes, np.zeros(2), 1.0, flat, np.empty((len(flat), 3), np.float32))
+    number = np.empty(len(flat), np.int32)
+    sites = Sites.around(flat, 8.0)
+    nearest_sites(flat, np.float32(8.0), sites.first, sites.points, number)
+    places = canvas.spread(flat)
+    guides = canvas.spread(np.repeat(skin.tone[:, None], 4, axis=1))
+    source = PatchSource.of(np.zeros((48, 48, 3), np.float32), np.zeros((48, 48, 4), np.float32))
+    state = np.where(canvas.own, ACTIVE, OUTSIDE).astype(np.uint8)
+    weight = canvas.spread(skin.seen[:, None])[..., 0]
+    color = np.zeros((*state.shape, 3), np.float32)
+    exchange(canvas.owner, color)
+    synthesise_patches(PatchTarget(guides, places, places, places, weight, 9.0, None, weight, state,
+                                   canvas.owner, color), source,
+                       PatchConfig(levels=2, votes=1, passes=1))
