@@ -32,7 +32,8 @@ def head_field(size=48, radius=0.6):
     body = np.maximum(np.hypot(x, z) - 0.66 * radius - np.maximum(-y - 1.3 * radius, 0),
                       y + 0.5 * radius)
     away = np.minimum(ball, body) * size / 2
-    filled = away < 1
+    # A clear layer around it: beyond what is kept there are no colours to mix.
+    filled = away < 2
     links = np.full(filled.shape, -1, np.int32)
     links[filled] = np.arange(filled.sum(), dtype=np.int32)
     x, y, z = x[filled], y[filled], z[filled]
