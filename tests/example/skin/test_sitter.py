@@ -7,7 +7,7 @@ from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import face_size
 from lfportrait.example.guides.appearance import grey
-from lfportrait.example.skin import Skin
+from lfportrait.example.skin import Skin, load_skin, save_skin, skin_key
 from lfportrait.example.skin.sitter import skin_distance
 from tests.example.skin.conftest import PIXELS
 from tests.portraits import HEAD_LANDMARKS
@@ -37,6 +37,49 @@ def test_pixels_know_their_owners_number_in_the_lists(skin):
     assert np.array_equal(slots >= 0, skin.atlas.owner >= 0)
     known = slots >= 0
     assert np.array_equal(skin.index[slots[known]], skin.atlas.owner[known])
+
+
+def test_regions_are_told_by_landmarks_and_by_the_sitter(skin, points):
+    labels, names = skin.labels
+    assert labels.shape == (len(points), len(names)) and labels.dtype == np.uint8
+    assert np.abs(labels.sum(axis=1, dtype=int) - 255).max() <= 6
+    named = np.array(names)[labels.argmax(axis=1)]
+    x, y, z = points.T
+    for name, chosen in {
+            "nose": (np.abs(x) < 0.03) & (np.abs(y + 0.17) < 0.02) & (z > 0),
+            "skin": (np.abs(np.abs(x) - 0.25) < 0.06) & (np.abs(y + 0.2) < 0.04) & (z > 0),
+            "lips": (np.abs(x) < 0.1) & (np.abs(y + 0.32) < 0.01) & (z > 0),
+            "hair": y > 0.4, "clothes": y < -0.8}.items():
+        assert chosen.sum() > 10 and (named[chosen] == name).mean() > 0.9, name
+    # Behind them there are none.
+    assert not np.isin(named[z < 0], ("brows", "eyes", "nose", "lips")).any()
+
+
+def test_a_skin_that_is_read_again_is_the_same(skin, tmp_path):
+    path = tmp_path / "skin.npz"
+    save_skin(skin, path, skin_key("field", 1))
+    again = load_skin(path, skin_key("field", 1))
+    assert again is not None and again.hair is None and again.pixels == skin.pixels
+    for name in ("index", "flat", "rows", "outwards"):
+        assert np.array_equal(getattr(again, name), getattr(skin, name), equal_nan=True)
+    for name in ("tone", "detail", "appearance", "contours", "clothes", "ears", "seen"):
+        assert getattr(again, name).dtype == np.float32
+        assert np.allclose(getattr(again, name), getattr(skin, name), atol=1e-3)
+    assert np.array_equal(again.atlas.owner, skin.atlas.owner)
+    assert np.array_equal(again.atlas.depth, skin.atlas.depth)
+    assert np.allclose(again.atlas.points, skin.atlas.points, atol=1e-5, equal_nan=True)
+    assert np.abs(again.atlas.color - skin.atlas.color).max() < 0.003
+    assert np.array_equal(again.atlas.shape.normals, skin.atlas.shape.normals)
+    assert np.array_equal(again.slots, skin.slots)
+
+
+def test_a_skin_of_something_else_or_in_pieces_is_not_used(skin, tmp_path):
+    path = tmp_path / "skin.npz"
+    assert load_skin(path, "key") is None
+    save_skin(skin, path, "key")
+    assert load_skin(path, "another") is None
+    path.write_bytes(path.read_bytes()[:5000])
+    assert load_skin(path, "key") is None
 
 
 def test_detail_is_strong_where_colours_change(skin, points):
