@@ -1,4 +1,4 @@
-"""Materials of exemplar and sitter: skin, hair, neck, clothes, background."""
+"""Materials of exemplar and sitter: skin, hair, neck, clothes, background, features."""
 
 from types import SimpleNamespace
 
@@ -8,6 +8,7 @@ import pytest
 from lfportrait.example import LABELS
 from lfportrait.example.skin.materials import (
     CLOTHES,
+    FEATURES,
     GROUND,
     HAIR,
     MATERIALS,
@@ -19,8 +20,12 @@ from lfportrait.example.skin.materials import (
     sitter_looks,
     sitter_shares,
 )
+from lfportrait.example.skin.regions import hair_by_place
+from lfportrait.example.surface_guide import HeadPlane
+from tests.portraits import HEAD_LANDMARKS
 
-ALL = np.ones(5, bool)
+ALL = np.ones(len(MATERIALS), bool)
+PLANE = HeadPlane(HEAD_LANDMARKS)
 
 
 @pytest.fixture(scope="module")
@@ -40,14 +45,19 @@ def _sitter(count, seed=0, hair=True):
     random = np.random.default_rng(seed)
     hairy, clothes, ears, tone, seen = random.random((5, count)).astype(np.float32)
     return SimpleNamespace(hair=hairy if hair else None, clothes=clothes, ears=ears, tone=tone,
-                           seen=seen, detail=random.normal(0, 0.05, count).astype(np.float32))
+                           seen=seen, detail=random.normal(0, 0.05, count).astype(np.float32),
+                           plane=PLANE, flat=random.uniform(-1, 1, (count, 2)).astype(np.float32))
 
 
-def test_features_are_skin_and_a_body_is_neck():
+def _like(sitter, **other):
+    return SimpleNamespace(**{**vars(sitter), **other})
+
+
+def test_a_body_is_neck():
     labels = 255 * np.eye(len(LABELS), dtype=np.uint8)
     found = {name: MATERIALS[share.argmax()] for name, share in zip(LABELS,
                                                                    material_shares(labels))}
-    assert found == {"brows": "skin", "eyes": "skin", "nose": "skin", "lips": "skin",
+    assert found == {**dict.fromkeys(("brows", "eyes", "nose", "lips"), "features"),
                      "skin": "skin", "hair": "hair", "body": "neck", "background": "background"}
     assert np.allclose(material_shares(_labels(200)).sum(axis=1), 1, atol=1e-5)
     assert not material_shares(np.zeros((3, len(LABELS)), np.uint8)).any()
@@ -61,7 +71,8 @@ def test_materials_of_a_drawn_face(painter, shares):
     def at(place):
         return MATERIALS[shares[place[1], place[0]].argmax()]
 
-    assert at(nose) == "skin"
+    assert at(nose) == at(points[66].astype(int)) == "features"
+    assert at(((points[30] + points[14]) / 2).astype(int)) == "skin"
     assert at((nose[0], int(points[24, 1] - 0.5 * (chin[1] - points[24, 1])))) == "hair"
     assert at((chin[0], chin[1] + 4)) == "neck"
     assert at((chin[0], image.shape[0] - 3)) == "clothes"
@@ -69,7 +80,7 @@ def test_materials_of_a_drawn_face(painter, shares):
     # The red of the clothes is nowhere skin or hair, the blue behind them nowhere clothes.
     red = np.abs(image - np.array([160.0, 60, 50])).max(axis=-1) < 30
     blue = np.abs(image - np.array([90.0, 130, 170])).max(axis=-1) < 30
-    assert shares[red][:, [SKIN, HAIR]].mean() < 0.05
+    assert shares[red][:, [SKIN, HAIR, FEATURES]].mean() < 0.05
     assert shares[blue][:, GROUND].mean() > 0.95
 
 
@@ -116,7 +127,7 @@ def test_a_material_that_is_not_there_moves_nothing(painter, shares):
     bald[..., SKIN] += bald[..., HAIR]
     bald[..., HAIR] = 0
     theirs = ExemplarMaterials.of(picture, bald, painter.exemplar.size)
-    assert theirs.present.tolist() == [True, False, True, True, True]
+    assert theirs.present.tolist() == [True, False, True, True, True, True]
     index = np.arange(picture[..., 0].size).reshape(picture.shape[:2])
     assert np.array_equal(theirs.nearest[HAIR], index)
     assert np.array_equal(theirs.deep[HAIR], index)
@@ -127,23 +138,31 @@ def test_the_sitters_materials_are_told_by_the_sitter(hairy):
     sitter, labels = _sitter(300, hair=hairy), _labels(300)
     shares = sitter_shares(sitter, labels, ALL)
     assert np.allclose(shares.sum(axis=1), 1, atol=1e-4)
-    assert shares.min() > -1e-6 and not shares[:, GROUND].any()
+    assert shares.min() > -1e-6 and not shares[:, [GROUND, FEATURES]].any()
     assert np.allclose(shares[:, CLOTHES], sitter.clothes, atol=1e-4)
-    plain = SimpleNamespace(hair=sitter.hair, ears=0 * sitter.ears, clothes=0 * sitter.clothes)
-    bare = sitter_shares(plain, labels, ALL)
-    hair = sitter.hair if hairy else material_shares(labels)[:, HAIR]
-    assert np.allclose(bare[:, HAIR], hair, atol=1e-4) and not bare[:, CLOTHES].any()
-    dressed = SimpleNamespace(hair=sitter.hair, ears=sitter.ears, clothes=np.ones_like(sitter.ears))
-    assert np.allclose(sitter_shares(dressed, labels, ALL)[:, CLOTHES], 1)
-    eared = SimpleNamespace(hair=None, ears=np.ones_like(sitter.ears), clothes=plain.clothes)
-    assert np.allclose(sitter_shares(eared, labels, ALL)[:, SKIN], 1)
+    nothing, everything = np.zeros(300, np.float32), np.ones(300, np.float32)
+    bare = sitter_shares(_like(sitter, ears=nothing, clothes=nothing), labels, ALL)
+    assert not bare[:, CLOTHES].any()
+    if hairy:
+        assert np.allclose(bare[:, HAIR], sitter.hair, atol=1e-4)
+    else:
+        # The exemplar's, and more where hair is on most heads.
+        theirs, place = material_shares(labels)[:, HAIR], hair_by_place(PLANE, sitter.flat)
+        assert (place == 0).any() and (place == 1).any()
+        assert np.allclose(bare[:, HAIR], theirs + np.maximum(place - theirs, 0) * (1 - theirs),
+                           atol=1e-4)
+    dressed = sitter_shares(_like(sitter, clothes=everything), labels, ALL)
+    assert np.allclose(dressed[:, CLOTHES], 1)
+    eared = sitter_shares(_like(sitter, hair=nothing, ears=everything, clothes=nothing), labels,
+                          ALL)
+    assert np.allclose(eared[:, SKIN], 1)
 
 
 def test_where_the_guide_leads_off_the_exemplar_hair_stays_hair_and_the_rest_is_neck():
     labels = np.zeros((3, len(LABELS)), np.uint8)
     labels[:, LABELS.index("background")] = 255
     sitter = SimpleNamespace(hair=np.float32([1, 0, 0.5]), ears=np.zeros(3), clothes=np.zeros(3))
-    wanted = np.zeros((3, 5))
+    wanted = np.zeros((3, len(MATERIALS)))
     wanted[:, HAIR], wanted[:, NECK] = sitter.hair, 1 - sitter.hair
     assert np.allclose(sitter_shares(sitter, labels, ALL), wanted, atol=1e-4)
     # A bald sitter's head is skin where the exemplar has hair.
@@ -173,7 +192,7 @@ def test_tones_become_those_of_the_exemplars_material(painter, shares):
     picture = painter.exemplar.image.astype(np.float32) / np.float32(255)
     theirs = ExemplarMaterials.of(picture, shares, painter.exemplar.size)
     sitter = _sitter(4000)
-    materials = np.zeros((4000, 5), np.float32)
+    materials = np.zeros((4000, len(MATERIALS)), np.float32)
     materials[:1900, SKIN] = materials[1900:3900, HAIR] = materials[3900:3950, NECK] = 1
     materials[3950:, CLOTHES] = 1
     sitter.seen[:100] = 0

@@ -27,7 +27,9 @@ def test_lists_are_those_of_the_owning_pixels(skin, points):
     assert np.allclose(skin.flat, skin.plane.unwrap(points), atol=1e-5)
     for share in (skin.contours, skin.clothes, skin.ears, skin.seen):
         assert share.min() >= 0 and share.max() <= 1
-    assert np.array_equal(skin.tone, grey(skin.atlas.color).ravel()[skin.index])
+    luma = grey(skin.atlas.color).ravel()[skin.index]
+    assert np.allclose(skin.tone + skin.detail, luma, atol=1e-5)
+    assert np.abs(skin.detail).mean() < 0.3 * skin.tone.std()
     assert skin.face == pytest.approx(PIXELS * face_size(skin.plane.unwrap(HEAD_LANDMARKS)))
 
 
