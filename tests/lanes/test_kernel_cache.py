@@ -9,7 +9,7 @@ from pathlib import Path
 import lfportrait
 
 # The smallest factory whose kernel calls a function that the factory made, too: a process that
-# compiles takes a second here, and twenty for the field's kernels.
+# compiles takes a few seconds here, and twenty for the field's kernels.
 SCRIPT = """
 import sys
 import numpy as np
