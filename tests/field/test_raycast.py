@@ -160,6 +160,28 @@ def test_sample_weights_are_the_linear_part_of_rendering(camera):
         assert abs(weights.weights[part].sum() - rendering.alpha.flat[pixel]) < 5e-3
 
 
+def test_pixels_that_are_not_wanted_get_no_rows(camera):
+    field = shell_field(basis=1, size=20, density=60.0)
+    whole = field.sample_weights(camera, 0)
+    shape = int(camera.height[0]), int(camera.width[0])
+    seen = (field.render(camera, 0).alpha > 4e-3).reshape(shape)
+    inside = np.random.default_rng(0).random(shape) < 0.4
+    inside[0] = True
+    part = field.sample_weights(camera, 0, inside=inside)
+    assert part.indptr.shape == whole.indptr.shape and part.alpha.shape == whole.alpha.shape
+    for pixel in range(inside.size):
+        mine, theirs = (slice(found.indptr[pixel], found.indptr[pixel + 1])
+                        for found in (part, whole))
+        if not inside.flat[pixel]:
+            assert mine.start == mine.stop and part.alpha[pixel] == 0
+        elif seen.flat[pixel]:
+            assert np.array_equal(part.rows[mine], whole.rows[theirs])
+            assert np.array_equal(part.weights[mine], whole.weights[theirs])
+            assert part.alpha[pixel] == pytest.approx(whole.alpha[pixel], abs=1e-6)
+    nothing = field.sample_weights(camera, 0, inside=np.zeros(shape, bool))
+    assert not len(nothing.rows) and not nothing.indptr.any() and not nothing.alpha.any()
+
+
 # -- training -------------------------------------------------------------------------------------
 
 

@@ -9,19 +9,23 @@ from pathlib import Path
 import lfportrait
 
 # The smallest factory whose kernel calls a function that the factory made, too: a process that
-# compiles takes a second here, and twenty for the field's kernels.
+# compiles takes a few seconds here, and twenty for the field's kernels.
 SCRIPT = """
 import sys
 import numpy as np
-from lfportrait.example.kernels.patches import CHANNELS, MARGIN, patch_errors
+from lfportrait.example.kernels.patches import ACTIVE, CHANNELS, MARGIN, patch_errors
 
 random = np.random.default_rng(0)
-target = random.integers(0, 99, (6 + 2 * MARGIN, (7 + 2 * MARGIN) * CHANNELS)).astype(np.int16)
-source = random.integers(0, 99, (20, 21 * CHANNELS)).astype(np.int16)
-places = random.integers(9, 12, (2, 6, 7))
-field, error = (21 * places[0] + places[1]).astype(np.int32), np.zeros((6, 7), np.float32)
+shape = 6, 7
+target, source = (random.integers(0, 99, rows * across * CHANNELS + 16).astype(np.float16).view(
+    np.uint16) for rows, across in ((6 + 2 * MARGIN, 7 + 2 * MARGIN), (20, 21)))
+places = random.integers(9, 12, (2, *shape))
+field, error = (21 * places[0] + places[1]).astype(np.int32), np.zeros(shape, np.float32)
+state, trust = np.full(shape, ACTIVE, np.uint8), np.ones(shape, np.float32)
+wanted, weight = np.zeros((*shape, 2), np.float32), np.zeros(shape, np.float32)
 for radius in map(int, sys.argv[1:]):
-    patch_errors(radius)(target, source, field, error)
+    patch_errors(radius)(target, source, 21, state, trust, wanted, weight, np.float32(9), field,
+                         error)
     print(radius, error.astype(float).sum())
     stats = patch_errors(radius).stats
     print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), file=sys.stderr)

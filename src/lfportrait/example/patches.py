@@ -190,7 +190,8 @@ def settled(owner: Int32, rounds: int = 3) -> Int32:
     """Owners [H, W] that own themselves: chains are followed, and those without an end cut."""
     flat = owner.reshape(-1)
     for _ in range(rounds):
-        flat = np.where(flat >= 0, flat[flat], flat)
+        further = flat[flat]
+        flat = np.where((flat >= 0) & (further >= 0), further, flat)
     loose = (flat >= 0) & (flat[flat] != flat)
     return np.where(loose, np.arange(flat.size, dtype=np.int32), flat).reshape(owner.shape)
 

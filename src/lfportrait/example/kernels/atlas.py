@@ -71,9 +71,9 @@ def sum_normals(points, normals, low, cell, sums):
     for y in range(points.shape[0]):
         for x in range(points.shape[1]):
             if np.isfinite(normals[y, x, 0]):
-                i = int((points[y, x, 0] - low[0]) / cell)
-                j = int((points[y, x, 1] - low[1]) / cell)
-                k = int((points[y, x, 2] - low[2]) / cell)
+                i = int(np.floor((points[y, x, 0] - low[0]) / cell))
+                j = int(np.floor((points[y, x, 1] - low[1]) / cell))
+                k = int(np.floor((points[y, x, 2] - low[2]) / cell))
                 if (0 <= i < sums.shape[2] and 0 <= j < sums.shape[1] and 0 <= k < sums.shape[0]):
                     for axis in range(3):
                         sums[k, j, i, axis] += normals[y, x, axis]

@@ -174,8 +174,10 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.boo
     else:
         rest = np.maximum(1 - shares[:, HAIR], np.float32(1e-3))
         shares[:, [SKIN, NECK]] *= ((1 - skin.hair) / rest)[:, None]
+        shares[:, GROUND] *= 1 - skin.hair
         # What the exemplar has as hair and the sitter does not is skin.
-        shares[:, SKIN] += np.maximum(1 - skin.hair - shares[:, SKIN] - shares[:, NECK], 0)
+        bare = shares[:, [SKIN, NECK, GROUND]].sum(axis=1)
+        shares[:, SKIN] += np.maximum(1 - skin.hair - bare, 0)
         shares[:, HAIR] = skin.hair
     ears = skin.ears if skin.hair is None else skin.ears * (1 - skin.hair)
     shares *= (1 - ears)[:, None]

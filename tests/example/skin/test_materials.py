@@ -1,0 +1,210 @@
+"""Materials of exemplar and sitter: skin, hair, neck, clothes, background, features."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lfportrait.example import LABELS
+from lfportrait.example.skin.materials import (
+    CLOTHES,
+    FEATURES,
+    GROUND,
+    HAIR,
+    MATERIALS,
+    NECK,
+    SKIN,
+    ExemplarMaterials,
+    exemplar_shares,
+    material_shares,
+    sitter_looks,
+    sitter_shares,
+)
+from lfportrait.example.skin.regions import hair_by_place
+from lfportrait.example.surface_guide import HeadPlane
+from tests.portraits import HEAD_LANDMARKS
+
+ALL = np.ones(len(MATERIALS), bool)
+PLANE = HeadPlane(HEAD_LANDMARKS)
+
+
+@pytest.fixture(scope="module")
+def shares(painter):
+    transfer = painter.transfer
+    return exemplar_shares(painter.exemplar, transfer.regions, transfer.labels)
+
+
+def _labels(count, seed=0):
+    """Random soft labels that sum to about 255."""
+    parts = np.random.default_rng(seed).dirichlet(np.full(len(LABELS), 0.3), count)
+    return np.round(255 * parts).astype(np.uint8)
+
+
+def _sitter(count, seed=0, hair=True):
+    """What of a skin the materials need, at random."""
+    random = np.random.default_rng(seed)
+    hairy, clothes, ears, tone, seen = random.random((5, count)).astype(np.float32)
+    return SimpleNamespace(hair=hairy if hair else None, clothes=clothes, ears=ears, tone=tone,
+                           seen=seen, detail=random.normal(0, 0.05, count).astype(np.float32),
+                           plane=PLANE, flat=random.uniform(-1, 1, (count, 2)).astype(np.float32))
+
+
+def _like(sitter, **other):
+    return SimpleNamespace(**{**vars(sitter), **other})
+
+
+def test_a_body_is_neck():
+    labels = 255 * np.eye(len(LABELS), dtype=np.uint8)
+    found = {name: MATERIALS[share.argmax()] for name, share in zip(LABELS,
+                                                                   material_shares(labels))}
+    assert found == {**dict.fromkeys(("brows", "eyes", "nose", "lips"), "features"),
+                     "skin": "skin", "hair": "hair", "body": "neck", "background": "background"}
+    assert np.allclose(material_shares(_labels(200)).sum(axis=1), 1, atol=1e-5)
+    assert not material_shares(np.zeros((3, len(LABELS)), np.uint8)).any()
+
+
+def test_materials_of_a_drawn_face(painter, shares):
+    assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4) and shares.min() > -1e-6
+    image, points = painter.exemplar.image, painter.exemplar.landmarks
+    nose, chin = points[30].astype(int), points[8].astype(int)
+
+    def at(place):
+        return MATERIALS[shares[place[1], place[0]].argmax()]
+
+    assert at(nose) == at(points[66].astype(int)) == "features"
+    assert at(((points[30] + points[14]) / 2).astype(int)) == "skin"
+    assert at((nose[0], int(points[24, 1] - 0.5 * (chin[1] - points[24, 1])))) == "hair"
+    assert at((chin[0], chin[1] + 4)) == "neck"
+    assert at((chin[0], image.shape[0] - 3)) == "clothes"
+    assert at((3, 3)) == "background"
+    # The red of the clothes is nowhere skin or hair, the blue behind them nowhere clothes.
+    red = np.abs(image - np.array([160.0, 60, 50])).max(axis=-1) < 30
+    blue = np.abs(image - np.array([90.0, 130, 170])).max(axis=-1) < 30
+    assert shares[red][:, [SKIN, HAIR, FEATURES]].mean() < 0.05
+    assert shares[blue][:, GROUND].mean() > 0.95
+
+
+def test_an_exemplar_without_a_body_has_no_clothes(painter):
+    labels = painter.transfer.labels.copy()
+    labels[..., LABELS.index("background")] += labels[..., LABELS.index("body")]
+    labels[..., LABELS.index("body")] = 0
+    shares = exemplar_shares(painter.exemplar, painter.transfer.regions, labels)
+    assert np.array_equal(shares, material_shares(labels))
+    assert not shares[..., [NECK, CLOTHES]].any()
+
+
+def test_the_nearest_place_of_a_material_is_of_it(painter, shares):
+    picture = painter.exemplar.image.astype(np.float32) / np.float32(255)
+    theirs = ExemplarMaterials.of(picture, shares, painter.exemplar.size)
+    assert theirs.present.all()
+    height, width = shares.shape[:2]
+    y, x = np.indices((height, width))
+    for material in range(len(MATERIALS)):
+        for places in (theirs.nearest[material], theirs.deep[material]):
+            assert places.min() >= 0 and places.max() < height * width
+            assert np.quantile(shares[..., material].ravel()[places], 0.02) > 0.4
+        near = theirs.nearest[material]
+        inside = np.repeat(np.repeat(shares[::2, ::2, material] > 0.6, 2, 0), 2, 1)
+        inside = inside[:height, :width]
+        assert np.array_equal(near[inside], (y * width + x)[inside])
+        rows, columns = np.nonzero(shares[::2, ::2, material] > 0.6)
+        for j, i in ((0, 0), (height // 2, width // 3), (height - 1, width - 1)):
+            if inside[j, i]:
+                continue
+            wanted = np.hypot(2 * rows - j, 2 * columns - i).min()
+            v, u = divmod(int(near[j, i]), width)
+            assert abs(np.hypot(v - j, u - i) - wanted) <= 3
+    # Well inside the background is further from the head than its edge.
+    nose = painter.exemplar.landmarks[30].astype(int)
+    from_nose = [np.hypot(*np.subtract(divmod(int(places[GROUND, nose[1], nose[0]]), width),
+                                       nose[::-1])) for places in (theirs.nearest, theirs.deep)]
+    assert from_nose[1] > from_nose[0] + 2
+
+
+def test_a_material_that_is_not_there_moves_nothing(painter, shares):
+    picture = painter.exemplar.image.astype(np.float32) / np.float32(255)
+    bald = shares.copy()
+    bald[..., SKIN] += bald[..., HAIR]
+    bald[..., HAIR] = 0
+    theirs = ExemplarMaterials.of(picture, bald, painter.exemplar.size)
+    assert theirs.present.tolist() == [True, False, True, True, True, True]
+    index = np.arange(picture[..., 0].size).reshape(picture.shape[:2])
+    assert np.array_equal(theirs.nearest[HAIR], index)
+    assert np.array_equal(theirs.deep[HAIR], index)
+
+
+@pytest.mark.parametrize("hairy", [True, False])
+def test_the_sitters_materials_are_told_by_the_sitter(hairy):
+    sitter, labels = _sitter(300, hair=hairy), _labels(300)
+    shares = sitter_shares(sitter, labels, ALL)
+    assert np.allclose(shares.sum(axis=1), 1, atol=1e-4)
+    assert shares.min() > -1e-6 and not shares[:, [GROUND, FEATURES]].any()
+    assert np.allclose(shares[:, CLOTHES], sitter.clothes, atol=1e-4)
+    nothing, everything = np.zeros(300, np.float32), np.ones(300, np.float32)
+    bare = sitter_shares(_like(sitter, ears=nothing, clothes=nothing), labels, ALL)
+    assert not bare[:, CLOTHES].any()
+    if hairy:
+        assert np.allclose(bare[:, HAIR], sitter.hair, atol=1e-4)
+    else:
+        # The exemplar's, and more where hair is on most heads.
+        theirs, place = material_shares(labels)[:, HAIR], hair_by_place(PLANE, sitter.flat)
+        assert (place == 0).any() and (place == 1).any()
+        assert np.allclose(bare[:, HAIR], theirs + np.maximum(place - theirs, 0) * (1 - theirs),
+                           atol=1e-4)
+    dressed = sitter_shares(_like(sitter, clothes=everything), labels, ALL)
+    assert np.allclose(dressed[:, CLOTHES], 1)
+    eared = sitter_shares(_like(sitter, hair=nothing, ears=everything, clothes=nothing), labels,
+                          ALL)
+    assert np.allclose(eared[:, SKIN], 1)
+
+
+def test_where_the_guide_leads_off_the_exemplar_hair_stays_hair_and_the_rest_is_neck():
+    labels = np.zeros((3, len(LABELS)), np.uint8)
+    labels[:, LABELS.index("background")] = 255
+    sitter = SimpleNamespace(hair=np.float32([1, 0, 0.5]), ears=np.zeros(3), clothes=np.zeros(3))
+    wanted = np.zeros((3, len(MATERIALS)))
+    wanted[:, HAIR], wanted[:, NECK] = sitter.hair, 1 - sitter.hair
+    assert np.allclose(sitter_shares(sitter, labels, ALL), wanted, atol=1e-4)
+    # A bald sitter's head is skin where the exemplar has hair.
+    labels[:, LABELS.index("background")], labels[:, LABELS.index("hair")] = 5, 250
+    sitter.hair = np.zeros(3, np.float32)
+    assert (sitter_shares(sitter, labels, ALL)[:, SKIN] > 0.95).all()
+
+
+def test_what_the_exemplar_lacks_has_a_stand_in():
+    sitter, labels = _sitter(100), _labels(100)
+    whole = sitter_shares(sitter, labels, ALL)
+
+    def without(*missing):
+        present = ALL.copy()
+        present[list(missing)] = False
+        found = sitter_shares(sitter, labels, present)
+        assert not found[:, list(missing)].any()
+        assert np.allclose(found.sum(axis=1), 1, atol=1e-4)
+        return found
+
+    assert np.allclose(without(HAIR)[:, SKIN], whole[:, SKIN] + whole[:, HAIR])
+    assert np.allclose(without(CLOTHES)[:, NECK], whole[:, NECK] + whole[:, CLOTHES])
+    assert np.allclose(without(CLOTHES, NECK)[:, SKIN], 1 - whole[:, HAIR], atol=1e-4)
+
+
+def test_tones_become_those_of_the_exemplars_material(painter, shares):
+    picture = painter.exemplar.image.astype(np.float32) / np.float32(255)
+    theirs = ExemplarMaterials.of(picture, shares, painter.exemplar.size)
+    sitter = _sitter(4000)
+    materials = np.zeros((4000, len(MATERIALS)), np.float32)
+    materials[:1900, SKIN] = materials[1900:3900, HAIR] = materials[3900:3950, NECK] = 1
+    materials[3950:, CLOTHES] = 1
+    sitter.seen[:100] = 0
+    tone, detail = sitter_looks(sitter, materials, theirs)
+    for part, material in ((slice(0, 1900), SKIN), (slice(1900, 3900), HAIR)):
+        wanted = theirs.tone[theirs.shares[..., material] > 0.5]
+        assert np.allclose(np.quantile(tone[part], [0.1, 0.5, 0.9]),
+                           np.quantile(wanted, [0.1, 0.5, 0.9]), atol=0.02)
+        assert (np.diff(tone[part][np.argsort(sitter.tone[part])]) > -1e-3).all()
+        seen = sitter.detail[part] * sitter.seen[part]
+        gain = (detail[part] * seen).sum() / (seen ** 2).sum()
+        assert np.allclose(detail[part], gain * seen, atol=1e-4) and 0.49 < gain < 2.51
+    # Of so few pixels nothing can be learnt.
+    assert np.allclose(tone[3900:], sitter.tone[3900:])
+    assert not detail[:100].any()

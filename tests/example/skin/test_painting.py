@@ -1,0 +1,94 @@
+"""A painted skin: the exemplar's colours, each place once, the same on every chart."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from lfportrait.example.skin import Painting, SkinPainter
+
+SKIN, HAIR, CLOTHES, GROUND = (225, 180, 150), (60, 40, 30), (160, 60, 50), (90, 130, 170)
+
+
+@pytest.fixture(scope="module")
+def preview(painter, skin):
+    return painter.paint(skin, step=2)
+
+
+def _colors(painting):
+    """Colours of the skin's lists, [N, 3]."""
+    return painting.color.reshape(-1, 3)[painting.skin.index]
+
+
+def test_colours_are_the_exemplars(painting, painter, points):
+    color = _colors(painting)
+    assert painting.color.dtype == np.float32 and np.isfinite(painting.color).all()
+    assert color.shape == (len(points), 3)
+    image = painter.exemplar.image.reshape(-1, 3) / 255
+    # Made small, its edges swing a little over.
+    assert (color.min(axis=0) > image.min(axis=0) - 0.1).all()
+    assert (color.max(axis=0) < image.max(axis=0) + 0.1).all()
+    away = cKDTree(image).query(color)[0]
+    assert np.mean(away) < 0.02 and np.quantile(away, 0.95) < 0.08
+
+
+@pytest.mark.parametrize("where, wanted", [
+    (lambda x, y, z: (np.abs(np.abs(x) - 0.25) < 0.06) & (np.abs(y + 0.2) < 0.04) & (z > 0), SKIN),
+    (lambda x, y, z: (np.abs(x) < 0.3) & (y > 0.1) & (z < -0.2), HAIR),
+    (lambda x, y, z: (y > -0.95) & (y < -0.8) & (z > 0), CLOTHES)])
+def test_a_head_takes_on_its_colours_where_they_belong(painting, points, where, wanted):
+    chosen = where(*points.T)
+    assert chosen.sum() > 20
+    color = _colors(painting)[chosen]
+    assert np.abs(np.median(color, axis=0) - np.array(wanted) / 255).max() < 0.06
+    assert (np.abs(color - np.array(wanted) / 255).max(axis=1) < 0.15).mean() > 0.85
+
+
+def test_the_background_stays_off_the_head(painting):
+    blue = np.abs(_colors(painting) - np.array(GROUND) / 255).max(axis=1) < 0.1
+    assert blue.mean() < 0.01
+
+
+def test_copies_show_what_their_owners_show(painting, preview):
+    for made in (painting, preview):
+        step = made.step
+        owner = made.skin.atlas.owner
+        assert made.color.shape == (owner.shape[0] // step, owner.shape[1] // step, 3)
+        if step == 1:
+            known = owner >= 0
+            flat = made.color.reshape(-1, 3)
+            assert np.array_equal(made.color[known], flat[owner[known]])
+            assert not made.color[~known].any()
+        else:
+            surface = np.isfinite(made.skin.atlas.depth)[1::2, 1::2]
+            assert (made.color[surface] > 0).any(axis=-1).all()
+
+
+def test_a_preview_looks_like_the_painting_made_small(painting, preview):
+    own = painting.skin.atlas.own
+    whole = own[::2, ::2] & own[1::2, ::2] & own[::2, 1::2] & own[1::2, 1::2]
+    color = painting.color
+    small = (color[::2, ::2] + color[1::2, ::2] + color[::2, 1::2] + color[1::2, 1::2]) / 4
+    away = np.abs(small - preview.color)[whole]
+    assert away.mean() < 0.05
+    assert np.abs((small - preview.color)[whole].mean(axis=0)).max() < 0.02
+
+
+def test_colours_are_found_at_their_places(painting, preview, skin):
+    rows, columns = np.divmod(skin.index, skin.atlas.depth.shape[1])
+    places = np.stack([columns, rows], 1).astype(np.float32) + np.float32(0.5)
+    places[5] = np.nan
+    found = painting.at(places)
+    assert np.isnan(found[5]).all()
+    known = np.arange(len(places)) != 5
+    assert np.allclose(found[known], _colors(painting)[known], atol=1e-6)
+    # The middle of a pixel of the preview is the corner of four of the atlas.
+    j, i = (a[7] for a in np.nonzero(np.isfinite(skin.atlas.depth[1::2, 1::2])))
+    corner = np.array([[2 * i + 1, 2 * j + 1]], np.float32)
+    assert np.allclose(preview.at(corner)[0], preview.color[j, i], atol=1e-6)
+
+
+def test_the_same_seed_gives_the_same_bytes(painter, skin, preview):
+    again, other = (SkinPainter(painter.exemplar, seed=seed).paint(skin, step=2)
+                    for seed in (0, 1))
+    assert isinstance(again, Painting)
+    assert preview.color.tobytes() == again.color.tobytes() != other.color.tobytes()

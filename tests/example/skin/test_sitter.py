@@ -1,0 +1,164 @@
+"""What a sitter shows where: lists over the pixels that own a point."""
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera
+from lfportrait.errors import UserError
+from lfportrait.example import face_size
+from lfportrait.example.guides.appearance import grey
+from lfportrait.example.skin import Skin, load_skin, save_skin, skin_key
+from lfportrait.example.skin.sitter import skin_distance
+from tests.example.skin.conftest import PIXELS
+from tests.portraits import HEAD_LANDMARKS
+
+CHIN = HEAD_LANDMARKS[8, 1]
+
+
+def test_lists_are_those_of_the_owning_pixels(skin, points):
+    count = int(skin.atlas.own.sum())
+    assert np.array_equal(skin.index, np.flatnonzero(skin.atlas.own))
+    for values in (skin.tone, skin.detail, skin.appearance, skin.contours, skin.clothes, skin.ears,
+                   skin.seen):
+        assert values.shape == (count,) and values.dtype == np.float32
+        assert np.isfinite(values).all()
+    assert skin.hair is None
+    assert skin.flat.shape == (count, 2)
+    assert np.allclose(skin.flat, skin.plane.unwrap(points), atol=1e-5)
+    for share in (skin.contours, skin.clothes, skin.ears, skin.seen):
+        assert share.min() >= 0 and share.max() <= 1
+    luma = grey(skin.atlas.color).ravel()[skin.index]
+    assert np.allclose(skin.tone + skin.detail, luma, atol=1e-5)
+    assert np.abs(skin.detail).mean() < 0.3 * skin.tone.std()
+    assert skin.face == pytest.approx(PIXELS * face_size(skin.plane.unwrap(HEAD_LANDMARKS)))
+
+
+def test_pixels_know_their_owners_number_in_the_lists(skin):
+    slots = skin.slots
+    assert np.array_equal(slots.ravel()[skin.index], np.arange(len(skin.index)))
+    assert np.array_equal(slots >= 0, skin.atlas.owner >= 0)
+    known = slots >= 0
+    assert np.array_equal(skin.index[slots[known]], skin.atlas.owner[known])
+
+
+def test_regions_are_told_by_landmarks_and_by_the_sitter(skin, points):
+    labels, names = skin.labels
+    assert labels.shape == (len(points), len(names)) and labels.dtype == np.uint8
+    assert np.abs(labels.sum(axis=1, dtype=int) - 255).max() <= 6
+    named = np.array(names)[labels.argmax(axis=1)]
+    x, y, z = points.T
+    for name, chosen in {
+            "nose": (np.abs(x) < 0.03) & (np.abs(y + 0.17) < 0.02) & (z > 0),
+            "skin": (np.abs(np.abs(x) - 0.25) < 0.06) & (np.abs(y + 0.2) < 0.04) & (z > 0),
+            "lips": (np.abs(x) < 0.1) & (np.abs(y + 0.32) < 0.01) & (z > 0),
+            "hair": y > 0.4, "clothes": y < -0.8}.items():
+        assert chosen.sum() > 10 and (named[chosen] == name).mean() > 0.9, name
+    # Behind them there are none.
+    assert not np.isin(named[z < 0], ("brows", "eyes", "nose", "lips")).any()
+
+
+def test_a_skin_that_is_read_again_is_the_same(skin, tmp_path):
+    path = tmp_path / "skin.npz"
+    save_skin(skin, path, skin_key("field", 1))
+    again = load_skin(path, skin_key("field", 1))
+    assert again is not None and again.hair is None and again.pixels == skin.pixels
+    for name in ("index", "flat", "rows", "outwards"):
+        assert np.array_equal(getattr(again, name), getattr(skin, name), equal_nan=True)
+    for name in ("tone", "detail", "appearance", "contours", "clothes", "ears", "seen"):
+        assert getattr(again, name).dtype == np.float32
+        assert np.allclose(getattr(again, name), getattr(skin, name), atol=1e-3)
+    assert np.array_equal(again.atlas.owner, skin.atlas.owner)
+    assert np.array_equal(again.atlas.depth, skin.atlas.depth)
+    assert np.allclose(again.atlas.points, skin.atlas.points, atol=1e-5, equal_nan=True)
+    assert np.abs(again.atlas.color - skin.atlas.color).max() < 0.003
+    assert np.array_equal(again.atlas.shape.normals, skin.atlas.shape.normals)
+    assert np.array_equal(again.slots, skin.slots)
+
+
+def test_a_skin_of_something_else_or_in_pieces_is_not_used(skin, tmp_path):
+    path = tmp_path / "skin.npz"
+    assert load_skin(path, "key") is None
+    save_skin(skin, path, "key")
+    assert load_skin(path, "another") is None
+    path.write_bytes(path.read_bytes()[:5000])
+    assert load_skin(path, "key") is None
+
+
+def test_detail_is_strong_where_colours_change(skin, points):
+    hairline = (np.abs(points[:, 1] - points[:, 2]) < 0.02) & (points[:, 1] > 0.25)
+    plain = (np.abs(points[:, 0]) < 0.2) & (points[:, 2] > 0) & (np.abs(points[:, 1]) < 0.1)
+    assert hairline.sum() > 100 and plain.sum() > 100
+    assert np.abs(skin.detail[hairline]).mean() > 3 * np.abs(skin.detail[plain]).mean()
+    assert skin.contours[hairline].mean() > 0.7 > 0.4 > skin.contours[plain].mean()
+
+
+def test_ears_lie_at_the_ends_of_the_jaw(skin, points):
+    ears = skin.ears > 0.5
+    for end, side in ((0, -1), (16, 1)):
+        mine = points[ears & (side * points[:, 0] > 0)]
+        assert len(mine) > 50
+        assert np.linalg.norm(mine - HEAD_LANDMARKS[end], axis=1).max() < 0.45
+        assert (mine[:, 2] < HEAD_LANDMARKS[end, 2]).all()
+    # Brows and the foot of the nose.
+    assert points[ears, 1].max() < 0.12 and points[ears, 1].min() > -0.38
+
+
+def test_clothes_are_what_differs_from_the_face_below_the_chin(skin, points):
+    assert not skin.clothes[points[:, 1] > CHIN].any()
+    blue, bare = points[:, 1] < -0.76, (points[:, 1] < CHIN) & (points[:, 1] > -0.68)
+    assert (skin.clothes[blue] > 0.5).mean() > 0.98
+    assert (skin.clothes[bare] < 0.5).mean() > 0.98
+
+
+def test_what_no_photo_shows_is_unseen(field, skin, points):
+    assert (skin.seen == 1).all()
+    front = Camera.arc(np.linspace(-40, 40, 90), distance=4.0, width=60, height=60, focal=90.0)
+    seen = Skin.of(field, HEAD_LANDMARKS, front, PIXELS, networks=False)
+    assert seen.seen[(points[:, 2] > 0.3) & (points[:, 1] > -0.2)].min() > 0.9
+    assert seen.seen[points[:, 2] < -0.5].max() == 0
+    assert np.allclose(seen.contours, skin.contours * seen.seen)
+
+
+def test_the_network_tells_hair_and_what_it_does_not_see_follows(field, points, monkeypatch):
+    asked = []
+
+    def dark(image, size):
+        asked.append(image.shape)
+        return (image.mean(axis=-1) < 80).astype(np.float32)
+
+    monkeypatch.setattr("lfportrait.models.missing", lambda names: [])
+    monkeypatch.setattr("lfportrait.face.hair_mask", dark)
+    skin = Skin.of(field, HEAD_LANDMARKS, pixels=PIXELS)
+    assert asked and all(rows == columns for rows, columns, _ in asked)
+    assert len(asked) < len(skin.atlas.cameras)  # crown and throat are not shown to it
+    truth = skin.atlas.color.reshape(-1, 3)[skin.index].mean(axis=1) < 80 / 255
+    assert ((skin.hair > 0.5) == truth).mean() > 0.96
+    assert (skin.clothes <= 1 - skin.hair + 1e-6).all()
+    # Of a shaven head it is not believed.
+    monkeypatch.setattr("lfportrait.face.hair_mask",
+                        lambda image, size: np.zeros(image.shape[:2], np.float32))
+    assert Skin.of(field, HEAD_LANDMARKS, pixels=PIXELS).hair is None
+
+
+def test_without_its_network_hair_is_not_told(field, monkeypatch):
+    monkeypatch.setattr("lfportrait.models.missing", list)
+    assert Skin.of(field, HEAD_LANDMARKS, pixels=30.0).hair is None
+
+
+def test_too_few_landmarks_are_told(field):
+    landmarks = np.full((68, 3), np.nan)
+    landmarks[:10] = HEAD_LANDMARKS[:10]
+    with pytest.raises(UserError, match="only 10 of 68"):
+        Skin.of(field, landmarks, pixels=PIXELS, networks=False)
+
+
+def test_distance_from_the_skin_s_colours():
+    random = np.random.default_rng(0)
+    colors = np.float64([0.8, 0.6, 0.5]) + random.normal(0, 0.02, (300, 3))
+    face = np.arange(300) < 200
+    colors[200:250] *= 0.6  # shaded
+    colors[250:] = (0.2, 0.3, 0.7)
+    away = skin_distance(colors, face)
+    assert np.median(away[:200]) < 2
+    assert away[200:250].max() < 0.5 * away[250:].min()
+    assert not skin_distance(colors, face & (np.arange(300) < 30)).any()
