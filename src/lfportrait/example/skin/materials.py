@@ -112,6 +112,8 @@ def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uin
     where the background is plain, what looks like it there is background.
     """
     shares = material_shares(labels)
+    # Labels fall off gently beyond the outline: what lies there is background all the same.
+    shares[regions.person < 0.5] = np.eye(len(MATERIALS), dtype=np.float32)[GROUND]
     body = shares[..., NECK] > 0.02
     if not body.any():
         return shares

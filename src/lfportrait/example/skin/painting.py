@@ -53,8 +53,8 @@ Float32 = NDArray[np.float32]
 
 CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255]], np.float32)
 """A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
-NODES = 8.0
-"""Nodes of the guide are so many exemplar pixels apart."""
+NODES = 0.03
+"""Nodes of the guide are so far apart, over the exemplar's face size."""
 PIECE = 0.3
 """Side of the pieces that the search begins with, over the exemplar's face size."""
 STRETCHED = 0.7
@@ -217,7 +217,7 @@ class SkinPainter:
 
     def _positions(self, guide: SurfaceGuide, skin: Skin) -> tuple[Float32, Float32]:
         """Exemplar places [N, 2] of a skin's, and how much slower than the plane they change."""
-        spacing = NODES / guide.scale
+        spacing = NODES * self.exemplar.size / guide.scale
         low, high = (np.asarray(end(skin.flat, axis=0), np.float64) for end in (np.min, np.max))
         nodes = guide.nodes(low, high, spacing)
         out = np.empty((len(skin.flat), 3), np.float32)

@@ -24,7 +24,7 @@ from ..guides.blurs import broad_blur, gaussian_blur
 from ..kernels.atlas import best_facing, exchange
 from ..surface_guide import HeadPlane
 from .charts import Atlas, draw_atlas
-from .regions import REGIONS, skin_regions
+from .regions import REGIONS, hair_by_place, skin_regions
 
 BEFORE, BEHIND = 2.5, 7.0
 """Lattice points up to so many voxels before a chart's surface, and under it, take its colour."""
@@ -40,6 +40,8 @@ UPRIGHT = 30.0
 """Charts of this pitch (degrees) at most are shown to the networks."""
 BLUR = 0.06
 """Sigma of the blur that tells detail from light, over the face's size (`face_size`)."""
+OTHER = 2.3
+"""A crown of hair is further than this from the face's colours, in standard deviations."""
 CONTOUR = 0.016
 """Detail of this strength (root mean square of luma) counts half."""
 
@@ -73,7 +75,8 @@ class Skin:
         float32 [N] in [0, 1]: how frontally the best photo saw a place; 1 where no cameras are
         known.
     outwards
-        bool [N], False where the surface is seen from within, as the large shape shows.
+        bool [N], False where the large shape faces backwards: there is no face, and where a field
+        is open at the back one looks at its inside.
     rows
         float32 [R, 2], places in the atlas of the field's R lattice rows; NaN where no chart shows
         them.
@@ -127,13 +130,15 @@ class Skin:
         hair = _hair(atlas, index, points) if networks else None
         if hair is not None and not _plausible(plane, points, hair * seen):
             hair = None
+        flat = plane.unwrap(points).astype(np.float32)
+        if hair is None:
+            hair = _hair_by_color(plane, atlas.color.reshape(-1, 3)[index], flat, seen)
         tone, detail, appearance, contours = _looks(atlas, index, _unit(plane) * pixels)
         depth = (plane.origin[1] - points[:, 1]) / plane.height
         clothes = _clothes(atlas, index, points, depth, hair)
-        return Skin(atlas, plane, pixels, index, plane.unwrap(points).astype(np.float32), tone,
-                    detail, appearance, contours * seen, hair, clothes,
-                    _ears(plane.landmarks, points), seen, normals[:, 2] > -0.2,
-                    _row_places(field, atlas))
+        return Skin(atlas, plane, pixels, index, flat, tone, detail, appearance,
+                    contours * seen, hair, clothes, _ears(plane.landmarks, points), seen,
+                    normals[:, 2] > -0.2, _row_places(field, atlas))
 
     @functools.cached_property
     def slots(self) -> NDArray[np.int32]:
@@ -214,6 +219,30 @@ def _hair(atlas: Atlas, index: NDArray[np.int32], points: Float32) -> Float32 | 
     return _spread(atlas, points, out.reshape(-1)[index])
 
 
+def _hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32,
+                   seen: Float32) -> Float32 | None:
+    """Hair as what lies around the face, above the chin, in another colour, [N]; None if alike."""
+    up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
+    around = (up > 0.35) | ((angle > 0.9) & (up > -0.75))
+    face = (angle < 0.7) & (up < 0.3) & (up > -0.9)
+    chosen = (around | face) & (seen > 0.5)
+    crown = (up > 0.7) & chosen
+    if crown.sum() < 100 or face.sum() < 100:
+        return None
+    from_face = skin_distance(colors[chosen], face[chosen], 1.0)
+    if np.median(from_face[crown[chosen]]) < OTHER:
+        return None
+    # A neck in the shade is not of the face's colour, but of the crown's even less.
+    from_crown = skin_distance(colors[chosen], crown[chosen], 1.0)
+    hair = np.zeros(len(colors), np.float32)
+    hair[chosen] = 1 / (1 + np.exp(np.clip((from_crown - from_face) / 0.5, -30, 30)))
+    hair[~around] = 0
+    # What no photo saw goes on as hair goes on.
+    unseen = around & ~chosen
+    hair[unseen] = hair_by_place(plane, flat[unseen])
+    return np.asarray(hair, np.float32)
+
+
 def _spread(atlas: Atlas, points: Float32, values: Float32) -> Float32:
     """Fill the NaN in values [N] of points [N, 3] with means of the cells of space around."""
     shape = atlas.shape
@@ -236,7 +265,8 @@ def _plausible(plane: HeadPlane, points: Float32, hair: Float32) -> bool:
     return bool(above.any() and hair[above].mean() > 0.2)
 
 
-def skin_distance(colors: NDArray[np.floating], face: NDArray[np.bool_]) -> Float32:
+def skin_distance(colors: NDArray[np.floating], face: NDArray[np.bool_],
+                  light: float = 0.4) -> Float32:
     """How far colours are from those of the face, in standard deviations, float32 [...].
 
     Parameters
@@ -245,13 +275,13 @@ def skin_distance(colors: NDArray[np.floating], face: NDArray[np.bool_]) -> Floa
         float [..., 3], sRGB in [0, 1].
     face
         bool [...], skin of the face.
-
-    Shading counts for little, hue and chroma for much.
+    light
+        How much light and shade count against hue and chroma.
     """
     from skimage.color import rgb2lab
 
     values = rgb2lab(np.clip(colors, 0, 1)).astype(np.float32)
-    values *= np.array([0.4, 1.0, 1.0], np.float32)
+    values *= np.array([light, 1.0, 1.0], np.float32)
     if face.sum() < 50:
         return np.zeros(colors.shape[:-1], np.float32)
     sample = values[face]
