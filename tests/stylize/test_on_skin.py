@@ -1,0 +1,151 @@
+"""A head stylised on its skin: previews, several styles, what is told and what is kept."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import Camera
+from lfportrait.errors import UserError
+from lfportrait.example import Exemplar
+from lfportrait.job.specimens import ball_capture
+from lfportrait.stylize import StyledField, StylizeConfig, kept_skin, paint, stylize_with_figures
+from lfportrait.stylize.notices import eye_opening, mouth_opening, notices
+from tests.fields import head_field
+from tests.portraits import HEAD_LANDMARKS, drawn_face
+
+SMALL = StylizeConfig(pixels=80.0, steps=2, content_network="embedded", style_network="embedded")
+PREVIEW = replace(SMALL, preview=True)
+
+
+def named(name, seed=0, **colours):
+    face = drawn_face(160, 120, seed=seed, **colours)
+    return Exemplar(face.image, face.landmarks, name, face.mask)
+
+
+@pytest.fixture(scope="module")
+def head():
+    return head_field()
+
+
+@pytest.fixture(scope="module")
+def capture():
+    return replace(ball_capture(), landmarks=HEAD_LANDMARKS)
+
+
+@pytest.fixture(scope="module")
+def violet():
+    return named("violet", skin=(120, 90, 200), hair=(20, 90, 40))
+
+
+@pytest.fixture(scope="module")
+def styled(head, capture, violet):
+    return stylize_with_figures(head, capture, violet, SMALL)
+
+
+def front(field):
+    camera = Camera.arc([0.0], distance=4.0, width=96, height=96, focal=170.0)
+    return np.clip(field.render(camera).color, 0, 1), field.render(camera).alpha > 0.9
+
+
+def test_a_head_takes_on_the_exemplars_colours(head, styled, violet):
+    field, figures = styled
+    assert isinstance(field, StyledField) and field.basis == 1
+    assert np.array_equal(field.density, head.density) and field.links is head.links
+    picture, inside = front(field)
+    palette = violet.image[violet.mask > 0.5].mean(0) / 255
+    real = front(head)[0][inside].mean(0)
+    assert np.linalg.norm(picture[inside].mean(0) - palette) < 0.6 * np.linalg.norm(real - palette)
+    assert figures["method"] == "skin" and len(figures["fit"]["rmse"]) == 2
+    assert figures["refinement"]["steps"] == 2
+    assert set(figures["seconds"]) == {"skin", "paint", "fit", "refine", "total"}
+
+
+def test_the_same_seed_gives_the_same_bytes(head, capture, violet, styled):
+    again, _ = stylize_with_figures(head, capture, violet, SMALL)
+    assert np.array_equal(again.sh, styled[0].sh)
+    other, _ = stylize_with_figures(head, capture, violet, replace(SMALL, seed=1))
+    assert not np.array_equal(other.sh, styled[0].sh)
+
+
+def test_a_preview_is_like_the_whole_without_fit_and_losses(head, capture, violet, styled):
+    field, figures = stylize_with_figures(head, capture, violet, PREVIEW)
+    assert "fit" not in figures and "refinement" not in figures
+    whole, inside = front(styled[0])
+    assert np.abs(front(field)[0] - whole)[inside].mean() < 0.06
+
+
+def test_the_fit_comes_nearer_to_what_was_painted(head, capture, violet):
+    errors = [stylize_with_figures(head, capture, violet, replace(
+        SMALL, steps=0, fit_iterations=count))[1]["fit"]["rmse"] for count in (6,)][0]
+    assert errors[-1] < 0.9 * errors[0]
+
+
+def test_several_styles_share_one_file(head, capture, violet, styled, tmp_path):
+    green = named("green", seed=2, skin=(90, 200, 90), hair=(200, 30, 30))
+    both, figures = stylize_with_figures(head, capture, [violet, green], SMALL)
+    assert both.styles == ("violet", "green")
+    assert np.array_equal(both.painted[0], styled[0].painted[0]), "the first is as if alone"
+    assert [row["style"] for row in figures["styles"]] == ["violet", "green"]
+    both.save(tmp_path / "both.npz")
+    other = StyledField.load(tmp_path / "both.npz").mix(style="green")
+    alone, _ = stylize_with_figures(head, capture, green, SMALL)
+    assert np.abs(front(other)[0] - front(alone)[0]).max() < 0.02
+    with pytest.raises(UserError, match="at least one"):
+        stylize_with_figures(head, capture, [], SMALL)
+
+
+def test_regions_can_be_kept_from_the_photo(head, capture, violet, styled):
+    kept, _ = stylize_with_figures(head, capture, violet, replace(PREVIEW, keep=("clothes",)))
+    clothes = kept.labels[:, kept.regions.index("clothes")] > 250
+    assert clothes.sum() > 100
+    assert np.abs(kept.sh[clothes, :, 0] * 0.28209479 + 0.5 - kept.photo[clothes]).max() < 0.02
+    with pytest.raises(UserError, match="hat"):
+        stylize_with_figures(head, capture, violet, replace(PREVIEW, keep=("hat",)))
+
+
+def test_without_agreement_chunks_alone_paint_the_head(head, capture, violet):
+    config = replace(PREVIEW, skin=replace(PREVIEW.skin, agree=False))
+    field, figures = stylize_with_figures(head, capture, violet, config)
+    assert "patches" not in figures["painting"]
+    assert np.isfinite(field.sh).all()
+
+
+def test_a_skin_is_kept_beside_its_field(head, capture, tmp_path, monkeypatch):
+    path = tmp_path / "field.npz"
+    head.save(path)
+    skin = kept_skin(path, head, capture, 60.0)
+    assert (tmp_path / "field.skin.npz").exists()
+    monkeypatch.setattr("lfportrait.example.Skin.of", None)
+    again = kept_skin(path, head, capture, 60.0)
+    assert np.array_equal(again.rows, skin.rows, equal_nan=True)
+    violet = named("violet", skin=(120, 90, 200))
+    assert np.abs(paint(skin, violet, PREVIEW).color
+                  - paint(again, violet, PREVIEW).color).mean() < 0.02
+    with pytest.raises(TypeError):  # another resolution is another skin
+        kept_skin(path, head, capture, 64.0)
+    monkeypatch.undo()
+    with pytest.raises(UserError, match="landmarks"):
+        kept_skin(path, head, replace(capture, landmarks=None), 60.0)
+
+
+def test_closed_eyes_and_open_mouths_are_told(capture, violet):
+    shut, wide = violet.landmarks.copy(), violet.landmarks.copy()
+    for upper, lower in ((37, 41), (38, 40), (43, 47), (44, 46)):
+        middle = 0.5 * (shut[upper] + shut[lower])
+        shut[upper], shut[lower] = middle, middle
+        half = 0.16 * np.linalg.norm(shut[39] - shut[36])
+        wide[upper], wide[lower] = middle - (0, half), middle + (0, half)
+    for upper, lower in ((61, 67), (62, 66), (63, 65)):
+        middle = 0.5 * (wide[upper] + wide[lower])
+        wide[upper], wide[lower] = middle - (0, 8), middle + (0, 8)
+        shut[upper], shut[lower] = middle, middle
+    assert eye_opening(shut) == 0 and eye_opening(wide) > 0.3
+    assert mouth_opening(shut) == 0 and mouth_opening(wide) > 0.2
+    asleep = replace(capture, landmarks=np.column_stack([shut, np.zeros(68)]))
+    awake = Exemplar(np.zeros((900, 900, 3), np.uint8), wide * 6, "awake")
+    lines = notices(asleep, [awake], SMALL)
+    assert len(lines) == 2 and "eyes are closed" in lines[0] and "mouth is closed" in lines[1]
+    assert notices(asleep, [awake], replace(SMALL, keep=("eyes", "lips"))) == []
+    small = Exemplar(np.zeros((900, 900, 3), np.uint8), shut, "small")
+    assert ["coarse" in line for line in notices(asleep, [small], SMALL)] == [True]
