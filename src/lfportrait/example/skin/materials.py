@@ -11,21 +11,30 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
+from ..back_of_head import Sites
 from ..exemplar import Exemplar
 from ..guides.appearance import Distribution, grey, match_histogram
 from ..guides.blurs import broad_blur
 from ..guides.labels import LABELS
 from ..guides.regions import Regions
+from ..kernels.sites import nearest_sites
+from ..patches import SCALE
 from .sitter import BLUR, Skin, skin_distance
 
-__all__ = ["MATERIALS", "ExemplarMaterials", "material_shares", "sitter_looks", "sitter_shares"]
+__all__ = ["MATERIALS", "ExemplarMaterials", "into", "material_guides", "material_shares",
+           "pieces", "resized_materials", "sitter_looks", "sitter_shares"]
 
 Float32 = NDArray[np.float32]
 
 MATERIALS = ("skin", "hair", "neck", "clothes", "background")
 SKIN, HAIR, NECK, CLOTHES, GROUND = range(5)
+CODES = np.array([[150, 150], [255, 0], [150, 120], [0, 60], [0, 255]], np.float32)
+"""A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
+PIECE = 0.3
+"""Side of the pieces that the search begins with, over the exemplar's face size."""
 PLAIN = 0.08
 """A background whose colours deviate by no more than this (standard deviation) is plain."""
 DEPTH = 0.2
@@ -206,3 +215,70 @@ def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tupl
         gain = theirs.detail[there].std() / max(float(skin.detail[inside].std()), 1e-4)
         detail += share * skin.detail * np.float32(np.clip(gain, 0.5, 2.5))
     return tone, detail * skin.seen
+
+
+def material_guides(shares: Float32, tone: Float32, detail: Float32,
+                    weights: tuple[float, float, float]) -> Float32:
+    """Guides of patches, float32 [..., 4]: tone, detail, materials (2).
+
+    Parameters
+    ----------
+    shares, tone, detail
+        float32 [..., 5] by `MATERIALS`, and [...].
+    weights
+        Of tone, detail and materials.
+    """
+    roots = SCALE * np.sqrt([weights[0], weights[1], *[weights[2] / 2] * 2])
+    planes = np.concatenate([255 * tone[..., None], 255 * detail[..., None], shares @ CODES],
+                            axis=-1)
+    return np.asarray(planes * roots.astype(np.float32), np.float32)
+
+
+def resized_materials(exemplar: Exemplar, shares: Float32, size: float,
+                      ) -> tuple[Float32, ExemplarMaterials]:
+    """An exemplar's picture, float32 [h, w, 3], and its materials at ``size`` times its own."""
+    height, width = exemplar.image.shape[:2]
+    shape = max(round(width * size), 16), max(round(height * size), 16)
+    picture = np.asarray(Image.fromarray(exemplar.image).resize(
+        shape, Image.Resampling.LANCZOS), np.float32) / np.float32(255)
+    small = np.stack([np.asarray(Image.fromarray(shares[..., n]).resize(
+        shape, Image.Resampling.BILINEAR)) for n in range(len(MATERIALS))], axis=-1)
+    return picture, ExemplarMaterials.of(picture, small, exemplar.size * size)
+
+
+def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: Float32,
+           size: float) -> Float32:
+    """Rigid pieces of like material for the search to begin with, places float32 [N, 2].
+
+    Pieces lie around jittered sites of the plane [N, 2] and come from well inside the same
+    material, near the guided place or some way off: alike, but not the same next to each other.
+    ``size`` is that of the exemplar's face in pixels of the plane.
+    """
+    side = PIECE * size
+    sites = Sites.around(plane, side)
+    number = np.empty(len(plane), np.int32)
+    nearest_sites(plane, np.float32(side), sites.first, sites.points, number)
+    middles = sites.points.reshape(-1, 2)
+    guided = np.zeros_like(middles)
+    for axis in range(2):
+        count = np.maximum(np.bincount(number, minlength=len(middles)), 1)
+        guided[:, axis] = np.bincount(number, wanted[:, axis], len(middles)) / count
+    guided += 2 * np.float32(side) * (sites.chances.reshape(-1, 2) - np.float32(0.5))
+    height, width = theirs.tone.shape
+    x = np.clip(guided[:, 0], 0, width - 1).astype(np.int64)[number]
+    y = np.clip(guided[:, 1], 0, height - 1).astype(np.int64)[number]
+    found = theirs.deep[shares.argmax(axis=1), y, x]
+    piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
+    piece += plane - middles[number]
+    return into(shares, theirs, np.asarray(piece, np.float32))
+
+
+def into(shares: Float32, theirs: ExemplarMaterials, position: Float32) -> Float32:
+    """Positions [N, 2], moved to the exemplar's nearest place of the like material."""
+    height, width = theirs.tone.shape
+    x = np.clip(position[:, 0], 0, width - 1).astype(np.int64)
+    y = np.clip(position[:, 1], 0, height - 1).astype(np.int64)
+    near = theirs.nearest[shares.argmax(axis=1), y, x]
+    moved = near != y * width + x
+    found = np.stack([near % width, near // width], axis=1) + np.float32(0.5)
+    return np.asarray(np.where(moved[:, None], found, position), np.float32)

@@ -25,7 +25,7 @@ from ..kernels.atlas import best_facing, exchange
 from ..surface_guide import HeadPlane
 from .charts import Atlas, draw_atlas
 
-__all__ = ["PIXELS", "Skin", "skin_distance"]
+__all__ = ["PIXELS", "Skin", "contours", "skin_distance"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -152,17 +152,31 @@ def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
     values = luma[..., 0] * inside
     sigma = BLUR * size
     broad = broad_blur(values, sigma) / np.maximum(broad_blur(inside, sigma), np.float32(1e-3))
+    soft, strong = contours(values, inside, size)
+    appearance = (soft - broad) * inside
+    planes = (values, values - broad, appearance, strong)
+    tone, detail, looks, strength = (plane.reshape(-1)[index] for plane in planes)
+    return tone, detail, looks, strength
+
+
+def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Float32]:
+    """Luma without grain, and how much edges and patterns have to say, float32 [H, W] each.
+
+    Parameters
+    ----------
+    values, inside
+        float32 [H, W], luma times the weight of a pixel, and that weight.
+    size
+        Of the face in pixels.
+    """
+    sigma = BLUR * size
     soft = gaussian_blur(values, 0.2 * sigma)
     soft /= np.maximum(gaussian_blur(inside, 0.2 * sigma), np.float32(1e-3))
-    appearance = (soft - broad) * inside
     near = broad_blur(values, 0.6 * sigma)
     near /= np.maximum(broad_blur(inside, 0.6 * sigma), np.float32(1e-3))
     fine = (soft - near) * inside
     energy = broad_blur(fine * fine, 0.5 * sigma)
-    contours = energy / (energy + np.float32(CONTOUR ** 2))
-    planes = (values, values - broad, appearance, contours)
-    tone, detail, looks, strength = (plane.reshape(-1)[index] for plane in planes)
-    return tone, detail, looks, strength
+    return soft, np.asarray(energy / (energy + np.float32(CONTOUR ** 2)), np.float32)
 
 
 def _hair(atlas: Atlas, index: NDArray[np.int32], points: Float32) -> Float32 | None:

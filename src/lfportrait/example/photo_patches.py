@@ -1,0 +1,325 @@
+"""The best quality on a photo: patches of the exemplar for all that is not the face.
+
+The face stays as StyleBlit paints it (`transfers`). Beyond it a photo asks for what the exemplar
+does not show: shoulders, loose hair, a hat, a wide background; chunks that are laid by place then
+stand in rows. Here the photo itself says what is hair, skin, neck, clothes and background, and each
+is filled with patches of like material that agree with each other and with the face, follow the
+photo's edges and patterns, and use the exemplar evenly (`patches`). What the position guide maps
+nearly rigidly begins with StyleBlit's own chunks, all else with rigid pieces from well inside the
+material.
+
+Patch synthesis of this kind touches patents; see docs/methods.md before you use it in a product.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from .exemplar import Exemplar, face_size
+from .guides.appearance import Distribution, grey, match_histogram
+from .guides.blurs import broad_blur, enlarged, gaussian_blur
+from .guides.labels import soft_face
+from .guides.regions import Regions
+from .kernels.patches import ACTIVE, FIXED, OUTSIDE
+from .patches import SCALE, PatchConfig, PatchSource, PatchTarget, synthesise_patches
+from .skin.materials import (
+    CLOTHES,
+    GROUND,
+    HAIR,
+    MATERIALS,
+    NECK,
+    SKIN,
+    STAND_INS,
+    ExemplarMaterials,
+    exemplar_shares,
+    into,
+    material_guides,
+    pieces,
+    resized_materials,
+)
+from .skin.sitter import BLUR, contours, skin_distance
+
+if TYPE_CHECKING:
+    from .result import TransferResult
+    from .transfers import Transfer
+
+__all__ = ["PhotoPatches", "PhotoPatchesConfig"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+LARGEST = 1.7e6
+"""Photos of more pixels than this are refined at a smaller size and enlarged, but for the face."""
+CELL = 8
+"""How rigid the guide is, is told on every so many pixels."""
+BENT = 0.3
+"""A guide whose derivative is further from a multiple of the identity than this is not rigid."""
+ODD = 3.5
+"""On the head above the brows, what is no hair and further from the skin's colour is worn."""
+ROAM = 25.0
+"""Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
+
+
+@dataclass(frozen=True)
+class PhotoPatchesConfig:
+    """Parameters of `PhotoPatches`."""
+
+    tone_weight: float = 0.3
+    """Weight of the photo's light and shade where patches are laid, 0 to 2."""
+    detail_weight: float = 1.0
+    """Weight of the photo's edges and patterns there, 0 to 4."""
+    material_weight: float = 1.5
+    """Weight of keeping hair, skin and clothes apart, 0 to 4."""
+    place_weight: float = 4.0
+    """Weight of staying near the place that the guide names, around the face, 0 to 20."""
+    far_place_weight: float = 0.15
+    """The same in hair, neck, clothes and background."""
+    patches: PatchConfig = PatchConfig(style_weight=1.0, uniformity=8000.0, votes=4, last_votes=2,
+                                       passes=2, levels=5)
+    """Synthesis of patches."""
+
+
+class PhotoPatches:
+    """One exemplar prepared for refining photos.
+
+    Parameters
+    ----------
+    transfer
+        What paints the faces.
+    config
+        Parameters.
+    """
+
+    def __init__(self, transfer: Transfer, config: PhotoPatchesConfig | None = None) -> None:
+        self.transfer, self.config = transfer, config or PhotoPatchesConfig()
+        self._shares = exemplar_shares(transfer.exemplar, transfer.regions, transfer.labels)
+        self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
+
+    def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
+               result: TransferResult) -> Float32:
+        """Lay patches around the face of a photo that StyleBlit has painted.
+
+        Parameters
+        ----------
+        photo
+            uint8 or float in [0, 1], [H, W, 3].
+        landmarks, regions
+            [68, 2] in pixels, and the regions of the photo.
+        result
+            StyleBlit's, of the same photo and exemplar.
+
+        Returns
+        -------
+        float32 [H, W, 3] in [0, 1]; the colours of ``result.synthesis`` in the face, and where
+        the guide is NaN.
+        """
+        painted = result.synthesis.image
+        height, width = photo.shape[:2]
+        step = max(1.0, float(np.sqrt(height * width / LARGEST)))
+        eight = photo if photo.dtype == np.uint8 else np.asarray(
+            np.clip(photo, 0, 1) * 255 + 0.5, np.uint8)
+        guides = result.guides
+        place = guides.anchor + result.synthesis.shift
+        work = _Work(eight, landmarks, regions, guides.position, place, painted,
+                     self.transfer.scale(landmarks))
+        if step > 1:
+            work = work.shrunk(round(width / step), round(height / step))
+        color, core = self._lay(work)
+        if step > 1:
+            color = np.clip(_resized(color, (width, height)), 0, 1)
+            core = np.clip(_resized(core, (width, height)), 0, 1)
+        # The fixed face ends within its own paint: nothing is mixed but at the border's pixels.
+        core = np.where(np.isfinite(guides.position[..., 0]), core, np.float32(1))[..., None]
+        return np.asarray(painted * core + color * (1 - core), np.float32)
+
+    def _lay(self, work: _Work) -> tuple[Float32, Float32]:
+        """The picture [H, W, 3], and 1 where it is fixed [H, W]."""
+        config, exemplar = self.config, self.transfer.exemplar
+        size = round(1 / work.scale, 3)
+        source, theirs = self._source(size)
+        unit = exemplar.size * size / 50
+        covered = np.isfinite(work.position[..., 0])
+        position = np.nan_to_num(work.position).reshape(-1, 2)
+        shares = self._materials(work, position, theirs).reshape(-1, len(MATERIALS))
+        face = face_size(work.landmarks)
+        tone, detail, trust = _looks(work, shares, theirs, face)
+        soft = soft_face(work.photo.shape, work.landmarks).astype(np.float32) / np.float32(255)
+        core = (soft > 0.5) & covered & (shares[:, SKIN].reshape(soft.shape) > 0.5)
+        near = np.clip(2 * broad_blur(soft, 0.12 * face), 0, 1).reshape(-1)
+        wanted = into(shares, theirs, position * np.float32(size))
+        begin = self._begin(work, shares, theirs, wanted, size)
+        hold = near * shares[:, SKIN]
+        weight = (config.far_place_weight + (config.place_weight - config.far_place_weight)
+                  * hold) / unit ** 2
+        state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
+        active = (state == ACTIVE).reshape(-1)
+        demand = shares[active].sum(axis=0)
+        there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
+        even = theirs.shares @ (demand / np.maximum(there, 1)).astype(np.float32)
+        shape = soft.shape
+        guides = material_guides(shares, tone, detail, self._weights()).reshape(*shape, -1)
+        begin, wanted = begin.reshape(*shape, 2), wanted.reshape(*shape, 2)
+        target = PatchTarget(guides, begin, begin, wanted,
+                             weight.astype(np.float32).reshape(shape), float((ROAM * unit) ** 2),
+                             even, trust, state, None, work.painted)
+        color, _ = synthesise_patches(target, source, config.patches, self.transfer.config.seed)
+        return color, core.astype(np.float32)
+
+    def _weights(self) -> tuple[float, float, float]:
+        return self.config.tone_weight, self.config.detail_weight, self.config.material_weight
+
+    def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
+        """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept."""
+        if size not in self._sources:
+            picture, theirs = resized_materials(self.transfer.exemplar, self._shares, size)
+            self._sources = {size: (PatchSource.of(picture, material_guides(
+                theirs.shares, theirs.tone, theirs.detail, self._weights())), theirs)}
+        return self._sources[size]
+
+    def _materials(self, work: _Work, position: Float32, theirs: ExemplarMaterials) -> Float32:
+        """Shares of `MATERIALS` of a photo, float32 [H, W, 5], of those that the exemplar has."""
+        regions, frame = work.regions, work.regions.frame
+        labels = regions.labels()
+        sitter = Exemplar(work.photo, work.landmarks, "", None)
+        shares = exemplar_shares(sitter, regions, labels)
+        _, down = frame.local(work.photo.shape[:2])
+        if regions.hair is None:
+            # A shaven head, or a statue's hair: there is hair where the exemplar has it.
+            height, width = self._shares.shape[:2]
+            x = np.clip(position[:, 0], 0, width - 1).astype(np.int64)
+            y = np.clip(position[:, 1], 0, height - 1).astype(np.int64)
+            hair = self._shares[y, x, HAIR].reshape(down.shape) * shares[..., SKIN]
+            shares[..., HAIR] += hair
+            shares[..., SKIN] -= hair
+        else:
+            _set_apart(work.photo, shares, down)
+        for material, stand_in in STAND_INS:
+            if not theirs.present[material]:
+                shares[..., stand_in] += shares[..., material]
+                shares[..., material] = 0
+        return shares
+
+    def _begin(self, work: _Work, shares: Float32, theirs: ExemplarMaterials, wanted: Float32,
+               size: float) -> Float32:
+        """Where the search begins, [N, 2]: StyleBlit's chunks, or a rigid piece elsewhere."""
+        height, width = work.painted.shape[:2]
+        plane = np.stack(np.meshgrid(np.arange(width, dtype=np.float32) + np.float32(0.5),
+                                     np.arange(height, dtype=np.float32) + np.float32(0.5)),
+                         axis=-1).reshape(-1, 2)
+        piece = pieces(shares, theirs, wanted, plane, self.transfer.exemplar.size * size)
+        own = np.nan_to_num(work.place).reshape(-1, 2) * np.float32(size)
+        rigid = _rigid(work.position * np.float32(size)).reshape(-1)
+        return np.where(rigid[:, None], into(shares, theirs, own), piece)
+
+
+@dataclass
+class _Work:
+    """A photo and what StyleBlit did, at the size at which patches are laid."""
+
+    photo: NDArray[np.uint8]
+    landmarks: Float64
+    regions: Regions
+    position: Float32
+    place: Float32
+    painted: Float32
+    scale: float
+
+    def shrunk(self, width: int, height: int) -> _Work:
+        """The same at another size."""
+        size = width, height
+        ratio = np.array(size) / self.painted.shape[1::-1]
+        hair = self.regions.hair
+        points = self.landmarks * ratio
+        regions = Regions(points, _resized(self.regions.person, size),
+                          None if hair is None else _resized(hair, size))
+        photo = np.asarray(Image.fromarray(self.photo).resize(size, Image.Resampling.BOX))
+        # Places are not mixed: their neighbours may lie far apart.
+        nearest = Image.Resampling.NEAREST
+        return _Work(photo, points, regions, _resized(self.position, size, nearest),
+                     _resized(self.place, size, nearest), _resized(self.painted, size),
+                     self.scale / float(ratio.mean()))
+
+
+def _resized(planes: Float32, size: tuple[int, int],
+             resample: Image.Resampling = Image.Resampling.BILINEAR) -> Float32:
+    """Planes [H, W] or [H, W, C] at another size (width, height)."""
+    if planes.ndim == 2:
+        return np.asarray(Image.fromarray(np.ascontiguousarray(planes)).resize(size, resample))
+    return np.stack([_resized(planes[..., n], size, resample)
+                     for n in range(planes.shape[2])], axis=-1)
+
+
+def _set_apart(photo: NDArray[np.uint8], shares: Float32, down: Float64) -> None:
+    """What is worn on the head (sunglasses, hats) may look like hair or like clothes; in place.
+
+    ``down`` [H, W] is 0 at the brows and 1 at the chin.
+    """
+    high = (down < -0.12) & (shares[..., SKIN] > 0.3)
+    face = (down > 0.2) & (down < 0.8) & (shares[..., SKIN] > 0.95)
+    chosen = high | face
+    if not high.any() or face.sum() < 50:
+        return
+    away = skin_distance(photo[chosen] / np.float32(255), face[chosen])
+    worn = np.zeros(down.shape, np.float32)
+    worn[chosen] = 1 / (1 + np.exp(np.clip((ODD - away) / 0.3, -30, 30)))
+    worn *= np.clip((-0.12 - down) / 0.08, 0, 1).astype(np.float32)
+    worn = gaussian_blur(worn, 1.0) * shares[..., SKIN]
+    shares[..., SKIN] -= worn
+    shares[..., HAIR] += 0.5 * worn
+    shares[..., CLOTHES] += 0.5 * worn
+
+
+def _looks(work: _Work, shares: Float32, theirs: ExemplarMaterials, face: float,
+           ) -> tuple[Float32, Float32, Float32]:
+    """Tone [N] and detail [N] as the exemplar would have them, and the trust in them [H, W].
+
+    Tones are distributed as the exemplar's of the same material, details as strong as its strokes,
+    within bounds. The background of the photo says nothing.
+    """
+    luma = grey(work.photo)
+    fine = luma - broad_blur(luma, BLUR * face)
+    flat_tone, flat_detail = luma.reshape(-1), fine.reshape(-1)
+    tone, detail = (np.zeros(len(shares), np.float32) for _ in range(2))
+    for material in range(GROUND):
+        share = shares[:, material]
+        inside, there = share > 0.5, theirs.shares[..., material] > 0.5
+        if not (share > 0).any():
+            continue
+        if inside.sum() < 100 or there.sum() < 100:
+            tone += share * flat_tone
+            detail += share * flat_detail
+            continue
+        wanted = Distribution.of(theirs.tone, there.astype(np.float32))
+        matched = match_histogram(luma, wanted, inside.reshape(luma.shape).astype(np.float32))
+        tone += share * matched.reshape(-1)
+        gain = theirs.detail[there].std() / max(float(flat_detail[inside].std()), 1e-4)
+        detail += share * flat_detail * np.float32(np.clip(gain, 0.5, 2.5))
+    ground = shares[:, GROUND]
+    behind = theirs.shares[..., GROUND] > 0.9
+    if behind.any():
+        tone += ground * np.float32(np.median(theirs.tone[behind]))
+    trust = contours(luma, np.ones_like(luma), face)[1] * (1 - ground).reshape(luma.shape)
+    return tone, detail, np.ascontiguousarray(trust, np.float32)
+
+
+def _rigid(position: Float32) -> Bools:
+    """Where a map [H, W, 2] is nearly a turn by a small angle and a change of size, bool [H, W]."""
+    shape = position.shape[0], position.shape[1]
+    small = np.nan_to_num(position[CELL // 2::CELL, CELL // 2::CELL])
+    if min(small.shape[:2]) < 3:
+        return np.ones(shape, bool)
+    down, across = np.gradient(small, CELL, axis=(0, 1))
+    mean = np.clip((across[..., 0] + down[..., 1]) / 2, 0.7, 1.4)
+    away = np.sqrt(((across[..., 0] - mean) ** 2 + (down[..., 1] - mean) ** 2
+                    + across[..., 1] ** 2 + down[..., 0] ** 2) / 2)
+    soft = enlarged(gaussian_blur(np.float32(np.minimum(away, 1)), 1.0), CELL, shape)
+    return np.asarray(soft < BENT, bool)
+
+
+_ = (NECK, SCALE)
