@@ -26,13 +26,13 @@ from .guides.blurs import broad_blur, enlarged, gaussian_blur
 from .guides.labels import soft_face
 from .guides.regions import Regions
 from .kernels.patches import ACTIVE, FIXED, OUTSIDE
-from .patches import SCALE, PatchConfig, PatchSource, PatchTarget, synthesise_patches
+from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
 from .skin.materials import (
     CLOTHES,
     GROUND,
     HAIR,
     MATERIALS,
-    NECK,
+    PLAIN,
     SKIN,
     STAND_INS,
     ExemplarMaterials,
@@ -62,6 +62,15 @@ BENT = 0.3
 """A guide whose derivative is further from a multiple of the identity than this is not rigid."""
 ODD = 3.5
 """On the head above the brows, what is no hair and further from the skin's colour is worn."""
+EVEN = np.array([1, 1, 1, 1, 4], np.float32)
+"""How much more often than evenly a pixel of each of `MATERIALS` may be used: plain backgrounds may
+well repeat."""
+GROUND_TRUST = 0.3, 0.05
+"""Weight of the tone in a plain background (paper), and in others, against 1 on edges."""
+HAIR_TRUST = 0.4
+"""The same of tone and detail in the hair: its strokes are the exemplar's."""
+BARE = 1.12
+"""Down to here (brows 0, chin 1) a photo's neck is bare, whatever its colour: the chin's shadow."""
 ROAM = 25.0
 """Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
 
@@ -79,8 +88,10 @@ class PhotoPatchesConfig:
     place_weight: float = 4.0
     """Weight of staying near the place that the guide names, around the face, 0 to 20."""
     far_place_weight: float = 0.15
-    """The same in hair, neck, clothes and background."""
-    patches: PatchConfig = PatchConfig(style_weight=1.0, uniformity=8000.0, votes=4, last_votes=2,
+    """The same in hair, neck, clothes and background, where the guide is not rigid."""
+    chunk_weight: float = 1.0
+    """Weight of staying with StyleBlit's chunks where those are of like material, 0 to 20."""
+    patches: PatchConfig = PatchConfig(style_weight=1.0, uniformity=8000.0, votes=4, last_votes=1,
                                        passes=2, levels=5)
     """Synthesis of patches."""
 
@@ -150,18 +161,20 @@ class PhotoPatches:
         face = face_size(work.landmarks)
         tone, detail, trust = _looks(work, shares, theirs, face)
         soft = soft_face(work.photo.shape, work.landmarks).astype(np.float32) / np.float32(255)
-        core = (soft > 0.5) & covered & (shares[:, SKIN].reshape(soft.shape) > 0.5)
+        rigid = _rigid(work.position * np.float32(size))
+        core = _core(work, soft, rigid, shares[:, SKIN].reshape(soft.shape)) & covered
         near = np.clip(2 * broad_blur(soft, 0.12 * face), 0, 1).reshape(-1)
         wanted = into(shares, theirs, position * np.float32(size))
-        begin = self._begin(work, shares, theirs, wanted, size)
-        hold = near * shares[:, SKIN]
-        weight = (config.far_place_weight + (config.place_weight - config.far_place_weight)
-                  * hold) / unit ** 2
+        begin, kept = self._begin(work, shares, theirs, wanted, rigid, size)
+        # Where StyleBlit's chunks are of the right material and not stretched, they stay.
+        wanted = np.where(kept[:, None], begin, wanted)
+        weight = np.where(kept, np.float32(config.chunk_weight), np.float32(config.far_place_weight))
+        weight = np.maximum(weight, config.place_weight * near * shares[:, SKIN]) / unit ** 2
         state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
         active = (state == ACTIVE).reshape(-1)
         demand = shares[active].sum(axis=0)
         there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
-        even = theirs.shares @ (demand / np.maximum(there, 1)).astype(np.float32)
+        even = theirs.shares @ (EVEN * demand / np.maximum(there, 1)).astype(np.float32)
         shape = soft.shape
         guides = material_guides(shares, tone, detail, self._weights()).reshape(*shape, -1)
         begin, wanted = begin.reshape(*shape, 2), wanted.reshape(*shape, 2)
@@ -187,7 +200,7 @@ class PhotoPatches:
         regions, frame = work.regions, work.regions.frame
         labels = regions.labels()
         sitter = Exemplar(work.photo, work.landmarks, "", None)
-        shares = exemplar_shares(sitter, regions, labels)
+        shares = exemplar_shares(sitter, regions, labels, BARE)
         _, down = frame.local(work.photo.shape[:2])
         if regions.hair is None:
             # A shaven head, or a statue's hair: there is hair where the exemplar has it.
@@ -206,16 +219,17 @@ class PhotoPatches:
         return shares
 
     def _begin(self, work: _Work, shares: Float32, theirs: ExemplarMaterials, wanted: Float32,
-               size: float) -> Float32:
-        """Where the search begins, [N, 2]: StyleBlit's chunks, or a rigid piece elsewhere."""
+               rigid: Bools, size: float) -> tuple[Float32, Bools]:
+        """Where the search begins, [N, 2]: StyleBlit's chunks where [N], rigid pieces elsewhere."""
         height, width = work.painted.shape[:2]
         plane = np.stack(np.meshgrid(np.arange(width, dtype=np.float32) + np.float32(0.5),
                                      np.arange(height, dtype=np.float32) + np.float32(0.5)),
                          axis=-1).reshape(-1, 2)
         piece = pieces(shares, theirs, wanted, plane, self.transfer.exemplar.size * size)
         own = np.nan_to_num(work.place).reshape(-1, 2) * np.float32(size)
-        rigid = _rigid(work.position * np.float32(size)).reshape(-1)
-        return np.where(rigid[:, None], into(shares, theirs, own), piece)
+        moved = into(shares, theirs, own)
+        kept = rigid.reshape(-1) & (moved == own).all(axis=1)
+        return np.where(rigid.reshape(-1)[:, None], moved, piece), kept
 
 
 @dataclass
@@ -275,6 +289,16 @@ def _set_apart(photo: NDArray[np.uint8], shares: Float32, down: Float64) -> None
     shares[..., CLOTHES] += 0.5 * worn
 
 
+def _core(work: _Work, soft: Float32, rigid: Bools, skin: Float32) -> Bools:
+    """The face that stays as StyleBlit painted it, and the forehead up to the hair, [H, W]."""
+    frame = work.regions.frame
+    right, down = frame.local(soft.shape)
+    half = 0.5 * frame.width / frame.height
+    forehead = (np.hypot(right / (0.95 * half), down / 0.75) < 1) & (down < 0.1)
+    broad = gaussian_blur(np.ascontiguousarray(skin), max(1.0, 0.02 * frame.height))
+    return np.asarray(((soft > 0.5) & (skin > 0.5)) | (forehead & (broad > 0.9) & rigid), bool)
+
+
 def _looks(work: _Work, shares: Float32, theirs: ExemplarMaterials, face: float,
            ) -> tuple[Float32, Float32, Float32]:
     """Tone [N] and detail [N] as the exemplar would have them, and the trust in them [H, W].
@@ -302,9 +326,13 @@ def _looks(work: _Work, shares: Float32, theirs: ExemplarMaterials, face: float,
         detail += share * flat_detail * np.float32(np.clip(gain, 0.5, 2.5))
     ground = shares[:, GROUND]
     behind = theirs.shares[..., GROUND] > 0.9
+    loud = np.float32(0)
     if behind.any():
         tone += ground * np.float32(np.median(theirs.tone[behind]))
-    trust = contours(luma, np.ones_like(luma), face)[1] * (1 - ground).reshape(luma.shape)
+        loud = np.float32(GROUND_TRUST[0 if theirs.tone[behind].std() < PLAIN else 1])
+    trust = contours(luma, np.ones_like(luma), face)[1].reshape(-1)
+    trust *= 1 - ground - np.float32(1 - HAIR_TRUST) * shares[:, HAIR]
+    trust = (trust + loud * ground).reshape(luma.shape)
     return tone, detail, np.ascontiguousarray(trust, np.float32)
 
 
@@ -320,6 +348,3 @@ def _rigid(position: Float32) -> Bools:
                     + across[..., 1] ** 2 + down[..., 0] ** 2) / 2)
     soft = enlarged(gaussian_blur(np.float32(np.minimum(away, 1)), 1.0), CELL, shape)
     return np.asarray(soft < BENT, bool)
-
-
-_ = (NECK, SCALE)

@@ -113,11 +113,13 @@ def material_shares(labels: NDArray[np.uint8]) -> Float32:
     return out
 
 
-def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Float32:
+def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+                    bare_to: float = 1.3) -> Float32:
     """Shares of `MATERIALS` of an exemplar, float32 [h, w, 5].
 
     Below the jaw, what is of the face's colour, or right below it, is neck, the rest clothes; and
-    where the background is plain, what looks like it there is background.
+    where the background is plain, what looks like it there is background. ``bare_to`` is how deep
+    that goes (brows 0, chin 1).
     """
     shares = material_shares(labels)
     body = shares[..., NECK] > 0.02
@@ -131,7 +133,7 @@ def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uin
     bare = np.ones(image.shape[:2], np.float32)
     chosen = body | plain
     bare[chosen] = np.maximum(_near(skin_distance(smooth[chosen], plain[chosen]), 3.0),
-                              np.clip((1.3 - down[chosen]) / 0.15, 0, 1))
+                              np.clip((bare_to - down[chosen]) / 0.15, 0, 1))
     behind = labels[..., LABELS.index("background")] > 250
     if behind.any() and image[behind].std(axis=0).max() < PLAIN:
         fine = _blurred(image, 0.025 * exemplar.size)
