@@ -65,8 +65,10 @@ ODD = 3.5
 EVEN = np.array([1, 1, 1, 1, 4], np.float32)
 """How much more often than evenly a pixel of each of `MATERIALS` may be used: plain backgrounds may
 well repeat."""
-GROUND_TRUST = 0.3, 0.05
+GROUND_TRUST = 1.0, 0.05
 """Weight of the tone in a plain background (paper), and in others, against 1 on edges."""
+LEAST_TRUST = 0.25
+"""The same where the photo is plain: borders of paint follow its shading."""
 HAIR_TRUST = 0.4
 """The same of tone and detail in the hair: its strokes are the exemplar's."""
 BARE = 1.12
@@ -109,7 +111,8 @@ class PhotoPatches:
 
     def __init__(self, transfer: Transfer, config: PhotoPatchesConfig | None = None) -> None:
         self.transfer, self.config = transfer, config or PhotoPatchesConfig()
-        self._shares = exemplar_shares(transfer.exemplar, transfer.regions, transfer.labels)
+        self._shares = exemplar_shares(transfer.exemplar, transfer.regions, transfer.labels,
+                                       BARE)
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
@@ -162,10 +165,11 @@ class PhotoPatches:
         tone, detail, trust = _looks(work, shares, theirs, face)
         soft = soft_face(work.photo.shape, work.landmarks).astype(np.float32) / np.float32(255)
         rigid = _rigid(work.position * np.float32(size))
-        core = _core(work, soft, rigid, shares[:, SKIN].reshape(soft.shape)) & covered
         near = np.clip(2 * broad_blur(soft, 0.12 * face), 0, 1).reshape(-1)
         wanted = into(shares, theirs, position * np.float32(size))
         begin, kept = self._begin(work, shares, theirs, wanted, rigid, size)
+        core = covered & _core(work, soft, kept.reshape(soft.shape),
+                               shares[:, SKIN].reshape(soft.shape))
         # Where StyleBlit's chunks are of the right material and not stretched, they stay.
         wanted = np.where(kept[:, None], begin, wanted)
         weight = np.where(kept, np.float32(config.chunk_weight), np.float32(config.far_place_weight))
@@ -289,14 +293,14 @@ def _set_apart(photo: NDArray[np.uint8], shares: Float32, down: Float64) -> None
     shares[..., CLOTHES] += 0.5 * worn
 
 
-def _core(work: _Work, soft: Float32, rigid: Bools, skin: Float32) -> Bools:
-    """The face that stays as StyleBlit painted it, and the forehead up to the hair, [H, W]."""
+def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
+    """The face that stays as StyleBlit painted it, and the forehead where that is skin, [H, W]."""
     frame = work.regions.frame
     right, down = frame.local(soft.shape)
     half = 0.5 * frame.width / frame.height
     forehead = (np.hypot(right / (0.95 * half), down / 0.75) < 1) & (down < 0.1)
-    broad = gaussian_blur(np.ascontiguousarray(skin), max(1.0, 0.02 * frame.height))
-    return np.asarray(((soft > 0.5) & (skin > 0.5)) | (forehead & (broad > 0.9) & rigid), bool)
+    broad = gaussian_blur(skin * kept, max(1.0, 0.02 * frame.height))
+    return np.asarray(((soft > 0.5) & (skin > 0.5)) | (forehead & (broad > 0.9)), bool)
 
 
 def _looks(work: _Work, shares: Float32, theirs: ExemplarMaterials, face: float,
@@ -331,6 +335,7 @@ def _looks(work: _Work, shares: Float32, theirs: ExemplarMaterials, face: float,
         tone += ground * np.float32(np.median(theirs.tone[behind]))
         loud = np.float32(GROUND_TRUST[0 if theirs.tone[behind].std() < PLAIN else 1])
     trust = contours(luma, np.ones_like(luma), face)[1].reshape(-1)
+    trust = np.maximum(trust, np.float32(LEAST_TRUST))
     trust *= 1 - ground - np.float32(1 - HAIR_TRUST) * shares[:, HAIR]
     trust = (trust + loud * ground).reshape(luma.shape)
     return tone, detail, np.ascontiguousarray(trust, np.float32)
