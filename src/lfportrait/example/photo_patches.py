@@ -62,15 +62,20 @@ BENT = 0.3
 """A guide whose derivative is further from a multiple of the identity than this is not rigid."""
 ODD = 3.5
 """On the head above the brows, what is no hair and further from the skin's colour is worn."""
-EVEN = np.array([1, 1, 1, 1, 4], np.float32)
-"""How much more often than evenly a pixel of each of `MATERIALS` may be used: plain backgrounds may
-well repeat."""
-GROUND_TRUST = 1.0, 0.05
+EVEN = np.array([1, 1, 1, 2, 2], np.float32)
+"""How much more often than evenly a pixel of each of `MATERIALS` may be used."""
+PLAIN_EVEN = 8.0
+"""The same of a plain background: paper may well repeat, but vignettes must not lie in patches."""
+GROUND_TRUST = 4.0, 0.05
 """Weight of the tone in a plain background (paper), and in others, against 1 on edges."""
-LEAST_TRUST = 0.25
+LEAST_TRUST = 0.5
 """The same where the photo is plain: borders of paint follow its shading."""
 HAIR_TRUST = 0.4
 """The same of tone and detail in the hair: its strokes are the exemplar's."""
+LIKE_GROUND = 2.0
+"""Clothes of an exemplar less far from its background's colours than this are taken for it."""
+LEAST_CLOTHES = 0.02
+"""An exemplar of which clothes cover less than this has too little of them to dress a body."""
 BARE = 1.12
 """Down to here (brows 0, chin 1) a photo's neck is bare, whatever its colour: the chin's shadow."""
 ROAM = 25.0
@@ -111,8 +116,8 @@ class PhotoPatches:
 
     def __init__(self, transfer: Transfer, config: PhotoPatchesConfig | None = None) -> None:
         self.transfer, self.config = transfer, config or PhotoPatchesConfig()
-        self._shares = exemplar_shares(transfer.exemplar, transfer.regions, transfer.labels,
-                                       BARE)
+        self._shares = exemplar_shares(transfer.exemplar, transfer.regions, transfer.labels, BARE)
+        _bare_ground(transfer.exemplar.image, self._shares)
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
@@ -178,7 +183,10 @@ class PhotoPatches:
         active = (state == ACTIVE).reshape(-1)
         demand = shares[active].sum(axis=0)
         there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
-        even = theirs.shares @ (EVEN * demand / np.maximum(there, 1)).astype(np.float32)
+        often = EVEN.copy()
+        if _plain_ground(theirs):
+            often[GROUND] = PLAIN_EVEN
+        even = theirs.shares @ (often * demand / np.maximum(there, 1)).astype(np.float32)
         shape = soft.shape
         guides = material_guides(shares, tone, detail, self._weights()).reshape(*shape, -1)
         begin, wanted = begin.reshape(*shape, 2), wanted.reshape(*shape, 2)
@@ -195,6 +203,7 @@ class PhotoPatches:
         """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept."""
         if size not in self._sources:
             picture, theirs = resized_materials(self.transfer.exemplar, self._shares, size)
+            theirs.present[CLOTHES] &= bool(self._shares[..., CLOTHES].mean() > LEAST_CLOTHES)
             self._sources = {size: (PatchSource.of(picture, material_guides(
                 theirs.shares, theirs.tone, theirs.detail, self._weights())), theirs)}
         return self._sources[size]
@@ -293,6 +302,26 @@ def _set_apart(photo: NDArray[np.uint8], shares: Float32, down: Float64) -> None
     shares[..., CLOTHES] += 0.5 * worn
 
 
+def _bare_ground(image: NDArray[np.uint8], shares: Float32) -> None:
+    """Clothes of the colours of the background are background beside the neck; in place."""
+    behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
+    if not worn.any() or behind.sum() < 50:
+        return
+    chosen = behind | worn
+    away = np.zeros(behind.shape, np.float32)
+    away[chosen] = skin_distance(image[chosen] / np.float32(255), behind[chosen])
+    alike = gaussian_blur(np.float32(away < LIKE_GROUND), 0.008 * max(behind.shape))
+    ground = shares[..., CLOTHES] * np.clip(2 * alike - 0.5, 0, 1)
+    shares[..., GROUND] += ground
+    shares[..., CLOTHES] -= ground
+
+
+def _plain_ground(theirs: ExemplarMaterials) -> bool:
+    """Whether the exemplar's background is plain, as paper is."""
+    behind = theirs.shares[..., GROUND] > 0.9
+    return bool(behind.any() and theirs.tone[behind].std() < PLAIN)
+
+
 def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
     """The face that stays as StyleBlit painted it, and the forehead where that is skin, [H, W]."""
     frame = work.regions.frame
@@ -333,7 +362,7 @@ def _looks(work: _Work, shares: Float32, theirs: ExemplarMaterials, face: float,
     loud = np.float32(0)
     if behind.any():
         tone += ground * np.float32(np.median(theirs.tone[behind]))
-        loud = np.float32(GROUND_TRUST[0 if theirs.tone[behind].std() < PLAIN else 1])
+        loud = np.float32(GROUND_TRUST[0 if _plain_ground(theirs) else 1])
     trust = contours(luma, np.ones_like(luma), face)[1].reshape(-1)
     trust = np.maximum(trust, np.float32(LEAST_TRUST))
     trust *= 1 - ground - np.float32(1 - HAIR_TRUST) * shares[:, HAIR]
