@@ -6,7 +6,8 @@ the photo over the distance of the outer eye corners. Lower is better.
 
 python scripts/compare_transfer.py DATA --methods styleblit faceblit facestyle --out results
 
-``styleblit`` is ours of quality fast, ``best`` of quality best. DATA holds faceblit_reference/ and styles/; without them the script says so and does nothing.
+``styleblit`` is ours with --quality fast, ``best`` with --quality best. DATA holds
+faceblit_reference/ and styles/; without them the script says so and does nothing.
 """
 
 from __future__ import annotations
@@ -34,8 +35,7 @@ from lfportrait.files import write_image, write_json
 
 CONFIGS: dict[str, MethodConfig] = {
     "styleblit": TransferConfig(), "best": TransferConfig(quality="best"),
-    "faceblit": FaceBlitConfig(), "facestyle": FaceStyleConfig(),
-    "network": NetworkConfig()}
+    "faceblit": FaceBlitConfig(), "facestyle": FaceStyleConfig(), "network": NetworkConfig()}
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -52,9 +52,9 @@ class TransferConfig:
     """Parameters of the example-based transfer; lengths are relative to the face."""
 
     quality: Literal["fast", "best"] = "fast"
-    """fast: StyleBlit alone, a tenth of a second. best, for photos: hair, neck, clothes and
-    background of agreeing patches, without rows and stripes, seconds; uses patch search, see the
-    note on patents in docs/methods.md."""
+    """fast: StyleBlit alone, a tenth of a second. best: around the face agreeing patches, without
+    rows and stripes, in seconds; `lfportrait transfer` has it for photos, all else is fast. It uses
+    patch search: see the note on patents in docs/methods.md."""
     region: Literal["picture", "head", "face"] = "picture"
     """What is painted: the whole picture, the person, or the face alone (the paper)."""
     strength: float = 1.0
