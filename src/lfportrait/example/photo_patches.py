@@ -23,7 +23,7 @@ from PIL import Image
 from .exemplar import Exemplar, face_size
 from .guides.appearance import Distribution, grey, match_histogram
 from .guides.blurs import broad_blur, enlarged, gaussian_blur
-from .guides.labels import soft_face
+from .guides.labels import LABELS, soft_face
 from .guides.regions import Regions
 from .kernels.patches import ACTIVE, FIXED, OUTSIDE
 from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
@@ -72,7 +72,7 @@ LEAST_TRUST = 0.5
 """The same where the photo is plain: borders of paint follow its shading."""
 HAIR_TRUST = 0.4
 """The same of tone and detail in the hair: its strokes are the exemplar's."""
-LIKE_GROUND = 2.0
+LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colours than this are taken for it."""
 LEAST_CLOTHES = 0.02
 """An exemplar of which clothes cover less than this has too little of them to dress a body."""
@@ -118,6 +118,7 @@ class PhotoPatches:
         self.transfer, self.config = transfer, config or PhotoPatchesConfig()
         self._shares = exemplar_shares(transfer.exemplar, transfer.regions, transfer.labels, BARE)
         _bare_ground(transfer.exemplar.image, self._shares)
+        self._features = _features(transfer.labels)
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
@@ -177,7 +178,9 @@ class PhotoPatches:
                                shares[:, SKIN].reshape(soft.shape))
         # Where StyleBlit's chunks are of the right material and not stretched, they stay.
         wanted = np.where(kept[:, None], begin, wanted)
-        weight = np.where(kept, np.float32(config.chunk_weight), np.float32(config.far_place_weight))
+        # But for the photo's patterns, but not those of its hair.
+        loose = np.minimum(trust.reshape(-1), 1) * (1 - shares[:, HAIR])
+        weight = np.where(kept, config.chunk_weight * (1 - loose), config.far_place_weight)
         weight = np.maximum(weight, config.place_weight * near * shares[:, SKIN]) / unit ** 2
         state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
         active = (state == ACTIVE).reshape(-1)
@@ -188,7 +191,9 @@ class PhotoPatches:
             often[GROUND] = PLAIN_EVEN
         even = theirs.shares @ (often * demand / np.maximum(there, 1)).astype(np.float32)
         shape = soft.shape
-        guides = material_guides(shares, tone, detail, self._weights()).reshape(*shape, -1)
+        features = _features(work.regions.labels()).reshape(-1)
+        guides = material_guides(shares, tone, detail, self._weights(), features).reshape(
+            *shape, -1)
         begin, wanted = begin.reshape(*shape, 2), wanted.reshape(*shape, 2)
         target = PatchTarget(guides, begin, begin, wanted,
                              weight.astype(np.float32).reshape(shape), float((ROAM * unit) ** 2),
@@ -204,8 +209,9 @@ class PhotoPatches:
         if size not in self._sources:
             picture, theirs = resized_materials(self.transfer.exemplar, self._shares, size)
             theirs.present[CLOTHES] &= bool(self._shares[..., CLOTHES].mean() > LEAST_CLOTHES)
+            features = _resized(self._features, (picture.shape[1], picture.shape[0]))
             self._sources = {size: (PatchSource.of(picture, material_guides(
-                theirs.shares, theirs.tone, theirs.detail, self._weights())), theirs)}
+                theirs.shares, theirs.tone, theirs.detail, self._weights(), features)), theirs)}
         return self._sources[size]
 
     def _materials(self, work: _Work, position: Float32, theirs: ExemplarMaterials) -> Float32:
@@ -280,6 +286,12 @@ def _resized(planes: Float32, size: tuple[int, int],
         return np.asarray(Image.fromarray(np.ascontiguousarray(planes)).resize(size, resample))
     return np.stack([_resized(planes[..., n], size, resample)
                      for n in range(planes.shape[2])], axis=-1)
+
+
+def _features(labels: NDArray[np.uint8]) -> Float32:
+    """Share of brows, eyes, nose and lips by soft labels [H, W, K], float32 [H, W] in [0, 1]."""
+    planes = [labels[..., LABELS.index(name)] for name in ("brows", "eyes", "nose", "lips")]
+    return np.minimum(np.sum(planes, axis=0, dtype=np.float32) / np.float32(255), 1)
 
 
 def _set_apart(photo: NDArray[np.uint8], shares: Float32, down: Float64) -> None:

@@ -33,6 +33,8 @@ MATERIALS = ("skin", "hair", "neck", "clothes", "background")
 SKIN, HAIR, NECK, CLOTHES, GROUND = range(5)
 CODES = np.array([[150, 150], [255, 0], [150, 120], [0, 60], [0, 255]], np.float32)
 """A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
+FEATURES = np.array([80, 105], np.float32)
+"""What features of the face add to the place of the skin."""
 PIECE = 0.3
 """Side of the pieces that the search begins with, over the exemplar's face size."""
 PLAIN = 0.08
@@ -220,7 +222,8 @@ def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tupl
 
 
 def material_guides(shares: Float32, tone: Float32, detail: Float32,
-                    weights: tuple[float, float, float]) -> Float32:
+                    weights: tuple[float, float, float],
+                    features: Float32 | None = None) -> Float32:
     """Guides of patches, float32 [..., 4]: tone, detail, materials (2).
 
     Parameters
@@ -229,10 +232,14 @@ def material_guides(shares: Float32, tone: Float32, detail: Float32,
         float32 [..., 5] by `MATERIALS`, and [...].
     weights
         Of tone, detail and materials.
+    features
+        float32 [...], share of brows, eyes, nose and lips, if no skin is to be taken from them.
     """
     roots = SCALE * np.sqrt([weights[0], weights[1], *[weights[2] / 2] * 2])
     planes = np.concatenate([255 * tone[..., None], 255 * detail[..., None], shares @ CODES],
                             axis=-1)
+    if features is not None:
+        planes[..., 2:] += features[..., None] * FEATURES
     return np.asarray(planes * roots.astype(np.float32), np.float32)
 
 
