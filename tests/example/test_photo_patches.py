@@ -110,7 +110,7 @@ def test_a_pattern_survives_in_the_exemplars_paint(photo, results):
     assert shirt.sum() > 1000
 
     def agreement(image):
-        across = [np.gradient(gaussian_filter(np.float32(picture).mean(axis=-1), 1.0), axis=1)[shirt]
+        across = [np.gradient(gaussian_filter(np.float32(picture).mean(axis=-1), 1), axis=1)[shirt]
                   for picture in (photo.image, image)]
         return np.corrcoef(*across)[0, 1]
 

@@ -13,36 +13,39 @@ Patch synthesis of this kind touches patents; see docs/methods.md before you use
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from .exemplar import Exemplar, face_size
-from .guides.appearance import Distribution, grey, match_histogram
+from .exemplar import face_size
 from .guides.blurs import broad_blur, enlarged, gaussian_blur
-from .guides.labels import LABELS, soft_face
+from .guides.labels import soft_face
 from .guides.regions import Regions
 from .kernels.patches import ACTIVE, FIXED, OUTSIDE
 from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
+from .photo_materials import (
+    LEAST_CLOTHES,
+    features,
+    has_plain_ground,
+    painted_shares,
+    photo_looks,
+    photo_shares,
+)
 from .skin.materials import (
     CLOTHES,
     GROUND,
     HAIR,
     MATERIALS,
-    PLAIN,
     SKIN,
-    STAND_INS,
     ExemplarMaterials,
-    exemplar_shares,
     into,
     material_guides,
     pieces,
     resized_materials,
 )
-from .skin.sitter import BLUR, contours, skin_distance
 
 if TYPE_CHECKING:
     from .result import TransferResult
@@ -60,24 +63,10 @@ CELL = 8
 """How rigid the guide is, is told on every so many pixels."""
 BENT = 0.3
 """A guide whose derivative is further from a multiple of the identity than this is not rigid."""
-ODD = 3.5
-"""On the head above the brows, what is no hair and further from the skin's colour is worn."""
 EVEN = np.array([1, 1, 1, 2, 2], np.float32)
 """How much more often than evenly a pixel of each of `MATERIALS` may be used."""
 PLAIN_EVEN = 8.0
 """The same of a plain background: paper may well repeat, but vignettes must not lie in patches."""
-GROUND_TRUST = 4.0, 0.05
-"""Weight of the tone in a plain background (paper), and in others, against 1 on edges."""
-LEAST_TRUST = 0.5
-"""The same where the photo is plain: borders of paint follow its shading."""
-HAIR_TRUST = 0.4
-"""The same of tone and detail in the hair: its strokes are the exemplar's."""
-LIKE_GROUND = 1.2
-"""Clothes of an exemplar less far from its background's colours than this are taken for it."""
-LEAST_CLOTHES = 0.02
-"""An exemplar of which clothes cover less than this has too little of them to dress a body."""
-BARE = 1.12
-"""Down to here (brows 0, chin 1) a photo's neck is bare, whatever its colour: the chin's shadow."""
 ROAM = 25.0
 """Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
 
@@ -98,8 +87,8 @@ class PhotoPatchesConfig:
     """The same in hair, neck, clothes and background, where the guide is not rigid."""
     chunk_weight: float = 1.0
     """Weight of staying with StyleBlit's chunks where those are of like material, 0 to 20."""
-    patches: PatchConfig = PatchConfig(style_weight=1.0, uniformity=8000.0, votes=4, last_votes=1,
-                                       passes=2, levels=5)
+    patches: PatchConfig = field(default_factory=lambda: PatchConfig(
+        style_weight=1.0, uniformity=8000.0, votes=4, last_votes=1, passes=2, levels=5))
     """Synthesis of patches."""
 
 
@@ -116,9 +105,8 @@ class PhotoPatches:
 
     def __init__(self, transfer: Transfer, config: PhotoPatchesConfig | None = None) -> None:
         self.transfer, self.config = transfer, config or PhotoPatchesConfig()
-        self._shares = exemplar_shares(transfer.exemplar, transfer.regions, transfer.labels, BARE)
-        _bare_ground(transfer.exemplar.image, self._shares)
-        self._features = _features(transfer.labels)
+        self._shares = painted_shares(transfer.exemplar, transfer.regions, transfer.labels)
+        self._features = features(transfer.labels)
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
@@ -142,8 +130,8 @@ class PhotoPatches:
         painted = result.synthesis.image
         height, width = photo.shape[:2]
         step = max(1.0, float(np.sqrt(height * width / LARGEST)))
-        eight = photo if photo.dtype == np.uint8 else np.asarray(
-            np.clip(photo, 0, 1) * 255 + 0.5, np.uint8)
+        eight = np.asarray(photo if photo.dtype == np.uint8 else
+                           np.clip(photo, 0, 1) * 255 + 0.5, np.uint8)
         guides = result.guides
         place = guides.anchor + result.synthesis.shift
         work = _Work(eight, landmarks, regions, guides.position, place, painted,
@@ -165,21 +153,24 @@ class PhotoPatches:
         source, theirs = self._source(size)
         unit = exemplar.size * size / 50
         covered = np.isfinite(work.position[..., 0])
-        position = np.nan_to_num(work.position).reshape(-1, 2)
-        shares = self._materials(work, position, theirs).reshape(-1, len(MATERIALS))
-        face = face_size(work.landmarks)
-        tone, detail, trust = _looks(work, shares, theirs, face)
+        position = np.nan_to_num(work.position)
+        labels = work.regions.labels()
+        planes = photo_shares(work.photo, work.regions, labels, position, self._shares,
+                              theirs.present)
+        tone, detail, trust = photo_looks(work.photo, work.landmarks, planes, theirs)
+        guides = material_guides(planes, tone, detail, self._weights(), features(labels))
+        shares = planes.reshape(-1, len(MATERIALS))
         soft = soft_face(work.photo.shape, work.landmarks).astype(np.float32) / np.float32(255)
         rigid = _rigid(work.position * np.float32(size))
-        near = np.clip(2 * broad_blur(soft, 0.12 * face), 0, 1).reshape(-1)
-        wanted = into(shares, theirs, position * np.float32(size))
+        near = np.clip(2 * broad_blur(soft, 0.12 * face_size(work.landmarks)), 0, 1).reshape(-1)
+        wanted = into(shares, theirs, position.reshape(-1, 2) * np.float32(size))
         begin, kept = self._begin(work, shares, theirs, wanted, rigid, size)
         core = covered & _core(work, soft, kept.reshape(soft.shape),
                                shares[:, SKIN].reshape(soft.shape))
         # Where StyleBlit's chunks are of the right material and not stretched, they stay.
         wanted = np.where(kept[:, None], begin, wanted)
-        # But for the photo's patterns, but not those of its hair.
-        loose = np.minimum(trust.reshape(-1), 1) * (1 - shares[:, HAIR])
+        # But not under the photo's patterns; those of its hair are none.
+        loose = np.minimum(trust.reshape(-1), 1) * (1 - shares[:, HAIR] - shares[:, GROUND])
         weight = np.where(kept, config.chunk_weight * (1 - loose), config.far_place_weight)
         weight = np.maximum(weight, config.place_weight * near * shares[:, SKIN]) / unit ** 2
         state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
@@ -187,13 +178,10 @@ class PhotoPatches:
         demand = shares[active].sum(axis=0)
         there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
         often = EVEN.copy()
-        if _plain_ground(theirs):
+        if has_plain_ground(theirs):
             often[GROUND] = PLAIN_EVEN
         even = theirs.shares @ (often * demand / np.maximum(there, 1)).astype(np.float32)
         shape = soft.shape
-        features = _features(work.regions.labels()).reshape(-1)
-        guides = material_guides(shares, tone, detail, self._weights(), features).reshape(
-            *shape, -1)
         begin, wanted = begin.reshape(*shape, 2), wanted.reshape(*shape, 2)
         target = PatchTarget(guides, begin, begin, wanted,
                              weight.astype(np.float32).reshape(shape), float((ROAM * unit) ** 2),
@@ -209,33 +197,10 @@ class PhotoPatches:
         if size not in self._sources:
             picture, theirs = resized_materials(self.transfer.exemplar, self._shares, size)
             theirs.present[CLOTHES] &= bool(self._shares[..., CLOTHES].mean() > LEAST_CLOTHES)
-            features = _resized(self._features, (picture.shape[1], picture.shape[0]))
+            faces = _resized(self._features, (picture.shape[1], picture.shape[0]))
             self._sources = {size: (PatchSource.of(picture, material_guides(
-                theirs.shares, theirs.tone, theirs.detail, self._weights(), features)), theirs)}
+                theirs.shares, theirs.tone, theirs.detail, self._weights(), faces)), theirs)}
         return self._sources[size]
-
-    def _materials(self, work: _Work, position: Float32, theirs: ExemplarMaterials) -> Float32:
-        """Shares of `MATERIALS` of a photo, float32 [H, W, 5], of those that the exemplar has."""
-        regions, frame = work.regions, work.regions.frame
-        labels = regions.labels()
-        sitter = Exemplar(work.photo, work.landmarks, "", None)
-        shares = exemplar_shares(sitter, regions, labels, BARE)
-        _, down = frame.local(work.photo.shape[:2])
-        if regions.hair is None:
-            # A shaven head, or a statue's hair: there is hair where the exemplar has it.
-            height, width = self._shares.shape[:2]
-            x = np.clip(position[:, 0], 0, width - 1).astype(np.int64)
-            y = np.clip(position[:, 1], 0, height - 1).astype(np.int64)
-            hair = self._shares[y, x, HAIR].reshape(down.shape) * shares[..., SKIN]
-            shares[..., HAIR] += hair
-            shares[..., SKIN] -= hair
-        else:
-            _set_apart(work.photo, shares, down)
-        for material, stand_in in STAND_INS:
-            if not theirs.present[material]:
-                shares[..., stand_in] += shares[..., material]
-                shares[..., material] = 0
-        return shares
 
     def _begin(self, work: _Work, shares: Float32, theirs: ExemplarMaterials, wanted: Float32,
                rigid: Bools, size: float) -> tuple[Float32, Bools]:
@@ -288,109 +253,25 @@ def _resized(planes: Float32, size: tuple[int, int],
                      for n in range(planes.shape[2])], axis=-1)
 
 
-def _features(labels: NDArray[np.uint8]) -> Float32:
-    """Share of brows, eyes, nose and lips by soft labels [H, W, K], float32 [H, W] in [0, 1]."""
-    planes = [labels[..., LABELS.index(name)] for name in ("brows", "eyes", "nose", "lips")]
-    return np.minimum(np.sum(planes, axis=0, dtype=np.float32) / np.float32(255), 1)
-
-
-def _set_apart(photo: NDArray[np.uint8], shares: Float32, down: Float64) -> None:
-    """What is worn on the head (sunglasses, hats) may look like hair or like clothes; in place.
-
-    ``down`` [H, W] is 0 at the brows and 1 at the chin.
-    """
-    high = (down < -0.12) & (shares[..., SKIN] > 0.3)
-    face = (down > 0.2) & (down < 0.8) & (shares[..., SKIN] > 0.95)
-    chosen = high | face
-    if not high.any() or face.sum() < 50:
-        return
-    away = skin_distance(photo[chosen] / np.float32(255), face[chosen])
-    worn = np.zeros(down.shape, np.float32)
-    worn[chosen] = 1 / (1 + np.exp(np.clip((ODD - away) / 0.3, -30, 30)))
-    worn *= np.clip((-0.12 - down) / 0.08, 0, 1).astype(np.float32)
-    worn = gaussian_blur(worn, 1.0) * shares[..., SKIN]
-    shares[..., SKIN] -= worn
-    shares[..., HAIR] += 0.5 * worn
-    shares[..., CLOTHES] += 0.5 * worn
-
-
-def _bare_ground(image: NDArray[np.uint8], shares: Float32) -> None:
-    """Clothes of the colours of the background are background beside the neck; in place."""
-    behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
-    if not worn.any() or behind.sum() < 50:
-        return
-    chosen = behind | worn
-    away = np.zeros(behind.shape, np.float32)
-    away[chosen] = skin_distance(image[chosen] / np.float32(255), behind[chosen])
-    alike = gaussian_blur(np.float32(away < LIKE_GROUND), 0.008 * max(behind.shape))
-    ground = shares[..., CLOTHES] * np.clip(2 * alike - 0.5, 0, 1)
-    shares[..., GROUND] += ground
-    shares[..., CLOTHES] -= ground
-
-
-def _plain_ground(theirs: ExemplarMaterials) -> bool:
-    """Whether the exemplar's background is plain, as paper is."""
-    behind = theirs.shares[..., GROUND] > 0.9
-    return bool(behind.any() and theirs.tone[behind].std() < PLAIN)
-
-
 def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
     """The face that stays as StyleBlit painted it, and the forehead where that is skin, [H, W]."""
     frame = work.regions.frame
     right, down = frame.local(soft.shape)
     half = 0.5 * frame.width / frame.height
     forehead = (np.hypot(right / (0.95 * half), down / 0.75) < 1) & (down < 0.1)
-    broad = gaussian_blur(skin * kept, max(1.0, 0.02 * frame.height))
+    broad = gaussian_blur(np.asarray(skin * kept, np.float32), max(1.0, 0.02 * frame.height))
     return np.asarray(((soft > 0.5) & (skin > 0.5)) | (forehead & (broad > 0.9)), bool)
-
-
-def _looks(work: _Work, shares: Float32, theirs: ExemplarMaterials, face: float,
-           ) -> tuple[Float32, Float32, Float32]:
-    """Tone [N] and detail [N] as the exemplar would have them, and the trust in them [H, W].
-
-    Tones are distributed as the exemplar's of the same material, details as strong as its strokes,
-    within bounds. The background of the photo says nothing.
-    """
-    luma = grey(work.photo)
-    fine = luma - broad_blur(luma, BLUR * face)
-    flat_tone, flat_detail = luma.reshape(-1), fine.reshape(-1)
-    tone, detail = (np.zeros(len(shares), np.float32) for _ in range(2))
-    for material in range(GROUND):
-        share = shares[:, material]
-        inside, there = share > 0.5, theirs.shares[..., material] > 0.5
-        if not (share > 0).any():
-            continue
-        if inside.sum() < 100 or there.sum() < 100:
-            tone += share * flat_tone
-            detail += share * flat_detail
-            continue
-        wanted = Distribution.of(theirs.tone, there.astype(np.float32))
-        matched = match_histogram(luma, wanted, inside.reshape(luma.shape).astype(np.float32))
-        tone += share * matched.reshape(-1)
-        gain = theirs.detail[there].std() / max(float(flat_detail[inside].std()), 1e-4)
-        detail += share * flat_detail * np.float32(np.clip(gain, 0.5, 2.5))
-    ground = shares[:, GROUND]
-    behind = theirs.shares[..., GROUND] > 0.9
-    loud = np.float32(0)
-    if behind.any():
-        tone += ground * np.float32(np.median(theirs.tone[behind]))
-        loud = np.float32(GROUND_TRUST[0 if _plain_ground(theirs) else 1])
-    trust = contours(luma, np.ones_like(luma), face)[1].reshape(-1)
-    trust = np.maximum(trust, np.float32(LEAST_TRUST))
-    trust *= 1 - ground - np.float32(1 - HAIR_TRUST) * shares[:, HAIR]
-    trust = (trust + loud * ground).reshape(luma.shape)
-    return tone, detail, np.ascontiguousarray(trust, np.float32)
 
 
 def _rigid(position: Float32) -> Bools:
     """Where a map [H, W, 2] is nearly a turn by a small angle and a change of size, bool [H, W]."""
     shape = position.shape[0], position.shape[1]
-    small = np.nan_to_num(position[CELL // 2::CELL, CELL // 2::CELL])
+    small: Float32 = np.nan_to_num(position[CELL // 2::CELL, CELL // 2::CELL])
     if min(small.shape[:2]) < 3:
         return np.ones(shape, bool)
-    down, across = np.gradient(small, CELL, axis=(0, 1))
+    down, across = (np.asarray(np.gradient(small, CELL, axis=n), np.float32) for n in (0, 1))
     mean = np.clip((across[..., 0] + down[..., 1]) / 2, 0.7, 1.4)
     away = np.sqrt(((across[..., 0] - mean) ** 2 + (down[..., 1] - mean) ** 2
                     + across[..., 1] ** 2 + down[..., 0] ** 2) / 2)
-    soft = enlarged(gaussian_blur(np.float32(np.minimum(away, 1)), 1.0), CELL, shape)
+    soft = enlarged(gaussian_blur(np.asarray(np.minimum(away, 1), np.float32), 1.0), CELL, shape)
     return np.asarray(soft < BENT, bool)

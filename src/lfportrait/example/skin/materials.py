@@ -24,8 +24,8 @@ from ..kernels.sites import nearest_sites
 from ..patches import SCALE
 from .sitter import BLUR, Skin, skin_distance
 
-__all__ = ["MATERIALS", "ExemplarMaterials", "into", "material_guides", "material_shares",
-           "pieces", "resized_materials", "sitter_looks", "sitter_shares"]
+__all__ = ["MATERIALS", "ExemplarMaterials", "into", "matched_looks", "material_guides",
+           "material_shares", "pieces", "resized_materials", "sitter_looks", "sitter_shares"]
 
 Float32 = NDArray[np.float32]
 
@@ -196,12 +196,20 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.boo
 
 
 def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tuple[Float32, Float32]:
-    """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each.
+    """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each."""
+    tone, detail = matched_looks(skin.tone, skin.detail, shares, theirs)
+    return tone, detail * skin.seen
+
+
+def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: ExemplarMaterials,
+                  ) -> tuple[Float32, Float32]:
+    """Tones and detail [N] of places as the exemplar would have them, float32 [N] each.
 
     Tones are distributed as the exemplar's of the same material. Detail is made as strong as its
-    strokes, within bounds: noise of a plain place does not become strokes.
+    strokes, within bounds: noise of a plain place does not become strokes. Nothing is said about
+    the background: both are 0 there.
     """
-    tone, detail = (np.zeros(len(shares), np.float32) for _ in range(2))
+    out, strong = (np.zeros(len(shares), np.float32) for _ in range(2))
     for material in range(GROUND):
         share = shares[:, material]
         inside = share > 0.5
@@ -209,16 +217,16 @@ def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tupl
         if not (share > 0).any():
             continue
         if inside.sum() < 100 or there.sum() < 100:
-            tone += share * skin.tone
-            detail += share * skin.detail
+            out += share * tone
+            strong += share * detail
             continue
         wanted = Distribution.of(theirs.tone, there.astype(np.float32))
-        matched = match_histogram(np.ascontiguousarray(skin.tone[None]), wanted,
+        matched = match_histogram(np.ascontiguousarray(tone[None]), wanted,
                                   inside[None].astype(np.float32))
-        tone += share * matched[0]
-        gain = theirs.detail[there].std() / max(float(skin.detail[inside].std()), 1e-4)
-        detail += share * skin.detail * np.float32(np.clip(gain, 0.5, 2.5))
-    return tone, detail * skin.seen
+        out += share * matched[0]
+        gain = theirs.detail[there].std() / max(float(detail[inside].std()), 1e-4)
+        strong += share * detail * np.float32(np.clip(gain, 0.5, 2.5))
+    return out, strong
 
 
 def material_guides(shares: Float32, tone: Float32, detail: Float32,

@@ -145,7 +145,7 @@ def _unit(plane: HeadPlane) -> float:
 
 def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
            ) -> tuple[Float32, Float32, Float32, Float32]:
-    """Tone, detail, appearance and contours of the owning pixels; ``size`` of the face in pixels."""
+    """Tone, detail, appearance and contours of the owning pixels; ``size`` of the face."""
     luma = grey(atlas.color)[..., None].copy()
     exchange(atlas.owner, luma)
     inside = (atlas.owner >= 0).astype(np.float32)
@@ -155,7 +155,8 @@ def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
     soft, strong = contours(values, inside, size)
     appearance = (soft - broad) * inside
     planes = (values, values - broad, appearance, strong)
-    tone, detail, looks, strength = (plane.reshape(-1)[index] for plane in planes)
+    tone, detail, looks, strength = (np.asarray(plane.reshape(-1)[index], np.float32)
+                                     for plane in planes)
     return tone, detail, looks, strength
 
 
