@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from .exemplar import face_size
+from .exemplar import Exemplar, face_size
 from .guides.blurs import broad_blur, enlarged, gaussian_blur
 from .guides.labels import soft_face
 from .guides.regions import Regions
@@ -49,7 +49,6 @@ from .skin.materials import (
 
 if TYPE_CHECKING:
     from .result import TransferResult
-    from .transfers import Transfer
 
 __all__ = ["PhotoPatches", "PhotoPatchesConfig"]
 
@@ -97,20 +96,23 @@ class PhotoPatches:
 
     Parameters
     ----------
-    transfer
-        What paints the faces.
+    exemplar, regions, labels
+        The painting, its regions, and its labels uint8 [h, w, len(LABELS)].
     config
         Parameters.
+    seed
+        Of the search.
     """
 
-    def __init__(self, transfer: Transfer, config: PhotoPatchesConfig | None = None) -> None:
-        self.transfer, self.config = transfer, config or PhotoPatchesConfig()
-        self._shares = painted_shares(transfer.exemplar, transfer.regions, transfer.labels)
-        self._features = features(transfer.labels)
+    def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+                 config: PhotoPatchesConfig | None = None, seed: int = 0) -> None:
+        self.exemplar, self.config, self.seed = exemplar, config or PhotoPatchesConfig(), seed
+        self._shares = painted_shares(exemplar, regions, labels)
+        self._features = features(labels)
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
-               result: TransferResult) -> Float32:
+               result: TransferResult, scale: float) -> Float32:
         """Lay patches around the face of a photo that StyleBlit has painted.
 
         Parameters
@@ -121,6 +123,8 @@ class PhotoPatches:
             [68, 2] in pixels, and the regions of the photo.
         result
             StyleBlit's, of the same photo and exemplar.
+        scale
+            Exemplar pixels per pixel of the photo (`Transfer.scale`).
 
         Returns
         -------
@@ -135,7 +139,7 @@ class PhotoPatches:
         guides = result.guides
         place = guides.anchor + result.synthesis.shift
         work = _Work(eight, landmarks, regions, guides.position, place, painted,
-                     self.transfer.scale(landmarks))
+                     scale)
         if step > 1:
             work = work.shrunk(round(width / step), round(height / step))
         color, core = self._lay(work)
@@ -148,7 +152,7 @@ class PhotoPatches:
 
     def _lay(self, work: _Work) -> tuple[Float32, Float32]:
         """The picture [H, W, 3], and 1 where it is fixed [H, W]."""
-        config, exemplar = self.config, self.transfer.exemplar
+        config, exemplar = self.config, self.exemplar
         size = round(1 / work.scale, 3)
         source, theirs = self._source(size)
         unit = exemplar.size * size / 50
@@ -186,7 +190,7 @@ class PhotoPatches:
         target = PatchTarget(guides, begin, begin, wanted,
                              weight.astype(np.float32).reshape(shape), float((ROAM * unit) ** 2),
                              even, trust, state, None, work.painted)
-        color, _ = synthesise_patches(target, source, config.patches, self.transfer.config.seed)
+        color, _ = synthesise_patches(target, source, config.patches, self.seed)
         return color, core.astype(np.float32)
 
     def _weights(self) -> tuple[float, float, float]:
@@ -195,7 +199,7 @@ class PhotoPatches:
     def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
         """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept."""
         if size not in self._sources:
-            picture, theirs = resized_materials(self.transfer.exemplar, self._shares, size)
+            picture, theirs = resized_materials(self.exemplar, self._shares, size)
             theirs.present[CLOTHES] &= bool(self._shares[..., CLOTHES].mean() > LEAST_CLOTHES)
             faces = _resized(self._features, (picture.shape[1], picture.shape[0]))
             self._sources = {size: (PatchSource.of(picture, material_guides(
@@ -209,7 +213,7 @@ class PhotoPatches:
         plane = np.stack(np.meshgrid(np.arange(width, dtype=np.float32) + np.float32(0.5),
                                      np.arange(height, dtype=np.float32) + np.float32(0.5)),
                          axis=-1).reshape(-1, 2)
-        piece = pieces(shares, theirs, wanted, plane, self.transfer.exemplar.size * size)
+        piece = pieces(shares, theirs, wanted, plane, self.exemplar.size * size)
         own = np.nan_to_num(work.place).reshape(-1, 2) * np.float32(size)
         moved = into(shares, theirs, own)
         kept = rigid.reshape(-1) & (moved == own).all(axis=1)

@@ -236,8 +236,9 @@ class Transfer:
 
         start = time.perf_counter()
         if self._patches is None:
-            self._patches = PhotoPatches(self)
-        image = self._patches.refine(photo, points, regions, made)
+            self._patches = PhotoPatches(self.exemplar, self.regions, self.labels,
+                                         seed=self.config.seed)
+        image = self._patches.refine(photo, points, regions, made, self.scale(points))
         made.seconds["patches_seconds"] = time.perf_counter() - start
         return image
 
