@@ -174,7 +174,7 @@ class PhotoPatches:
         # Where StyleBlit's chunks are of the right material and not stretched, they stay.
         wanted = np.where(kept[:, None], begin, wanted)
         # But not under the photo's patterns; those of its hair are none.
-        loose = np.minimum(trust.reshape(-1), 1) * (1 - shares[:, HAIR] - shares[:, GROUND])
+        loose = np.minimum(trust.reshape(-1), 1) * (1 - shares[:, HAIR])
         weight = np.where(kept, config.chunk_weight * (1 - loose), config.far_place_weight)
         weight = np.maximum(weight, config.place_weight * near * shares[:, SKIN]) / unit ** 2
         state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
@@ -216,7 +216,10 @@ class PhotoPatches:
         piece = pieces(shares, theirs, wanted, plane, self.exemplar.size * size)
         own = np.nan_to_num(work.place).reshape(-1, 2) * np.float32(size)
         moved = into(shares, theirs, own)
-        kept = rigid.reshape(-1) & (moved == own).all(axis=1)
+        # StyleBlit lays backgrounds in rows: there the guide itself is the better beginning.
+        behind = shares[:, GROUND] > 0.5
+        moved[behind] = wanted[behind]
+        kept = rigid.reshape(-1) & (moved == own).all(axis=1) & ~behind
         return np.where(rigid.reshape(-1)[:, None], moved, piece), kept
 
 
