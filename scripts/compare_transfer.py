@@ -6,7 +6,8 @@ the photo over the distance of the outer eye corners. Lower is better.
 
 python scripts/compare_transfer.py DATA --methods styleblit faceblit facestyle --out results
 
-DATA holds faceblit_reference/ and styles/; without them the script says so and does nothing.
+``styleblit`` is ours with --quality fast, ``best`` with --quality best. DATA holds
+faceblit_reference/ and styles/; without them the script says so and does nothing.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ from lfportrait.evaluate.transfer_quality import (
     references,
 )
 from lfportrait.example import (
-    METHODS,
     FaceBlitConfig,
     FaceStyleConfig,
     MethodConfig,
@@ -34,14 +34,14 @@ from lfportrait.face import detect_landmarks
 from lfportrait.files import write_image, write_json
 
 CONFIGS: dict[str, MethodConfig] = {
-    "styleblit": TransferConfig(), "faceblit": FaceBlitConfig(), "facestyle": FaceStyleConfig(),
-    "network": NetworkConfig()}
+    "styleblit": TransferConfig(), "best": TransferConfig(quality="best"),
+    "faceblit": FaceBlitConfig(), "facestyle": FaceStyleConfig(), "network": NetworkConfig()}
 
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("data", type=Path, help="folder with faceblit_reference/ and styles/")
-    parser.add_argument("--methods", nargs="+", choices=METHODS,
+    parser.add_argument("--methods", nargs="+", choices=tuple(CONFIGS),
                         default=["styleblit", "faceblit", "facestyle"])
     parser.add_argument("--styles", nargs="+", help="only these of the five")
     parser.add_argument("--samples", type=int, default=SAMPLES,

@@ -49,7 +49,7 @@ def _problem(seed, height=26, width=22, rows=40, across=29):
     there[:] = source[2:2 + len(there), 5:19]
     shape = height, width
     state = random.choice(STATES, shape, p=[0.1, 0.1, 0.7, 0.1]).astype(np.uint8)
-    trust = random.choice([0.25, 1, 2], shape).astype(np.float32)
+    trust = random.choice([0.25, 1, 2], (*shape, 2)).astype(np.float32)
     wanted = (random.integers(0, 2 * across, (*shape, 2)) / 2).astype(np.float32)
     weight = random.choice([0, 0.25, 2], shape).astype(np.float32)
     return plain.Problem(target, source, state, trust, wanted, weight, 90.25)

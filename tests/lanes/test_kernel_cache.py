@@ -21,7 +21,7 @@ target, source = (random.integers(0, 99, rows * across * CHANNELS + 16).astype(n
     np.uint16) for rows, across in ((6 + 2 * MARGIN, 7 + 2 * MARGIN), (20, 21)))
 places = random.integers(9, 12, (2, *shape))
 field, error = (21 * places[0] + places[1]).astype(np.int32), np.zeros(shape, np.float32)
-state, trust = np.full(shape, ACTIVE, np.uint8), np.ones(shape, np.float32)
+state, trust = np.full(shape, ACTIVE, np.uint8), np.ones((*shape, 2), np.float32)
 wanted, weight = np.zeros((*shape, 2), np.float32), np.zeros(shape, np.float32)
 for radius in map(int, sys.argv[1:]):
     patch_errors(radius)(target, source, 21, state, trust, wanted, weight, np.float32(9), field,

@@ -28,7 +28,7 @@ class Problem:
                           x + MARGIN - radius:x + MARGIN + radius + 1].astype(np.float64)
         two = self.source[v - radius:v + radius + 1, u - radius:u + radius + 1].astype(np.float64)
         scales = np.ones(one.shape[2])
-        scales[3] = self.trust[y, x]
+        scales[3:5] = self.trust[y, x]
         away = ((np.array([u, v]) + 0.5 - self.wanted[y, x]) ** 2).sum()
         return ((one - two) ** 2 * scales).sum() + self.weight[y, x] * min(away, self.limit)
 

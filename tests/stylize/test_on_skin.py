@@ -76,8 +76,8 @@ def test_a_preview_is_like_the_whole_without_fit_and_losses(head, capture, viole
 
 
 def test_the_fit_comes_nearer_to_what_was_painted(head, capture, violet):
-    errors = [stylize_with_figures(head, capture, violet, replace(
-        SMALL, steps=0, fit_iterations=count))[1]["fit"]["rmse"] for count in (6,)][0]
+    config = replace(SMALL, steps=0, fit_iterations=6)
+    errors = stylize_with_figures(head, capture, violet, config)[1]["fit"]["rmse"]
     assert errors[-1] < 0.9 * errors[0]
 
 
@@ -134,11 +134,12 @@ def test_closed_eyes_and_open_mouths_are_told(capture, violet):
     for upper, lower in ((37, 41), (38, 40), (43, 47), (44, 46)):
         middle = 0.5 * (shut[upper] + shut[lower])
         shut[upper], shut[lower] = middle, middle
-        half = 0.16 * np.linalg.norm(shut[39] - shut[36])
-        wide[upper], wide[lower] = middle - (0, half), middle + (0, half)
+        half = np.array([0, 0.16 * np.linalg.norm(shut[39] - shut[36])])
+        wide[upper], wide[lower] = middle - half, middle + half
     for upper, lower in ((61, 67), (62, 66), (63, 65)):
         middle = 0.5 * (wide[upper] + wide[lower])
-        wide[upper], wide[lower] = middle - (0, 8), middle + (0, 8)
+        gap = np.array([0, 8])
+        wide[upper], wide[lower] = middle - gap, middle + gap
         shut[upper], shut[lower] = middle, middle
     assert eye_opening(shut) == 0 and eye_opening(wide) > 0.3
     assert mouth_opening(shut) == 0 and mouth_opening(wide) > 0.2

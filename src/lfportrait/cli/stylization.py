@@ -42,8 +42,8 @@ class TransferPhoto(Common):
     hair=other.png:0.5 lips=0.3; regions are brows, eyes, nose, lips, skin, hair, body,
     background."""
     config: Annotated[TransferConfig, tyro.conf.arg(name="")] = option(
-        default_factory=TransferConfig)
-    """Transfer by StyleBlit."""
+        default_factory=lambda: TransferConfig(quality="best"))
+    """Transfer by StyleBlit; a video is always painted with --quality fast."""
     method: Method = "styleblit"
     """styleblit: ours; faceblit: window-searched table and flood fill, as published; facestyle:
     guided patch synthesis, seconds a picture; network: trained on the paintings of one style."""
@@ -68,7 +68,8 @@ class TransferPhoto(Common):
                 raise UserError("a video is painted by --method styleblit, without --regions")
             with self.progress("transfer") as progress:
                 return transfer_video(self.photo, self.out, exemplar,
-                                      replace(self.config, seed=self.seed), progress)
+                                      replace(self.config, seed=self.seed, quality="fast"),
+                                      progress)
         if self.photo.is_dir():
             with self.progress("transfer") as progress:
                 return transfer_folder(self.photo, self.out, exemplar, self._config(), choices,

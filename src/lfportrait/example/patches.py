@@ -117,7 +117,7 @@ class PatchTarget:
         float32 [h, w], how often each exemplar pixel would be used if those of its material were
         used alike; None: all alike.
     trust
-        float32 [H, W], factor of the weight of the first guide; None: 1.
+        float32 [H, W, 2], factors of the weights of the first two guides; None: 1.
     state
         uint8 [H, W] of `kernels.patches`; None: all is synthesised.
     owner
@@ -256,7 +256,7 @@ class _Level:
                       else np.ascontiguousarray(target.state[places]))
         self.owner = (None if target.owner is None
                       else coarser_owner(target.owner, level, self.shape))
-        self.trust = (np.ones(self.shape, np.float32) if target.trust is None
+        self.trust = (np.ones((*self.shape, 2), np.float32) if target.trust is None
                       else np.ascontiguousarray(target.trust[places]))
         self._want(target, places)
         self.even = self._even(target)

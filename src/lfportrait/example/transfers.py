@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import tyro
@@ -34,6 +34,9 @@ from .styleblit import (
 )
 from .table import TableConfig, cached_table
 
+if TYPE_CHECKING:
+    from .photo_patches import PhotoPatches
+
 __all__ = ["Transfer", "TransferConfig", "TransferResult", "face_landmarks", "transfer"]
 
 Float32 = NDArray[np.float32]
@@ -48,6 +51,10 @@ CALM = 0.25
 class TransferConfig:
     """Parameters of the example-based transfer; lengths are relative to the face."""
 
+    quality: Literal["fast", "best"] = "fast"
+    """fast: StyleBlit alone, a tenth of a second. best: around the face agreeing patches, without
+    rows and stripes, in seconds; `lfportrait transfer` has it for photos, all else is fast. It uses
+    patch search: see the note on patents in docs/methods.md."""
     region: Literal["picture", "head", "face"] = "picture"
     """What is painted: the whole picture, the person, or the face alone (the paper)."""
     strength: float = 1.0
@@ -129,6 +136,7 @@ class Transfer:
         self._plan: tuple[Any, Float32, Seeds] | None = None
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
         self._filtered = {1.0: pack_colours(self._picture)}
+        self._patches: PhotoPatches | None = None
 
     def apply(self, image: NDArray[np.generic], landmarks: NDArray[np.floating], *,
               position: Float32 | None = None, seeds_anchor: Float32 | None = None,
@@ -207,16 +215,32 @@ class Transfer:
             self.colours(scale), blit, seed=config.seed,
             scale=scale if seeds is not None else None, seeds=seeds, finest=finest_level(scale),
             calm=CALM * 255 * config.table.appearance_weight)
-        result = synthesis.image
-        if not (flat and self.covers_all):
-            result = np.empty(photo.shape, np.float32)
-            blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), synthesis.image,
-                  cover, result)
         seconds = {"table_seconds": self.table_seconds, "regions_seconds": guided - start,
                    "guides_seconds": synthesising - guided,
                    "synthesis_seconds": time.perf_counter() - synthesising}
-        return TransferResult(result, guides, cover, synthesis, seconds,
+        made = TransferResult(synthesis.image, guides, cover, synthesis, seconds,
                               self.exemplar.image.shape[:2], self.appearance)
+        if config.quality == "best" and flat and seeds is not None:
+            assert regions is not None
+            made.image = self._refined(photo, points, regions, made)
+        if not (flat and self.covers_all):
+            painted, made.image = made.image, np.empty(photo.shape, np.float32)
+            blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), painted, cover,
+                  made.image)
+        return made
+
+    def _refined(self, photo: NDArray[np.generic], points: NDArray[np.float64], regions: Regions,
+                 made: TransferResult) -> Float32:
+        """The picture with patches around the face; its seconds are noted."""
+        from .photo_patches import PhotoPatches
+
+        start = time.perf_counter()
+        if self._patches is None:
+            self._patches = PhotoPatches(self.exemplar, self.regions, self.labels,
+                                         seed=self.config.seed)
+        image = self._patches.refine(photo, points, regions, made, self.scale(points))
+        made.seconds["patches_seconds"] = time.perf_counter() - start
+        return image
 
     def _photo_anchor(self, shape: tuple[int, ...], scale: float) -> tuple[Float32, Seeds]:
         """Anchor plane and seeds of a photo: the same for all of one size."""

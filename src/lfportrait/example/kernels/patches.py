@@ -81,10 +81,11 @@ def _distance(radius: int) -> Any:
 
 @numba.njit(inline="always")
 def _scales(trust, out):
-    """Set the weight of a row's first guide (`_plain_scales`)."""
+    """Set the weights of a row's first two guides (`_plain_scales`)."""
     for k in range(3, len(out), CHANNELS):
         if out[k] != 0:
-            out[k] = max(trust, np.float32(1e-6))
+            out[k] = max(trust[0], np.float32(1e-6))
+            out[k + 1] = max(trust[1], np.float32(1e-6))
 
 
 @numba.njit(inline="always")
@@ -111,8 +112,8 @@ def patch_errors(radius: int) -> Any:
 
     Arguments: ``target`` flat float16 bits (uint16) of [H + 2 MARGIN, W + 2 MARGIN, CHANNELS],
     ``source`` those of [h, w, CHANNELS], both with 16 values more at the end, ``across`` = w,
-    ``state`` uint8 [H, W], ``trust`` float32 [H, W], factor of the weight of the
-    first guide in a pixel's patch, ``wanted`` float32 [H, W, 2] places (x, y) with their
+    ``state`` uint8 [H, W], ``trust`` float32 [H, W, 2], factors of the weights of
+    the first two guides in a pixel's patch, ``wanted`` float32 [H, W, 2] places (x, y) with their
     ``weight`` float32 [H, W] and ``limit`` (squared distance), ``field`` int32 [H, W] (flat index
     v w + u), ``error`` float32 [H, W], filled, 0 outside.
     """

@@ -11,22 +11,31 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
+from ..back_of_head import Sites
 from ..exemplar import Exemplar
 from ..guides.appearance import Distribution, grey, match_histogram
 from ..guides.blurs import broad_blur
 from ..guides.labels import LABELS
 from ..guides.regions import Regions
+from ..kernels.sites import nearest_sites
+from ..patches import SCALE
 from .regions import hair_by_place
 from .sitter import BLUR, Skin, skin_distance
 
-__all__ = ["MATERIALS", "ExemplarMaterials", "material_shares", "sitter_looks", "sitter_shares"]
+__all__ = ["MATERIALS", "ExemplarMaterials", "into", "matched_looks", "material_guides",
+           "material_shares", "pieces", "resized_materials", "sitter_looks", "sitter_shares"]
 
 Float32 = NDArray[np.float32]
 
 MATERIALS = ("skin", "hair", "neck", "clothes", "background", "features")
 SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES = range(6)
+CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255]], np.float32)
+"""A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
+PIECE = 0.3
+"""Side of the pieces that the search begins with, over the exemplar's face size."""
 PLAIN = 0.08
 """A background whose colours deviate by no more than this (standard deviation) is plain."""
 DEPTH = 0.2
@@ -61,6 +70,11 @@ class ExemplarMaterials:
     nearest: NDArray[np.int32]
     deep: NDArray[np.int32]
     present: NDArray[np.bool_]
+
+    @property
+    def luma(self) -> Float32:
+        """Tone and detail together, float32 [h, w]."""
+        return self.tone + self.detail
 
     @staticmethod
     def of(picture: Float32, shares: Float32, size: float) -> ExemplarMaterials:
@@ -105,11 +119,13 @@ def material_shares(labels: NDArray[np.uint8]) -> Float32:
     return out
 
 
-def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Float32:
+def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+                    bare_to: float = 1.3) -> Float32:
     """Shares of `MATERIALS` of an exemplar, float32 [h, w, 6].
 
     Below the jaw, what is of the face's colour, or right below it, is neck, the rest clothes; and
-    where the background is plain, what looks like it there is background.
+    where the background is plain, what looks like it there is background. ``bare_to`` is how deep
+    that goes (brows 0, chin 1).
     """
     shares = material_shares(labels)
     # Labels fall off gently beyond the outline: what lies there is background all the same.
@@ -125,7 +141,7 @@ def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uin
     bare = np.ones(image.shape[:2], np.float32)
     chosen = body | plain
     bare[chosen] = np.maximum(_near(skin_distance(smooth[chosen], plain[chosen]), 3.0),
-                              np.clip((1.3 - down[chosen]) / 0.15, 0, 1))
+                              np.clip((bare_to - down[chosen]) / 0.15, 0, 1))
     behind = labels[..., LABELS.index("background")] > 250
     if behind.any() and image[behind].std(axis=0).max() < PLAIN:
         fine = _blurred(image, 0.025 * exemplar.size)
@@ -197,12 +213,22 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.boo
 
 
 def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tuple[Float32, Float32]:
-    """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each.
+    """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each."""
+    tone, detail = matched_looks(skin.tone, skin.detail, shares, theirs)
+    return tone, detail * skin.seen
+
+
+def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: ExemplarMaterials,
+                  reference: Float32 | None = None) -> tuple[Float32, Float32]:
+    """Tones and detail [N] of places as the exemplar would have them, float32 [N] each.
 
     Tones are distributed as the exemplar's of the same material. Detail is made as strong as its
-    strokes, within bounds: noise of a plain place does not become strokes.
+    strokes, within bounds: noise of a plain place does not become strokes. Nothing is said about
+    the background: both are 0 there. ``reference`` [h, w] are the exemplar's tones, by default
+    ``theirs.tone``.
     """
-    tone, detail = (np.zeros(len(shares), np.float32) for _ in range(2))
+    reference = theirs.tone if reference is None else reference
+    out, strong = (np.zeros(len(shares), np.float32) for _ in range(2))
     for material in (SKIN, HAIR, NECK, CLOTHES):
         share = shares[:, material]
         inside = share > 0.5
@@ -210,13 +236,80 @@ def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tupl
         if not (share > 0).any():
             continue
         if inside.sum() < 100 or there.sum() < 100:
-            tone += share * skin.tone
-            detail += share * skin.detail
+            out += share * tone
+            strong += share * detail
             continue
-        wanted = Distribution.of(theirs.tone, there.astype(np.float32))
-        matched = match_histogram(np.ascontiguousarray(skin.tone[None]), wanted,
+        wanted = Distribution.of(reference, there.astype(np.float32))
+        matched = match_histogram(np.ascontiguousarray(tone[None]), wanted,
                                   inside[None].astype(np.float32))
-        tone += share * matched[0]
-        gain = theirs.detail[there].std() / max(float(skin.detail[inside].std()), 1e-4)
-        detail += share * skin.detail * np.float32(np.clip(gain, 0.5, 2.5))
-    return tone, detail * skin.seen
+        out += share * matched[0]
+        gain = theirs.detail[there].std() / max(float(detail[inside].std()), 1e-4)
+        strong += share * detail * np.float32(np.clip(gain, 0.5, 2.5))
+    return out, strong
+
+
+def material_guides(shares: Float32, tone: Float32, detail: Float32,
+                    weights: tuple[float, float, float]) -> Float32:
+    """Guides of patches, float32 [..., 4]: detail, tone, materials (2).
+
+    Parameters
+    ----------
+    shares, tone, detail
+        float32 [..., 6] by `MATERIALS`, and [...].
+    weights
+        Of tone, detail and materials.
+    """
+    roots = SCALE * np.sqrt([weights[1], weights[0], *[weights[2] / 2] * 2])
+    planes = np.concatenate([255 * detail[..., None], 255 * tone[..., None], shares @ CODES],
+                            axis=-1)
+    return np.asarray(planes * roots.astype(np.float32), np.float32)
+
+
+def resized_materials(exemplar: Exemplar, shares: Float32, size: float,
+                      ) -> tuple[Float32, ExemplarMaterials]:
+    """An exemplar's picture, float32 [h, w, 3], and its materials at ``size`` times its own."""
+    height, width = exemplar.image.shape[:2]
+    shape = max(round(width * size), 16), max(round(height * size), 16)
+    picture = np.asarray(Image.fromarray(exemplar.image).resize(
+        shape, Image.Resampling.LANCZOS), np.float32) / np.float32(255)
+    small = np.stack([np.asarray(Image.fromarray(shares[..., n]).resize(
+        shape, Image.Resampling.BILINEAR)) for n in range(len(MATERIALS))], axis=-1)
+    return picture, ExemplarMaterials.of(picture, small, exemplar.size * size)
+
+
+def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: Float32,
+           size: float) -> Float32:
+    """Rigid pieces of like material for the search to begin with, places float32 [N, 2].
+
+    Pieces lie around jittered sites of the plane [N, 2] and come from well inside the same
+    material, near the guided place or some way off: alike, but not the same next to each other.
+    ``size`` is that of the exemplar's face in pixels of the plane.
+    """
+    side = PIECE * size
+    sites = Sites.around(plane, side)
+    number = np.empty(len(plane), np.int32)
+    nearest_sites(plane, np.float32(side), sites.first, sites.points, number)
+    middles = sites.points.reshape(-1, 2)
+    guided = np.zeros_like(middles)
+    for axis in range(2):
+        count = np.maximum(np.bincount(number, minlength=len(middles)), 1)
+        guided[:, axis] = np.bincount(number, wanted[:, axis], len(middles)) / count
+    guided += 2 * np.float32(side) * (sites.chances.reshape(-1, 2) - np.float32(0.5))
+    height, width = theirs.tone.shape
+    x = np.clip(guided[:, 0], 0, width - 1).astype(np.int64)[number]
+    y = np.clip(guided[:, 1], 0, height - 1).astype(np.int64)[number]
+    found = theirs.deep[shares.argmax(axis=1), y, x]
+    piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
+    piece += plane - middles[number]
+    return into(shares, theirs, np.asarray(piece, np.float32))
+
+
+def into(shares: Float32, theirs: ExemplarMaterials, position: Float32) -> Float32:
+    """Positions [N, 2], moved to the exemplar's nearest place of the like material."""
+    height, width = theirs.tone.shape
+    x = np.clip(position[:, 0], 0, width - 1).astype(np.int64)
+    y = np.clip(position[:, 1], 0, height - 1).astype(np.int64)
+    near = theirs.nearest[shares.argmax(axis=1), y, x]
+    moved = near != y * width + x
+    found = np.stack([near % width, near // width], axis=1) + np.float32(0.5)
+    return np.asarray(np.where(moved[:, None], found, position), np.float32)

@@ -14,19 +14,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from ...progress import Progress
-from ..back_of_head import Sites
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
-from ..kernels.sites import nearest_sites
 from ..patches import (
-    SCALE,
     PatchConfig,
     PatchSource,
     PatchTarget,
@@ -42,6 +38,10 @@ from .materials import (
     SKIN,
     ExemplarMaterials,
     exemplar_shares,
+    into,
+    material_guides,
+    pieces,
+    resized_materials,
     sitter_looks,
     sitter_shares,
 )
@@ -51,12 +51,8 @@ __all__ = ["Painting", "SkinConfig", "SkinPainter"]
 
 Float32 = NDArray[np.float32]
 
-CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255]], np.float32)
-"""A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
 NODES = 0.03
 """Nodes of the guide are so far apart, over the exemplar's face size."""
-PIECE = 0.3
-"""Side of the pieces that the search begins with, over the exemplar's face size."""
 STRETCHED = 0.7
 """A guide that changes more slowly than this against the surface would stretch its paint."""
 ROAM = 25.0
@@ -271,9 +267,12 @@ class SkinPainter:
         unit = self.exemplar.size * size / 50
         shares = sitter_shares(skin, labels, theirs.present)
         tone, detail = sitter_looks(skin, shares, theirs)
-        guides = self._guides(shares, tone, detail)
-        wanted = _into(shares, theirs, position * np.float32(size))
-        begin = self._begin(guide, shares, theirs, wanted, anchor * np.float32(size), ratio, size)
+        guides = material_guides(shares, tone, detail, self._weights())
+        wanted = into(shares, theirs, position * np.float32(size))
+        # Where the guide would stretch its paint, the search begins with rigid pieces.
+        rigid = pieces(shares, theirs, wanted, anchor * np.float32(size),
+                       self.exemplar.size * size)
+        begin = np.where((ratio > STRETCHED)[:, None], wanted, rigid)
         # Around the face patches stay in place; elsewhere like material will do.
         hold = np.clip(2 * near, 0, 1) * shares[:, SKIN]
         weight = (config.far_place_weight + (config.place_weight - config.far_place_weight)
@@ -291,47 +290,18 @@ class SkinPainter:
         demand *= (state == ACTIVE).sum() / max(int(active.sum()), 1)
         there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
         even = theirs.shares @ (demand / np.maximum(there, 1)).astype(np.float32)
-        planes = canvas.spread(np.concatenate([wanted, begin, weight[:, None], trust[:, None]],
-                                              axis=1))
+        planes = canvas.spread(np.concatenate(
+            [wanted, begin, weight[:, None], trust[:, None], skin.seen[:, None]], axis=1))
         exchange(canvas.owner, color)
-        return PatchTarget(canvas.spread(guides), planes[..., 2:4], planes[..., 2:4],
-                           planes[..., :2], planes[..., 4], float((ROAM * unit) ** 2), even,
-                           planes[..., 5], state, canvas.owner, color), source
+        target = PatchTarget(
+            canvas.spread(guides), planes[..., 2:4], planes[..., 2:4], planes[..., :2],
+            planes[..., 4], float((ROAM * unit) ** 2), even,
+            np.ascontiguousarray(planes[..., 5:7]), state, canvas.owner, color)
+        return target, source
 
-    def _begin(self, guide: SurfaceGuide, shares: Float32, theirs: ExemplarMaterials,
-               wanted: Float32, plane: Float32, ratio: Float32, size: float) -> Float32:
-        """Where the search begins, [N, 2]: the wanted place, or a rigid piece where that stretches.
-
-        Pieces lie around jittered sites of the plane [N, 2] and come from well inside the same
-        material, near the guided place or some way off: alike, but not the same next to each other.
-        """
-        side = PIECE * self.exemplar.size * size
-        sites = Sites.around(plane, side)
-        number = np.empty(len(plane), np.int32)
-        nearest_sites(plane, np.float32(side), sites.first, sites.points, number)
-        middles = sites.points.reshape(-1, 2)
-        guided = np.zeros_like(middles)
-        for axis in range(2):
-            count = np.maximum(np.bincount(number, minlength=len(middles)), 1)
-            guided[:, axis] = np.bincount(number, wanted[:, axis], len(middles)) / count
-        guided += 2 * np.float32(side) * (sites.chances.reshape(-1, 2) - np.float32(0.5))
-        height, width = theirs.tone.shape
-        x = np.clip(guided[:, 0], 0, width - 1).astype(np.int64)[number]
-        y = np.clip(guided[:, 1], 0, height - 1).astype(np.int64)[number]
-        found = theirs.deep[shares.argmax(axis=1), y, x]
-        piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
-        piece += plane - middles[number]
-        piece = _into(shares, theirs, np.asarray(piece, np.float32))
-        return np.where((ratio > STRETCHED)[:, None], wanted, piece)
-
-    def _guides(self, shares: Float32, tone: Float32, detail: Float32) -> Float32:
-        """Guides of the patches, float32 [..., 4]: detail, tone, materials (2)."""
-        config = self.config
-        roots = SCALE * np.sqrt([config.detail_weight, config.tone_weight,
-                                 *[config.material_weight / 2] * 2])
-        planes = np.concatenate([255 * detail[..., None], 255 * tone[..., None], shares @ CODES],
-                                axis=-1)
-        return np.asarray(planes * roots.astype(np.float32), np.float32)
+    def _weights(self) -> tuple[float, float, float]:
+        """Weights of tone, detail and materials."""
+        return self.config.tone_weight, self.config.detail_weight, self.config.material_weight
 
     def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
         """The exemplar at the painting's scale, its pyramid and materials; the last one is kept."""
@@ -339,15 +309,9 @@ class SkinPainter:
             if self._shares is None:
                 self._shares = exemplar_shares(self.exemplar, self.transfer.regions,
                                                self.transfer.labels)
-            height, width = self.exemplar.image.shape[:2]
-            shape = max(round(width * size), 16), max(round(height * size), 16)
-            picture = np.asarray(Image.fromarray(self.exemplar.image).resize(
-                shape, Image.Resampling.LANCZOS), np.float32) / np.float32(255)
-            shares = np.stack([np.asarray(Image.fromarray(self._shares[..., n]).resize(
-                shape, Image.Resampling.BILINEAR)) for n in range(len(MATERIALS))], axis=-1)
-            theirs = ExemplarMaterials.of(picture, shares, self.exemplar.size * size)
-            self._sources = {size: (PatchSource.of(picture, self._guides(
-                shares, theirs.tone, theirs.detail)), theirs)}
+            picture, theirs = resized_materials(self.exemplar, self._shares, size)
+            self._sources = {size: (PatchSource.of(picture, material_guides(
+                theirs.shares, theirs.tone, theirs.detail, self._weights())), theirs)}
         return self._sources[size]
 
 
@@ -362,14 +326,3 @@ class _Clock:
         """End a step."""
         now = time.perf_counter()
         self.seconds[name], self._last = round(now - self._last, 4), now
-
-
-def _into(shares: Float32, theirs: ExemplarMaterials, position: Float32) -> Float32:
-    """Positions [N, 2], moved to the exemplar's nearest place of the like material."""
-    height, width = theirs.tone.shape
-    x = np.clip(position[:, 0], 0, width - 1).astype(np.int64)
-    y = np.clip(position[:, 1], 0, height - 1).astype(np.int64)
-    near = theirs.nearest[shares.argmax(axis=1), y, x]
-    moved = near != y * width + x
-    found = np.stack([near % width, near // width], axis=1) + np.float32(0.5)
-    return np.asarray(np.where(moved[:, None], found, position), np.float32)

@@ -29,8 +29,9 @@ def rehearse_painting(skin: Skin) -> None:
     source = PatchSource.of(np.zeros((48, 48, 3), np.float32), np.zeros((48, 48, 4), np.float32))
     state = np.where(canvas.own, ACTIVE, OUTSIDE).astype(np.uint8)
     weight = canvas.spread(skin.seen[:, None])[..., 0]
+    trust = np.stack([weight, weight], axis=-1)
     color = np.zeros((*state.shape, 3), np.float32)
     exchange(canvas.owner, color)
-    synthesise_patches(PatchTarget(guides, places, places, places, weight, 9.0, None, weight, state,
+    synthesise_patches(PatchTarget(guides, places, places, places, weight, 9.0, None, trust, state,
                                    canvas.owner, color), source,
                        PatchConfig(levels=2, votes=1, passes=1))

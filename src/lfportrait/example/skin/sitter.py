@@ -29,7 +29,7 @@ from .regions import REGIONS, hair_by_place, skin_regions
 BEFORE, BEHIND = 2.5, 7.0
 """Lattice points up to so many voxels before a chart's surface, and under it, take its colour."""
 
-__all__ = ["PIXELS", "Skin", "skin_distance"]
+__all__ = ["PIXELS", "Skin", "contours", "skin_distance"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -181,18 +181,32 @@ def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
     values = luma[..., 0] * inside
     sigma = BLUR * size
     broad = broad_blur(values, sigma) / np.maximum(broad_blur(inside, sigma), np.float32(1e-3))
+    soft, strong = contours(values, inside, size)
+    appearance = (soft - broad) * inside
+    planes = (broad, values - broad, appearance, strong)
+    tone, detail, looks, strength = (np.asarray(plane.reshape(-1)[index], np.float32)
+                                     for plane in planes)
+    return tone, detail, looks, strength
+
+
+def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Float32]:
+    """Luma without grain, and how much edges and patterns have to say, float32 [H, W] each.
+
+    Parameters
+    ----------
+    values, inside
+        float32 [H, W], luma times the weight of a pixel, and that weight.
+    size
+        Of the face in pixels.
+    """
+    sigma = BLUR * size
     soft = gaussian_blur(values, 0.2 * sigma)
     soft /= np.maximum(gaussian_blur(inside, 0.2 * sigma), np.float32(1e-3))
-    appearance = (soft - broad) * inside
     near = broad_blur(values, 0.6 * sigma)
     near /= np.maximum(broad_blur(inside, 0.6 * sigma), np.float32(1e-3))
     fine = (soft - near) * inside
     energy = broad_blur(fine * fine, 0.5 * sigma)
-    contours = energy / (energy + np.float32(CONTOUR ** 2))
-    planes = (broad, values - broad, appearance, contours)
-    tone, detail, looks, strength = (np.asarray(plane, np.float32).reshape(-1)[index]
-                                     for plane in planes)
-    return tone, detail, looks, strength
+    return soft, np.asarray(energy / (energy + np.float32(CONTOUR ** 2)), np.float32)
 
 
 def _hair(atlas: Atlas, index: NDArray[np.int32], points: Float32) -> Float32 | None:

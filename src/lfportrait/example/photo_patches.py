@@ -1,0 +1,283 @@
+"""The best quality on a photo: patches of the exemplar for all that is not the face.
+
+The face stays as StyleBlit paints it (`transfers`). Beyond it a photo asks for what the exemplar
+does not show: shoulders, loose hair, a hat, a wide background; chunks that are laid by place then
+stand in rows. Here the photo itself says what is hair, skin, neck, clothes and background, and each
+is filled with patches of like material that agree with each other and with the face, follow the
+photo's edges and patterns, and use the exemplar evenly (`patches`). What the position guide maps
+nearly rigidly begins with StyleBlit's own chunks, all else with rigid pieces from well inside the
+material.
+
+Patch synthesis of this kind touches patents; see docs/methods.md before you use it in a product.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from .exemplar import Exemplar, face_size
+from .guides.blurs import broad_blur, enlarged, gaussian_blur
+from .guides.labels import soft_face
+from .guides.regions import Regions
+from .kernels.patches import ACTIVE, FIXED, OUTSIDE
+from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
+from .photo_materials import (
+    LEAST_CLOTHES,
+    has_plain_ground,
+    painted_shares,
+    photo_looks,
+    photo_shares,
+)
+from .skin.materials import (
+    CLOTHES,
+    FEATURES,
+    GROUND,
+    HAIR,
+    MATERIALS,
+    SKIN,
+    ExemplarMaterials,
+    into,
+    material_guides,
+    pieces,
+    resized_materials,
+)
+
+if TYPE_CHECKING:
+    from .result import TransferResult
+
+__all__ = ["PhotoPatches", "PhotoPatchesConfig"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+LARGEST = 1.7e6
+"""Photos of more pixels than this are refined at a smaller size and enlarged, but for the face."""
+CELL = 8
+"""How rigid the guide is, is told on every so many pixels."""
+BENT = 0.3
+"""A guide whose derivative is further from a multiple of the identity than this is not rigid."""
+EVEN = np.array([1, 1, 1, 2, 2, 1], np.float32)
+"""How much more often than evenly a pixel of each of `MATERIALS` may be used."""
+PLAIN_EVEN = 8.0
+"""The same of a plain background: paper may well repeat, but vignettes must not lie in patches."""
+ROAM = 25.0
+"""Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
+
+
+@dataclass(frozen=True)
+class PhotoPatchesConfig:
+    """Parameters of `PhotoPatches`."""
+
+    tone_weight: float = 0.3
+    """Weight of the photo's light and shade where patches are laid, 0 to 2."""
+    detail_weight: float = 1.0
+    """Weight of the photo's edges and patterns there, 0 to 4."""
+    material_weight: float = 1.5
+    """Weight of keeping hair, skin and clothes apart, 0 to 4."""
+    place_weight: float = 4.0
+    """Weight of staying near the place that the guide names, around the face, 0 to 20."""
+    far_place_weight: float = 0.15
+    """The same in hair, neck, clothes and background, where the guide is not rigid."""
+    chunk_weight: float = 1.0
+    """Weight of staying with StyleBlit's chunks where those are of like material, 0 to 20."""
+    patches: PatchConfig = field(default_factory=lambda: PatchConfig(
+        style_weight=1.0, uniformity=8000.0, votes=4, last_votes=1, passes=2, levels=5))
+    """Synthesis of patches."""
+
+
+class PhotoPatches:
+    """One exemplar prepared for refining photos.
+
+    Parameters
+    ----------
+    exemplar, regions, labels
+        The painting, its regions, and its labels uint8 [h, w, len(LABELS)].
+    config
+        Parameters.
+    seed
+        Of the search.
+    """
+
+    def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+                 config: PhotoPatchesConfig | None = None, seed: int = 0) -> None:
+        self.exemplar, self.config, self.seed = exemplar, config or PhotoPatchesConfig(), seed
+        self._shares = painted_shares(exemplar, regions, labels)
+        self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
+
+    def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
+               result: TransferResult, scale: float) -> Float32:
+        """Lay patches around the face of a photo that StyleBlit has painted.
+
+        Parameters
+        ----------
+        photo
+            uint8 or float in [0, 1], [H, W, 3].
+        landmarks, regions
+            [68, 2] in pixels, and the regions of the photo.
+        result
+            StyleBlit's, of the same photo and exemplar.
+        scale
+            Exemplar pixels per pixel of the photo (`Transfer.scale`).
+
+        Returns
+        -------
+        float32 [H, W, 3] in [0, 1]; the colours of ``result.synthesis`` in the face, and where
+        the guide is NaN.
+        """
+        painted = result.synthesis.image
+        height, width = photo.shape[:2]
+        step = max(1.0, float(np.sqrt(height * width / LARGEST)))
+        eight = np.asarray(photo if photo.dtype == np.uint8 else
+                           np.clip(photo, 0, 1) * 255 + 0.5, np.uint8)
+        guides = result.guides
+        place = guides.anchor + result.synthesis.shift
+        work = _Work(eight, landmarks, regions, guides.position, place, painted,
+                     scale)
+        if step > 1:
+            work = work.shrunk(round(width / step), round(height / step))
+        color, core = self._lay(work)
+        if step > 1:
+            color = np.clip(_resized(color, (width, height)), 0, 1)
+            core = np.clip(_resized(core, (width, height)), 0, 1)
+        # The fixed face ends within its own paint: nothing is mixed but at the border's pixels.
+        core = np.where(np.isfinite(guides.position[..., 0]), core, np.float32(1))[..., None]
+        return np.asarray(painted * core + color * (1 - core), np.float32)
+
+    def _lay(self, work: _Work) -> tuple[Float32, Float32]:
+        """The picture [H, W, 3], and 1 where it is fixed [H, W]."""
+        config, exemplar = self.config, self.exemplar
+        size = round(1 / work.scale, 3)
+        source, theirs = self._source(size)
+        unit = exemplar.size * size / 50
+        covered = np.isfinite(work.position[..., 0])
+        position = np.nan_to_num(work.position)
+        labels = work.regions.labels()
+        planes = photo_shares(work.photo, work.regions, labels, position, self._shares,
+                              theirs.present)
+        tone, detail, trust = photo_looks(work.photo, work.landmarks, planes, theirs)
+        guides = material_guides(planes, tone, detail, self._weights())
+        shares = planes.reshape(-1, len(MATERIALS))
+        soft = soft_face(work.photo.shape, work.landmarks).astype(np.float32) / np.float32(255)
+        rigid = _rigid(work.position * np.float32(size))
+        near = np.clip(2 * broad_blur(soft, 0.12 * face_size(work.landmarks)), 0, 1).reshape(-1)
+        wanted = into(shares, theirs, position.reshape(-1, 2) * np.float32(size))
+        begin, kept = self._begin(work, shares, theirs, wanted, rigid, size)
+        core = covered & _core(work, soft, kept.reshape(soft.shape),
+                               (shares[:, SKIN] + shares[:, FEATURES]).reshape(soft.shape))
+        # Where StyleBlit's chunks are of the right material and not stretched, they stay.
+        wanted = np.where(kept[:, None], begin, wanted)
+        # But not under the photo's patterns; those of its hair are none.
+        loose = np.minimum(trust.reshape(-1), 1) * (1 - shares[:, HAIR])
+        weight = np.where(kept, config.chunk_weight * (1 - loose), config.far_place_weight)
+        weight = np.maximum(weight, config.place_weight * near * shares[:, SKIN]) / unit ** 2
+        state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
+        active = (state == ACTIVE).reshape(-1)
+        demand = shares[active].sum(axis=0)
+        there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
+        often = EVEN.copy()
+        if has_plain_ground(theirs):
+            often[GROUND] = PLAIN_EVEN
+        even = theirs.shares @ (often * demand / np.maximum(there, 1)).astype(np.float32)
+        shape = soft.shape
+        begin, wanted = begin.reshape(*shape, 2), wanted.reshape(*shape, 2)
+        target = PatchTarget(guides, begin, begin, wanted,
+                             weight.astype(np.float32).reshape(shape), float((ROAM * unit) ** 2),
+                             even, np.stack([trust, trust], axis=-1), state, None,
+                             work.painted)
+        color, _ = synthesise_patches(target, source, config.patches, self.seed)
+        return color, core.astype(np.float32)
+
+    def _weights(self) -> tuple[float, float, float]:
+        return self.config.tone_weight, self.config.detail_weight, self.config.material_weight
+
+    def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
+        """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept."""
+        if size not in self._sources:
+            picture, theirs = resized_materials(self.exemplar, self._shares, size)
+            theirs.present[CLOTHES] &= bool(self._shares[..., CLOTHES].mean() > LEAST_CLOTHES)
+            self._sources = {size: (PatchSource.of(picture, material_guides(
+                theirs.shares, theirs.luma, theirs.detail, self._weights())), theirs)}
+        return self._sources[size]
+
+    def _begin(self, work: _Work, shares: Float32, theirs: ExemplarMaterials, wanted: Float32,
+               rigid: Bools, size: float) -> tuple[Float32, Bools]:
+        """Where the search begins, [N, 2]: StyleBlit's chunks where [N], rigid pieces elsewhere."""
+        height, width = work.painted.shape[:2]
+        plane = np.stack(np.meshgrid(np.arange(width, dtype=np.float32) + np.float32(0.5),
+                                     np.arange(height, dtype=np.float32) + np.float32(0.5)),
+                         axis=-1).reshape(-1, 2)
+        piece = pieces(shares, theirs, wanted, plane, self.exemplar.size * size)
+        own = np.nan_to_num(work.place).reshape(-1, 2) * np.float32(size)
+        moved = into(shares, theirs, own)
+        # StyleBlit lays backgrounds in rows: there the guide itself is the better beginning.
+        behind = shares[:, GROUND] > 0.5
+        moved[behind] = wanted[behind]
+        kept = rigid.reshape(-1) & (moved == own).all(axis=1) & ~behind
+        return np.where(rigid.reshape(-1)[:, None], moved, piece), kept
+
+
+@dataclass
+class _Work:
+    """A photo and what StyleBlit did, at the size at which patches are laid."""
+
+    photo: NDArray[np.uint8]
+    landmarks: Float64
+    regions: Regions
+    position: Float32
+    place: Float32
+    painted: Float32
+    scale: float
+
+    def shrunk(self, width: int, height: int) -> _Work:
+        """The same at another size."""
+        size = width, height
+        ratio = np.array(size) / self.painted.shape[1::-1]
+        hair = self.regions.hair
+        points = self.landmarks * ratio
+        regions = Regions(points, _resized(self.regions.person, size),
+                          None if hair is None else _resized(hair, size))
+        photo = np.asarray(Image.fromarray(self.photo).resize(size, Image.Resampling.BOX))
+        # Places are not mixed: their neighbours may lie far apart.
+        nearest = Image.Resampling.NEAREST
+        return _Work(photo, points, regions, _resized(self.position, size, nearest),
+                     _resized(self.place, size, nearest), _resized(self.painted, size),
+                     self.scale / float(ratio.mean()))
+
+
+def _resized(planes: Float32, size: tuple[int, int],
+             resample: Image.Resampling = Image.Resampling.BILINEAR) -> Float32:
+    """Planes [H, W] or [H, W, C] at another size (width, height)."""
+    if planes.ndim == 2:
+        return np.asarray(Image.fromarray(np.ascontiguousarray(planes)).resize(size, resample))
+    return np.stack([_resized(planes[..., n], size, resample)
+                     for n in range(planes.shape[2])], axis=-1)
+
+
+def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
+    """The face that stays as StyleBlit painted it, and the forehead where that is skin, [H, W]."""
+    frame = work.regions.frame
+    right, down = frame.local(soft.shape)
+    half = 0.5 * frame.width / frame.height
+    forehead = (np.hypot(right / (0.95 * half), down / 0.75) < 1) & (down < 0.1)
+    broad = gaussian_blur(np.asarray(skin * kept, np.float32), max(1.0, 0.02 * frame.height))
+    return np.asarray(((soft > 0.5) & (skin > 0.5)) | (forehead & (broad > 0.9)), bool)
+
+
+def _rigid(position: Float32) -> Bools:
+    """Where a map [H, W, 2] is nearly a turn by a small angle and a change of size, bool [H, W]."""
+    shape = position.shape[0], position.shape[1]
+    small: Float32 = np.nan_to_num(position[CELL // 2::CELL, CELL // 2::CELL])
+    if min(small.shape[:2]) < 3:
+        return np.ones(shape, bool)
+    down, across = (np.asarray(np.gradient(small, CELL, axis=n), np.float32) for n in (0, 1))
+    mean = np.clip((across[..., 0] + down[..., 1]) / 2, 0.7, 1.4)
+    away = np.sqrt(((across[..., 0] - mean) ** 2 + (down[..., 1] - mean) ** 2
+                    + across[..., 1] ** 2 + down[..., 0] ** 2) / 2)
+    soft = enlarged(gaussian_blur(np.asarray(np.minimum(away, 1), np.float32), 1.0), CELL, shape)
+    return np.asarray(soft < BENT, bool)
