@@ -179,7 +179,7 @@ def test_a_crowd_is_dissolved_by_the_penalty():
     crowd = np.full(shape, 24 * 48 + 24, np.int32)
     problem = plain.Problem(np.zeros((40 + 2 * MARGIN, 40 + 2 * MARGIN, CHANNELS)),
                             np.zeros((48, 48, CHANNELS)), np.full(shape, ACTIVE, np.uint8),
-                            np.ones(shape, np.float32), np.zeros((*shape, 2), np.float32),
+                            np.ones((*shape, 2), np.float32), np.zeros((*shape, 2), np.float32),
                             np.zeros(shape, np.float32), np.inf)
     most = {}
     for penalty in (0, 10):

@@ -40,7 +40,7 @@ class StylizeConfig:
     """Iterations of the least-squares fit to the painting; -1: 2 on the skin (more are sharper, and
     neighbouring views agree less), 12 in views."""
     steps: int = -1
-    """Refinement steps, one view each; 0 leaves the fit; -1: 21 on the skin, 90 in views."""
+    """Refinement steps, one view each; 0 leaves the fit; -1: 14 on the skin, 90 in views."""
     learning_rate: float = -1.0
     """Adam's step in colour units at the start; it falls to a tenth; -1: 0.005 on the skin, 0.02 in
     views."""
@@ -91,7 +91,7 @@ class StylizeConfig:
     @property
     def refinements(self) -> int:
         """Refinement steps."""
-        return self.steps if self.steps >= 0 else (21 if self.on_skin else 90)
+        return self.steps if self.steps >= 0 else (14 if self.on_skin else 90)
 
     @property
     def rate(self) -> float:

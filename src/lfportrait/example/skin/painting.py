@@ -26,13 +26,12 @@ from ..patches import (
     PatchConfig,
     PatchSource,
     PatchTarget,
-    coarser_owner,
-    middles,
     synthesise_patches,
 )
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, Transfer, TransferConfig
+from .canvas import Canvas, canvas_of
 from .materials import (
     MATERIALS,
     SKIN,
@@ -109,43 +108,6 @@ class Painting:
         return out
 
 
-@dataclass
-class Canvas:
-    """The atlas at the painting's resolution: owners, and where the skin's lists go."""
-
-    step: int
-    owner: NDArray[np.int32]
-    slots: NDArray[np.int32]
-    surface: NDArray[np.bool_]
-
-    @staticmethod
-    def of(skin: Skin, step: int) -> Canvas:
-        """Every ``step``-th pixel (a power of two) of the atlas."""
-        atlas = skin.atlas
-        level = step.bit_length() - 1
-        shape = atlas.depth.shape[0] // step, atlas.depth.shape[1] // step
-        if step == 1:
-            return Canvas(1, atlas.owner, skin.slots, np.isfinite(atlas.depth))
-        places = middles(level, shape, atlas.depth.shape)
-        owner = coarser_owner(atlas.owner, level, shape)
-        # An owner shows what its middle shows, even if that is another's.
-        slots = skin.slots[places].reshape(-1)
-        filled = np.where(owner >= 0, slots[np.maximum(owner, 0)], -1)
-        return Canvas(step, owner, np.ascontiguousarray(filled.reshape(shape)),
-                       np.isfinite(atlas.depth[places]))
-
-    @property
-    def own(self) -> NDArray[np.bool_]:
-        index = np.arange(self.owner.size, dtype=np.int32).reshape(self.owner.shape)
-        return np.asarray((self.owner == index) & (self.slots >= 0))
-
-    def spread(self, values: Float32, empty: float = 0.0) -> Float32:
-        """Values [N, C] of a skin's lists as a picture [H, W, C]."""
-        out = np.full((*self.slots.shape, values.shape[1]), empty, np.float32)
-        spread(np.ascontiguousarray(values, np.float32), self.slots, out)
-        return out
-
-
 class SkinPainter:
     """One exemplar prepared for painting skins.
 
@@ -185,25 +147,25 @@ class SkinPainter:
         """
         clock = _Clock()
         guide = SurfaceGuide(skin.plane.landmarks, self.exemplar, self.transfer.regions)
-        canvas = Canvas.of(skin, step)
-        position, ratio = self._positions(guide, skin)
+        canvas, places = canvas_of(skin, step)
+        position, ratio = self._positions(guide, places)
         if not self.config.agree:
-            points = skin.atlas.points.reshape(-1, 3)[skin.index]
+            points = places.atlas.points.reshape(-1, 3)[places.index]
             position = guide(points[None])[0][0]
-        anchor = np.asarray(guide.scale * skin.flat + guide.shift, np.float32)
+        anchor = np.asarray(guide.scale * places.flat + guide.shift, np.float32)
         pixel = np.clip(position.astype(np.int32), 0,
                         np.array(self.exemplar.image.shape[1::-1], np.int32) - 1)
         labels = self.transfer.labels[pixel[:, 1], pixel[:, 0]]
         face = self._face[pixel[:, 1], pixel[:, 0]]
         clock.lap("guides")
-        core = (face[:, 0] > 0.5) & skin.outwards if self.config.agree else np.ones(
+        core = (face[:, 0] > 0.5) & places.outwards if self.config.agree else np.ones(
             len(face), bool)
-        color = self._paint_face(skin, guide, canvas, position, anchor, ratio, core)
+        color = self._paint_face(places, guide, canvas, position, anchor, ratio, core)
         clock.lap("face")
         if not self.config.agree:
             exchange(canvas.owner, color)
             return Painting(skin, color, step, clock.seconds)
-        target, source = self._target(skin, guide, canvas, position, anchor, ratio, labels,
+        target, source = self._target(places, guide, canvas, position, anchor, ratio, labels,
                                       face[:, 1], core, color)
         clock.lap("targets")
         color, _ = synthesise_patches(target, source, self.config.patches, self.seed)

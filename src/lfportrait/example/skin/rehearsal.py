@@ -9,7 +9,7 @@ from ..kernels.atlas import exchange, sample_nodes
 from ..kernels.patches import ACTIVE, OUTSIDE
 from ..kernels.sites import nearest_sites
 from ..patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
-from .painting import Canvas
+from .canvas import Canvas
 from .sitter import Skin
 
 __all__ = ["rehearse_painting"]

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +82,8 @@ class Skin:
     rows
         float32 [R, 2], places in the atlas of the field's R lattice rows; NaN where no chart shows
         them.
+    canvases
+        What paintings at some resolutions share, made when first needed (`canvas`).
     """
 
     atlas: Atlas
@@ -97,6 +101,7 @@ class Skin:
     seen: Float32
     outwards: NDArray[np.bool_]
     rows: Float32
+    canvases: dict[int, Any] = dataclass_field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
     def of(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera | None = None,
