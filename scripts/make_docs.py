@@ -19,6 +19,8 @@ from lfportrait.example import (
     FaceBlitConfig,
     FaceStyleConfig,
     NetworkConfig,
+    PatchConfig,
+    SkinConfig,
     TableConfig,
     TransferConfig,
 )
@@ -35,6 +37,8 @@ SECTIONS = [
     ("Reconstruct", ReconstructConfig,
      "`lfportrait reconstruct`; in `make`: `--reconstruct.NAME`."),
     ("Stylize", StylizeConfig, "`lfportrait stylize`; in `make`: `--stylize.NAME`."),
+    ("Painting on the skin", SkinConfig, "`lfportrait stylize`: `--skin.NAME`."),
+    ("Patches that agree", PatchConfig, "`lfportrait stylize`: `--skin.patches.NAME`."),
     ("Restyle", MixConfig, "`lfportrait restyle`."),
     ("Transfer by example", TransferConfig,
      "`lfportrait transfer`; in `stylize`: `--transfer.NAME`; in `make`: "

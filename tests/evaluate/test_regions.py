@@ -103,3 +103,15 @@ def test_paint_in_rows_repeats_and_other_paint_does_not():
     field_labels = RowLabels(np.zeros_like(labels.weights), LABELS)
     empty = region_repeats(painted(field, None), exemplar, field_labels, **options)
     assert np.isnan(empty["hair"]["ratio"]) and np.isnan(empty["hair"]["views"]["0"])
+
+
+def test_neck_and_clothes_are_the_body():
+    from types import SimpleNamespace
+
+    weights = np.array([[255, 0, 0], [10, 120, 100], [0, 200, 100]], np.uint8)
+    labels = RowLabels.of(SimpleNamespace(labels=weights, regions=("hair", "neck", "clothes")))
+    assert labels.names == ("hair", "neck", "clothes", "body")
+    assert labels.weights[:, 3].tolist() == [0, 220, 255]
+    named = RowLabels.of(SimpleNamespace(labels=weights, regions=("hair", "body", "skin")))
+    assert named.names == ("hair", "body", "skin") and named.weights is weights
+    assert RowLabels.of(SimpleNamespace()) is None

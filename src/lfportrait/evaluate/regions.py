@@ -35,6 +35,8 @@ MARGIN = 0.05
 """Units that regions are eroded by: what lies at their borders is neither's paint."""
 
 _C0 = 0.28209479177387814
+BODY = ("neck", "clothes")
+"""Parts of what an exemplar's labels call the body."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class RowLabels:
     def of(styled: VoxelField) -> RowLabels | None:
         """Those that a field carries as ``labels`` and ``regions``, or None."""
         weights, names = getattr(styled, "labels", None), getattr(styled, "regions", ())
-        return None if weights is None else RowLabels(weights, tuple(names))
+        return None if weights is None else _with_body(weights, tuple(names))
 
     @staticmethod
     def read(path: str | Path) -> RowLabels | None:
@@ -64,7 +66,8 @@ class RowLabels:
         with np.load(path, allow_pickle=False) as arrays:
             if not {"labels", "region_names"} <= set(arrays.files):
                 return None
-            return RowLabels(arrays["labels"], tuple(map(str, arrays["region_names"].ravel())))
+            return _with_body(arrays["labels"],
+                              tuple(map(str, arrays["region_names"].ravel())))
 
     def masks(self, field: VoxelField, cameras: Camera, names: Sequence[str],
               margin: float = 0.0) -> list[Masks]:
@@ -105,6 +108,15 @@ class RowLabels:
                     inside = opaque & (shot.color[..., channel] > 0.5 * shot.alpha)
                     masks[name] = _eroded(inside, margin)
         return out
+
+
+def _with_body(weights: NDArray[np.uint8], names: tuple[str, ...]) -> RowLabels:
+    """Labels, with the body as one region where they tell its parts apart."""
+    parts = [names.index(name) for name in BODY if name in names]
+    if "body" in names or not parts:
+        return RowLabels(weights, names)
+    body = np.minimum(weights[:, parts].sum(axis=1, dtype=np.int64), 255).astype(np.uint8)
+    return RowLabels(np.column_stack([weights, body]), (*names, "body"))
 
 
 def _eroded(mask: NDArray[np.bool_], margin: float) -> NDArray[np.bool_]:

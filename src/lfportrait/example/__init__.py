@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .guides.position import position_guide
     from .guides.regions import Regions, find_regions
     from .methods import METHODS, Method, MethodConfig, paint, prepare
+    from .patches import PatchConfig
     from .providers import Sitting, provided_styles
     from .region_styles import RegionStyle, mix_regions, read_region
     from .rivals import (
@@ -38,11 +39,11 @@ if TYPE_CHECKING:
 __all__ = [
     "LABELS", "METHODS", "BlitConfig", "Exemplar", "FaceBlit", "FaceBlitConfig", "FaceStyle",
     "FaceStyleConfig", "Guides", "LookUpTable", "Method", "MethodConfig", "NetworkConfig",
-    "Painted", "Painting", "RegionStyle", "Regions", "Sitting", "Skin", "SkinConfig", "SkinPainter",
-    "StyleNetwork", "SurfaceGuide", "Synthesis", "TableConfig", "Transfer", "TransferConfig",
-    "TransferResult", "VideoTransfer", "appearance_guide", "build_table", "face_landmarks",
-    "face_size", "find_regions", "mix_regions", "paint", "position_guide", "prepare",
-    "provided_styles", "read_region", "surface_position_guide", "synthesise", "transfer",
+    "Painted", "Painting", "PatchConfig", "RegionStyle", "Regions", "Sitting", "Skin", "SkinConfig",
+    "SkinPainter", "StyleNetwork", "SurfaceGuide", "Synthesis", "TableConfig", "Transfer",
+    "TransferConfig", "TransferResult", "VideoTransfer", "appearance_guide", "build_table",
+    "face_landmarks", "face_size", "find_regions", "mix_regions", "paint", "position_guide",
+    "prepare", "provided_styles", "read_region", "surface_position_guide", "synthesise", "transfer",
 ]
 
 __getattr__, __dir__ = attach(__name__, __file__)
