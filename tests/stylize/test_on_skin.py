@@ -56,7 +56,7 @@ def test_a_head_takes_on_the_exemplars_colours(head, styled, violet):
     palette = violet.image[violet.mask > 0.5].mean(0) / 255
     real = front(head)[0][inside].mean(0)
     assert np.linalg.norm(picture[inside].mean(0) - palette) < 0.6 * np.linalg.norm(real - palette)
-    assert figures["method"] == "skin" and len(figures["fit"]["rmse"]) == 2
+    assert figures["method"] == "skin" and len(figures["fit"]["rmse"]) == 1
     assert figures["refinement"]["steps"] == 2
     assert set(figures["seconds"]) == {"skin", "paint", "fit", "refine", "total"}
 
@@ -76,7 +76,7 @@ def test_a_preview_is_like_the_whole_without_fit_and_losses(head, capture, viole
 
 
 def test_the_fit_comes_nearer_to_what_was_painted(head, capture, violet):
-    config = replace(SMALL, steps=0, fit_iterations=6)
+    config = replace(SMALL, steps=0, fit_iterations=6, relaxation=1.0)
     errors = stylize_with_figures(head, capture, violet, config)[1]["fit"]["rmse"]
     assert errors[-1] < 0.9 * errors[0]
 

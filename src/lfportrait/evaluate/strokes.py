@@ -1,7 +1,8 @@
 """Do strokes stick to the head? Neighbouring views stylised apart, warped into each other by depth.
 
-For views one degree apart the same exemplar is transferred to both, once with guides and seeds
-anchored on the surface, once with guides of each view alone (the paper's way). One stylised view is
+For views one degree apart the same exemplar is transferred to both: looked up on the skin that was
+painted once for all views, with guides and seeds anchored on the surface, and with guides of each
+view alone (the paper's way). One stylised view is
 warped into the other by the field's depth (`consistency.warp`); what is left is the strokes' own
 motion, and what the resampling of fine strokes costs. So the errors are also taken of views blurred
 by one pixel, where the latter is small. Errors are over the contrast of the stylised view, so that
@@ -18,7 +19,15 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ..capture import Camera
-from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
+from ..example import (
+    Exemplar,
+    Painting,
+    Skin,
+    SkinPainter,
+    SurfaceGuide,
+    Transfer,
+    TransferConfig,
+)
 from ..field import Rendering, VoxelField
 from .consistency import pair_error, warp
 from .likeness import Detector
@@ -26,9 +35,9 @@ from .views import head_cameras
 
 __all__ = ["strokes_stick", "strokes_table"]
 
-WAYS = ("anchored", "per_view", "detected")
-"""Guides on the surface; of each view from the projected landmarks; from landmarks detected
-anew."""
+WAYS = ("skin", "anchored", "per_view", "detected")
+"""Painted once on the surface; guides on the surface; of each view from the projected landmarks;
+from landmarks detected anew."""
 
 
 def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: Exemplar, *,
@@ -61,13 +70,16 @@ def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: 
     Returns
     -------
     figures
-        ``anchored``, ``per_view`` and, with ``detect``, ``detected``: contrast-normalised errors by
-        angle, their ``mean``, and ``blurred``, the mean for views blurred by a pixel; ``floor``:
+        ``skin``, ``anchored``, ``per_view`` and, with ``detect``, ``detected``: contrast-normalised
+        errors by angle, their ``mean``, and ``blurred``, the mean for views blurred by a pixel;
+        ``floor``:
         those of the photoreal views; ``ratio`` and ``ratio_blurred``: mean anchored over mean
-        per-view error. NaN where no face is detected.
+        per-view error, ``skin_ratio`` that of the skin. NaN where no face is detected.
     """
     prepared = Transfer(exemplar, config)
     guide = SurfaceGuide(landmarks, exemplar, prepared.regions)
+    skin = Skin.of(field, landmarks, networks=False)
+    painting = SkinPainter(exemplar, transfer=config).paint(skin)
     rows: dict[str, list[tuple[float, float]]] = {way: [] for way in WAYS
                                                   if detect or way != "detected"}
     rows["floor"] = []
@@ -76,6 +88,7 @@ def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: 
         shots = [field.render(cameras, view) for view in range(2)]
         for way, values in rows.items():
             pictures = [np.clip(shot.color, 0, 1) if way == "floor" else
+                        _looked_up(painting, shot, cameras, view) if way == "skin" else
                         _stylised(way, prepared, guide, shot, cameras, view, landmarks, detect)
                         for view, shot in enumerate(shots)]
             values.append((_error(pictures, shots, cameras),
@@ -87,7 +100,20 @@ def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: 
                         "mean": _mean(sharp), "blurred": _mean(blurred)}
     anchored, per_view = figures["anchored"], figures["per_view"]
     return {**figures, "ratio": anchored["mean"] / per_view["mean"],
-            "ratio_blurred": anchored["blurred"] / per_view["blurred"]}
+            "ratio_blurred": anchored["blurred"] / per_view["blurred"],
+            "skin_ratio": figures["skin"]["mean"] / per_view["mean"]}
+
+
+def _looked_up(painting: Painting, shot: Rendering, cameras: Camera, view: int,
+               ) -> NDArray[np.float32]:
+    """What a view shows of a painted skin, float32 [H, W, 3]; the photo where it shows none."""
+    points = shot.points(cameras, view)
+    inside = np.isfinite(points[..., 0])
+    places, _ = painting.skin.atlas.locate(points[inside].astype(np.float32), 0.03, 0.05)
+    picture = np.clip(shot.color, 0, 1).astype(np.float32)
+    found = painting.at(places)
+    picture[inside] = np.where(np.isfinite(found), found, picture[inside])
+    return picture
 
 
 def _blurred(picture: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
@@ -131,11 +157,12 @@ def _mean(values: Sequence[float]) -> float:
 
 def strokes_table(figures: dict[str, dict[str, Any]]) -> str:
     """Figures of `strokes_stick` by style, a line each: means over the angles."""
-    lines = [f"{'style':<16}{'anchored':>10}{'per view':>10}{'detected':>10}{'photo':>8}"
-             f"{'ratio':>8}{'blurred':>10}"]
+    lines = [f"{'style':<16}{'skin':>8}{'anchored':>10}{'per view':>10}{'detected':>10}{'photo':>8}"
+             f"{'ratio':>8}{'blurred':>10}{'skin':>8}"]
     for style, row in figures.items():
         detected = row.get("detected", {"mean": float("nan")})["mean"]
-        lines.append(f"{style:<16}{row['anchored']['mean']:>10.3f}{row['per_view']['mean']:>10.3f}"
+        lines.append(f"{style:<16}{row['skin']['mean']:>8.3f}{row['anchored']['mean']:>10.3f}"
+                     f"{row['per_view']['mean']:>10.3f}"
                      f"{detected:>10.3f}{row['floor']['mean']:>8.3f}{row['ratio']:>8.2f}"
-                     f"{row['ratio_blurred']:>10.2f}")
+                     f"{row['ratio_blurred']:>10.2f}{row['skin_ratio']:>8.2f}")
     return "\n".join(lines)

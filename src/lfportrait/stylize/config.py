@@ -37,12 +37,14 @@ class StylizeConfig:
     pitches: tuple[float, ...] = (-12.0, 8.0, 28.0)
     """Height of the arcs in degrees above the horizon."""
     fit_iterations: int = -1
-    """Iterations of the least-squares fit to the painting; -1: 2 on the skin (more are sharper, and
+    """Iterations of the least-squares fit to the painting; -1: 1 on the skin (more are sharper, and
     neighbouring views agree less), 12 in views."""
+    relaxation: float = 0.35
+    """On the skin: share of each iteration's update that is taken, 0 to 1."""
     steps: int = -1
-    """Refinement steps, one view each; 0 leaves the fit; -1: 14 on the skin, 90 in views."""
+    """Refinement steps, one view each; 0 leaves the fit; -1: 7 on the skin, 90 in views."""
     learning_rate: float = -1.0
-    """Adam's step in colour units at the start; it falls to a tenth; -1: 0.005 on the skin, 0.02 in
+    """Adam's step in colour units at the start; it falls to a tenth; -1: 0.001 on the skin, 0.02 in
     views."""
     content_network: Network = "auto"
     """Features of the content loss; auto: vgg16 if its weights are at hand, else embedded."""
@@ -86,14 +88,14 @@ class StylizeConfig:
     @property
     def iterations(self) -> int:
         """Iterations of the fit."""
-        return self.fit_iterations if self.fit_iterations >= 0 else (2 if self.on_skin else 12)
+        return self.fit_iterations if self.fit_iterations >= 0 else (1 if self.on_skin else 12)
 
     @property
     def refinements(self) -> int:
         """Refinement steps."""
-        return self.steps if self.steps >= 0 else (14 if self.on_skin else 90)
+        return self.steps if self.steps >= 0 else (7 if self.on_skin else 90)
 
     @property
     def rate(self) -> float:
         """Adam's first step."""
-        return self.learning_rate if self.learning_rate > 0 else (0.005 if self.on_skin else 0.02)
+        return self.learning_rate if self.learning_rate > 0 else (0.001 if self.on_skin else 0.02)

@@ -55,8 +55,11 @@ class ColorModel:
         scatter_colors(weights.indptr, weights.rows, weights.weights, planes, out)
 
     def fit(self, views: list[StyleView], iterations: int, progress: Progress | None = None,
-            ) -> list[float]:
-        """Fit the colours to the views' example pictures; returns the error of each iteration."""
+            relaxation: float = 1.0) -> list[float]:
+        """Fit the colours to the views' example pictures; returns the error of each iteration.
+
+        ``relaxation`` is the share of each update that is taken.
+        """
         columns = np.zeros((1, len(self.colors)), np.float32)
         trust = [_trust(view) for view in views]
         for view, weight in zip(views, trust):
@@ -75,7 +78,7 @@ class ColorModel:
                 scaled = weight[..., None] * residual / np.maximum(view.alpha, 0.05)[..., None]
                 self.pulled_back(view, scaled.astype(np.float32), update)
             known = self.seen > 1e-4
-            self.colors[known] += (update[:, known] / self.seen[known]).T
+            self.colors[known] += np.float32(relaxation) * (update[:, known] / self.seen[known]).T
             np.clip(self.colors, 0.0, 1.0, out=self.colors)
             errors.append(total / max(mass, 1e-9))
             if progress is not None:

@@ -88,7 +88,8 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
         fitted = painted
         if not config.preview:
             known = model.seen.copy()
-            errors = model.fit(views.of(painting, 1), config.iterations, progress)
+            errors = model.fit(views.of(painting, 1), config.iterations, progress,
+                               config.relaxation)
             model.seen = np.maximum(model.seen, known)
             figures["fit"] = {"rmse": [round(float(np.sqrt(e)), 5) for e in errors]}
             fitted = time.perf_counter()
