@@ -10,7 +10,7 @@ from lfportrait.errors import UserError
 from lfportrait.example import LABELS
 from lfportrait.field import VoxelField, save_field
 from lfportrait.stylize import MixConfig, StyledField
-from lfportrait.stylize.tones import (
+from lfportrait.stylize.mixing.tones import (
     BINS,
     colored,
     luma,

@@ -51,14 +51,14 @@ class PatchConfig:
 
     style_weight: float = 1.0
     """Weight of the colours' agreement between overlapping patches, 0.2 to 4."""
-    uniformity: float = 3500.0
-    """Penalty on exemplar pixels used more often than the average, 0 to 15000: low repeats
+    uniformity: float = 8000.0
+    """Penalty on exemplar pixels used more often than the average, 0 to 20000: low repeats
     patches, high spreads them over the whole exemplar."""
-    levels: int = 4
+    levels: int = 5
     """Levels of the pyramid, 1 to 8."""
     votes: int = 4
     """Alternations of search and voting on each level, 1 to 10."""
-    last_votes: int = 0
+    last_votes: int = 2
     """The same on the finest level; 0 = as many."""
     passes: int = 2
     """Passes of the search in each alternation, 1 to 6."""

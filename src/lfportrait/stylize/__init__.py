@@ -12,8 +12,7 @@ from ..lazy import attach
 
 if TYPE_CHECKING:
     from .config import StylizeConfig
-    from .mix_options import MixConfig
-    from .mixing import StyledField
+    from .mixing import MixConfig, StyledField
     from .networks import load_network
     from .on_skin import paint
     from .optimize import stylize, stylize_with_figures

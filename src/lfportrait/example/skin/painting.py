@@ -75,8 +75,7 @@ class SkinConfig:
     """Weight of staying near the place that the guide names, around the face, 0 to 20."""
     far_place_weight: float = 0.15
     """The same in hair, on neck and clothes."""
-    patches: PatchConfig = field(default_factory=lambda: PatchConfig(
-        style_weight=1.0, uniformity=8000.0, votes=4, last_votes=2, passes=2, levels=5))
+    patches: PatchConfig = field(default_factory=PatchConfig)
     """Synthesis of patches."""
 
 

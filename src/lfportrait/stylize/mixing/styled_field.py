@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
-from ..example import RegionStyle
-from ..field import VoxelField, read_arrays, save_field
-from .mix_options import RegionValue, known, number, plain, read_value
+from ...errors import UserError
+from ...example import RegionStyle
+from ...field import VoxelField, read_arrays, save_field
+from .options import RegionValue, known, number, plain, read_value
 from .tones import BINS, colored, luma, matching_curve, tone_histogram, toned
 
 __all__ = ["StyledField"]
@@ -100,7 +100,7 @@ class StyledField(VoxelField):
             If the arrays do not fit together, or hold values that are not finite.
         """
         if regions is None:
-            from ..example import LABELS
+            from ...example import LABELS
 
             regions = LABELS
         twice = sorted({name for name in styles if list(styles).count(name) > 1})

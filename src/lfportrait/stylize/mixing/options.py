@@ -9,8 +9,8 @@ from typing import Any
 
 import tyro
 
-from ..errors import UserError
-from ..example import RegionStyle
+from ...errors import UserError
+from ...example import RegionStyle
 
 __all__ = ["MOST", "MixConfig", "RegionValue", "known", "number", "plain", "read_value"]
 

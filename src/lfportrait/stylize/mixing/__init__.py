@@ -1,0 +1,10 @@
+"""Styles turned up and down, and changed in places, without training.
+
+`styled_field` holds the colours of the photo and of the paintings and mixes them, `tones` are
+the curves and colour differences of a mix, `options` its command line.
+"""
+
+from .options import MixConfig
+from .styled_field import StyledField
+
+__all__ = ["MixConfig", "StyledField"]
