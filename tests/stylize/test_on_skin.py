@@ -150,3 +150,11 @@ def test_closed_eyes_and_open_mouths_are_told(capture, violet):
     assert notices(asleep, [awake], replace(SMALL, keep=("eyes", "lips"))) == []
     small = Exemplar(np.zeros((900, 900, 3), np.uint8), shut, "small")
     assert ["coarse" in line for line in notices(asleep, [small], SMALL)] == [True]
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"pixels": 0.0}, "--pixels"), ({"pixels": 1e6}, "--pixels"),
+    ({"method": "paper", "preview": True}, "--preview"), ({"relaxation": 0.0}, "--relaxation")])
+def test_parameters_out_of_range_are_told(head, capture, violet, changes, message):
+    with pytest.raises(UserError, match=message):
+        stylize_with_figures(head, capture, violet, replace(SMALL, **changes))

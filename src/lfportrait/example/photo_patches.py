@@ -39,6 +39,7 @@ from .skin.materials import (
     GROUND,
     HAIR,
     MATERIALS,
+    ROAM,
     SKIN,
     ExemplarMaterials,
     into,
@@ -66,8 +67,6 @@ EVEN = np.array([1, 1, 1, 2, 2, 1], np.float32)
 """How much more often than evenly a pixel of each of `MATERIALS` may be used."""
 PLAIN_EVEN = 8.0
 """The same of a plain background: paper may well repeat, but vignettes must not lie in patches."""
-ROAM = 25.0
-"""Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ from typing import Literal
 
 import tyro
 
+from ..errors import UserError
 from ..example import SkinConfig, TransferConfig
 from ..example.skin import PIXELS
 
-__all__ = ["StylizeConfig"]
+__all__ = ["StylizeConfig", "check_pixels"]
 
 Network = Literal["auto", "vgg16", "resnet50", "vgg19-se", "embedded"]
 
@@ -25,7 +26,7 @@ class StylizeConfig:
     preview: bool = False
     """On the skin: half the resolution, no fit and no refinement; seconds."""
     pixels: float = PIXELS
-    """On the skin: its pixels per world unit (a head is about one and a half high), 96 to 768."""
+    """On the skin: its pixels per world unit (a head is about one and a half high), 32 to 1024."""
     guide: Literal["surface", "view"] = "view"
     """Of painted views: from the landmarks in each view (paper), or anchored to the surface."""
     size: int = 576
@@ -73,6 +74,15 @@ class StylizeConfig:
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the views and of the chunks."""
 
+    def check(self) -> None:
+        """Raise `UserError` where parameters make no sense together or are out of range."""
+        if self.preview and not self.on_skin:
+            raise UserError(f"--preview paints on the skin; leave out --method {self.method}")
+        if self.on_skin:
+            check_pixels(self.pixels)
+        if not 0.0 < self.relaxation <= 1.0:
+            raise UserError(f"--relaxation must lie between 0 and 1, not at {self.relaxation:g}")
+
     @property
     def on_skin(self) -> bool:
         """Whether the head is painted on its surface."""
@@ -99,3 +109,9 @@ class StylizeConfig:
     def rate(self) -> float:
         """Adam's first step."""
         return self.learning_rate if self.learning_rate > 0 else (0.001 if self.on_skin else 0.02)
+
+
+def check_pixels(pixels: float) -> None:
+    """Raise `UserError` for a skin of too few or too many ``pixels`` per world unit."""
+    if not 32.0 <= pixels <= 1024.0:
+        raise UserError(f"--pixels must lie between 32 and 1024, not at {pixels:g}")

@@ -78,6 +78,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     exemplars = [exemplar] if isinstance(exemplar, Exemplar) else list(exemplar)
     if not exemplars:
         raise UserError("no style is given; name at least one painting")
+    config.check()
     if capture.landmarks is None and config.method != "arf":
         raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on the "
                         "photos, or use --method arf")

@@ -10,6 +10,7 @@ from ..errors import UserError
 from ..example import Skin
 from ..example.skin import load_skin, save_skin, skin_key
 from ..field import VoxelField
+from .config import check_pixels
 
 __all__ = ["kept_skin"]
 
@@ -29,10 +30,16 @@ def kept_skin(path: Path, field: VoxelField, capture: Capture, pixels: float) ->
         The field, and its capture with landmarks.
     pixels
         Pixels per world unit.
+
+    Raises
+    ------
+    UserError
+        If the capture has no landmarks, or ``pixels`` is out of range.
     """
     if capture.landmarks is None:
         raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on the "
                         "photos, or use --method arf")
+    check_pixels(pixels)
     from .. import models
 
     state = path.stat()

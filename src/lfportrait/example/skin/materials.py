@@ -36,6 +36,8 @@ CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255
 """A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
 PIECE = 0.3
 """Side of the pieces that the search begins with, over the exemplar's face size."""
+ROAM = 25.0
+"""Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
 PLAIN = 0.08
 """A background whose colours deviate by no more than this (standard deviation) is plain."""
 DEPTH = 0.2

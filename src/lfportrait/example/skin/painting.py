@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from ...progress import Progress
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
 from ..guides.maps import Guides, sample_labels
@@ -34,6 +33,7 @@ from ..transfers import CALM, Transfer, TransferConfig
 from .canvas import Canvas, canvas_of
 from .materials import (
     MATERIALS,
+    ROAM,
     SKIN,
     ExemplarMaterials,
     exemplar_shares,
@@ -54,8 +54,6 @@ NODES = 0.03
 """Nodes of the guide are so far apart, over the exemplar's face size."""
 STRETCHED = 0.7
 """A guide that changes more slowly than this against the surface would stretch its paint."""
-ROAM = 25.0
-"""Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +130,7 @@ class SkinPainter:
         self._shares: Float32 | None = None
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
-    def paint(self, skin: Skin, step: int = 1, progress: Progress | None = None) -> Painting:
+    def paint(self, skin: Skin, step: int = 1) -> Painting:
         """Paint a skin.
 
         Parameters
@@ -141,8 +139,6 @@ class SkinPainter:
             Of the sitter.
         step
             Pixels of the atlas per painted pixel: 1, or 2 for a preview.
-        progress
-            Progress line.
         """
         clock = _Clock()
         guide = SurfaceGuide(skin.plane.landmarks, self.exemplar, self.transfer.regions)
