@@ -19,8 +19,10 @@ from .background import Background, cube_rays
 from .kernels.bricks import Bricks, build_bricks
 from .kernels.march import lattice_of_world
 from .kernels.render import render_kernel
+from .kernels.texture import add_texture
 from .kernels.weights import CAPACITY, pixel_weights
 from .storage import load_field, save_field
+from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
 
 __all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row"]
 
@@ -99,6 +101,8 @@ class VoxelField:
         float64 [4, 4], similarity from the source's frame to the portrait frame.
     background
         Spheres behind the lattice that hold the room, or None.
+    texture
+        Detail of the surface that the lattice is too coarse for, or None.
     """
 
     links: NDArray[np.int32]
@@ -108,7 +112,9 @@ class VoxelField:
     radius: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     background: Background | None = None
+    texture: SurfaceTexture | None = None
     _bricks: Bricks | None = field(default=None, init=False, repr=False, compare=False)
+    _cells: NDArray[np.int32] | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         count = len(self.density)
@@ -116,6 +122,9 @@ class VoxelField:
                 self.sh.shape[2] not in (1, 4, 9)):
             raise ValueError(f"a field needs links [Z, Y, X], density [N] and sh [N, 3, 1|4|9], "
                              f"not {self.links.shape}, {self.density.shape}, {self.sh.shape}")
+        if self.texture is not None and len(self.texture.charts) != count:
+            raise ValueError(f"a texture for {len(self.texture.charts)} rows does not fit a field "
+                             f"of {count}")
 
     @property
     def basis(self) -> int:
@@ -140,6 +149,14 @@ class VoxelField:
         scale, offset = lattice_of_world(self.center, self.radius, self.bricks.shape)
         return np.concatenate([np.array(self.links.shape[::-1], np.float64), scale, offset])
 
+    def texture_rows(self, footprint: float) -> TextureRows:
+        """The texture as kernels take it, with detail down to ``footprint`` world units."""
+        if self.texture is None:
+            return NO_TEXTURE
+        if self._cells is None:
+            self._cells = texture_cells(self.texture, self.bricks)
+        return self.texture.rows(self._cells, self.lattice, footprint)
+
     def lattice_points(self) -> NDArray[np.float64]:
         """World positions of the rows, float64 [N, 3]."""
         z, y, x = np.nonzero(self.links >= 0)
@@ -150,7 +167,7 @@ class VoxelField:
         return points
 
     def with_sh(self, sh: NDArray[np.floating[Any]]) -> VoxelField:
-        """The same densities with other coefficients [N, 3, B]."""
+        """The same densities with other coefficients [N, 3, B], and without the texture."""
         return VoxelField(self.links, self.density, np.ascontiguousarray(sh, np.float32),
                           self.center, self.radius, self.frame, self.background)
 
@@ -183,6 +200,12 @@ class VoxelField:
         render_kernel(bricks.width)(
             bricks.table, bricks.links, bricks.density, bricks.rows, self.lattice, bricks.basis,
             camera_row(cameras, view), (width, height), step, threshold, stop, color, alpha, depth)
+        if self.texture is not None:
+            away = float(np.linalg.norm(cameras.pose[view, :3, 3] - self.center))
+            # Detail of two pixels: what is finer flickers when the head turns.
+            rows = self.texture_rows(2.0 * away / float(cameras.focal[view].mean()))
+            add_texture(bricks.table, *rows, self.lattice, camera_row(cameras, view),
+                        (width, height), alpha, depth, color)
         image = color.reshape(height, width, 3)
         opacity = alpha.reshape(height, width)
         behind = np.asarray(background, np.float32)

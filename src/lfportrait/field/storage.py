@@ -1,8 +1,9 @@
-"""The field's file: svox2's checkpoint with two keys more.
+"""The field's file: svox2's checkpoint with a few keys more.
 
 svox2 keeps ``radius``, ``center``, ``links`` [X, Y, Z], ``density_data`` [N, 1], ``sh_data``
 float16 [N, 3 B], ``basis_type`` (1 = spherical harmonics); ours has the links transposed to
-[Z, Y, X] in memory and adds ``frame`` and ``lfportrait_version`` to the file. Other stages may add
+[Z, Y, X] in memory and adds ``frame``, ``lfportrait_version`` and, where a field has a texture,
+its arrays (``texture_...``, see `SurfaceTexture`) to the file. Other stages may add
 arrays of their own (`save_field`, `read_arrays`); those that read a field alone leave them be.
 
 An ``.npz`` is a zip archive of arrays. The tables of links are nearly empty and are deflated (that
@@ -25,6 +26,7 @@ from ..errors import UserError
 from ..files import atomic_write
 from ..version import __version__
 from .background import Background
+from .texture import SurfaceTexture
 
 __all__ = ["FieldData", "load_field", "read_arrays", "save_checkpoint", "save_field"]
 
@@ -39,18 +41,20 @@ class FieldData(Protocol):
     radius: NDArray[np.float64]
     frame: NDArray[np.float64]
     background: Background | None
+    texture: SurfaceTexture | None
 
 
 Loaded = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float64],
-               NDArray[np.float64], NDArray[np.float64], Background | None]
+               NDArray[np.float64], NDArray[np.float64], Background | None, SurfaceTexture | None]
 """The same in that order, as `VoxelField` takes it."""
 
-_DEFLATED = ("links", "background_links")
+_DEFLATED = ("links", "background_links", "texture_texels", "texture_charts")
 """The arrays of a file that are worth compressing."""
 
 _NEEDED = ("links", "density_data", "sh_data")
 _READ = (*_NEEDED, "data", "radius", "center", "frame", "basis_type", "basis_data",
          "background_links", "background_data")
+_TEXTURE = ("texture_texels", "texture_projections", "texture_charts", "texture_pixels")
 
 
 def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), **more: Any) -> None:
@@ -72,8 +76,11 @@ def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), *
     UserError
         If the file has another ending or can't be written.
     """
+    texture = field.texture
+    values = () if texture is None else (texture.texels, texture.projections, texture.charts,
+                                         np.float64(texture.pixels))
     _save(field, path, (*_DEFLATED, *deflated), frame=field.frame,
-          lfportrait_version=np.str_(__version__), **more)
+          lfportrait_version=np.str_(__version__), **dict(zip(_TEXTURE, values)), **more)
 
 
 def save_checkpoint(field: FieldData, path: Any) -> None:
@@ -139,7 +146,7 @@ def load_field(path: Any) -> Loaded:
         If the file is missing, damaged, or not a field.
     """
     path = Path(path)
-    arrays = read_arrays(path, _READ)
+    arrays = read_arrays(path, (*_READ, *_TEXTURE))
     if "data" in arrays and "density_data" not in arrays:  # svox2's old form
         arrays["density_data"], arrays["sh_data"] = arrays["data"][:, :1], arrays["data"][:, 1:]
     missing = [name for name in _NEEDED if name not in arrays]
@@ -172,7 +179,8 @@ def load_field(path: Any) -> Loaded:
             sh.astype(np.float32).reshape(len(sh), 3, -1),
             np.broadcast_to(center.ravel(), (3,)).astype(np.float64),
             np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
-            frame.astype(np.float64), _background(arrays, path))
+            frame.astype(np.float64), _background(arrays, path),
+            _texture(arrays, len(density), path))
 
 
 def _turned(links: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -184,6 +192,21 @@ def _turned(links: NDArray[np.int32]) -> NDArray[np.int32]:
     for y in range(links.shape[1]):
         out[:, y] = links[:, y].T
     return out
+
+
+def _texture(arrays: dict[str, NDArray[Any]], rows: int, path: Path) -> SurfaceTexture | None:
+    """The surface's texture, if the file has one."""
+    if not any(name in arrays for name in _TEXTURE):
+        return None
+    try:
+        texels, projections, charts, pixels = (arrays[name] for name in _TEXTURE)
+        texture = SurfaceTexture(np.ascontiguousarray(texels), projections.astype(np.float64),
+                                 np.ascontiguousarray(charts), float(pixels))
+        if len(charts) != rows:
+            raise ValueError("it belongs to another field")
+    except (KeyError, TypeError, ValueError) as error:
+        raise UserError(f"{path} is damaged: its texture makes no sense ({error})") from error
+    return texture
 
 
 def _background(arrays: dict[str, NDArray[Any]], path: Path) -> Background | None:

@@ -73,6 +73,16 @@ def _panel(display: Display, config: EncodeConfig, placement: Placement) -> NDAr
         display.steps().ravel(), moved.ravel()])
 
 
+def _footprint(display: Display, placement: Placement) -> float:
+    """Distance in the world between the rays that a view has on the panel.
+
+    They are a row apart downwards and a lens across. A slanted lens moves them from row to row, so
+    that what counts is the area of one.
+    """
+    row = 2.0 / display.height
+    return row * math.sqrt(max(display.pitch / 3.0, 1.0)) / placement.scale
+
+
 def _method(field: VoxelField, display: Display, config: EncodeConfig) -> str:
     """``"slices"`` or ``"direct"``, as asked or as fits."""
     if config.method == "direct":
@@ -106,21 +116,22 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     views = mask.reshape(display.height, display.width * 3).view()
     # Masks from the cache can't be written to; for all others kernels would be compiled once more.
     views.flags.writeable = False
+    texture = field.texture_rows(_footprint(display, placement))
     if _method(field, display, config) == "slices":
         stride = 2 if config.draft else 1
         for own, out in zip(eyes, pictures, strict=True):
             slice_kernel(bricks.width, bricks.basis)(
                 bricks.table, bricks.links, bricks.density, bricks.rows, bricks.blocks,
-                field.lattice, matrix, axes, views, fixed, own, panel, stride,
+                *texture, field.lattice, matrix, axes, views, fixed, own, panel, stride,
                 _FAINTEST * field.lattice[5] / stride, _STOP,
                 np.float32(config.background), numba.get_num_threads(), out)
     else:
         step = max(config.step_size, 1.0) if config.draft else config.step_size
         for own, out in zip(eyes, pictures, strict=True):
             encode_kernel(bricks.width, bricks.basis)(
-                bricks.table, bricks.links, bricks.density, bricks.rows, field.lattice, matrix,
-                axes, views, fixed, own, panel, step, 1e-2, 1e-3, np.float32(config.background),
-                out)
+                bricks.table, bricks.links, bricks.density, bricks.rows, *texture, field.lattice,
+                matrix, axes, views, fixed, own, panel, step, 1e-2, 1e-3,
+                np.float32(config.background), out)
     if rays > 1:
         mix_light(pictures, ((np.arange(256) / 255.0) ** display.gamma), display.gamma)
     out = pictures[0] if rays == 1 else pictures[0].copy()

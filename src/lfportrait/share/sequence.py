@@ -101,7 +101,8 @@ def _key(field: VoxelField, display: Display, config: EncodeConfig, sequence: Se
          ) -> str:
     """What decides the frames' pixels."""
     digest = hashlib.sha256()
-    for array in (field.links, field.density, field.sh, field.center, field.radius):
+    texels = () if field.texture is None else (field.texture.texels,)
+    for array in (field.links, field.density, field.sh, field.center, field.radius, *texels):
         digest.update(np.ascontiguousarray(array).data)
     motion = dataclasses.replace(sequence, fps=1.0, video="lossless")
     return key_of("sequence", digest.hexdigest(), display, config, motion)

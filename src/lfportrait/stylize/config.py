@@ -37,9 +37,12 @@ class StylizeConfig:
     """Views on each arc."""
     pitches: tuple[float, ...] = (-12.0, 8.0, 28.0)
     """Height of the arcs in degrees above the horizon."""
+    texture: bool = True
+    """On the skin: give the field a texture with what its lattice is too coarse for."""
     fit_iterations: int = -1
-    """Iterations of the least-squares fit to the painting; -1: 1 on the skin (more are sharper, and
-    neighbouring views agree less), 12 in views."""
+    """Iterations of the least-squares fit to the painting; -1: 12 in views; on the skin none where
+    the texture has what the lattice leaves out, else 1 (more are sharper, and neighbouring views
+    agree less)."""
     relaxation: float = 0.35
     """On the skin: share of each iteration's update that is taken, 0 to 1."""
     steps: int = -1
@@ -98,7 +101,9 @@ class StylizeConfig:
     @property
     def iterations(self) -> int:
         """Iterations of the fit."""
-        return self.fit_iterations if self.fit_iterations >= 0 else (1 if self.on_skin else 12)
+        if self.fit_iterations >= 0:
+            return self.fit_iterations
+        return (0 if self.texture else 1) if self.on_skin else 12
 
     @property
     def refinements(self) -> int:

@@ -86,6 +86,11 @@ class ColorModel:
                                                f"error {np.sqrt(errors[-1]):.4f}")
         return errors
 
+    def shown(self, field: VoxelField) -> VoxelField:
+        """A field of the same rows in these colours, without a texture."""
+        colors = np.clip(self.colors, 0.0, 1.0)
+        return field.with_sh((colors[:, :, None] - np.float32(0.5)) * np.float32(1 / _C0))
+
     def fill_unseen(self) -> float:
         """Colour rows that no view sees by the affine map that the seen ones underwent.
 

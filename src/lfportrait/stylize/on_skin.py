@@ -3,7 +3,8 @@
 `Skin` is computed once for a field (and kept in a file beside it), a painting takes seconds, and
 the lattice's colours come straight from it: that is the preview. The least-squares fit then
 sharpens strokes between lattice points, with the charts of the skin as its views, and the losses
-refine them at half the size. Skin, weights and the photo's features serve any number of exemplars.
+refine them at half the size. What the lattice is too coarse for becomes the field's texture
+(`skin_texture`). Skin, weights and the photo's features serve any number of exemplars.
 """
 
 from __future__ import annotations
@@ -17,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..example import Exemplar, Painting, Skin, SkinPainter
-from ..field import VoxelField
+from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
 from ..progress import Progress
 from .config import StylizeConfig
 from .fit import ColorModel
 from .skin_fit import chart_views, look_up_rows, show_painting
+from .skin_texture import surface_texture
 from .views import StyleView
 
 __all__ = ["paint", "stylize_skin"]
@@ -71,10 +73,11 @@ class _Views:
 
 def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
                  config: StylizeConfig, progress: Progress | None,
-                 dump: Path | None) -> tuple[list[Float32], dict[str, Any]]:
-    """Colours of a field's rows, float32 [N, 3] by exemplar, and figures."""
+                 dump: Path | None,
+                 ) -> tuple[list[Float32], list[SurfaceTexture], dict[str, Any]]:
+    """Colours of a field's rows, float32 [N, 3], and textures, by exemplar, and figures."""
     views = _Views(field, skin, config)
-    colors, rows = [], []
+    colors, textures, rows = [], [], []
     constants: Any = None
     for exemplar in exemplars:
         clock = time.perf_counter()
@@ -85,27 +88,32 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
         model = ColorModel(field, config.background)
         look_up_rows(model, painting)
         figures: dict[str, Any] = {"style": exemplar.name, "painting": painting.seconds}
-        fitted = painted
-        if not config.preview:
+        if not config.preview and config.iterations > 0:
             known = model.seen.copy()
             errors = model.fit(views.of(painting, 1), config.iterations, progress,
                                config.relaxation)
             model.seen = np.maximum(model.seen, known)
             figures["fit"] = {"rmse": [round(float(np.sqrt(e)), 5) for e in errors]}
-            fitted = time.perf_counter()
-            if config.refinements > 0:
-                from .refinement import Constants, Refinement
-
-                constants = constants or Constants()
-                figures["refinement"] = Refinement(model, views.of(painting, 2), exemplar, config,
-                                                   constants).run(progress)
-        end = time.perf_counter()
+        fitted = time.perf_counter()
         figures["unseen_share"] = round(model.fill_unseen(), 4)
+        if config.texture:
+            # Before the refinement: what that changes is to be seen, not painted over.
+            textures.append(surface_texture(model.shown(field), painting))
+        textured = time.perf_counter()
+        if not config.preview and config.refinements > 0:
+            from .refinement import Constants, Refinement
+
+            constants = constants or Constants()
+            figures["refinement"] = Refinement(model, views.of(painting, 2), exemplar, config,
+                                               constants).run(progress)
+        end = time.perf_counter()
         figures["seconds"] = {"paint": round(painted - clock, 3),
-                              "fit": round(fitted - painted, 3), "refine": round(end - fitted, 3)}
+                              "fit": round(fitted - painted, 3),
+                              "texture": round(textured - fitted, 3),
+                              "refine": round(end - textured, 3)}
         if dump is not None:
             write_image(dump / f"skin_{exemplar.name}.png", painting.color)
         colors.append(model.colors)
         rows.append(figures)
-    return colors, {"skin": {"pixels": len(skin.index)}, **rows[0],
-                    **({"styles": rows} if len(rows) > 1 else {})}
+    return colors, textures, {"skin": {"pixels": len(skin.index)}, **rows[0],
+                              **({"styles": rows} if len(rows) > 1 else {})}

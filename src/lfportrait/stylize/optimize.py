@@ -13,7 +13,7 @@ from ..capture import Capture
 from ..device import computing_device
 from ..errors import UserError
 from ..example import LABELS, Exemplar, Skin
-from ..field import VoxelField
+from ..field import SurfaceTexture, VoxelField
 from ..progress import Progress
 from .config import StylizeConfig
 from .mixing import StyledField
@@ -21,6 +21,7 @@ from .notices import notices
 from .on_skin import stylize_skin
 from .painted_views import stylize_views
 from .skin_fit import row_labels
+from .skin_texture import texel_rows
 
 __all__ = ["StylizeConfig", "stylize", "stylize_with_figures"]
 
@@ -87,6 +88,8 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     figures: dict[str, Any] = {"method": config.method, "device": computes_on}
     labels = np.zeros((len(field.density), len(LABELS)), np.uint8)
     regions: tuple[str, ...] = LABELS
+    textures: list[SurfaceTexture] = []
+    blocks = None
     if config.on_skin:
         assert capture.landmarks is not None
         if skin is None:
@@ -94,9 +97,11 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
                 progress.update(progress.done, "skin")
             skin = Skin.of(field, capture.landmarks, capture.cameras, config.pixels)
         ready = time.perf_counter()
-        colors, found = stylize_skin(field, skin, exemplars, config, progress, dump)
+        colors, textures, found = stylize_skin(field, skin, exemplars, config, progress, dump)
         found["seconds"]["skin"] = round(ready - start, 3)
         labels, regions = row_labels(skin)
+        if textures:
+            blocks = texel_rows(skin, textures[0])
     else:
         colors, rows = [], []
         for one in exemplars:
@@ -108,7 +113,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     figures["notices"] = notices(capture, exemplars, config)
     photo = np.clip(_C0 * field.sh[:, :, 0] + 0.5, 0.0, 1.0).astype(np.float32)
     styled = StyledField.of(field, np.stack(colors), [one.name for one in exemplars], photo,
-                            labels, regions)
+                            labels, regions, textures, blocks)
     if config.strength != 1.0 or config.keep:
         styled = styled.mix(strength=config.strength, keep=config.keep)
     figures["seconds"]["total"] = round(time.perf_counter() - start, 3)

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
-from ...field.marching import enter_box, make_channel_shade, make_march, sh_basis
+from ...field.marching import (
+    enter_box,
+    make_channel_shade,
+    make_detail,
+    make_march,
+    make_texture_share,
+    sh_basis,
+)
 from ...lanes.cache_keys import identified
 from ...lanes.vectors import LANES
 
@@ -48,11 +55,13 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
     Returns
     -------
     encode
-        ``encode(table, links, density, rows, lattice, matrix, axes, mask, fixed, eyes, panel, step,
-        threshold, stop, background, out)``. ``matrix`` float64 [3, 4] takes the display frame to
-        lattice coordinates, ``axes`` float64 [2, 3] are its x and z axes in the field's world (y is
-        up in both). ``mask`` [H, W * 3] holds each sub-pixel's view; ``fixed`` >= 0
-        overrides it with one view; where ``eyes`` has one entry a sub-pixel phase instead
+        ``encode(table, links, density, rows, cells, charts, texels, lattice, matrix, axes, mask,
+        fixed, eyes, panel, step, threshold, stop, background, out)``. ``cells``, ``charts`` and
+        ``texels`` are the field's texture (`VoxelField.texture_rows`). ``matrix``
+        float64 [3, 4] takes the display frame to lattice coordinates, ``axes`` float64 [2, 3] are
+        its x and z axes in the field's world (y is up in both). ``mask`` [H, W * 3] holds each
+        sub-pixel's view; ``fixed`` >= 0 overrides it with one view; where ``eyes`` has one entry
+        a sub-pixel phase instead
         (``panel[6]`` > 0), the view is continuous. ``panel`` float64 [61]: half width over half
         height, eye height, distance and placement scale, packed as [aspect, eye_y, distance, scale,
         0, 0, continuous, 0, bgr, pitch, shift, offset, inverted]; then, for each row mod 4, column
@@ -60,12 +69,14 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
         right of its usual third of the pixel, in sub-pixels. ``out`` uint8 [H, W * 3].
     """
     march = make_march(LANES, make_channel_shade(width, count))
-    load, store = LANES.load, LANES.store
+    look_up, texture_share = make_detail(LANES, False), make_texture_share(LANES)
+    load, store, ints = LANES.load, LANES.store, LANES.ints
+    where, floats = LANES.where, LANES.floats
 
     @identified("encode", width, count)
     @njit(cache=True, parallel=True)
-    def encode(table, links, density, rows, lattice, matrix, axes, mask, fixed, eyes, panel, step,
-               threshold, stop, background, out):
+    def encode(table, links, density, rows, cells, charts, texels, lattice, matrix, axes, mask,
+               fixed, eyes, panel, step, threshold, stop, background, out):
         height, across = mask.shape
         nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
         eye_y, distance, size = panel[1], panel[2], panel[3]
@@ -113,11 +124,23 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
                     ray[8, i] = np.float32(step / (norm * size))
                     channel = place % 3
                     ray[9, i] = np.float32(2 - channel if bgr else channel)
-                value, _, _, through, _ = march(
+                value, _, _, through, where_half = march(
                     table, links, density, rows, nx, ny, nz, load(flat, 0), load(flat, 16),
                     load(flat, 32), load(flat, 48), load(flat, 64), load(flat, 80), load(flat, 96),
                     load(flat, 112), np.float32(step), load(flat, 128), np.float32(threshold),
                     np.float32(stop), basis, load(flat, 144))
+                if len(cells) > 0:
+                    share = texture_share(through)
+                    wanted = share > np.float32(0.0)
+                    # Without a surface it is infinite.
+                    where_half = where(wanted, where_half, floats(np.float32(0.0)))
+                    detail, _, _ = look_up(
+                        table, cells, charts, texels, nx, ny, nz,
+                        load(flat, 0) + where_half * load(flat, 48),
+                        load(flat, 16) + where_half * load(flat, 64),
+                        load(flat, 32) + where_half * load(flat, 80),
+                        wanted, ints(load(flat, 144)))
+                    value = value + share * detail
                 store(flat, 0, value)
                 store(flat, 16, through)
                 for i in range(min(16, across - first)):

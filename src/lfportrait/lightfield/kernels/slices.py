@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
+from ...field.marching import make_detail, make_texture_share
 from ...lanes.cache_keys import identified
 from ...lanes.shuffles import largest, make_look_up, smallest
 from ...lanes.vectors import LANES
@@ -57,11 +58,14 @@ def stripes(left, right, shift):
 
 
 def _make_cast(count: int, permutes: bool | None) -> Callable[..., Any]:
-    """The function that sends one packet through a slice; returns colour and transmittance."""
+    """The function that sends one packet through a slice.
+
+    It returns colour, transmittance, and the plane (a fraction) on which half the light is gone.
+    """
     floats, ints, where, exp, bits = LANES.floats, LANES.ints, LANES.where, LANES.exp, LANES.bits
     minimum, maximum = LANES.minimum, LANES.maximum
     look_up = make_look_up(permutes)
-    one, zero = np.float32(1.0), np.float32(0.0)
+    one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
 
     @identified("slice point", permutes)
     @njit(cache=True)
@@ -75,7 +79,7 @@ def _make_cast(count: int, permutes: bool | None) -> Callable[..., Any]:
     def cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta, cosine, sine,
              line, threshold, stop):
         pitch = pitch_of(nx)
-        value, through = floats(zero), floats(one)
+        value, through, end_plane = floats(zero), floats(one), floats(zero)
         alive = through > zero
         mixed = np.float32(2.0) * sine * cosine
         low = high = low_slope = high_slope = zero
@@ -135,7 +139,14 @@ def _make_cast(count: int, permutes: bool | None) -> Callable[..., Any]:
                         color = color + mixed * point(slab, place + 3 * pitch, offset, part)
                     weight = through * (one - fade)
                     value = value + weight * maximum(color + np.float32(0.5), zero)
-                    through = through * fade
+                    after = through * fade
+                    crossed = shown & (through >= half) & (after < half)
+                    if bits(crossed) != 0:
+                        # A plane stands for what lies half a step before and behind it.
+                        part = (through - half) / maximum(through - after, np.float32(1e-12)) - half
+                        end_plane = where(crossed, np.float32(k) - part * np.float32(stride),
+                                          end_plane)
+                    through = after
                     active = active & (through > stop)
                     if bits(active) == 0:
                         break
@@ -144,7 +155,8 @@ def _make_cast(count: int, permutes: bool | None) -> Callable[..., Any]:
                 break
         # Behind the stop lies more of the same surface: its colour is taken to go on.
         ended = through <= stop
-        return (where(ended, value / (one - through), value), where(ended, zero, through))
+        return (where(ended, value / (one - through), value), where(ended, zero, through),
+                end_plane)
 
     return cast
 
@@ -158,17 +170,18 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
     Returns
     -------
     encode
-        ``encode(table, links, density, rows, blocks, lattice, matrix, mask, fixed, eyes, panel,
-        stride, threshold, stop, background, workers, out)``: as `encode_kernel` has it, but
-        ``blocks`` uint64 [BZ, BY] tells which columns of ``table`` have bricks (`Bricks`),
-        ``matrix`` float64 [3, 4] takes the display frame to lattice
+        ``encode(table, links, density, rows, blocks, cells, charts, texels, lattice, matrix, axes,
+        mask, fixed, eyes, panel, stride, threshold, stop, background, workers, out)``: as
+        `encode_kernel` has it, but ``blocks`` uint64 [BZ, BY] tells which columns of ``table``
+        have bricks (`Bricks`), ``matrix`` float64 [3, 4] takes the display frame to lattice
         coordinates (only its second row may depend on y, and that on nothing else),
         ``axes`` float64 [2, 3] the display's x and z axes in the field's world, ``stride`` is the
         number of lattice planes to a sample and ``workers`` the number of threads.
     """
     build, cast = make_build(width, count), _make_cast(count, permutes)
     load, store, floats = LANES.load, LANES.store, LANES.floats
-    sqrt = LANES.sqrt
+    sqrt, bits = LANES.sqrt, LANES.bits
+    look_up, texture_share = make_detail(LANES, False), make_texture_share(LANES)
 
     @identified("slice order", width, count)
     @njit(cache=True)
@@ -197,13 +210,13 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
 
     @identified("slice encode", width, count, permutes)
     @njit(cache=True, parallel=True)
-    def encode(table, links, density, rows, blocks, lattice, matrix, axes, mask, fixed, eyes, panel,
-               stride, threshold, stop, background, workers, out):
+    def encode(table, links, density, rows, blocks, cells, charts, texels, lattice, matrix, axes,
+               mask, fixed, eyes, panel, stride, threshold, stop, background, workers, out):
         height, across = mask.shape
         nx, ny, nz = np.int64(lattice[0]), np.int64(lattice[1]), np.int64(lattice[2])
         empty = len(rows) // width - 1 - 32 // width
         aspect, eye_y, distance, size = panel[0], panel[1], panel[2], panel[3]
-        bgr = panel[8] > 0.5
+        bgr, textured = panel[8] > 0.5, len(cells) > 0
         pitch = pitch_of(nx)
         shift = 0
         while (nx >> shift) > 63:
@@ -278,7 +291,7 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
                     for third in range(3):
                         many = _order(mask[y], turn + third, min(turn + window, last), fixed, eyes,
                                       y, panel, tally, place_at, eye_at, x_at)
-                        line = 1 + 4 * (2 - third if bgr else third)
+                        channel = 2 - third if bgr else third
                         for entry in range(0, many, 16):
                             px, ex = load(x_at, np.uintp(entry)), load(eye_at, np.uintp(entry))
                             sideways = ex - px
@@ -291,11 +304,21 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
                             start = (np.float32(matrix[0, 0]) * px + np.float32(matrix[0, 3])
                                      - slope * at_panel)
                             delta = length * np.float32(stride / size) / deep
-                            value, through = cast(
+                            value, through, depth_plane = cast(
                                 slab, marks, group_marks, nx, nz, shift, stride, start, slope,
                                 delta, np.float32(norm) / length,
-                                floats(np.float32(0.0)) - sideways / length, line,
+                                floats(np.float32(0.0)) - sideways / length, 1 + 4 * channel,
                                 np.float32(threshold), np.float32(stop))
+                            share = texture_share(through)
+                            wanted = share > np.float32(0.0)
+                            if textured and bits(wanted) != 0:
+                                x = start + slope * depth_plane
+                                detail, _, _ = look_up(
+                                    table, cells, charts, texels, np.int32(nx), np.int32(ny),
+                                    np.int32(nz), x, np.float32(plane[0]) + np.float32(plane[1])
+                                    * x + np.float32(plane[2]) * depth_plane, depth_plane, wanted,
+                                    np.int32(channel))
+                                value = value + share * detail
                             store(lane, np.uintp(0), value + through * background)
                             for i in range(min(16, many - entry)):
                                 shown = min(max(lane[i], np.float32(0.0)), np.float32(1.0))

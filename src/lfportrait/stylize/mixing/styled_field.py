@@ -6,13 +6,15 @@ shown is mixed from them, row by row, in a fraction of a second.
 
 The file is a field's (`lfportrait.field.storage`), with the mixed colours as its own: svox2 and all
 commands that take a field show the mix. Beside them stand ``painted`` and ``photo`` as uint8,
-rounded by at most half of a level of an 8-bit picture, and the same at each further saving.
+rounded by at most half of a level of an 8-bit picture, and the same at each further saving. A
+painting's texture (`lfportrait.field.SurfaceTexture`) is mixed with its colours, block by block;
+``painted_texels`` hold those of all styles where the mix shows anything else than the first.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,8 +23,9 @@ from numpy.typing import NDArray
 
 from ...errors import UserError
 from ...example import RegionStyle
-from ...field import VoxelField, read_arrays, save_field
+from ...field import SurfaceTexture, VoxelField, read_arrays, save_field
 from .options import RegionValue, known, number, plain, read_value
+from .texels import mixed_texels
 from .tones import BINS, colored, luma, matching_curve, tone_histogram, toned
 
 __all__ = ["StyledField"]
@@ -33,6 +36,7 @@ _C0 = 0.28209479177387814
 _BLOCK = 32768
 """Rows mixed at a time: few enough that all that is computed for them stays in the cache."""
 _KEYS = ("style_names", "painted", "photo", "labels", "region_names", "mix")
+_TEXTURE_KEYS = ("texel_rows", "painted_texels")
 
 
 @dataclass(kw_only=True)
@@ -54,6 +58,11 @@ class StyledField(VoxelField):
         Names of the R regions.
     mixture
         The arguments of `mix` that `sh` was made with.
+    painted_texels
+        int8 [S, H, W, 3], the texture's texels in each style at full strength, or None.
+    texel_rows
+        int32 [H / 4, W / 4], rounded up: the lattice row whose shares in a mix a block of 4x4
+        texels takes; or None.
     """
 
     painted: Float32
@@ -62,6 +71,8 @@ class StyledField(VoxelField):
     labels: NDArray[np.uint8]
     regions: tuple[str, ...]
     mixture: dict[str, Any] = field(default_factory=dict)
+    painted_texels: NDArray[np.int8] | None = None
+    texel_rows: NDArray[np.int32] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -78,10 +89,25 @@ class StyledField(VoxelField):
             raise ValueError(f"{count} rows in the regions {self.regions} need one name for each "
                              f"and labels uint8 [N, R], not {self.labels.dtype} "
                              f"{self.labels.shape}")
+        if self.painted_texels is not None:
+            self._check_texels(self.painted_texels)
+
+    def _check_texels(self, texels: NDArray[np.int8]) -> None:
+        """Raise ValueError if texels, texture and rows do not fit together."""
+        rows = self.texel_rows
+        shape = None if self.texture is None else self.texture.texels.shape
+        if (rows is None or shape is None or texels.dtype != np.int8
+                or texels.shape != (len(self.styles), *shape) or rows.dtype.kind != "i"
+                or rows.shape != (-(-shape[0] // 4), -(-shape[1] // 4))
+                or rows.min(initial=0) < 0 or rows.max(initial=0) >= len(self.density)):
+            raise ValueError("a textured field needs texels int8 [S, H, W, 3] of its texture's "
+                             "size, and a row for each block of 4x4 of them")
 
     @staticmethod
     def of(real: VoxelField, painted: NDArray[Any], styles: Collection[str], photo: NDArray[Any],
-           labels: NDArray[np.uint8], regions: Collection[str] | None = None) -> StyledField:
+           labels: NDArray[np.uint8], regions: Collection[str] | None = None,
+           textures: Sequence[SurfaceTexture] = (),
+           texel_rows: NDArray[np.int32] | None = None) -> StyledField:
         """A field that shows its first style at full strength.
 
         Parameters
@@ -91,6 +117,9 @@ class StyledField(VoxelField):
         painted, styles, photo, labels, regions
             As the attributes; colours are clipped to [0, 1]. By default the regions are
             `lfportrait.example.LABELS`.
+        textures, texel_rows
+            One texture for each style, all of the same places, and the attribute of that name; or
+            neither.
 
         Raises
         ------
@@ -110,10 +139,12 @@ class StyledField(VoxelField):
             raise ValueError("the colours of a styled field must be finite")
         return StyledField(
             real.links, real.density, np.zeros((len(real.density), 3, 1), np.float32), real.center,
-            real.radius, real.frame, real.background,
+            real.radius, real.frame, real.background, textures[0] if textures else None,
             painted=np.clip(painted, 0.0, 1.0).astype(np.float32), styles=tuple(styles),
             photo=np.clip(photo, 0.0, 1.0).astype(np.float32), labels=labels,
-            regions=tuple(regions)).mix()
+            regions=tuple(regions), texel_rows=texel_rows,
+            painted_texels=np.stack([one.texels for one in textures]) if textures else None,
+            ).mix()
 
     def mix(self, strength: float = 1.0, identity: float = 0.0,
             regions: Mapping[str, RegionValue] | None = None, keep_colors: bool = False,
@@ -174,7 +205,17 @@ class StyledField(VoxelField):
             if keep_colors:
                 mixed = colored(luma(mixed), photo - luma(photo))
             coefficients[rows, :, 0] = ((mixed - np.float32(0.5)) * np.float32(1 / _C0)).T
-        return replace(self, sh=coefficients, mixture=mixture)
+        return replace(self, sh=coefficients, mixture=mixture, texture=self._mixed_texture(
+            self._amounts(slice(None), wanted, style, strength), identity, keep_colors))
+
+    def _mixed_texture(self, amounts: Mapping[str, Any], identity: float,
+                       keep_colors: bool) -> SurfaceTexture | None:
+        """The texture by so much of each style, one number or one for each row."""
+        if self.texture is None or self.painted_texels is None or self.texel_rows is None:
+            return None
+        numbers = {self.styles.index(name): amount for name, amount in amounts.items()}
+        return self.texture.with_texels(mixed_texels(
+            self.painted_texels, self.texel_rows, numbers, identity, keep_colors))
 
     def _amounts(self, rows: slice, choices: list[RegionStyle], style: str, strength: float,
                  ) -> dict[str, Any]:
@@ -227,7 +268,15 @@ class StyledField(VoxelField):
         UserError
             If the file has another ending or can't be written.
         """
-        save_field(self, path, deflated=("labels",), style_names=np.array(self.styles, np.str_),
+        more: dict[str, Any] = {}
+        if self.texture is not None and self.painted_texels is not None:
+            more["texel_rows"] = self.texel_rows
+            # A single painting as it is stands in the field's texture already.
+            if len(self.styles) > 1 or not np.array_equal(self.painted_texels[0],
+                                                          self.texture.texels):
+                more["painted_texels"] = self.painted_texels
+        save_field(self, path, deflated=("labels", *more), **more,
+                   style_names=np.array(self.styles, np.str_),
                    painted=_bytes(self.painted), photo=_bytes(self.photo), labels=self.labels,
                    region_names=np.array(self.regions, np.str_),
                    mix=np.str_(json.dumps(self.mixture, ensure_ascii=False)))
@@ -242,7 +291,11 @@ class StyledField(VoxelField):
             If the file is missing, damaged, or a field without colours to mix.
         """
         plain_field = VoxelField.load(path)
-        arrays = read_arrays(path, _KEYS)
+        arrays = read_arrays(path, (*_KEYS, *_TEXTURE_KEYS))
+        texture, rows = plain_field.texture, arrays.get("texel_rows")
+        texels = arrays.get("painted_texels")
+        if texels is None and texture is not None and rows is not None:
+            texels = texture.texels[None]
         if "painted" not in arrays:
             raise UserError(f"{path} holds no colours to mix: it was not written by this version's "
                             "`lfportrait stylize`; run that again")
@@ -261,10 +314,11 @@ class StyledField(VoxelField):
                 raise ValueError("it does not tell what it was mixed from")
             return StyledField(
                 plain_field.links, plain_field.density, plain_field.sh, plain_field.center,
-                plain_field.radius, plain_field.frame, plain_field.background,
+                plain_field.radius, plain_field.frame, plain_field.background, texture,
                 painted=_floats(arrays["painted"]), photo=_floats(arrays["photo"]),
                 styles=tuple(map(str, arrays["style_names"].ravel())), labels=arrays["labels"],
-                regions=tuple(map(str, arrays["region_names"].ravel())), mixture=mixture)
+                regions=tuple(map(str, arrays["region_names"].ravel())), mixture=mixture,
+                painted_texels=texels, texel_rows=rows)
         except ValueError as error:
             raise UserError(f"{path} is damaged: {error}") from error
 

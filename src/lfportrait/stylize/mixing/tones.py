@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BINS", "colored", "luma", "matching_curve", "tone_histogram", "toned"]
+__all__ = ["BINS", "LUMA", "colored", "luma", "matching_curve", "tone_histogram", "toned"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -17,10 +17,13 @@ Float64 = NDArray[np.float64]
 BINS = 1024
 """Bins of a histogram of luma; matched values are finer, as they are interpolated in it."""
 
+LUMA = np.array([0.299, 0.587, 0.114], np.float32)
+"""Shares of red, green and blue in Rec. 601's luma."""
+
 
 def luma(planes: Float32) -> Float32:
     """Rec. 601 luma of colours [3, ...], float32 [...]."""
-    red, green, blue = np.float32(0.299), np.float32(0.587), np.float32(0.114)
+    red, green, blue = LUMA
     return red * planes[0] + green * planes[1] + blue * planes[2]
 
 

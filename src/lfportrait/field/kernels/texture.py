@@ -1,0 +1,222 @@
+"""Looking up the texture of a field's surface where a ray meets it.
+
+A texture (`lfportrait.field.texture`) is a few far pictures side by side. Which of them shows a
+place is kept for each cell of the lattice, in the layout that rays are cast through (`bricks`), so
+that a ray's end needs no search: its cell names the chart, a projection gives the place there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+
+from ...lanes.cache_keys import identified
+from ...lanes.vectors import LANES
+from .march import make_locate
+
+__all__ = ["add_texture", "cell_charts", "halve", "make_detail", "make_texture_share"]
+
+NONE = 255
+"""The chart of a row that none shows; a cell's is -1."""
+
+
+@njit(cache=True, parallel=True)
+def cell_charts(brick_links, charts, out):
+    """The chart that most corners of a cell name, int32 [bricks * 128]; -1 where none does.
+
+    ``charts`` uint8 [N + 1] has the charts of the lattice's rows, `NONE` for the last one, which
+    stands for empty points. Of the slots of a brick only those that begin a cell are used.
+    """
+    for brick in prange(len(brick_links) // 128):
+        names = np.empty(8, np.int64)
+        for slot in range(128):
+            out[brick * 128 + slot] = -1
+        for cell in range(64):
+            low = brick * 128 + (cell >> 4) * 25 + ((cell >> 2) & 3) * 5 + (cell & 3)
+            for corner in range(8):
+                offset = (corner >> 2) * 25 + ((corner >> 1) & 1) * 5 + (corner & 1)
+                names[corner] = charts[brick_links[low + offset]]
+            most = 0
+            for corner in range(8):
+                count = 0
+                for other in range(8):
+                    count += names[other] == names[corner]
+                if names[corner] != NONE and count > most:
+                    most = count
+                    out[low] = names[corner]
+
+
+def make_texture_share(lanes: SimpleNamespace) -> Callable[..., Any]:
+    """The function that tells how much of the texture rays show that let so much light through.
+
+    All of it where they are nearly opaque. Where half the light passes there is no surface; up to
+    there it fades, so that nothing begins with a step. Below that it is negative: take none.
+    """
+    minimum = lanes.minimum
+
+    @identified("texture share", lanes.width)
+    @lanes.jit
+    def texture_share(through):
+        return minimum(np.float32(2.0) - np.float32(4.0) * through, np.float32(1.0))
+    return texture_share
+
+
+def make_detail(lanes: SimpleNamespace, every: bool) -> Callable[..., Any]:
+    """The function that looks up the texture where a packet's rays end.
+
+    Returns
+    -------
+    detail
+        ``detail(table, cells, charts, texels, nx, ny, nz, x, y, z, wanted, channel)``: differences
+        of sRGB as lanes, 0 where ``wanted`` (a mask) is false or no chart shows the place: of all
+        three channels if ``every`` (``channel`` is not looked at), else of the one, a number or
+        lanes of int.
+
+        ``table`` is that of `Bricks`, ``cells`` int32 [bricks * 128] the charts of its cells
+        (`cell_charts`), ``charts`` float32 [C, 12] take lattice coordinates to texels
+        (homogeneous, row by row), ``texels`` int32 [H, W] hold red, green and blue, signed, in the
+        lowest three bytes, 254 to full scale; x, y, z are lattice coordinates.
+    """
+    gather, where, floats, ints = lanes.gather, lanes.where, lanes.floats, lanes.ints
+    maximum, minimum, bits = lanes.maximum, lanes.minimum, lanes.bits
+    lowest, lane_of = lanes.lowest, lanes.lane
+    locate = make_locate(lanes)
+    half, one, zero = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+
+    @identified("texel", lanes.width)
+    @lanes.jit
+    def between(a, b, c, d, fx, fy, left):
+        """One channel of four texels, interpolated; ``left`` bits lie above its byte."""
+        down = np.int32(24)
+        a, b = floats((a << left) >> down), floats((b << left) >> down)
+        c, d = floats((c << left) >> down), floats((d << left) >> down)
+        top, low = a + fx * (b - a), c + fx * (d - c)
+        return (top + fy * (low - top)) * np.float32(1.0 / 254.0)
+
+    @identified("detail", every, lanes.width)
+    @lanes.jit
+    def detail(table, cells, charts, texels, nx, ny, nz, x, y, z, wanted, channel):
+        height, width = np.int32(texels.shape[0]), np.int32(texels.shape[1])
+        brick, _, _, _, inner, _, _, _ = locate(table, x, y, z, nx, ny, nz)
+        chart = gather(cells, maximum(brick, np.int32(0)) * np.int32(128) + inner)
+        todo = wanted & (brick >= np.int32(0)) & (chart >= np.int32(0))
+        red, green, blue = floats(zero), floats(zero), floats(zero)
+        word = bits(todo)
+        while word != 0:
+            number = lane_of(chart, lowest(word))
+            here = todo & (chart == number)
+            m = charts[number]
+            over = one / (m[8] * x + m[9] * y + m[10] * z + m[11])
+            u = (m[0] * x + m[1] * y + m[2] * z + m[3]) * over - half
+            v = (m[4] * x + m[5] * y + m[6] * z + m[7]) * over - half
+            inside = (here & (u >= zero) & (v >= zero) & (u < np.float32(width - 1))
+                      & (v < np.float32(height - 1)))
+            i = ints(minimum(maximum(u, zero), np.float32(width - 2)))
+            j = ints(minimum(maximum(v, zero), np.float32(height - 2)))
+            fx, fy = u - floats(i), v - floats(j)
+            first = j * width + i
+            a, b = gather(texels, first), gather(texels, first + np.int32(1))
+            c, d = gather(texels, first + width), gather(texels, first + (width + np.int32(1)))
+            if every:
+                red = where(inside, between(a, b, c, d, fx, fy, np.int32(24)), red)
+                green = where(inside, between(a, b, c, d, fx, fy, np.int32(16)), green)
+                blue = where(inside, between(a, b, c, d, fx, fy, np.int32(8)), blue)
+            else:
+                left = np.int32(24) - np.int32(8) * channel
+                red = where(inside, between(a, b, c, d, fx, fy, left), red)
+            todo = todo & ~here
+            word = bits(todo)
+        return red, green, blue
+    return detail
+
+
+_detail, _share = make_detail(LANES, True), make_texture_share(LANES)
+_load, _store = LANES.load, LANES.store
+
+
+@identified("add texture")
+@njit(cache=True, parallel=True)
+def add_texture(table, cells, charts, texels, lattice, camera, size, alpha, depth, color):
+    """Add the texture to a rendered view, in place.
+
+    Parameters
+    ----------
+    table, cells, charts, texels
+        As for `make_detail`.
+    lattice, camera, size
+        As the rendering kernel takes them.
+    alpha, depth
+        float32 [H W], opacity and depth along the optical axis.
+    color
+        float32 [H W 3], with nothing of the background in it yet.
+    """
+    nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
+    for line in prange(size[1]):
+        y = np.int64(line)
+        cy = (y + 0.5 - camera[15]) / camera[13]
+        ray = np.zeros((4, 16), np.float32)
+        flat = ray.reshape(64)
+        for first in range(0, size[0], 16):
+            many = min(16, size[0] - first)
+            seen = 0
+            for i in range(16):
+                pixel = y * size[0] + first + min(i, many - 1)
+                away = depth[pixel]
+                through = np.float32(1.0) - alpha[pixel]
+                if i >= many or through >= np.float32(0.5) or not away < np.float32(1e30):
+                    through, away = np.float32(1.0), np.float32(0.0)
+                seen += through < np.float32(0.5)
+                cx = (first + i + 0.5 - camera[14]) / camera[12]
+                for axis in range(3):
+                    at = camera[4 * axis + 3] + away * (camera[4 * axis] * cx + camera[
+                        4 * axis + 1] * cy + camera[4 * axis + 2])
+                    ray[axis, i] = np.float32(at * lattice[3 + axis] + lattice[6 + axis])
+                ray[3, i] = through
+            if seen == 0:
+                continue
+            share = _share(_load(flat, 48))
+            red, green, blue = _detail(
+                table, cells, charts, texels, nx, ny, nz, _load(flat, 0), _load(flat, 16),
+                _load(flat, 32), share > np.float32(0.0), np.int32(0))
+            # Lanes that are not wanted have no detail, whatever their share.
+            _store(flat, 0, share * red)
+            _store(flat, 16, share * green)
+            _store(flat, 32, share * blue)
+            for i in range(many):
+                pixel = 3 * (y * size[0] + first + i)
+                for channel in range(3):
+                    color[pixel + channel] = max(color[pixel + channel] + ray[channel, i],
+                                                 np.float32(0.0))
+
+
+@njit(cache=True, parallel=True)
+def halve(texels, out):
+    """Every second texel of int8 [H, W, 4], blurred, into out int8 [H // 2, W // 2, 4].
+
+    Weights along an axis are 1, 3, 3, 1: with a plain mean of two, strokes as fine as the finer
+    texels would come through as false coarse ones. Beyond the border there is no difference: 0.
+    """
+    height, width = texels.shape[:2]
+    for line in prange(out.shape[0]):
+        y = np.int64(line)
+        sums = np.empty((width, 3), np.int64)
+        for x in range(width):
+            for channel in range(3):
+                total = 0
+                for k in range(4):
+                    row = 2 * y - 1 + k
+                    if 0 <= row < height:
+                        total += (3 if 0 < k < 3 else 1) * np.int64(texels[row, x, channel])
+                sums[x, channel] = total
+        for x in range(out.shape[1]):
+            for channel in range(3):
+                total = 0
+                for k in range(4):
+                    column = 2 * x - 1 + k
+                    if 0 <= column < width:
+                        total += (3 if 0 < k < 3 else 1) * sums[column, channel]
+                out[y, x, channel] = np.int8((total + 32) >> 6)

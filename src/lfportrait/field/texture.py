@@ -1,0 +1,135 @@
+"""Detail of a field's surface that its lattice is too coarse for: a texture, looked up once a ray.
+
+Lattice points are some four strokes' widths apart. So a painted head carries, beside the colours of
+its lattice, what these leave out of the painting: the difference, in a few far pictures of the head
+(charts), side by side. A ray is composited as ever (Shen et al. 2023, Eq. 1); where its
+transmittance passes one half, it has met the surface, and the texture's difference there is added
+to its colour, by its opacity. The pictures are far and nearly parallel to the surface, so that a
+small error of the depth does not move a stroke.
+
+What looks from further away than the texture was painted for takes one of half, a quarter, ... of
+its resolution, as texture pyramids do (Williams 1983).
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .kernels.bricks import Bricks
+from .kernels.texture import NONE, cell_charts, halve
+
+__all__ = ["NO_TEXTURE", "SurfaceTexture", "TextureRows", "texture_cells"]
+
+LEVELS = 6
+"""Levels of the pyramid; at the last one a texel is as large as eight lattice points."""
+FULL = 254.0
+"""Texels per full scale: differences up to one half either way are kept exactly enough."""
+
+TextureRows = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.int32]]
+"""What kernels take (`kernels.texture.make_detail`): charts of cells, projections, texels."""
+
+NO_TEXTURE: TextureRows = (np.zeros(0, np.int32), np.zeros((0, 12), np.float32),
+                           np.zeros((0, 0), np.int32))
+"""The same for a field without a texture."""
+
+
+@dataclass(frozen=True)
+class SurfaceTexture:
+    """Differences to the lattice's colours over the surface of a field of N rows.
+
+    Attributes
+    ----------
+    texels
+        int8 [H, W, 3], differences of sRGB in 254ths; 0 where nothing is known.
+    projections
+        float64 [C, 3, 4], from the world to texels (x, y; homogeneous), one for each chart. The
+        middle of the first texel lies at (0.5, 0.5).
+    charts
+        uint8 [N], the chart that shows each row's place; 255 where none does.
+    pixels
+        Texels per world unit.
+    """
+
+    texels: NDArray[np.int8]
+    projections: NDArray[np.float64]
+    charts: NDArray[np.uint8]
+    pixels: float
+
+    def __post_init__(self) -> None:
+        count = len(self.projections)
+        if (self.texels.ndim != 3 or self.texels.shape[2] != 3 or self.texels.dtype != np.int8
+                or self.projections.shape != (count, 3, 4) or not 0 < count < NONE
+                or self.charts.ndim != 1 or self.charts.dtype != np.uint8
+                or not np.isfinite(self.projections).all() or not 0 < self.pixels < math.inf):
+            raise ValueError("a texture needs texels int8 [H, W, 3], projections [C, 3, 4] of at "
+                             "most 254 charts, their numbers uint8 [N] and its resolution")
+        if (self.charts[self.charts != NONE] >= count).any():
+            raise ValueError(f"rows name charts beyond the {count} of the texture")
+
+    @staticmethod
+    def of(detail: NDArray[np.floating[Any]], projections: NDArray[np.floating[Any]],
+           charts: NDArray[np.uint8], pixels: float) -> SurfaceTexture:
+        """A texture of differences [H, W, 3] of sRGB; those beyond one half are clipped."""
+        texels = np.clip(np.rint(detail * np.float32(FULL)), -127, 127).astype(np.int8)
+        return SurfaceTexture(texels, np.asarray(projections, np.float64), charts, float(pixels))
+
+    @property
+    def detail(self) -> NDArray[np.float32]:
+        """Differences of sRGB, float32 [H, W, 3]."""
+        return self.texels * np.float32(1 / FULL)
+
+    def with_texels(self, texels: NDArray[np.int8]) -> SurfaceTexture:
+        """The same places with other texels, int8 [H, W, 3]."""
+        return replace(self, texels=texels)
+
+    @functools.cached_property
+    def _pyramid(self) -> list[NDArray[np.int32]]:
+        """Texels as the kernels take them, int32 [h, w], by level."""
+        height, width = self.texels.shape[:2]
+        first = np.zeros((height, width, 4), np.int8)
+        first[..., :3] = self.texels
+        levels = [first]
+        while len(levels) < LEVELS and min(levels[-1].shape[:2]) >= 4:
+            height, width, _ = levels[-1].shape
+            levels.append(np.zeros((height // 2, width // 2, 4), np.int8))
+            halve(levels[-2], levels[-1])
+        return [level.view("<i4")[..., 0] for level in levels]
+
+    def level(self, footprint: float) -> int:
+        """The level whose texels are nearest to ``footprint``, world units, in size."""
+        wanted = math.log2(max(footprint * self.pixels, 1e-9))
+        return min(max(round(wanted), 0), len(self._pyramid) - 1)
+
+    def rows(self, cells: NDArray[np.int32], lattice: NDArray[np.float64],
+             footprint: float) -> TextureRows:
+        """What kernels take.
+
+        Parameters
+        ----------
+        cells
+            Charts of the cells of the field's layout (`texture_cells`).
+        lattice
+            `VoxelField.lattice`.
+        footprint
+            Width of the detail that is wanted, world units.
+        """
+        level = self.level(footprint)
+        world = np.eye(4)
+        world[:3, :3] = np.diag(1.0 / lattice[3:6])
+        world[:3, 3] = -lattice[6:9] / lattice[3:6]
+        maps = self.projections @ world
+        maps[:, :2] *= 0.5 ** level
+        return cells, np.ascontiguousarray(maps.reshape(-1, 12), np.float32), self._pyramid[level]
+
+
+def texture_cells(texture: SurfaceTexture, bricks: Bricks) -> NDArray[np.int32]:
+    """Charts of the cells of a field's layout, int32 [bricks * 128]."""
+    out = np.empty(len(bricks.links), np.int32)
+    cell_charts(bricks.links, np.append(texture.charts, np.uint8(NONE)), out)
+    return out

@@ -1,0 +1,116 @@
+"""What the lattice leaves out of a painting, as a texture of the field's surface.
+
+The painted atlas minus a rendering of the stylised field in the same charts: added where a ray
+meets the surface, it shows the painting itself, as sharp as it was painted.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Camera
+from ..example import Painting, Skin
+from ..field import SurfaceTexture, VoxelField
+from .skin_fit import chart_pixels
+
+__all__ = ["row_charts", "surface_texture", "texel_rows"]
+
+Float32 = NDArray[np.float32]
+
+MARGIN = 12
+"""Texels kept around what a chart owns, so that cells at a border find theirs in either chart."""
+SOLID = 0.9
+"""Where a chart's own view is clearer than this, nothing is known of the surface's colour."""
+BLOCK = 4
+"""Texels across a block that takes its shares in a mix from one lattice row."""
+
+
+def surface_texture(styled: VoxelField, painting: Painting) -> SurfaceTexture:
+    """The texture that makes a field show a painting of its skin.
+
+    Parameters
+    ----------
+    styled
+        The field with its colours after the painting, without a texture.
+    painting
+        On the field's skin.
+    """
+    skin, step = painting.skin, painting.step
+    atlas = skin.atlas
+    shape = painting.color.shape[:2]
+    detail = np.zeros((*shape, 3), np.float32)
+    for n in range(len(atlas.boxes)):
+        there = tuple(slice(part.start // step, part.start // step + size) for part, size in zip(
+            chart_pixels(skin, n, 1), _size(skin, n, step)))
+        shot = styled.render(_chart_camera(skin, n, step), 0, background=0.0, step=1.0)
+        solid = shot.alpha > SOLID
+        lattice = shot.color / np.maximum(shot.alpha, np.float32(SOLID))[..., None]
+        detail[there] = np.where(solid[..., None], painting.color[there] - lattice, 0)
+    own = (atlas.own & (skin.slots >= 0))[::step, ::step][:shape[0], :shape[1]]
+    near = cv2.dilate(own.astype(np.uint8), np.ones((2 * MARGIN // step + 1,) * 2, np.uint8))
+    detail *= near[..., None]
+    return SurfaceTexture.of(detail, projections(skin, step), row_charts(skin),
+                             skin.pixels / step)
+
+
+def _size(skin: Skin, n: int, step: int) -> tuple[int, int]:
+    """Rows and columns of a chart at every ``step``-th pixel."""
+    x0, y0, x1, y1 = skin.atlas.boxes[n, :4].tolist()
+    return (y1 - y0) // step, (x1 - x0) // step
+
+
+def _chart_camera(skin: Skin, n: int, step: int) -> Camera:
+    """The camera of the part of a chart that the atlas holds, at every ``step``-th pixel."""
+    camera = skin.atlas.cameras[n]
+    rows, columns = _size(skin, n, step)
+    corner = skin.atlas.boxes[n, :2]
+    return Camera(camera.pose, camera.focal / step, (camera.center - corner) / step,
+                  np.array([columns]), np.array([rows]))
+
+
+def projections(skin: Skin, step: int = 1) -> NDArray[np.float64]:
+    """From the world to the atlas at every ``step``-th pixel, float64 [C, 3, 4]."""
+    cameras, boxes = skin.atlas.cameras, skin.atlas.boxes
+    out = np.empty((len(boxes), 3, 4))
+    for n, (x0, y0, _, _, dx, dy) in enumerate(boxes.tolist()):
+        lens = np.eye(3)
+        lens[[0, 1], [0, 1]] = cameras.focal[n] / step
+        # Whole blocks of the atlas: as `chart_pixels` has them.
+        corner = np.array([(x0 + dx) // step, (y0 + dy) // step])
+        lens[:2, 2] = (cameras.center[n] - [x0, y0]) / step + corner
+        turn = cameras.pose[n, :3, :3].T
+        out[n] = lens @ np.concatenate([turn, -(turn @ cameras.pose[n, :3, 3])[:, None]], axis=1)
+    return out
+
+
+def row_charts(skin: Skin) -> NDArray[np.uint8]:
+    """The chart that shows each lattice row's place, uint8 [R]; 255 where none does."""
+    out = np.full(len(skin.rows), 255, np.uint8)
+    for n, (x0, y0, x1, y1, dx, dy) in enumerate(skin.atlas.boxes.tolist()):
+        # A comparison with NaN is false.
+        inside = ((skin.rows >= [x0 + dx, y0 + dy]) & (skin.rows < [x1 + dx, y1 + dy])).all(axis=1)
+        out[inside] = n
+    return out
+
+
+def texel_rows(skin: Skin, texture: SurfaceTexture) -> NDArray[np.int32]:
+    """A lattice row for each block of texels, int32 [H / 4, W / 4] rounded up: that nearest to it.
+
+    ``texture`` is of the skin.
+    """
+    shape = tuple(-(-size // BLOCK) for size in texture.texels.shape[:2])
+    found = np.full(shape, -1, np.int32)
+    known = np.flatnonzero(np.isfinite(skin.rows[:, 0]))
+    scale = texture.pixels / skin.pixels / BLOCK
+    block = (skin.rows[known] * scale).astype(np.int64)
+    block = np.minimum(block, np.array(shape[::-1]) - 1)
+    found[block[:, 1], block[:, 0]] = known
+    _, labels = cv2.distanceTransformWithLabels(
+        (found < 0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5,
+        labelType=cv2.DIST_LABEL_PIXEL)
+    # A label is a number of its own for each block that has a row.
+    row_of = np.zeros(int(labels.max()) + 1, np.int32)
+    row_of[labels[found >= 0]] = found[found >= 0]
+    return np.asarray(row_of[labels], np.int32)
