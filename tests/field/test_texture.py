@@ -174,7 +174,7 @@ def test_both_codings_show_the_texture(turned):
             without = encode(plain, display, config, mask=mask).astype(float)
             assert np.sqrt(((images[method] - without) ** 2).mean()) > 10
         away = np.abs(images["slices"] - images["direct"])
-        assert np.sqrt((away ** 2).mean()) < 5
+        assert np.sqrt((away ** 2).mean()) < 7
 
 
 def test_a_coded_view_shows_what_a_rendering_shows():
@@ -187,7 +187,7 @@ def test_a_coded_view_shows_what_a_rendering_shows():
     green = np.abs(coded[..., 1] - shot[..., 1])
     plain = np.clip(field.with_sh(field.sh).render(camera).color, 0, 1)
     assert np.abs(shot - plain).mean() > 0.02
-    assert green.mean() < 0.01
+    assert green.mean() < 0.015
 
 
 def test_a_file_keeps_the_texture_and_svox2_finds_what_it_knows(tmp_path):

@@ -30,6 +30,7 @@ from ..patches import (
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, Transfer, TransferConfig
+from ..turned import frontalised
 from .canvas import Canvas, canvas_of
 from .materials import (
     MATERIALS,
@@ -120,6 +121,8 @@ class SkinPainter:
 
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
                  transfer: TransferConfig | None = None, seed: int = 0) -> None:
+        # Of a face that is turned, the frontal picture.
+        exemplar = frontalised(exemplar)
         self.exemplar, self.seed = exemplar, seed
         self.config = config or SkinConfig()
         self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed))

@@ -1,0 +1,277 @@
+"""The frontal picture of a face that its painter saw from one side.
+
+Guides lead from a head to the place of a painting that shows the same, and strokes are copied as
+they lie. Neither is there for the half of a face that the painter did not show. So a painting whose
+face is turned is unrolled first: every place of a frontal picture is a place of a generic head,
+the head's pose leads from there to the painting, and a smooth warp takes what the painter and the
+person have of their own (the landmarks' residuals). What turns away from the painter, or lies
+behind nose or brow, is taken from its mirror image on the other side, with the light of the side
+where it comes to lie: faces are symmetric enough (Hassner et al. 2015). An eye and a mouth that can
+be seen at all are kept, so that both eyes look where the painter's did.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
+
+from ...errors import UserError
+from ..exemplar import Exemplar
+from ..guides.regions import find_regions
+from .generic_head import LANDMARKS, depth_of
+from .pose import FacePose, face_pose
+
+__all__ = ["FRONTAL", "PROFILE", "Frontal", "frontal_view", "frontalised"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+FRONTAL = 9.0
+"""Faces turned by less than so many degrees are taken as they are."""
+PROFILE = 62.0
+"""Faces turned further show too little of their other half."""
+CLEAR = 0.5
+"""Cosine to the painter's direction from which on a place is taken as he painted it."""
+FEATURE = 0.22
+"""The same for eyes, brows and mouth, which would else look like a mirror's."""
+SURE = 0.15
+"""The same for telling its light from that of its mirror image."""
+SMALL = 8
+"""Light changes slowly: it is looked at in pictures of this fraction of the size."""
+COARSE = 6
+"""The maps are made every so many pixels."""
+
+
+@dataclass(frozen=True)
+class Frontal:
+    """A painting's face from the front.
+
+    Attributes
+    ----------
+    image
+        uint8 [h, w, 3], sRGB.
+    landmarks
+        float64 [68, 2], pixels.
+    mirrored
+        float32 [h, w] in [0, 1]: what comes from the other side.
+    places
+        float32 [h, w, 2], (x, y) in the painting of what is shown, its mirror images included.
+    mask
+        float32 [h, w], the painting's mask of the person, or None.
+    pose
+        Of the face in the painting.
+    """
+
+    image: NDArray[np.uint8]
+    landmarks: Float64
+    mirrored: Float32
+    places: Float32
+    mask: Float32 | None
+    pose: FacePose
+
+
+def frontalised(exemplar: Exemplar) -> Exemplar:
+    """An exemplar from the front: itself, if its face is turned by less than `FRONTAL` degrees.
+
+    Raises
+    ------
+    UserError
+        If the face is next to a profile.
+    """
+    pose = face_pose(exemplar.landmarks)
+    if abs(pose.yaw) < FRONTAL:
+        return exemplar
+    if abs(pose.yaw) > PROFILE:
+        side = "right" if pose.yaw > 0 else "left"
+        raise UserError(f"the face in {exemplar.name} looks to the picture's {side}, "
+                        f"{abs(pose.yaw):.0f} degrees away: a painting needs both eyes, "
+                        f"turned by {PROFILE:.0f} degrees at most")
+    person = exemplar.mask
+    if person is None:
+        person = find_regions(exemplar.image, exemplar.landmarks).person
+    found = frontal_view(exemplar, pose, person)
+    return Exemplar(found.image, found.landmarks, exemplar.name, found.mask)
+
+
+def frontal_view(exemplar: Exemplar, pose: FacePose, person: Float32 | None = None) -> Frontal:
+    """The frontal picture of an exemplar's face, with the paint's size as it is.
+
+    ``person`` float32 [H, W], by default the painting's mask, is what of it is the person: a place
+    of the head that falls beside it was not painted.
+    """
+    height, width = exemplar.image.shape[:2]
+    head = _Head(exemplar, pose)
+    own, clear = head.places, head.clear
+    if person is None:
+        person = exemplar.mask
+    if person is not None:
+        # A little within the outline: paint there is mixed with what lies behind.
+        side = 2 * int(0.035 * pose.scale) + 1
+        within = cv2.erode(np.asarray(person, np.float32), np.ones((side, side), np.uint8))
+        beside = 1 - np.clip(2 * _sampled(within, own), 0, 1)
+        clear = clear * (1 - beside * head.inside)
+    across = own[:, ::-1], clear[:, ::-1]
+    share = _own_share(clear, across[1], head.needed, pose.scale)
+    ours, theirs = (_sampled(exemplar.image, places) for places in (own, across[0]))
+    both = head.face * ((clear > SURE) & (across[1] > SURE))
+    theirs = _relit(ours, theirs, share, both, head.face, pose.scale)
+    image = share[..., None] * ours + (1 - share[..., None]) * theirs
+    mask = None
+    if exemplar.mask is not None:
+        values = [_sampled(exemplar.mask, places) for places in (own, across[0])]
+        mask = np.asarray(share * values[0] + (1 - share) * values[1], np.float32)
+    assert image.shape[:2] == (height, width)
+    places = np.where(share[..., None] > 0.5, own, across[0])
+    return Frontal(np.asarray(np.clip(image, 0, 255) + 0.5, np.uint8), head.landmarks,
+                   1 - share, np.asarray(places, np.float32), mask, pose)
+
+
+class _Head:
+    """The generic head seen from the front, and where a painting has what it shows.
+
+    The frontal picture has the painting's size; the head's axis is its middle.
+    """
+
+    def __init__(self, exemplar: Exemplar, pose: FacePose) -> None:
+        height, width = exemplar.image.shape[:2]
+        self.pose, self.size = pose, (width, height)
+        self.center = np.array([width / 2, pose.shift[1]])
+        self.landmarks = self.center + pose.scale * LANDMARKS[:, :2] * [1.0, -1.0]
+        # Every few pixels, symmetric about the axis, a little over the border.
+        columns, rows = -(-width // COARSE) + 1, -(-height // COARSE) + 1
+        across = (np.arange(columns) - (columns - 1) / 2) * COARSE
+        down = np.arange(rows) * COARSE
+        x, y = np.meshgrid(across / pose.scale, (self.center[1] - down) / pose.scale)
+        points = np.stack([x, y, depth_of(x, y)], axis=-1)
+        self.places = self._full(self._seen(points, exemplar.landmarks))
+        normals = _normals(points)
+        facing = normals @ pose.rotation[2]
+        facing[_hidden(points, pose)] = 0.0
+        self.clear = self._full(facing)[..., 0]
+        self.needed = self._full(_needed(x, y))[..., 0]
+        self.inside = self._full(_oval(x, y, 0.45, 0.02, 0.66))[..., 0]
+        self.face = self._full(_oval(x, y, 0.4, -0.06, 0.58))[..., 0]
+
+    def _seen(self, points: Float64, painted: Float64) -> Float64:
+        """Where the painting has points [h, w, 3] of the head, [h, w, 2]."""
+        known = np.isfinite(painted).all(axis=1)
+        # On the far side the jaw's landmarks slide along the outline: the pose knows better.
+        far = LANDMARKS[:, 0] * np.sign(self.pose.rotation[2, 0]) < 0
+        known &= ~(far & (np.arange(68) < 17))
+        left = painted[known] - self.pose.project(LANDMARKS[known])
+        warp = RBFInterpolator(LANDMARKS[known, :2], left, kernel="thin_plate_spline",
+                               smoothing=2e-3)
+        flat = points.reshape(-1, 3)
+        moves = warp(flat[:, :2]).reshape(*points.shape[:2], 2)
+        # Outside the face the residuals fade: there is nothing that they were measured on.
+        low, high = LANDMARKS[8, 1], LANDMARKS[17:27, 1].max()
+        reach = np.sqrt((points[..., 0] / LANDMARKS[16, 0]) ** 2
+                        + ((points[..., 1] - (low + high) / 2) / (0.5 * (high - low))) ** 2)
+        fade = np.exp(-(np.maximum(reach - 1.1, 0) / 0.5) ** 2)
+        limit = 0.3 * self.pose.scale
+        return np.asarray(self.pose.project(points)
+                          + fade[..., None] * np.clip(moves, -limit, limit), np.float64)
+
+    def _full(self, values: Float64) -> Float32:
+        """Values of the coarse grid at every pixel, float32 [h, w, C]."""
+        width, height = self.size
+        columns = values.shape[1]
+        x = (np.arange(width) + 0.5 - width / 2) / COARSE + (columns - 1) / 2
+        y = (np.arange(height) + 0.5) / COARSE
+        grid_x, grid_y = (np.asarray(axis, np.float32) for axis in np.meshgrid(x, y))
+        found = cv2.remap(np.asarray(values, np.float32), grid_x, grid_y, cv2.INTER_LINEAR,
+                          borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(found.reshape(height, width, -1), np.float32)
+
+
+def _normals(points: Float64) -> Float64:
+    """Unit normals of a height field of points [h, w, 3], +z outwards; rows run downwards."""
+    down, across = np.gradient(points, axis=0), np.gradient(points, axis=1)
+    normal = np.cross(-down, across) * -1.0
+    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True), np.float64)
+
+
+def _hidden(points: Float64, pose: FacePose) -> NDArray[np.bool_]:
+    """Which points [h, w, 3] the painter sees something else before, bool [h, w]."""
+    place = pose.project(points) / COARSE
+    depth = pose.depth(points)
+    corner = np.floor(place.min(axis=(0, 1))).astype(int)
+    cell = np.floor(place).astype(int) - corner
+    nearest = np.full(tuple(cell.max(axis=(0, 1))[::-1] + 2), -np.inf)
+    np.maximum.at(nearest, (cell[..., 1], cell[..., 0]), depth)
+    return np.asarray(nearest[cell[..., 1], cell[..., 0]] > depth + 0.06)
+
+
+def _needed(x: Float64, y: Float64) -> Float64:
+    """How clearly a place must be seen to be taken as it was painted: less in eyes and mouth."""
+    out = np.full(x.shape, CLEAR)
+    for numbers, wide, high in ((range(36, 42), 0.12, 0.075), (range(42, 48), 0.12, 0.075),
+                                (range(17, 22), 0.13, 0.05), (range(22, 27), 0.13, 0.05),
+                                (range(48, 60), 0.17, 0.1)):
+        middle = LANDMARKS[list(numbers), :2].mean(axis=0)
+        away = np.hypot((x - middle[0]) / wide, (y - middle[1]) / high)
+        out -= (CLEAR - FEATURE) * np.clip(2 - away, 0, 1)
+    return np.maximum(out, FEATURE)
+
+
+def _oval(x: Float64, y: Float64, wide: float, middle: float, high: float) -> Float64:
+    """1 in an oval about the axis, 0 around it, soft between."""
+    reach = np.sqrt((x / wide) ** 2 + ((y - middle) / high) ** 2)
+    return np.asarray(np.clip((1.05 - reach) / 0.1, 0, 1), np.float64)
+
+
+def _own_share(clear: Float32, mirrored: Float32, needed: Float32, scale: float) -> Float32:
+    """Share of what the painter showed at a place, against its mirror image, float32 [h, w]."""
+    own = ((clear > needed) | (clear >= mirrored)).astype(np.float32)
+    # No islands; and an edge that is soft over a stroke, not over a feature.
+    side = 2 * int(0.03 * scale) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    for step in (cv2.MORPH_OPEN, cv2.MORPH_CLOSE):
+        own = np.asarray(cv2.morphologyEx(own, step, kernel), np.float32)
+    return _blurred(own, 0.015 * scale)
+
+
+def _sampled(picture: NDArray[np.generic], places: Float32) -> Float32:
+    """A picture [H, W(, 3)] at places (x, y), reflected beyond its border, float32."""
+    x, y = (np.ascontiguousarray(places[..., axis]) - np.float32(0.5) for axis in range(2))
+    return np.asarray(cv2.remap(np.asarray(picture, np.float32), x, y, cv2.INTER_CUBIC,
+                                borderMode=cv2.BORDER_REFLECT_101), np.float32)
+
+
+def _relit(ours: Float32, theirs: Float32, share: Float32, both: Float32, face: Float32,
+           scale: float) -> Float32:
+    """The mirror image in the light of the place that it comes to, float32 [h, w, 3].
+
+    Where the two meet they differ by the light alone, seen broadly. That difference goes on from
+    the seam into the mirrored side, and fades: a lit cheek does not end at a line of shadow.
+    ``both`` [h, w] is 1 where either is on the face; hair and hats (outside ``face``) stay.
+    """
+    seam = _blurred(4 * share * (1 - share), 0.06 * scale)
+    seam = both * seam / max(float(seam.max()), 1e-3)
+    if not seam.any():
+        return theirs
+    broad = 0.04 * scale
+    known = np.maximum(_blurred(both, broad), np.float32(1e-3))
+    size = max(ours.shape[1] // SMALL, 8), max(ours.shape[0] // SMALL, 8)
+    differing = _blurred(both[..., None] * (ours - theirs), broad) / known[..., None]
+    weight, light = (np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.float32)
+                     for plane in (seam, differing))
+    # From broad to narrow: near the seam its own difference counts, further away a mean of more.
+    mean: Float32 = np.zeros_like(light)
+    for reach in (0.4, 0.2, 0.1, 0.05):
+        total = _blurred(weight, reach * scale / SMALL)[..., None]
+        here = _blurred(light * weight[..., None], reach * scale / SMALL) / (
+            total + np.float32(1e-5))
+        sure = np.clip(total / (0.2 * float(total.max()) + 1e-6), 0, 1)
+        mean = np.asarray(mean + sure * (here - mean), np.float32)
+    change = cv2.resize(mean, ours.shape[1::-1], interpolation=cv2.INTER_CUBIC)
+    return np.asarray(theirs + face[..., None] * change, np.float32)
+
+
+def _blurred(picture: Float32, sigma: float) -> Float32:
+    """A picture under a Gaussian of so many pixels."""
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.float32)

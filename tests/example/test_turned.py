@@ -1,0 +1,134 @@
+"""Faces that are turned: their pose, and what their frontal picture shows, against a known head."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+from scipy.spatial.transform import Rotation
+
+from lfportrait.errors import UserError
+from lfportrait.example import Exemplar
+from lfportrait.example.turned import FRONTAL, FacePose, face_pose, frontal_view, frontalised
+from lfportrait.example.turned.generic_head import LANDMARKS, MIRRORED, depth_of
+
+SIZE = 240
+SCALE = 130.0
+
+
+def posed(yaw, pitch=0.0, roll=0.0, scale=SCALE, shift=(120.0, 110.0)):
+    """A pose by its angles, as `FacePose` tells them."""
+    turn = Rotation.from_euler("zxy", [roll, -pitch, yaw], degrees=True).as_matrix()
+    return FacePose(turn, scale, np.asarray(shift, float), 0.0)
+
+
+def paint(x, y):
+    """What is painted on the head: waves, different on either side."""
+    waves = [np.sin(9 * x + 5 * y + 1), np.sin(7 * y - 4 * x), np.cos(8 * x)]
+    return 128 + 80 * np.stack(waves, axis=-1)
+
+
+def portrait(pose):
+    """The painted generic head in a pose, its far points first, on grey; and where it is seen."""
+    grid = np.linspace(-0.47, 0.47, 900)
+    x, y = np.meshgrid(grid, np.linspace(-0.62, 0.6, 1100))
+    points = np.stack([x, y, depth_of(x, y)], axis=-1).reshape(-1, 3)
+    inside = (points[:, 0] / 0.42) ** 2 + (points[:, 1] / 0.62) ** 2 < 1
+    points = points[inside]
+    points = points[np.argsort(pose.depth(points))]
+    place = np.floor(pose.project(points)).astype(int)
+    kept = ((place >= 0) & (place < SIZE)).all(axis=1)
+    image = np.full((SIZE, SIZE, 3), 90.0)
+    image[place[kept, 1], place[kept, 0]] = paint(points[kept, 0], points[kept, 1])
+    mask = np.zeros((SIZE, SIZE), np.float32)
+    mask[place[kept, 1], place[kept, 0]] = 1
+    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    return Exemplar(image.astype(np.uint8), pose.project(LANDMARKS), "turned", mask)
+
+
+@settings(max_examples=25, deadline=None)
+@given(some.floats(-55, 55), some.floats(-20, 20), some.floats(-25, 25), some.floats(30, 400))
+def test_a_pose_comes_back_from_its_landmarks(yaw, pitch, roll, scale):
+    pose = posed(yaw, pitch, roll, scale)
+    found = face_pose(pose.project(LANDMARKS))
+    assert np.abs(found.rotation - pose.rotation).max() < 1e-3
+    assert abs(found.scale / scale - 1) < 1e-3 and found.residual < 1e-3 * scale
+    assert np.abs(found.shift - pose.shift).max() < 1e-2 * scale
+
+
+def test_angles_are_told_as_they_are_meant():
+    for name in ("yaw", "pitch", "roll"):
+        pose = posed(**{"yaw": 0.0, name: 20.0})
+        assert abs(getattr(pose, name) - 20) < 1e-6
+        assert all(abs(getattr(pose, other)) < 1e-6 for other in {"yaw", "pitch", "roll"} - {name})
+    nose = posed(20.0).project(np.array([0.0, 0.0, 1.0])) - posed(20.0).project(np.zeros(3))
+    assert nose[0] > 0 and abs(nose[1]) < 1e-9
+    assert posed(0.0, pitch=20.0).project(np.array([0.0, 0.0, 1.0]))[1] < 110
+
+
+def test_the_generic_head_is_symmetric_and_its_depth_is_that_of_its_landmarks():
+    assert np.abs(LANDMARKS[MIRRORED] * [-1, 1, 1] - LANDMARKS).max() < 2e-3
+    inner = LANDMARKS[17:]
+    assert np.abs(depth_of(inner[:, 0], inner[:, 1]) - inner[:, 2]).max() < 0.04
+    x, y = np.meshgrid(np.linspace(-1, 1, 41), np.linspace(-1, 1, 41))
+    assert np.abs(depth_of(x, y) - depth_of(-x, y)).max() < 0.01
+
+
+@pytest.mark.parametrize("yaw", [-40.0, -20.0, 20.0, 40.0])
+def test_the_side_that_was_painted_is_shown_as_it_was_painted(yaw):
+    exemplar = portrait(posed(yaw))
+    found = frontal_view(exemplar, face_pose(exemplar.landmarks))
+    # A place of the frontal picture is one of the head.
+    across = (np.arange(SIZE) + 0.5 - SIZE / 2) / found.pose.scale
+    down = (found.pose.shift[1] - np.arange(SIZE) - 0.5) / found.pose.scale
+    x, y = np.meshgrid(across, down)
+    face = (x / 0.34) ** 2 + ((y + 0.1) / 0.4) ** 2 < 1
+    shown = face & (found.mirrored < 0.01)
+    towards = np.sign(yaw) * x < 0  # turned to the right, the painter sees the left side
+    assert shown[face & towards].mean() > 0.95
+    error = (found.image - paint(x, y))[shown]
+    assert 20 * np.log10(255 / np.sqrt((error ** 2).mean())) > 25
+
+
+@pytest.mark.parametrize("yaw", [-45.0, 45.0])
+def test_the_side_that_was_not_painted_is_the_other_one_mirrored(yaw):
+    exemplar = portrait(posed(yaw))
+    found = frontal_view(exemplar, face_pose(exemplar.landmarks))
+    mirrored = found.mirrored > 0.99
+    x = (np.arange(SIZE) + 0.5 - SIZE / 2) / found.pose.scale
+    rows, columns = np.nonzero(mirrored)
+    assert len(rows) > 500 and (np.sign(yaw) * x[columns] > 0).mean() > 0.9
+    there = found.places[rows, columns]
+    back = found.places[rows, SIZE - 1 - columns]
+    assert np.abs(there - back).max() < 1.0
+
+
+@pytest.mark.parametrize("yaw", [-30.0, 30.0])
+def test_both_eyes_look_where_the_painter_made_them_look(yaw):
+    exemplar = portrait(posed(yaw))
+    found = frontal_view(exemplar, face_pose(exemplar.landmarks))
+    for feature in (slice(36, 42), slice(42, 48), slice(48, 60)):
+        column, row = found.landmarks[feature].mean(axis=0).astype(int)
+        assert found.mirrored[row, column] < 0.05
+
+
+def test_a_mirrored_painting_gives_the_mirrored_picture():
+    exemplar = portrait(posed(30.0, 5.0, -4.0))
+    mirror = Exemplar(exemplar.image[:, ::-1], (exemplar.landmarks * [-1, 1] + [SIZE, 0])[MIRRORED],
+                      "mirror", np.ascontiguousarray(exemplar.mask[:, ::-1]))
+    one, two = (frontal_view(each, face_pose(each.landmarks)) for each in (exemplar, mirror))
+    assert np.abs(one.landmarks * [-1, 1] + [SIZE, 0] - two.landmarks[MIRRORED]).max() < 0.6
+    away = np.abs(one.image[:, ::-1].astype(float) - two.image)
+    # Outlines are a pixel's business.
+    assert np.median(away) < 2 and (away > 40).mean() < 0.02
+
+
+def test_frontal_faces_stay_as_they_are_and_profiles_are_told():
+    plain = portrait(posed(FRONTAL - 2))
+    assert frontalised(plain) is plain
+    turned = frontalised(portrait(posed(25.0)))
+    assert abs(face_pose(turned.landmarks).yaw) < 1 and turned.mask is not None
+    profile = portrait(posed(20.0))
+    profile.landmarks = posed(75.0).project(LANDMARKS)
+    with pytest.raises(UserError, match=r"to the picture's right, 7\d degrees"):
+        frontalised(profile)
