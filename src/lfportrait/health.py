@@ -88,23 +88,15 @@ def _computing() -> list[Fact]:
 
     facts = machine()
     unit, width = host.vector_unit()
-    layer, threads = host.threading_layer(), host.thread_count()
-    several = layer in ("OpenMP", "TBB")
+    threads = host.thread_count()
     return [
         Fact("machine", "processor", f"{facts['processor']}, {facts['cores']} cores",
              value={"name": facts["processor"], "cores": facts["cores"]}),
         Fact("machine", "vectors", f"{unit}: {width} numbers at once",
              value={"unit": unit, "width": width}),
         Fact("machine", "GPU", "this version uses none", value=computing_device()),
-        Fact("machine", "threads", f"{threads} by {layer}" + (
-            "" if several else ", which several Python threads must not use at once"),
-             "good" if several else "bad", "" if several else _install_openmp(),
-             {"count": threads, "layer": layer}),
+        Fact("machine", "threads", str(threads), value=threads),
         _kernels(host.kernel_cache())]
-
-
-def _install_openmp() -> str:
-    return "brew install libomp" if sys.platform == "darwin" else "apt install libgomp1"
 
 
 def _kernels(cache: KernelCache) -> Fact:

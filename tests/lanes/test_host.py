@@ -20,19 +20,6 @@ def test_the_widest_unit_counts(monkeypatch, features, unit):
     assert host.vector_unit() == unit
 
 
-def test_the_layer_is_the_one_that_numba_takes():
-    code = ("import numba, numpy; from lfportrait.lanes import host\n"
-            "@numba.njit(parallel=True)\n"
-            "def twice(x):\n"
-            "    for i in numba.prange(len(x)):\n"
-            "        x[i] *= 2\n"
-            "before = host.threading_layer(); twice(numpy.ones(9))\n"
-            "print(before, host._POOLS[numba.threading_layer()][1])")
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    before, taken = done.stdout.split()
-    assert before == taken
-
-
 def looked_up(**settings: str) -> tuple[Path, int]:
     """Folder of the cache and its number of functions, as another process finds them."""
     code = ("from lfportrait.lanes.host import kernel_cache; found = kernel_cache()\n"

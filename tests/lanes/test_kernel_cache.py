@@ -27,7 +27,7 @@ for radius in map(int, sys.argv[1:]):
     patch_errors(radius)(target, source, 21, state, trust, wanted, weight, np.float32(9), field,
                          error)
     print(radius, error.astype(float).sum())
-    stats = patch_errors(radius).stats
+    stats = patch_errors(radius).kernel.stats
     print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), file=sys.stderr)
 """
 
@@ -39,8 +39,8 @@ from lfportrait.field.kernels.render import render_kernel, render_kernel_one_lan
 from lfportrait.field.kernels.train import train_kernel
 
 print(lfportrait.__file__)
-for kernel in (train_kernel(32), encode_kernel(32, 9), render_kernel(16),
-               render_kernel_one_lane(32), patch_errors(1), search_pass(2)):
+for kernel in (train_kernel(32).kernel, encode_kernel(32, 9).kernel, render_kernel(16).kernel,
+               render_kernel_one_lane(32), patch_errors(1).kernel, search_pass(2).kernel):
     print(kernel.py_func.__name__, kernel._cache._index_key(None, kernel.targetctx.codegen()))
 """
 

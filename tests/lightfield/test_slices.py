@@ -157,7 +157,7 @@ def test_masks_that_were_built_or_read_need_one_compilation(tmp_path):
     render_view(field, SMALL, 3, EncodeConfig(method="slices"))
     # Of each width of the mask's numbers there is one kernel: Numba tells arrays that can't be
     # written to from others.
-    kinds = [signature[8].dtype for signature in slice_kernel(16, 4).signatures]
+    kinds = [signature[13].dtype for signature in slice_kernel(16, 4).kernel.signatures]
     assert len(kinds) == len(set(kinds))
 
 

@@ -1,10 +1,11 @@
 """Kernels compiled ahead of their use, in processes of their own, on all cores.
 
 Numba compiles a kernel when it is first called: for seconds, one at a time in a process, without a
-word. So each stage is run once on next to nothing (`specimens`) in a process of its own, which
-leaves the compiled code in Numba's cache on the disk. The job goes on with what needs no kernels
-yet, and waits for a stage's code where it is needed. A mark beside the cache tells that a stage's
-code is there: the next run starts no process.
+word. So each stage is run once on next to nothing (`specimens`) in another process, which leaves
+the compiled code in Numba's cache on the disk. There are as many of these as cores; each takes the
+next stage that nobody has taken, so that what all stages need is imported once a process. The job
+goes on with what needs no kernels yet, and waits for a stage's code where it is needed. A mark
+beside the cache tells that a stage's code is there: the next run starts no process.
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from ..keys import key_of
 from ..progress import Progress
 
-__all__ = ["FUNCTIONS", "Warmup", "run_stage"]
+__all__ = ["FUNCTIONS", "Warmup", "run_stage", "run_stages"]
 
-FUNCTIONS = {"transfer": 42, "photograph": 60, "reconstruct": 46, "stylize": 43, "encode": 22}
-"""Functions that each stage compiles: a few more or less on other processors."""
+FUNCTIONS = {"transfer": 37, "photograph": 61, "reconstruct": 46, "stylize": 26, "encode": 19}
+"""Functions that each stage compiles after those before it: a few more or less on other
+processors."""
 
 
 def _photograph() -> None:
@@ -94,6 +95,13 @@ def run_stage(name: str) -> None:
         _STAGES[name]()
 
 
+def run_stages() -> None:
+    """Compile the stages that standard input names, a line each; an empty line ends each one's."""
+    for name in sys.stdin:
+        run_stage(name.strip())
+        print(flush=True)
+
+
 @functools.cache
 def _mark(name: str) -> Path:
     """The file that stands for a stage's compiled code, beside that code."""
@@ -131,50 +139,79 @@ class Warmup:
         self.compiled = 0
         self.total = sum(FUNCTIONS[name] for name in wanted)
         self._lock = threading.Lock()
+        self._waiting = wanted
+        self._done = {name: threading.Event() for name in wanted}
         self._processes: list[subprocess.Popen[str]] = []
-        self._closed = False
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-        self._pool = ThreadPoolExecutor(max_workers=cores or 1)
-        self._done: dict[str, Future[None]] = {
-            name: self._pool.submit(self._compile, name) for name in wanted}
+        self._threads = [threading.Thread(target=self._work, daemon=True)
+                         for _ in range(min(cores or 1, len(wanted)))]
+        for thread in self._threads:
+            thread.start()
 
-    def _compile(self, name: str) -> None:
-        """Compile a stage in a process of its own; where that fails, the job compiles by itself."""
+    def _next(self) -> str | None:
+        """A stage that nobody has taken; None where there is none left."""
+        with self._lock:
+            return self._waiting.pop(0) if self._waiting else None
+
+    def _work(self) -> None:
+        """Compile stage after stage in one process; what fails is left to the job."""
+        process = None
+        while (name := self._next()) is not None:
+            if process is None or process.poll() is not None:
+                process = self._start()
+            if self._compile(name, process):
+                _mark(name).parent.mkdir(parents=True, exist_ok=True)
+                _mark(name).touch()
+            self._done[name].set()
+        if process is not None:
+            process.communicate()
+
+    def _start(self) -> subprocess.Popen[str]:
+        """A process that compiles stages."""
         # One thread is enough for specimens, and leaves the cores to the compilers.
         alone = {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        process = subprocess.Popen(
+            [sys.executable, "-c", "from lfportrait.job.warmup import run_stages; run_stages()"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            text=True, env={**os.environ, **alone})
         with self._lock:
-            if self._closed:
-                return
-            process = subprocess.Popen(
-                [sys.executable, "-c", "import sys; from lfportrait.job.warmup import run_stage; "
-                 "run_stage(sys.argv[1])", name],
-                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                text=True, env={**os.environ, **alone})
             self._processes.append(process)
-        assert process.stdout is not None
-        for _ in process.stdout:
+        return process
+
+    def _compile(self, name: str, process: subprocess.Popen[str]) -> bool:
+        """Have a process compile a stage; False where it ends before the stage does."""
+        assert process.stdin is not None and process.stdout is not None
+        try:
+            process.stdin.write(f"{name}\n")
+            process.stdin.flush()
+        except OSError:
+            return False
+        for function in process.stdout:
+            if not function.strip():
+                return True
             self.compiled += 1
-        if process.wait() == 0:
-            _mark(name).parent.mkdir(parents=True, exist_ok=True)
-            _mark(name).touch()
+        process.wait()
+        return False
 
     def wait(self, names: Sequence[str], progress: Progress | None = None) -> None:
         """Return when the kernels of stages are there, telling on ``progress`` how far it is."""
         for name in names:
-            future = self._done.get(name)
-            while future is not None and not future.done():
+            done = self._done.get(name)
+            while done is not None and not done.wait(0.1):
                 if progress is not None:
                     progress.update(progress.done, f"compiling kernels, once: {self.compiled} of "
                                     f"{max(self.total, self.compiled)}")
-                time.sleep(0.1)
 
     def close(self) -> None:
         """End what is still being compiled."""
         with self._lock:
-            self._closed = True
-            for process in self._processes:
-                process.terminate()
-        self._pool.shutdown(cancel_futures=True)
+            self._waiting.clear()
+        # A thread that had taken a stage may be about to start its process.
+        while any(thread.is_alive() for thread in self._threads):
+            with self._lock:
+                for process in self._processes:
+                    process.terminate()
+            time.sleep(0.01)
 
     def __enter__(self) -> Warmup:
         return self

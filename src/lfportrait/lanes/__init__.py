@@ -3,10 +3,12 @@
 A kernel is a factory over a namespace of operations: `vectors` gives it 16 lanes (SIMD), `one_lane`
 plain numbers, which makes a scalar twin that is easy to debug. `types` tells Numba what lanes are;
 `interleaved` and `shuffles` add loads, stores and orders that pictures and short rows need;
-`cache_keys` and `reference_counts` are about compiling, `host` about the machine.
+`cache_keys`, `compiling` and `decorators` are about compiling, `threads` about sharing out a
+kernel's lines, `host` about the machine.
 
-Numba's threading layer is OpenMP where there is one, because its fallback may not be entered from
-two Python threads at once (a viewer does that).
+No kernel here uses Numba's own threads, but one that a user brings may, and Numba loads them when
+it is asked how many there are: OpenMP's where there is one, because the fallback may not be entered
+from two Python threads at once (a viewer does that).
 """
 
 import numba

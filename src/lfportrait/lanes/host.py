@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,17 +9,13 @@ import llvmlite.binding
 import numba
 from numba.core.caching import FunctionCache
 
-__all__ = ["KernelCache", "kernel_cache", "thread_count", "threading_layer", "vector_unit"]
+__all__ = ["KernelCache", "kernel_cache", "thread_count", "vector_unit"]
 
 _settings: Any = numba.config
 
 _UNITS = (("avx512f", "AVX-512", 16), ("avx2", "AVX2", 8), ("avx", "AVX", 8), ("sve", "SVE", 4),
           ("neon", "NEON", 4), ("sse2", "SSE2", 4))
 """LLVM's feature, its name, and how many floats an instruction takes at least."""
-
-_POOLS = {"omp": ("omppool", "OpenMP"), "tbb": ("tbbpool", "TBB"),
-          "workqueue": ("workqueue", "workqueue")}
-"""Numba's module for each threading layer, and the layer's name."""
 
 
 class KernelCache(NamedTuple):
@@ -51,19 +46,6 @@ def vector_unit() -> tuple[str, int]:
 def thread_count() -> int:
     """Threads that kernels use."""
     return int(_settings.NUMBA_NUM_THREADS)
-
-
-def threading_layer() -> str:
-    """The library that gives kernels their threads: OpenMP, TBB or workqueue (Numba's own)."""
-    chosen = str(_settings.THREADING_LAYER)
-    for layer in [chosen] if chosen in _POOLS else _settings.THREADING_LAYER_PRIORITY:
-        module, name = _POOLS[layer]
-        try:
-            import_module(f"numba.np.ufunc.{module}")
-        except ImportError:
-            continue
-        return name
-    return "none"
 
 
 def kernel_cache() -> KernelCache:

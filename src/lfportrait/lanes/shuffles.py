@@ -9,11 +9,12 @@ from typing import Any
 import llvmlite.binding
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .cache_keys import identified
+from .decorators import lean
 from .types import WIDTH, F, I
 from .vectors import gather_pair
 
@@ -72,7 +73,7 @@ def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
     """
     if not (_has_permutes() if permutes is None else permutes):
         @identified("look up", False)
-        @njit(cache=True)
+        @lean
         def gathered(array, start, index):  # type: ignore[no-untyped-def]
             return gather_pair(array, index + np.int32(start))
         return gathered

@@ -25,11 +25,12 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .cache_keys import identified, identified_all
+from .decorators import lean
 from .types import (
     F32,
     I1,
@@ -157,7 +158,7 @@ def fused(typing, a, b, c):
     return F(a, b, c), code
 
 
-@njit(inline="never", cache=True)
+@lean
 def exp(x):
     """E to the power x, relative error below 2e-7 for -87 < x < 88; 0 below, inf never."""
     x = minimum(maximum(x, np.float32(-87.0)), np.float32(88.0))
@@ -317,7 +318,7 @@ def total(typing, value):
 
 
 LANES = SimpleNamespace(
-    width=WIDTH, jit=njit(cache=True), floats=floats, ints=ints, masks=masks, iota=iota,
+    width=WIDTH, jit=lean, floats=floats, ints=ints, masks=masks, iota=iota,
     where=where, floor=floor, absolute=absolute, sqrt=sqrt, minimum=minimum, maximum=maximum,
     exp=exp, gather=gather, gather3=gather, gather_pair=gather_pair,
     load=load, load_half=load_half, store=store, bits=bits, lowest=lowest, lane=lane, total=total,

@@ -7,7 +7,10 @@ principal point, in pixels of the picture that is looked up.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from ...lanes.decorators import kernel, lean_kernel
+from ...lanes.threads import shared
 
 __all__ = ["cover_views", "vote_lattice"]
 
@@ -24,7 +27,6 @@ def _project(camera, x, y, z):  # type: ignore[no-untyped-def]
     return u * camera[12] + camera[14], v * camera[13] + camera[15], depth
 
 
-@njit(cache=True, parallel=True)
 def vote_lattice(  # type: ignore[no-untyped-def]
         cameras, mattes, shapes, first, spacing, size, tolerance):
     """The share of the person in the votes on each lattice point ``first + spacing (x, y, z)``.
@@ -48,13 +50,18 @@ def vote_lattice(  # type: ignore[no-untyped-def]
         float32 [size, size, size] (z, y, x), the mean matte over the views that have the point in
         the picture; 0 where it was given up, 1 where no picture shows it.
     """
-    count = len(cameras)
-    starts = np.zeros(count + 1, np.int64)
-    for view in range(count):
-        starts[view + 1] = starts[view] + shapes[view, 0] * shapes[view, 1]
     share = np.ones((size, size, size), np.float32)
-    limit = tolerance * count
-    for k in prange(size):
+    starts = np.concatenate([[0], np.cumsum(shapes[:, 0] * shapes[:, 1])])
+    _vote(cameras, mattes, shapes, starts, first, spacing, tolerance * len(cameras), share)
+    return share
+
+
+@shared("share")
+@lean_kernel
+def _vote(since, until, cameras, mattes, shapes, starts, first, spacing, limit, share):
+    """Fill what `vote_lattice` gives; each view's matte begins at ``starts``."""
+    count, size = len(cameras), len(share)
+    for k in range(since, until):
         for j in range(size):
             for i in range(size):
                 seen = 0
@@ -74,10 +81,9 @@ def vote_lattice(  # type: ignore[no-untyped-def]
                     share[k, j, i] = 0.0
                 elif seen > 0:
                     share[k, j, i] = np.float32(1.0) - against / np.float32(seen)
-    return share
 
 
-@njit(cache=True)
+@kernel
 def cover_views(camera, points, first, spacing, height, width):  # type: ignore[no-untyped-def]
     """Pixels, bool [height, width], in which one of the lattice's ``points`` lies.
 

@@ -11,22 +11,22 @@ from __future__ import annotations
 
 from math import exp, sqrt
 
-import numba
 import numpy as np
 
+from ...lanes.decorators import kernel, lean
 from .implicit import noise
 
 __all__ = ["lay", "plan", "trace"]
 
 
-@numba.njit(cache=True)
+@lean
 def _apart(a, y, x, colour):
     """Squared distance between picture ``a`` at (y, x) and a colour."""
     r, g, b = a[y, x, 0] - colour[0], a[y, x, 1] - colour[1], a[y, x, 2] - colour[2]
     return r * r + g * g + b * b
 
 
-@numba.njit(cache=True)
+@lean
 def _walk(path, field, label, reference, canvas, x, y, radius, shortest, longest, bend, fit):
     """Trace one stroke from (x, y) into ``path`` [P, 2]; returns its number of points."""
     height, width = label.shape
@@ -65,7 +65,7 @@ def _walk(path, field, label, reference, canvas, x, y, radius, shortest, longest
     return count
 
 
-@numba.njit(cache=True)
+@kernel
 def plan(reference, canvas, field, label, radius, threshold, shortest, longest, bend):
     """Strokes of one layer.
 
@@ -118,7 +118,7 @@ def plan(reference, canvas, field, label, radius, threshold, shortest, longest, 
     return paths[:strokes], counts[:strokes]
 
 
-@numba.njit(cache=True)
+@kernel
 def trace(starts, field, label, step, longest, bend):
     """Paths from given points ``starts`` [S, 2] along a field, within one region; as `plan`."""
     paths = np.zeros((starts.shape[0], longest + 1, 2), np.float32)
@@ -130,7 +130,7 @@ def trace(starts, field, label, step, longest, bend):
     return paths, counts
 
 
-@numba.njit(cache=True)
+@kernel
 def lay(canvas, relief, tooth, paths, counts, colours, radius, opacity, dry, rough):
     """Lay strokes on the canvas, in order.
 

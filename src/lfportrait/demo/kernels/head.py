@@ -15,16 +15,16 @@ from __future__ import annotations
 
 from math import atan2, cos, sqrt
 
-import numba
 import numpy as np
 
-from .implicit import bump, capsule, carve, ellipsoid, inner, noise, smooth_step, union
+from ...lanes.decorators import lean, lean_kernel
+from .implicit import bump, capsule, carve, ellipsoid, noise, smooth_step, union
 
 __all__ = ["bone_distance", "ear_distance", "face_distance", "hair_coordinates", "hair_cover",
            "lid_lines", "mouth_lines", "scene", "surfaces"]
 
 
-@numba.njit(cache=True)
+@lean_kernel
 def lid_lines(m, ax):
     """Height of the margins of the upper and lower lid at distance ``ax`` from the middle.
 
@@ -39,7 +39,7 @@ def lid_lines(m, ax):
     return upper, lower, t
 
 
-@numba.njit(cache=True)
+@lean_kernel
 def mouth_lines(m, ax):
     """Heights of the lips at distance ``ax`` from the middle: upper border, gap, lower border.
 
@@ -56,14 +56,14 @@ def mouth_lines(m, ax):
     return upper, gap, lower, t
 
 
-@inner
+@lean
 def bone_distance(m, x, ax, y, z):
     """Skull and cheeks without features: what hair grows on."""
     d = ellipsoid(x, y - 0.175, z + 0.045, 0.415 * m.skull_width, 0.485, 0.545)
     return union(d, ellipsoid(x, y + 0.135, z - 0.125, 0.338 * m.face_width, 0.44, 0.375), 0.16)
 
 
-@inner
+@lean
 def _nose(m, ax, y, z, d):
     """Blend the nose into the face distance ``d``; carve the nostrils."""
     low, out, wide = -m.nose_length, m.nose_out, m.nose_width
@@ -87,7 +87,7 @@ def _nose(m, ax, y, z, d):
     return carve(d, hole, 0.014)
 
 
-@inner
+@lean
 def _lips(m, ax, y, z, d):
     """Shape of the lips, the groove above them and the hollow below them."""
     upper, gap, lower, t = mouth_lines(m, ax)
@@ -112,7 +112,7 @@ def _lips(m, ax, y, z, d):
     return d + 0.020 * bump(ax, y, 0.0, lower - 0.030, 0.160, 0.065)
 
 
-@inner
+@lean
 def _eyes(m, ax, y, z, d):
     """Sockets, lids with their fold, and the slit through which the eyeball is seen."""
     cx = 0.184 + m.eye_space
@@ -140,7 +140,7 @@ def _eyes(m, ax, y, z, d):
     return carve(d, max(max(slit, radius - 0.20), -ez), 0.006)
 
 
-@inner
+@lean
 def ear_distance(m, ax, y, z):
     """Ear: a tilted leaf with a rolled rim, an inner ridge, a hollow and a lobe."""
     # Local frame: u to the back of the head, v up, w out of the ear's face.
@@ -169,7 +169,7 @@ def ear_distance(m, ax, y, z):
     return d * size
 
 
-@inner
+@lean
 def _torso(m, x, ax, y, z):
     """Neck, its muscles, collar bones and shoulders, cut like a bust."""
     d = capsule(x, y, z, 0.0, -0.30, -0.130, 0.0, -1.10, -0.190, 0.262 * m.neck_width,
@@ -184,7 +184,7 @@ def _torso(m, x, ax, y, z):
     return union(d, chest, 0.12)
 
 
-@inner
+@lean
 def face_distance(m, x, ax, y, z, bone):
     """Everything of the face but ears and neck."""
     drop, wide = m.chin_drop, m.face_width
@@ -224,7 +224,7 @@ def face_distance(m, x, ax, y, z, bone):
     return d
 
 
-@inner
+@lean
 def hair_coordinates(m, x, y, z):
     """Strand angle about the pole (radians) and angle from the pole (0..pi).
 
@@ -248,7 +248,7 @@ def hair_coordinates(m, x, y, z):
     return atan2(x, -across) + m.hair_twist * theta + wave, theta
 
 
-@inner
+@lean
 def hair_cover(m, ax, y, z, phi):
     """Positive where hair grows: distance behind the hairline, roughly, world units."""
     front = 0.62 * (y - 0.415 - m.hairline) - 0.80 * (z - 0.455) - 0.55 * max(0.20 - ax, 0.0) ** 2
@@ -261,7 +261,7 @@ def hair_cover(m, ax, y, z, phi):
     return min(min(front, ear), bottom) + 0.010 * noise(12.0 * phi, 3.0 * y, 0.0)
 
 
-@inner
+@lean
 def _hair(m, x, ax, y, z, bone):
     """Hair over the skull, with relief along the strands; and the knot."""
     knot = 10.0
@@ -290,7 +290,7 @@ def _hair(m, x, ax, y, z, bone):
     return union(d, knot, 0.05)
 
 
-@inner
+@lean
 def _cloth(m, x, ax, y, z, torso):
     """A shirt over the shoulders with a rolled neckline."""
     edge = y + 0.845 + 0.30 * max(z + 0.10, -0.22)
@@ -300,7 +300,7 @@ def _cloth(m, x, ax, y, z, torso):
     return d + (0.010 * noise(5.0 * x, 3.0 * y, 4.0 * z) if abs(d) < 0.1 else 0.0)
 
 
-@numba.njit(cache=True)
+@lean_kernel
 def surfaces(m, x, y, z):
     """Signed distances to skin, hair, cloth and eyeballs at a world point.
 
@@ -341,7 +341,7 @@ def surfaces(m, x, y, z):
     return skin, hair, cloth, eye
 
 
-@inner
+@lean
 def scene(m, x, y, z):
     """Signed distance to the nearest of all surfaces."""
     skin, hair, cloth, eye = surfaces(m, x, y, z)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from math import sqrt
 
-import numba
 import numpy as np
 
+from ...lanes.decorators import kernel
 from .head import bone_distance, face_distance, surfaces
 
 __all__ = ["drop", "silhouette"]
 
 
-@numba.njit(cache=True)
+@kernel
 def drop(m, x, y):
     """Height z of the foremost skin or eyeball at (x, y), for arrays [N]; NaN where none is."""
     out = np.full(x.shape[0], np.nan)
@@ -32,7 +32,7 @@ def drop(m, x, y):
     return out
 
 
-@numba.njit(cache=True)
+@kernel
 def silhouette(m, angles, cx, cy):
     """Outline of the face without ears, hair and neck, seen from the front.
 

@@ -12,12 +12,11 @@ from __future__ import annotations
 
 from math import sqrt
 
-import numba
 import numpy as np
 
+from ...lanes.decorators import kernel, lean
 from .head import scene, surfaces
 from .head_skin import cloth_albedo, eye_albedo, hair_albedo, hair_tangent, skin_albedo
-from .implicit import inner
 
 __all__ = ["bake", "render"]
 
@@ -25,7 +24,7 @@ _EXTENT = 1.06
 _BLOCK = 4
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def bake(m, grid, first, last):
     """Bake layers of blocks ``first`` to ``last`` of ``grid``, float32 [N, N, N] (z, y, x).
 
@@ -58,7 +57,7 @@ def bake(m, grid, first, last):
                         grid[np.uintp(z0 + k), np.uintp(y0 + j), np.uintp(x0 + i)] = value
 
 
-@inner
+@lean
 def _lookup(grid, x, y, z):
     """Trilinear distance in the grid; far outside, the distance to its cube."""
     count = grid.shape[0]
@@ -76,7 +75,7 @@ def _lookup(grid, x, y, z):
     return (a * (1.0 - v) + b * v) * (1.0 - w) + (c * (1.0 - v) + d * v) * w
 
 
-@inner
+@lean
 def _enter(o, d):
     """Interval of a ray inside the cube [-1, 1]^3: entry (at least 0) and exit."""
     near, far = 0.0, 1e9
@@ -89,7 +88,7 @@ def _enter(o, d):
     return near, far
 
 
-@inner
+@lean
 def _march(grid, o, d, near, far, width):
     """First hit of a ray through the grid, or -1. ``width`` = size of a pixel at distance 1."""
     t = near
@@ -103,7 +102,7 @@ def _march(grid, o, d, near, far, width):
     return -1.0
 
 
-@inner
+@lean
 def _refine(m, o, d, t):
     """Move a hit of the grid onto the exact surface."""
     for _ in range(3):
@@ -114,13 +113,13 @@ def _refine(m, o, d, t):
     return t
 
 
-@inner
+@lean
 def _unit(x, y, z):
     s = 1.0 / sqrt(x * x + y * y + z * z + 1e-20)
     return x * s, y * s, z * s
 
 
-@inner
+@lean
 def _normal(m, x, y, z, e):
     """Unit normal from four samples of the exact field at the corners of a tetrahedron."""
     a, b = scene(m, x + e, y - e, z - e), scene(m, x - e, y - e, z + e)
@@ -128,7 +127,7 @@ def _normal(m, x, y, z, e):
     return _unit(a - b - c + d, -a - b + c + d, -a + b - c + d)
 
 
-@inner
+@lean
 def _soft_normal(grid, x, y, z, e):
     """Unit normal of the surface smoothed over ``e``."""
     return _unit(_lookup(grid, x + e, y, z) - _lookup(grid, x - e, y, z),
@@ -136,7 +135,7 @@ def _soft_normal(grid, x, y, z, e):
                  _lookup(grid, x, y, z + e) - _lookup(grid, x, y, z - e))
 
 
-@inner
+@lean
 def _shadow(grid, x, y, z, lx, ly, lz, softness):
     """Share of a broad light that reaches a point, from the narrowest gap along the ray."""
     light, t = 1.0, 0.03
@@ -152,7 +151,7 @@ def _shadow(grid, x, y, z, lx, ly, lz, softness):
     return light * light * (3.0 - 2.0 * light)
 
 
-@inner
+@lean
 def _occlusion(grid, x, y, z, nx, ny, nz):
     """Openness of a point towards its surroundings, in [0, 1], fine and coarse scale."""
     closed, weight, t = 0.0, 0.85, 0.014
@@ -171,7 +170,7 @@ _RIM, _RIM_RGB = (0.560, 0.420, -0.714), (0.75, 0.78, 0.85)
 _SKY, _GROUND = (0.47, 0.44, 0.43), (0.36, 0.27, 0.22)
 
 
-@inner
+@lean
 def _gloss(nx, ny, nz, vx, vy, vz, light, sharp):
     """Blinn-Phong highlight of one light, energy normalised, with Schlick's Fresnel term."""
     hx, hy, hz = _unit(light[0] + vx, light[1] + vy, light[2] + vz)
@@ -181,7 +180,7 @@ def _gloss(nx, ny, nz, vx, vy, vz, light, sharp):
     return nh ** sharp * (sharp + 8.0) / 25.0 * nl * (1.0 + 25.0 * (1.0 - vh) ** 5)
 
 
-@inner
+@lean
 def _strand_gloss(tangent, vx, vy, vz, light, shift, n, sharp):
     """Kajiya-Kay highlight of a strand whose tangent is tilted by ``shift`` towards normal n."""
     tx, ty, tz = _unit(tangent[0] + shift * n[0], tangent[1] + shift * n[1],
@@ -192,7 +191,7 @@ def _strand_gloss(tangent, vx, vy, vz, light, shift, n, sharp):
     return max(1.0 - th * th, 0.0) ** (0.5 * sharp) * min(max(1.6 * facing + 0.3, 0.0), 1.0)
 
 
-@inner
+@lean
 def _shade(m, grid, x, y, z, vx, vy, vz, pixel):
     """Linear colour, surface number (0 skin, 1 hair, 2 cloth, 3 eye) and normal of a point.
 
@@ -235,7 +234,7 @@ def _shade(m, grid, x, y, z, vx, vy, vz, pixel):
     # Per channel: how far light wraps round, how much of the soft normal is used.
     under = 1.0 if kind == 0 else (0.45 if kind == 3 else 0.0)
     up = 0.5 + 0.5 * sy
-    out = np.zeros(3)
+    r = g = b = 0.0
     glint_key = glint_fill = 0.0
     if kind != 1:
         glint_key = gloss * _gloss(nx, ny, nz, vx, vy, vz, _KEY, sharp)
@@ -270,11 +269,12 @@ def _shade(m, grid, x, y, z, vx, vy, vz, pixel):
         else:
             value += _KEY_RGB[c] * glint_key * key_open + _FILL_RGB[c] * glint_fill * occlusion
             value += under * 0.05 * edge * (_RIM_RGB[c] * rim_open + 0.4 * bounce) * occlusion
-        out[c] = value
-    return out[0], out[1], out[2], kind, nx, ny, nz
+        # After three turns each channel has its own.
+        r, g, b = g, b, value
+    return r, g, b, kind, nx, ny, nz
 
 
-@inner
+@lean
 def _encode(value):
     """Gentle filmic shoulder, then the sRGB curve."""
     value *= 0.62
@@ -283,7 +283,7 @@ def _encode(value):
     return 12.92 * value if value <= 0.0031308 else 1.055 * value ** (1.0 / 2.4) - 0.055
 
 
-@inner
+@lean
 def _direction(pose, focal, center, px, py):
     """Unit direction, in the world, of the ray through image point (px, py)."""
     cx, cy = (px - center[0]) / focal[0], (py - center[1]) / focal[1]
@@ -295,7 +295,7 @@ def _direction(pose, focal, center, px, py):
 _OFFSETS = ((-0.125, -0.375), (0.375, -0.125), (0.125, 0.375), (-0.375, 0.125))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def render(m, grid, pose, focal, center, image, aux, first, last):
     """Photograph the head with one camera, four rays a pixel.
 

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 from math import atan2, cos, sin, sqrt
 
-import numba
 import numpy as np
 
+from ...lanes.decorators import lean, lean_kernel
 from .head import ear_distance, hair_coordinates, hair_cover, lid_lines, mouth_lines
-from .implicit import bump, fractal, inner, noise, smooth_step, uniform
+from .implicit import bump, fractal, noise, smooth_step, uniform
 
 __all__ = ["brow_cover", "brow_line", "cloth_albedo", "eye_albedo", "hair_albedo", "hair_tangent",
            "skin_albedo"]
 
 
-@numba.njit(cache=True)
+@lean_kernel
 def brow_line(m, ax):
     """Height of the middle of the brow at ``ax``, and the place along it (0 inner, 1 outer)."""
     t = (ax - 0.066 - 0.5 * m.eye_space) / 0.238
@@ -26,7 +26,7 @@ def brow_line(m, ax):
     return 0.108 + m.brow_height + 0.026 * m.brow_arch * bend, t
 
 
-@inner
+@lean
 def brow_cover(m, x, y, z):
     """Cover of the skin by the brow's hairs, in [0, 1]."""
     ax = abs(x)
@@ -43,17 +43,17 @@ def brow_cover(m, x, y, z):
     return min(body * hairs * smooth_step(-0.12, 0.16, t) * smooth_step(1.10, 0.90, t), 1.0)
 
 
-@inner
+@lean
 def _mix(a, b, w):
     return a[0] + (b[0] - a[0]) * w, a[1] + (b[1] - a[1]) * w, a[2] + (b[2] - a[2]) * w
 
 
-@inner
+@lean
 def _scaled(a, r, g, b):
     return a[0] * r, a[1] * g, a[2] * b
 
 
-@inner
+@lean
 def _freckle(x, y):
     """Cover of round spots of random place and size, at most one in a cell."""
     u, v = 52.0 * x, 52.0 * y
@@ -69,7 +69,7 @@ def _freckle(x, y):
     return cover
 
 
-@inner
+@lean
 def skin_albedo(m, x, y, z):
     """Albedo of the skin (lips, brows and lash line included) and its oiliness in [0, 1]."""
     ax = abs(x)
@@ -114,7 +114,7 @@ def skin_albedo(m, x, y, z):
     return (*_mix(colour, m.hair, 0.9 * root), oil * (1.0 - root))
 
 
-@inner
+@lean
 def _features(m, x, ax, y, z, colour, oil, mottle):
     """Paint lips, lash line, lids and brows over the colour of the skin."""
     upper, gap, lower, t = mouth_lines(m, ax)
@@ -142,7 +142,7 @@ def _features(m, x, ax, y, z, colour, oil, mottle):
     return colour, oil * (1.0 - 0.8 * cover)
 
 
-@inner
+@lean
 def eye_albedo(m, x, y, z):
     """Albedo of the eyeball and how much light the lids leave it."""
     ax = abs(x)
@@ -175,7 +175,7 @@ def eye_albedo(m, x, y, z):
     return colour[0], colour[1], colour[2], shade
 
 
-@inner
+@lean
 def hair_albedo(m, x, y, z):
     """Albedo of the hair: locks and strands between the model's two colours, dark at the roots."""
     phi, theta = hair_coordinates(m, x, y, z)
@@ -189,7 +189,7 @@ def hair_albedo(m, x, y, z):
     return _scaled(colour, dark, dark, dark)
 
 
-@inner
+@lean
 def hair_tangent(m, x, y, z, nx, ny, nz):
     """Unit direction of the strand at a point with normal (nx, ny, nz)."""
     ay, az = m.hair_pole_y - 0.10, m.hair_pole_z + 0.02
@@ -205,7 +205,7 @@ def hair_tangent(m, x, y, z, nx, ny, nz):
     return tx * s, ty * s, tz * s
 
 
-@inner
+@lean
 def cloth_albedo(m, x, y, z):
     """Albedo of the cloth: a knit with a slight heather."""
     turn = atan2(x, z)

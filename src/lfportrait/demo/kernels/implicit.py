@@ -8,17 +8,15 @@ from __future__ import annotations
 
 from math import sqrt
 
-import numba
 import numpy as np
 
-__all__ = ["bump", "capsule", "carve", "ellipsoid", "fractal", "inner", "noise", "smooth_step",
+from ...lanes.decorators import lean
+
+__all__ = ["bump", "capsule", "carve", "ellipsoid", "fractal", "noise", "smooth_step",
            "uniform", "union"]
 
-inner = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)  # type: ignore[call-overload]
-"""For functions that only kernels call: no entry from Python, so they compile in half the time."""
 
-
-@inner
+@lean
 def bump(x, y, cx, cy, rx, ry):
     """Smooth bump of height 1 at (cx, cy), zero outside the ellipse of radii (rx, ry)."""
     u, v = (x - cx) / rx, (y - cy) / ry
@@ -26,27 +24,27 @@ def bump(x, y, cx, cy, rx, ry):
     return s * s if s > 0.0 else 0.0
 
 
-@inner
+@lean
 def smooth_step(low, high, value):
     """Hermite step from 0 at ``low`` to 1 at ``high``."""
     t = min(max((value - low) / (high - low), 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
-@inner
+@lean
 def union(a, b, k):
     """Smooth minimum (quadratic) with blending width ``k``."""
     h = max(k - abs(a - b), 0.0)
     return min(a, b) - h * h / (4.0 * k)
 
 
-@inner
+@lean
 def carve(a, b, k):
     """``a`` without ``b``, with an edge rounded over ``k``."""
     return -union(-a, b, k)
 
 
-@inner
+@lean
 def ellipsoid(x, y, z, rx, ry, rz):
     """Approximate distance to an ellipsoid at the origin."""
     u, v, w = x / rx, y / ry, z / rz
@@ -56,7 +54,7 @@ def ellipsoid(x, y, z, rx, ry, rz):
     return outer * (outer - 1.0) / inner if inner > 1e-6 else -min(rx, ry, rz)
 
 
-@inner
+@lean
 def capsule(x, y, z, ax, ay, az, bx, by, bz, ra, rb):
     """Distance to a capsule from a to b whose radius goes linearly from ``ra`` to ``rb``."""
     px, py, pz = x - ax, y - ay, z - az
@@ -67,7 +65,7 @@ def capsule(x, y, z, ax, ay, az, bx, by, bz, ra, rb):
     return sqrt(px * px + py * py + pz * pz) - (ra + t * (rb - ra))
 
 
-@inner
+@lean
 def uniform(i, j, k):
     """Uniform number in [0, 1) from three integers (wrapping 32-bit mixing)."""
     # Numba widens products of 32-bit integers, so each is cut back to 32 bits.
@@ -79,7 +77,7 @@ def uniform(i, j, k):
     return np.float64(h) / 4294967296.0
 
 
-@inner
+@lean
 def noise(x, y, z):
     """Value noise in [-1, 1], smooth, one cell per unit."""
     fx, fy, fz = np.floor(x), np.floor(y), np.floor(z)
@@ -93,7 +91,7 @@ def noise(x, y, z):
     return 2.0 * ((a * (1.0 - v) + b * v) * (1.0 - w) + (c * (1.0 - v) + d * v) * w) - 1.0
 
 
-@inner
+@lean
 def fractal(x, y, z):
     """Three octaves of `noise`, about [-1, 1]."""
     return 0.57 * noise(x, y, z) + 0.29 * noise(2.1 * x + 5.2, 2.1 * y + 1.3, 2.1 * z + 8.1) + (

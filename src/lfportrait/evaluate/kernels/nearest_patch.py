@@ -10,7 +10,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.reference_counts import lean
+from ...lanes.decorators import kernel, lean
+from ...lanes.threads import shared
 from ...lanes.vectors import LANES
 
 __all__ = ["nearest_patches"]
@@ -90,9 +91,10 @@ def _search(points, query, image, first, pitch, source, source_pitch, source_col
     return best, found
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def nearest_patches(image, width, rows, columns, points, source, source_width, source_height, side,
-                    keys, order, leaf, low, high, out):
+@shared("rows")
+@kernel
+def nearest_patches(since, until, image, width, rows, columns, points, source, source_width,
+                    source_height, side, keys, order, leaf, low, high, out):
     """Squared distances of patches of a picture to their nearest of another one, into ``out`` [Q].
 
     Parameters
@@ -118,20 +120,17 @@ def nearest_patches(image, width, rows, columns, points, source, source_width, s
     """
     pitch, source_pitch = 3 * width, 3 * source_width
     across, down = source_width - side + 1, source_height - side + 1
-    batch = 64
-    for block in numba.prange((rows.shape[0] + batch - 1) // batch):
-        stack, bounds = np.empty(_DEEPEST, np.int64), np.empty(_DEEPEST, np.float32)
-        found, last = np.int64(0), np.int64(-1)
-        for q in range(block * batch, min((block + 1) * batch, rows.shape[0])):
-            first = rows[q] * pitch + 3 * columns[q]
-            # What lies beside the last one's find is often as good.
-            y, x = found // across, found % across
-            if last >= 0:
-                y = min(max(y + rows[q] - rows[last], 0), down - 1)
-                x = min(max(x + columns[q] - columns[last], 0), across - 1)
-            found, last = y * across + x, q
-            best = _patch_distance(image, first, pitch, source, y * source_pitch + 3 * x,
-                                   source_pitch, side, np.float32(np.inf))
-            out[q], found = _search(points, q, image, first, pitch, source, source_pitch,
-                                    across, side, keys, order, leaf, low, high, stack, bounds,
-                                    best, found)
+    stack, bounds = np.empty(_DEEPEST, np.int64), np.empty(_DEEPEST, np.float32)
+    found, last = np.int64(0), np.int64(-1)
+    for q in range(since, until):
+        first = rows[q] * pitch + 3 * columns[q]
+        # What lies beside the last one's find is often as good.
+        y, x = found // across, found % across
+        if last >= 0:
+            y = min(max(y + rows[q] - rows[last], 0), down - 1)
+            x = min(max(x + columns[q] - columns[last], 0), across - 1)
+        found, last = y * across + x, q
+        best = _patch_distance(image, first, pitch, source, y * source_pitch + 3 * x,
+                               source_pitch, side, np.float32(np.inf))
+        out[q], found = _search(points, q, image, first, pitch, source, source_pitch, across, side,
+                                keys, order, leaf, low, high, stack, bounds, best, found)

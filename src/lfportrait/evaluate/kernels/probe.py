@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 
+from ...lanes.decorators import lean_kernel
+from ...lanes.threads import shared
 from ...lanes.vectors import LANES
 
 __all__ = ["multiply_adds", "random_lines"]
@@ -12,8 +13,9 @@ __all__ = ["multiply_adds", "random_lines"]
 _floats, _load, _store = LANES.floats, LANES.load, LANES.store
 
 
-@njit(cache=True, parallel=True)
-def random_lines(table, count, out):
+@shared("out")
+@lean_kernel
+def random_lines(since, until, table, count, out):
     """Read ``count`` random lines of 64 bytes by each of ``len(out)`` workers.
 
     Parameters
@@ -26,7 +28,7 @@ def random_lines(table, count, out):
         float32 [workers, 16], the sums of what was read.
     """
     mask = np.uint64(len(table) // 16 - 1)
-    for worker in prange(len(out)):
+    for worker in range(since, until):
         # The places come from a generator, not from what was read: reads may overlap.
         state = np.uint64(worker) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(1)
         sums = _floats(np.float32(0.0))
@@ -36,8 +38,9 @@ def random_lines(table, count, out):
         _store(out[worker], 0, sums)
 
 
-@njit(cache=True, parallel=True, fastmath=True)
-def multiply_adds(count, factor, out):
+@shared("out")
+@lean_kernel(fastmath=True)
+def multiply_adds(since, until, count, factor, out):
     """``count`` times eight multiply-adds of 16 lanes by each of ``len(out)`` workers.
 
     Parameters
@@ -49,7 +52,7 @@ def multiply_adds(count, factor, out):
     out
         float32 [workers, 16], the sums.
     """
-    for worker in prange(len(out)):
+    for worker in range(since, until):
         scale, more = _floats(factor), _floats(np.float32(1e-3))
         a = _floats(np.float32(worker + 1))
         b, c, d = a + more, a + more + more, a - more

@@ -9,7 +9,10 @@ where a chart shows no surface.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from ...lanes.decorators import kernel, lean, lean_kernel
+from ...lanes.threads import shared
 
 __all__ = ["best_facing", "exchange", "find_owners", "fringe", "lift_points", "locate",
            "look_up_colors", "sample_nodes", "smooth_normals", "spread", "sum_normals",
@@ -18,16 +21,16 @@ __all__ = ["best_facing", "exchange", "find_owners", "fringe", "lift_points", "l
 _NOWHERE = -1
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def surface_normals(points, limit, out):
+@shared("points")
+@kernel
+def surface_normals(since, until, points, limit, out):
     """Unit normals, towards the viewer, of surface points [H, W, 3], into out float32 [H, W, 3].
 
     ``limit`` is the longest step to a neighbour that counts. A pixel without a point, or without a
     neighbour across or below, gets NaN.
     """
     height, width = points.shape[:2]
-    for row in prange(height):
-        y = np.int64(row)
+    for y in range(since, until):
         step = np.empty((2, 3), np.float64)
         for x in range(width):
             for k in range(3):
@@ -65,7 +68,7 @@ def surface_normals(points, limit, out):
                 out[y, x, 0], out[y, x, 1], out[y, x, 2] = nx / length, ny / length, nz / length
 
 
-@njit(cache=True, nogil=True)
+@lean_kernel
 def sum_normals(points, normals, low, cell, sums):
     """Add the normals [H, W, 3] to the cells of side ``cell`` of a grid float32 [Z, Y, X, 3]."""
     for y in range(points.shape[0]):
@@ -79,7 +82,7 @@ def sum_normals(points, normals, low, cell, sums):
                         sums[k, j, i, axis] += normals[y, x, axis]
 
 
-@njit(cache=True, nogil=True)
+@lean
 def _between(grid, low, cell, x, y, z, out):
     """Trilinear value of a grid [Z, Y, X, 3], held by its cells' middles, at unit length."""
     fx = min(max((x - low[0]) / cell - 0.5, 0.0), grid.shape[2] - 1.001)
@@ -102,10 +105,11 @@ def _between(grid, low, cell, x, y, z, out):
         out[axis] = out[axis] / length if length > 1e-9 else (1.0 if axis == 2 else 0.0)
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def smooth_normals(points, grid, low, cell, out):
+@shared("points")
+@kernel
+def smooth_normals(since, until, points, grid, low, cell, out):
     """Normals of the large shape at points [N, 3], into out float32 [N, 3]; see `_between`."""
-    for n in prange(len(points)):
+    for n in range(since, until):
         value = np.empty(3, np.float64)
         _between(grid, low, cell, points[n, 0], points[n, 1], points[n, 2], value)
         for axis in range(3):
@@ -130,7 +134,7 @@ def _towards(camera, x, y, z, normal):
     return (dx * normal[0] + dy * normal[1] + dz * normal[2]) / length
 
 
-@njit(cache=True, nogil=True)
+@lean
 def _find(x, y, z, normal, cameras, bias, boxes, depths, before, behind, out):
     """Best chart of a point, its place in the atlas into out [2], and how far behind it lies.
 
@@ -155,8 +159,10 @@ def _find(x, y, z, normal, cameras, bias, boxes, depths, before, behind, out):
     return best, best_away
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def find_owners(points, grid, low, cell, own, cameras, bias, boxes, depths, tolerance, owner):
+@shared("points")
+@kernel
+def find_owners(since, until, points, grid, low, cell, own, cameras, bias, boxes, depths, tolerance,
+                owner):
     """Pixel of the atlas that owns each pixel's surface point, int32 [H, W]; -1 without a point.
 
     Parameters
@@ -174,9 +180,8 @@ def find_owners(points, grid, low, cell, own, cameras, bias, boxes, depths, tole
     owner
         Filled with flat indices.
     """
-    height, width = own.shape
-    for line in prange(height):
-        row = np.int64(line)
+    width = own.shape[1]
+    for row in range(since, until):
         place, normal = np.empty(2, np.float64), np.empty(3, np.float64)
         for column in range(width):
             owner[row, column] = _NOWHERE
@@ -192,15 +197,17 @@ def find_owners(points, grid, low, cell, own, cameras, bias, boxes, depths, tole
                 owner[row, column] = int(place[1]) * width + int(place[0])
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def locate(points, grid, low, cell, cameras, bias, boxes, depths, before, behind, places, depth):
+@shared("points")
+@kernel
+def locate(since, until, points, grid, low, cell, cameras, bias, boxes, depths, before, behind,
+           places, depth):
     """Places of points [N, 3] in the atlas, float32 [N, 2]; NaN where no chart shows them.
 
     A point up to ``before`` in front of a chart's surface and up to ``behind`` under it belongs to
     it. Below the surface the place is that of the point brought up along the large shape's normal.
     ``depth`` float32 [N] is filled with how far under the surface a point lies.
     """
-    for n in prange(len(points)):
+    for n in range(since, until):
         place, normal = np.empty(2, np.float64), np.empty(3, np.float64)
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         _between(grid, low, cell, x, y, z, normal)
@@ -222,15 +229,15 @@ def locate(points, grid, low, cell, cameras, bias, boxes, depths, before, behind
         depth[n] = lift
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def lift_points(depth, camera, out):
+@shared("depth")
+@lean_kernel
+def lift_points(since, until, depth, camera, out):
     """World points at depths [H, W] along a camera's axis, into out float32 [H, W, 3].
 
     NaN where the depth is infinite.
     """
-    height, width = depth.shape
-    for line in prange(height):
-        row = np.int64(line)
+    width = depth.shape[1]
+    for row in range(since, until):
         for column in range(width):
             far = depth[row, column]
             if not np.isfinite(far):
@@ -245,10 +252,11 @@ def lift_points(depth, camera, out):
                                           + camera[k + 3])
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def best_facing(points, normals, positions, out):
+@shared("points")
+@lean_kernel
+def best_facing(since, until, points, normals, positions, out):
     """Largest cosine between normals [N, 3] at points [N, 3] and directions to positions [P, 3]."""
-    for n in prange(len(points)):
+    for n in range(since, until):
         best = -1.0
         for p in range(len(positions)):
             dx = positions[p, 0] - points[n, 0]
@@ -259,15 +267,15 @@ def best_facing(points, normals, positions, out):
         out[n] = best
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def fringe(owner, margin, out):
+@shared("owner")
+@lean_kernel
+def fringe(since, until, owner, margin, out):
     """Owners for pixels that have none, within ``margin``: of the nearest in the row, else column.
 
     ``out`` int32 [H, W] comes as a copy of ``owner``.
     """
     height, width = owner.shape
-    for line in prange(height):
-        y = np.int64(line)
+    for y in range(since, until):
         for x in range(width):
             if owner[y, x] >= 0:
                 continue
@@ -285,15 +293,15 @@ def fringe(owner, margin, out):
                 break
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def exchange(owner, values):
+@shared("owner")
+@lean_kernel
+def exchange(since, until, owner, values):
     """Give pixels of values [H, W, C] that others own their owner's value.
 
     Owners own themselves, so the order does not matter.
     """
-    height, width = owner.shape
-    for line in prange(height):
-        row = np.int64(line)
+    width = owner.shape[1]
+    for row in range(since, until):
         for column in range(width):
             place = owner[row, column]
             if place >= 0 and place != row * width + column:
@@ -302,11 +310,12 @@ def exchange(owner, values):
                     values[row, column, channel] = values[j, i, channel]
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def look_up_colors(colors, places, out):
+@shared("places")
+@lean_kernel
+def look_up_colors(since, until, colors, places, out):
     """Bilinear colours [H, W, 3] at places [N, 2] (NaN: left), into out float32 [N, 3]."""
     height, width = colors.shape[:2]
-    for n in prange(len(places)):
+    for n in range(since, until):
         if not np.isfinite(places[n, 0]):
             continue
         x, y = places[n, 0] - np.float32(0.5), places[n, 1] - np.float32(0.5)
@@ -321,15 +330,15 @@ def look_up_colors(colors, places, out):
             out[n, channel] = top + fy * (low - top)
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def spread(values, slots, out):
+@shared("slots")
+@lean_kernel
+def spread(since, until, values, slots, out):
     """Rows of values [N, C] at the pixels whose slots [H, W] name them, into out [H, W, C].
 
     Pixels without a slot (-1) are left as they are.
     """
-    height, width = slots.shape
-    for line in prange(height):
-        row = np.int64(line)
+    width = slots.shape[1]
+    for row in range(since, until):
         for column in range(width):
             slot = slots[row, column]
             if slot >= 0:
@@ -337,14 +346,15 @@ def spread(values, slots, out):
                     out[row, column, channel] = values[slot, channel]
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def sample_nodes(nodes, low, spacing, places, out):
+@shared("places")
+@lean_kernel
+def sample_nodes(since, until, nodes, low, spacing, places, out):
     """Bilinear values of nodes [h, w, C] at places [N, 2], into out [N, C].
 
     Node (0, 0) lies at ``low``, the others ``spacing`` apart; beyond them the border's values hold.
     """
     height, width, channels = nodes.shape
-    for n in prange(len(places)):
+    for n in range(since, until):
         x = min(max((places[n, 0] - low[0]) / spacing, 0.0), width - 1.0)
         y = min(max((places[n, 1] - low[1]) / spacing, 0.0), height - 1.0)
         i, j = min(int(x), width - 2), min(int(y), height - 2)

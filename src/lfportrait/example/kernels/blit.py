@@ -18,8 +18,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ...lanes.decorators import lean_kernel
 from ...lanes.interleaved import gather_signed, pairs, singles, store_bytes
-from ...lanes.reference_counts import lean
+from ...lanes.threads import share_out
 from ...lanes.vectors import LANES
 from .lookup import ask, flattened, label_difference
 from .seeds import seed_correction
@@ -128,14 +129,14 @@ def _box(anchors, width, top, bottom, first, low_x, low_y, box):
         box[2], box[3] = max(box[2], low_x[n]), max(box[3], low_y[n])
 
 
-@lean
-def _blit_band(band, position, appearance, anchor, weights, words, weight_label, style_appearance,
-               style_words, own_shift, own_error, top, usual, calm, finest, points, pixels, starts,
-               firsts, shapes, threshold, slack, free, margin, near, seeds, begins, counts, boxes,
-               buffers, shift, level_map):
-    """`blit` of one row of tiles.
+@lean_kernel
+def _blit_bands(first_band, last_band, position, appearance, anchor, weights, words, weight_label,
+                style_appearance, style_words, own_shift, own_error, top, usual, calm, finest,
+                points, pixels, starts, firsts, shapes, threshold, slack, free, margin, near,
+                seeds, begins, counts, boxes, buffers, shift, level_map):
+    """`blit` of some rows of tiles.
 
-    ``seeds`` gets the seeds near the band's tiles, one after the other: places and shifts.
+    ``seeds`` gets the seeds near a band's tiles, one after the other: places and shifts.
     ``begins`` and ``counts`` [tiles, levels] say which ones belong to a level of a tile: the first
     and how many, -1 too many, -2 not looked for yet. ``near``, ``boxes`` and ``buffers`` are used
     on the way.
@@ -150,11 +151,15 @@ def _blit_band(band, position, appearance, anchor, weights, words, weight_label,
     zero, infinite, unknown = np.float32(0), np.float32(np.inf), np.float32(np.nan)
     tiles, stored = boxes.shape[0], 0
     buffer, buffer_y, flat_levels = buffers[0], buffers[1], level_map.reshape(-1)
-    upper, lower = band * TILE, min((band + 1) * TILE, height)
-    for tile in range(tiles):
-        _box(anchors, width, upper, lower, 16 * tile, buffer, buffer_y, boxes[tile])
     # Row by row, not tile by tile: so chunks read the exemplar in a stream.
-    for y in range(upper, lower):
+    for y in range(first_band * TILE, min(last_band * TILE, height)):
+        lower = min(y - y % TILE + TILE, height)
+        if y % TILE == 0:
+            stored = 0
+            for tile in range(tiles):
+                _box(anchors, width, y, lower, 16 * tile, buffer, buffer_y, boxes[tile])
+                for level in range(top + 1):
+                    counts[tile, level] = -2
         for tile in range(tiles):
             first = 16 * tile
             n = y * width + first
@@ -258,7 +263,6 @@ def _blit_band(band, position, appearance, anchor, weights, words, weight_label,
                     flat_shift[start + k] = flat_shift[plane + start + k] = unknown
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
 def blit(position, appearance, anchor, weights, words, weight_label, style_appearance, style_words,
          own_shift, own_error, top, usual, calm, finest, points, pixels, starts, firsts, shapes,
          threshold, slack, free, margin, shift, level_map):
@@ -273,12 +277,15 @@ def blit(position, appearance, anchor, weights, words, weight_label, style_appea
     """
     height, width = appearance.shape
     tiles = (width + 15) // 16
-    for band in numba.prange((height + TILE - 1) // TILE):
+
+    def bands(first, last):
         near = np.empty(_MOST_SEEDS, np.uintp)
         seeds = np.empty((tiles * _SEEDS_OF_TILE, 4), np.float32)
-        begins, counts = np.empty((tiles, top + 1), np.int64), np.full((tiles, top + 1), -2)
+        begins, counts = np.empty((2, tiles, top + 1), np.int64)
         boxes, buffers = np.empty((tiles, 4), np.float32), np.empty((2, 16), np.float32)
-        _blit_band(np.int64(band), position, appearance, anchor, weights, words, weight_label,
-                   style_appearance, style_words, own_shift, own_error, top, usual, calm, finest,
-                   points, pixels, starts, firsts, shapes, threshold, slack, free, margin, near,
-                   seeds, begins, counts, boxes, buffers, shift, level_map)
+        _blit_bands(first, last, position, appearance, anchor, weights, words, weight_label,
+                    style_appearance, style_words, own_shift, own_error, top, usual, calm, finest,
+                    points, pixels, starts, firsts, shapes, threshold, slack, free, margin, near,
+                    seeds, begins, counts, boxes, buffers, shift, level_map)
+
+    share_out(bands, (height + TILE - 1) // TILE)

@@ -10,6 +10,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ...lanes.decorators import kernel, lean_kernel
+from ...lanes.threads import share_out, shared
+
 __all__ = ["NOWHERE", "flood", "search_windows", "sweep_windows"]
 
 NOWHERE = np.int32(-1)
@@ -26,16 +29,21 @@ def _window(cell, cells, length, reach):
     return max(middle - reach, 0), min(middle + reach + 1, length)
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
 def search_windows(red, green, appearance, place, look, reach, first, last, table):
     """Fill ``table`` [G, R, A] int32 by visiting the whole window for every cell, as published.
 
     ``red`` [W] and ``green`` [H] are the position guide of the exemplar's columns and rows,
     ``appearance`` [H, W]; all int32. Only the rows of cells ``first`` .. ``last`` - 1 are filled.
     """
+    share_out(_search_rows, last - first, red, green, appearance, place, look, reach, first, table)
+
+
+@lean_kernel
+def _search_rows(since, until, red, green, appearance, place, look, reach, begin, table):
+    """`search_windows` for some rows of cells, counted from ``begin``."""
     height, width = appearance.shape
     greens, reds, levels = table.shape
-    for g in numba.prange(first, last):
+    for g in range(begin + since, begin + until):
         top, bottom = _window(g, greens, height, reach)
         for r in range(reds):
             left, right = _window(r, reds, width, reach)
@@ -51,8 +59,9 @@ def search_windows(red, green, appearance, place, look, reach, first, last, tabl
                 table[g, r, a] = found
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def sweep_windows(red, green, appearance, place, look, reach, table):
+@shared("table")
+@kernel
+def sweep_windows(since, until, red, green, appearance, place, look, reach, table):
     """`search_windows` with the same outcome: a window is visited once for all appearances.
 
     The best pixel of each appearance is kept, and two sweeps along the appearance axis carry the
@@ -61,7 +70,7 @@ def sweep_windows(red, green, appearance, place, look, reach, table):
     height, width = appearance.shape
     greens, reds, levels = table.shape
     step = np.int64(look) << _INDEX_BITS
-    for g in numba.prange(greens):
+    for g in range(since, until):
         top, bottom = _window(g, greens, height, reach)
         keys = np.empty(levels, np.int64)
         for r in range(reds):
@@ -82,7 +91,7 @@ def sweep_windows(red, green, appearance, place, look, reach, table):
                 table[g, r, a] = np.int32(keys[a] & _MASK)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def flood(red, green, appearance, style_red, style_green, style_appearance, seeds, box, place, look,
           threshold, out):
     """Copy coherent chunks: seeds in scan order, grown 4-connected while the error stays small.

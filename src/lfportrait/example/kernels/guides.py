@@ -13,6 +13,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ...lanes.decorators import kernel, lean, lean_kernel
+from ...lanes.threads import shared
+
 __all__ = ["blur_difference", "blur_rows", "count_values", "enlarge", "fold_points", "map_values",
            "mls_points", "resample_fold", "resample_grid", "shrink", "stretch"]
 
@@ -20,8 +23,9 @@ _ORDER_FREE = {"reassoc", "contract", "arcp", "nsz"}
 """Sums may be taken in any order; NaN and infinity keep their meaning."""
 
 
-@numba.njit(cache=True, nogil=True, parallel=True, fastmath=_ORDER_FREE)
-def mls_points(points, sources, targets, weights, softness, out):
+@shared("points")
+@kernel(fastmath=_ORDER_FREE)
+def mls_points(since, until, points, sources, targets, weights, softness, out):
     """Map ``points`` [N, 2] by moving least squares (similarity) into ``out`` [N, 2], float64.
 
     ``sources`` and ``targets`` [M, 2] are the control points, ``weights`` [M] their importance;
@@ -29,7 +33,7 @@ def mls_points(points, sources, targets, weights, softness, out):
     """
     source_x, source_y = sources[:, 0].copy(), sources[:, 1].copy()
     target_x, target_y = targets[:, 0].copy(), targets[:, 1].copy()
-    for n in numba.prange(points.shape[0]):
+    for n in range(since, until):
         vx, vy = points[n, 0], points[n, 1]
         total = px = py = qx = qy = square = real = imaginary = 0.0
         for m in range(source_x.shape[0]):
@@ -71,25 +75,27 @@ def _fold(value, length, before, after):
     return value
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def fold_points(points, size, before, after):
+@shared("points")
+@lean_kernel
+def fold_points(since, until, points, size, before, after):
     """Fold ``points`` [N, 2] float32 into a picture in place; see `guides.fold_inside`.
 
     ``size``, ``before`` and ``after`` are float32 [2] (x, y).
     """
-    for n in numba.prange(points.shape[0]):
+    for n in range(since, until):
         for c in range(2):
             points[n, c] = _fold(points[n, c], size[c], before[c], after[c])
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def resample_grid(nodes, spacing, out):
+@shared("out")
+@lean_kernel
+def resample_grid(since, until, nodes, spacing, out):
     """Bilinear interpolation of grid values to pixels.
 
     ``nodes`` [h, w, C] lie at pixel (i * spacing); ``out`` [H, W, C] float32 is filled.
     """
-    height, width, channels = out.shape
-    for y in numba.prange(height):
+    width, channels = out.shape[1:]
+    for y in range(since, until):
         j = min(y // spacing, nodes.shape[0] - 2)
         fy = np.float32((y - j * spacing) / spacing)
         for x in range(width):
@@ -101,16 +107,17 @@ def resample_grid(nodes, spacing, out):
                 out[y, x, c] = top + fy * (low - top)
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def resample_fold(nodes, spacing, cover, size, before, after, out):
+@shared("cover")
+@lean_kernel
+def resample_fold(since, until, nodes, spacing, cover, size, before, after, out):
     """Bilinear interpolation of a grid of places, folded into the exemplar; NaN where not covered.
 
     ``nodes`` float32 [h, w, 2] lie at pixel (i * spacing); ``cover`` float32 [H, W];
     ``out`` [H, W, 2] float32 is filled; the rest as `fold_points`.
     """
-    height, width = cover.shape
+    width = cover.shape[1]
     one = np.float32(1)
-    for y in numba.prange(height):
+    for y in range(since, until):
         j = min(y // spacing, nodes.shape[0] - 2)
         fy = np.float32((y - j * spacing) / spacing)
         for i in range(nodes.shape[1] - 1):
@@ -136,15 +143,16 @@ def _mirrored(index, length):
     return index
 
 
-@numba.njit(cache=True, nogil=True, parallel=True, fastmath=True)
-def blur_rows(image, taps, out):
+@shared("out")
+@kernel(fastmath=True)
+def blur_rows(since, until, image, taps, out):
     """Convolve the columns of ``image`` [H, W] float32 with the symmetric ``taps`` [2 r + 1].
 
     The border is mirrored. A whole row is accumulated at a time, so the loop over x vectorises.
     """
     height, width = image.shape
     radius = taps.shape[0] // 2
-    for y in numba.prange(height):
+    for y in range(since, until):
         row = np.zeros(width, np.float32)
         for k in range(-radius, radius + 1):
             line = image[_mirrored(y + k, height)]
@@ -155,7 +163,7 @@ def blur_rows(image, taps, out):
             out[y, x] = row[x]
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@lean(fastmath=True)
 def _accumulate_rows(image, y, taps, row):
     """Sum the rows about ``y`` of ``image`` [H, W], weighted by ``taps``, with a mirrored margin.
 
@@ -184,19 +192,20 @@ def _accumulate_rows(image, y, taps, row):
         row[radius + width + k] = row[radius + _mirrored(width + k, width)]
 
 
-@numba.njit(cache=True, nogil=True, parallel=True, fastmath=True)
-def blur_difference(image, fine, coarse, out):
+@shared("out")
+@kernel(fastmath=True)
+def blur_difference(since, until, image, fine, coarse, out):
     """Difference of two Gaussian blurs of ``image`` [H, W] float32, borders mirrored.
 
     ``fine`` and ``coarse`` are symmetric taps of odd length; ``fine`` may be the single tap 1.
     """
-    height, width = image.shape
+    width = image.shape[1]
     small, large = fine.shape[0] // 2, coarse.shape[0] // 2
-    for y in numba.prange(height):
+    for y in range(since, until):
         first = np.empty(width + 2 * small, np.float32)
         second = np.empty(width + 2 * large, np.float32)
-        _accumulate_rows(image, np.int64(y), fine, first)
-        _accumulate_rows(image, np.int64(y), coarse, second)
+        _accumulate_rows(image, y, fine, first)
+        _accumulate_rows(image, y, coarse, second)
         line = out[y]
         for x in range(width):
             line[x] = 0
@@ -204,7 +213,7 @@ def blur_difference(image, fine, coarse, out):
         _add_columns(second, coarse, np.float32(-1), line)
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@lean(fastmath=True)
 def _add_columns(row, taps, sign, line):
     """Convolve ``row`` [W + 2 r] with symmetric taps and add the result to ``line`` [W]."""
     width, radius = line.shape[0], taps.shape[0] // 2
@@ -223,14 +232,15 @@ def _add_columns(row, taps, sign, line):
             line[x] += weight * (left[x] + right[x])
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def shrink(image, factor, out):
+@shared("out")
+@kernel
+def shrink(since, until, image, factor, out):
     """Means of the blocks of ``factor`` x ``factor`` pixels of ``image`` into ``out`` [h, w].
 
     ``out`` has ceil(H / factor) rows and ceil(W / factor) columns; the last blocks may be smaller.
     """
     height, width = image.shape
-    for j in numba.prange(out.shape[0]):
+    for j in range(since, until):
         bottom = min((j + 1) * factor, height)
         line = np.zeros(width, np.float32)
         for y in range(j * factor, bottom):
@@ -245,14 +255,15 @@ def shrink(image, factor, out):
             out[j, i] = total / np.float32((bottom - j * factor) * (right - i * factor))
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def enlarge(small, factor, out):
+@shared("out")
+@kernel
+def enlarge(since, until, small, factor, out):
     """Bilinear interpolation of ``small`` [h, w], block means of ``factor``, to ``out`` [H, W]."""
-    height, width = out.shape
+    width = out.shape[1]
     rows, columns = small.shape
     share = np.float32(1) / np.float32(factor)
     half = np.float32(0.5)
-    for y in numba.prange(height):
+    for y in range(since, until):
         v = (np.float32(y) + half) * share - half
         j = min(max(np.int64(np.floor(v)), 0), max(rows - 2, 0))
         below = min(j + 1, rows - 1)
@@ -267,8 +278,9 @@ def enlarge(small, factor, out):
             out[y, x] = line[i] + fx * (line[min(i + 1, columns - 1)] - line[i])
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def count_values(values, inside, level, reach, counts):
+@shared("counts")
+@lean_kernel
+def count_values(since, until, values, inside, level, reach, counts):
     """Histogram of the ``values`` [H, W] where ``inside`` [H, W] exceeds ``level``.
 
     ``counts`` int64 [threads, bins] gets one histogram per block of rows, over [-reach, reach].
@@ -277,7 +289,7 @@ def count_values(values, inside, level, reach, counts):
     height, width = values.shape
     blocks, bins = counts.shape
     scale = np.float32(bins) / (np.float32(2) * reach)
-    for block in numba.prange(blocks):
+    for block in range(since, until):
         for y in range(block * height // blocks, (block + 1) * height // blocks):
             for x in range(width):
                 if inside[y, x] > level:
@@ -285,28 +297,30 @@ def count_values(values, inside, level, reach, counts):
                     counts[block, min(max(n, 0), bins - 1)] += 1
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def map_values(values, table, reach):
+@shared("values")
+@lean_kernel
+def map_values(since, until, values, table, reach):
     """Replace ``values`` [H, W] in place by the piecewise linear ``table`` over [-reach, reach]."""
-    height, width = values.shape
+    width = values.shape[1]
     bins = table.shape[0] - 1
     scale = np.float32(bins) / (np.float32(2) * reach)
-    for y in numba.prange(height):
+    for y in range(since, until):
         for x in range(width):
             index = min(max((values[y, x] + reach) * scale, np.float32(0)), np.float32(bins))
             low = min(np.int64(index), bins - 1)
             values[y, x] = table[low] + (index - np.float32(low)) * (table[low + 1] - table[low])
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def stretch(position, anchor, least, cell, out):
+@shared("out")
+@lean_kernel
+def stretch(since, until, position, anchor, least, cell, out):
     """Steps of ``position`` [H, W, 2] over those of ``anchor``, the smaller of along x and along y.
 
     ``out`` float32 [h, w] in [``least``, 1], one value for each ``cell`` x ``cell`` pixels, from
     that in its middle; 1 where a step is not known.
     """
     height, width = position.shape[:2]
-    for j in numba.prange(out.shape[0]):
+    for j in range(since, until):
         y = min(j * cell + cell // 2, height - 1)
         for i in range(out.shape[1]):
             x = min(i * cell + cell // 2, width - 1)

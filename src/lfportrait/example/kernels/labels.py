@@ -10,7 +10,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ...lanes.decorators import kernel, lean_kernel
 from ...lanes.interleaved import gather_signed, pairs, singles, store_pairs
+from ...lanes.threads import shared
 from ...lanes.vectors import LANES
 
 __all__ = ["luma", "own_body", "pixel_weights", "shrink_label", "soft_labels"]
@@ -19,12 +21,13 @@ _floats, _ints, _iota, _lane = LANES.floats, LANES.ints, LANES.iota, LANES.lane
 _floor, _minimum, _maximum = LANES.floor, LANES.minimum, LANES.maximum
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def luma(image, scale, out):
+@shared("image")
+@lean_kernel
+def luma(since, until, image, scale, out):
     """Rec. 601 luma of ``image`` [H, W, 3 or more], any number type, times ``scale``."""
     red, green, blue = (np.float32(0.299) * scale, np.float32(0.587) * scale,
                         np.float32(0.114) * scale)
-    for y in numba.prange(image.shape[0]):
+    for y in range(since, until):
         for x in range(image.shape[1]):
             out[y, x] = (red * np.float32(image[y, x, 0]) + green * np.float32(image[y, x, 1])
                          + blue * np.float32(image[y, x, 2]))
@@ -65,8 +68,9 @@ def _four(a, b, c, d):
     return a | (b << np.int32(8)) | (c << np.int32(16)) | (d << np.int32(24))
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def soft_labels(person, hair, planes, factor, hair_is_skin, body_is_ground, out):
+@shared("person")
+@kernel
+def soft_labels(since, until, person, hair, planes, factor, hair_is_skin, body_is_ground, out):
     """Labels of every pixel in the order of `regions.LABELS`: eight bytes in two words.
 
     Parameters
@@ -80,11 +84,11 @@ def soft_labels(person, hair, planes, factor, hair_is_skin, body_is_ground, out)
     out
         int32 [H, W, 2].
     """
-    height, width = person.shape
+    width = person.shape[1]
     rows, columns = planes.shape[1:]
     people, crowns, words = person.reshape(-1), hair.reshape(-1), out.reshape(-1)
     zero, one = np.float32(0), np.float32(1)
-    for y in numba.prange(height):
+    for y in range(since, until):
         j, fy = _place(y, factor, rows)
         below = min(j + 1, rows - 1)
         # One more block, so that whole vectors may reach beyond the border.
@@ -136,8 +140,10 @@ def soft_labels(person, hair, planes, factor, hair_is_skin, body_is_ground, out)
                     words[2 * (n + k) + 1] = _lane(high, k)
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def pixel_weights(person, labels, soft, face, factor, place, outline, look, hair, body, skin, out):
+@shared("person")
+@kernel
+def pixel_weights(since, until, person, labels, soft, face, factor, place, outline, look, hair,
+                  body, skin, out):
     """Weights of place and appearance of every pixel, float32 [H, W, 2].
 
     Parameters
@@ -159,7 +165,7 @@ def pixel_weights(person, labels, soft, face, factor, place, outline, look, hair
     skin
         Factor of the weight of the appearance on skin where ``face`` is 0.
     """
-    height, width = person.shape
+    width = person.shape[1]
     rows, columns = soft.shape
     people, words, flat = person.reshape(-1), labels.reshape(-1), out.reshape(-1)
     one, four, byte = np.float32(1), np.float32(4), np.int32(255)
@@ -168,7 +174,7 @@ def pixel_weights(person, labels, soft, face, factor, place, outline, look, hair
     free_hair, free_body = (one - hair[0]) / np.float32(255), (one - body[0]) / np.float32(255)
     place_out, place_step = place[0], place[1] - place[0]
     look_out, look_step = look[0], look[1] - look[0]
-    for y in numba.prange(height):
+    for y in range(since, until):
         j, fy = _place(y, factor, rows)
         below = min(j + 1, rows - 1)
         line, faces = np.empty(columns, np.float32), np.empty(columns, np.float32)
@@ -201,14 +207,15 @@ def pixel_weights(person, labels, soft, face, factor, place, outline, look, hair
                     flat[2 * (n + k) + 1] = _lane(looks, k)
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def shrink_label(labels, channel, invert, factor, out):
+@shared("out")
+@lean_kernel
+def shrink_label(since, until, labels, channel, invert, factor, out):
     """Means of blocks of ``factor`` x ``factor`` pixels of one label, into ``out`` [h, w] float32.
 
     ``labels`` uint8 [H, W, K]; 255 counts as 1, or as 0 with ``invert``.
     """
     height, width = labels.shape[:2]
-    for j in numba.prange(out.shape[0]):
+    for j in range(since, until):
         top, bottom = j * factor, min((j + 1) * factor, height)
         for i in range(out.shape[1]):
             left, right = i * factor, min((i + 1) * factor, width)
@@ -220,8 +227,9 @@ def shrink_label(labels, channel, invert, factor, out):
             out[j, i] = np.float32(1) - mean if invert else mean
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def own_body(position, style, top, labels, person):
+@shared("person")
+@lean_kernel
+def own_body(since, until, position, style, top, labels, person):
     """Give pixels of body and background from row ``top`` on the exemplar's labels, in place.
 
     Parameters
@@ -234,9 +242,9 @@ def own_body(position, style, top, labels, person):
     person
         float32 [H, W], follows the background.
     """
-    height, width = person.shape
+    width = person.shape[1]
     byte, nearly = np.int32(255), np.int32(240)
-    for y in numba.prange(min(top, height), height):
+    for y in range(max(top, since), until):
         for x in range(width):
             high = labels[y, x, 1]
             if ((high >> 16) & byte) + ((high >> 24) & byte) <= nearly:

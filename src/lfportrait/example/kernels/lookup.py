@@ -10,8 +10,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ...lanes.decorators import lean_kernel
 from ...lanes.interleaved import gather_pairs, gather_signed, pairs, prefetch, singles
-from ...lanes.reference_counts import lean
+from ...lanes.threads import shared
 from ...lanes.vectors import LANES, round_even
 
 __all__ = ["ask", "flattened", "label_difference", "look_up"]
@@ -69,10 +70,16 @@ def ask(style_looks, style_words, width, height, x, y):
         prefetch(style_words, 2 * n)
 
 
-@lean
-def _look_up_row(y, position, appearance, anchor, weights, words, weight_label, table, cell, low,
-                 step, style_appearance, style_words, gain, snap, margin, shift, error):
-    """`look_up` of one row."""
+@shared("appearance")
+@lean_kernel
+def look_up(since, until, position, appearance, anchor, weights, words, weight_label, table, cell,
+            low, step, style_appearance, style_words, gain, snap, margin, shift, error):
+    """Every pixel's own look-up: ``shift`` (exemplar minus anchor, planes) and its ``error``.
+
+    The table knows the place to a cell; the part of the guide inside the cell is added where that
+    does not raise the error, so that smooth guides give smooth shifts. A look-up that improves on
+    the guided place itself by less than ``gain`` is not worth a jump.
+    """
     width = appearance.shape[1]
     rows, columns, levels = table.shape
     style_height, style_width = style_appearance.shape
@@ -88,7 +95,9 @@ def _look_up_row(y, position, appearance, anchor, weights, words, weight_label, 
     unknown, infinite = np.float32(np.nan), np.float32(np.inf)
     one = np.int32(1)
     jumps = False
-    for first in range(0, width, 16):
+    across = (width + 15) // 16
+    for vector in range(since * across, until * across):
+        y, first = vector // across, vector % across * 16
         n = y * width + first
         gx, gy = pairs(places, n)
         known = gx == gx
@@ -162,18 +171,3 @@ def _look_up_row(y, position, appearance, anchor, weights, words, weight_label, 
             # Whole vectors reached into the margin.
             for k in range(width - first, 16):
                 flat_shift[start + k] = flat_shift[plane + start + k] = unknown
-
-
-@numba.njit(cache=True, nogil=True, parallel=True)
-def look_up(position, appearance, anchor, weights, words, weight_label, table, cell, low, step,
-            style_appearance, style_words, gain, snap, margin, shift, error):
-    """Every pixel's own look-up: ``shift`` (exemplar minus anchor, planes) and its ``error``.
-
-    The table knows the place to a cell; the part of the guide inside the cell is added where that
-    does not raise the error, so that smooth guides give smooth shifts. A look-up that improves on
-    the guided place itself by less than ``gain`` is not worth a jump.
-    """
-    for y in numba.prange(appearance.shape[0]):
-        _look_up_row(np.int64(y), position, appearance, anchor, weights, words, weight_label,
-                     table, cell, low, step, style_appearance, style_words, gain, snap, margin,
-                     shift, error)

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ...lanes.decorators import lean_kernel
+from ...lanes.threads import shared
+
 __all__ = ["distances", "edge_distances", "snap", "sweep_distances"]
 
 
-@numba.njit(cache=True, nogil=True)
+@lean_kernel
 def edge_distances(mask, far, out):
     """Signed distances (positive inside) of the cells next to the edge of ``mask`` [h, w].
 
@@ -47,7 +50,7 @@ def _eikonal(a, b):
     return np.float32(0.5) * (low + high + np.sqrt(np.float32(2) - gap * gap))
 
 
-@numba.njit(cache=True, nogil=True)
+@lean_kernel
 def sweep_distances(distance, far):
     """Carry signed distances [h, w] outwards in place (fast sweeping), up to +-``far`` cells."""
     height, width = distance.shape
@@ -75,10 +78,11 @@ def sweep_distances(distance, far):
                 distance[y, x] = best if inside else -best
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def distances(masks, far, out):
+@shared("masks")
+@lean_kernel
+def distances(since, until, masks, far, out):
     """`edge_distances` and `sweep_distances` of the masks [K, h, w], a mask a thread."""
-    for k in numba.prange(masks.shape[0]):
+    for k in range(since, until):
         edge_distances(masks[k], far[k], out[k])
         sweep_distances(out[k], far[k])
 
@@ -93,8 +97,9 @@ def _sample(field, x, y):
     return top + fy * (low - top), (b - a) + fy * ((d - c) - (b - a)), low - top
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def snap(nodes, wanted, style, cell, reach, most, keep, rounds):
+@shared("nodes")
+@lean_kernel
+def snap(since, until, nodes, wanted, style, cell, reach, most, keep, rounds):
     """Move places so that their distance from the exemplar's edge is the wanted one, in place.
 
     Where edges disagree too much to be matched, a place at least stays on its side of the edge.
@@ -122,7 +127,7 @@ def snap(nodes, wanted, style, cell, reach, most, keep, rounds):
     share = np.float32(1) / np.float32(cell)
     right, bottom = np.float32(style.shape[1] - 1), np.float32(style.shape[0] - 1)
     half, zero = np.float32(0.5), np.float32(0)
-    for j in numba.prange(nodes.shape[0]):
+    for j in range(since, until):
         for i in range(nodes.shape[1]):
             near = wanted[j, i] / reach
             weight = np.exp(-half * near * near)

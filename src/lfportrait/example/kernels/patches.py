@@ -25,6 +25,8 @@ import numba
 import numpy as np
 
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import kernel, lean_kernel
+from ...lanes.threads import shared
 from ...lanes.vectors import LANES
 
 __all__ = ["ACTIVE", "BAND", "CELL", "CHANNELS", "FIXED", "FOREIGN", "MARGIN", "OUTSIDE",
@@ -119,13 +121,14 @@ def patch_errors(radius: int) -> Any:
     """
     distance = _distance(radius)
 
+    @shared("error")
     @identified("patch errors", radius)
-    @numba.njit(cache=True, nogil=True, parallel=True)
-    def errors(target, source, across, state, trust, wanted, weight, limit, field, error):
-        height, width = field.shape
+    @kernel
+    def errors(since, until, target, source, across, state, trust, wanted, weight, limit, field,
+               error):
+        width = field.shape[1]
         pitch = (width + 2 * MARGIN) * CHANNELS
-        for line in numba.prange(height):
-            y = np.int64(line)
+        for y in range(since, until):
             scales = _plain_scales(2 * radius + 1)
             for x in range(width):
                 if state[y, x] == OUTSIDE:
@@ -165,16 +168,16 @@ def search_pass(radius: int) -> Any:
     """
     distance = _distance(radius)
 
+    @shared("field", per=BAND)
     @identified("patch search", radius)
-    @numba.njit(cache=True, nogil=True, parallel=True)
-    def search(target, source, across, state, trust, wanted, weight, limit, uses, penalty, guided,
-               before, field, error, reach, forward, seed):
+    @kernel
+    def search(since, until, target, source, across, state, trust, wanted, weight, limit, uses,
+               penalty, guided, before, field, error, reach, forward, seed):
         height, width = field.shape
         rows = (len(source) - 16) // (across * CHANNELS)
         pitch = (width + 2 * MARGIN) * CHANNELS
-        bands = (height + BAND - 1) // BAND
         step = 1 if forward else -1
-        for band in numba.prange(bands):
+        for band in range(since, until):
             top, bottom = band * BAND, min((band + 1) * BAND, height)
             crowd = uses * penalty
             scales = _plain_scales(2 * radius + 1)
@@ -245,7 +248,7 @@ def search_pass(radius: int) -> Any:
     return search
 
 
-@numba.njit(cache=True, nogil=True)
+@lean_kernel
 def count_uses(field, state, across, uses):
     """How many patches of active pixels are copied from each cell, into ``uses`` float32 [cells].
 
@@ -260,8 +263,9 @@ def count_uses(field, state, across, uses):
             uses[place // across // CELL, place % across // CELL] += np.float32(1)
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def vote_patches(field, error, state, picture, radius, softness, out):
+@shared("field")
+@lean_kernel
+def vote_patches(since, until, field, error, state, picture, radius, softness, out):
     """Mean of the colours that the patches over an active pixel vote for, weighted by their fit.
 
     ``picture`` float32 [h, w, 3]; ``out`` float32 [H, W, 3] is changed where pixels are active. A
@@ -270,8 +274,7 @@ def vote_patches(field, error, state, picture, radius, softness, out):
     height, width = field.shape
     rows, across = picture.shape[:2]
     one = np.float32(1)
-    for line in numba.prange(height):
-        y = np.int64(line)
+    for y in range(since, until):
         for x in range(width):
             if state[y, x] != ACTIVE:
                 continue

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ...lanes.decorators import lean, lean_kernel
 from ...lanes.interleaved import load_pairs
-from ...lanes.reference_counts import lean
+from ...lanes.threads import share_out, shared
 from ...lanes.vectors import LANES
 
 __all__ = ["finite_range", "seed_correction", "seed_points", "seed_regular", "seed_splat"]
@@ -34,7 +35,7 @@ def _mix(value):
     return value ^ (value >> _S31)
 
 
-@numba.njit(cache=True, nogil=True)
+@lean
 def _jitter(seed, level, i, j, axis):
     """Uniform number in [0, 1) that depends on the counters alone."""
     key = _mix(np.uint64(seed) * _K1 + np.uint64(level * 2 + axis))
@@ -43,7 +44,7 @@ def _jitter(seed, level, i, j, axis):
     return np.float32(np.float64(key >> _S40) / 16777216.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@lean_kernel
 def seed_points(seed, level, first_x, first_y, points):
     """Jittered seeds of the cells (first_x + i, first_y + j), side 2^level, into [Y, X, 2]."""
     side = np.float32(1 << level)
@@ -54,7 +55,7 @@ def seed_points(seed, level, first_x, first_y, points):
             points[j, i, 1] = side * (np.float32(y) + _jitter(seed, level, x, y, 1))
 
 
-@numba.njit(cache=True, nogil=True)
+@lean_kernel
 def seed_regular(points, scale, height, width, pixels):
     """Pixel under each seed where the anchor is ``scale`` times the pixel; -1 outside."""
     for j in range(points.shape[0]):
@@ -67,7 +68,7 @@ def seed_regular(points, scale, height, width, pixels):
                 points[j, i, 0] = points[j, i, 1] = np.float32(np.inf)
 
 
-@lean
+@lean_kernel
 def _splat_finest(anchor, share, first_x, first_y, start, columns, points, nearest):
     """Pixel nearest to each seed of the finest level among those in its cell, into ``nearest``.
 
@@ -112,16 +113,16 @@ def _walk(anchors, width, pixel, x, y):
     return pixel
 
 
-@lean
-def _nearest_of_finest(anchors, width, row, reach, share, first_x, first_y, rows, columns, finest,
-                       points, pixels):
-    """The pixels nearest to a row of seeds among those that stand for the finest cells around.
+@lean_kernel
+def _nearest_of_finest(since, until, anchors, width, begin, reach, share, first_x, first_y, rows,
+                       columns, finest, points, pixels):
+    """The pixels nearest to some seeds among those that stand for the finest cells around.
 
     Rings of cells are searched until one holds a pixel, at the most ``reach``; -1: there is none.
-    ``finest`` are the pixels of the finest cells, ``points`` and ``pixels`` all seeds; ``row`` is
-    the first seed of the row and the one after its last.
+    ``finest`` are the pixels of the finest cells, ``points`` and ``pixels`` all seeds; the seeds
+    count from ``begin``, the first of their level.
     """
-    for n in range(row[0], row[1]):
+    for n in range(begin + since, begin + until):
         x, y = points[n, 0], points[n, 1]
         i, j = np.int64(np.floor(x * share)) - first_x, np.int64(np.floor(y * share)) - first_y
         found, best = np.int32(-1), np.float32(np.inf)
@@ -145,7 +146,6 @@ def _nearest_of_finest(anchors, width, row, reach, share, first_x, first_y, rows
         pixels[n] = found
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
 def seed_splat(anchor, firsts, starts, shapes, finest, points, pixels):
     """Pixel whose anchor is near each seed; -1 where there is none.
 
@@ -155,26 +155,21 @@ def seed_splat(anchor, firsts, starts, shapes, finest, points, pixels):
     """
     height, width = anchor.shape[0], anchor.shape[1]
     anchors = anchor.reshape(height * width, 2)
-    begin, rows, columns = starts[finest], shapes[finest, 0], shapes[finest, 1]
-    first_x, first_y = firsts[finest, 0], firsts[finest, 1]
+    begin, (rows, columns), (first_x, first_y) = starts[finest], shapes[finest], firsts[finest]
     share = np.float32(1) / np.float32(1 << finest)
     nearest = np.full(rows * columns, _NOTHING, np.uint64)
     _splat_finest(anchor, share, first_x, first_y, begin, columns, points, nearest)
-    for n in range(rows * columns):
-        pixels[begin + n] = np.int32(np.uint32(nearest[n] & np.uint64(0xFFFFFFFF)))
+    # The lower half of a word; no pixel has all bits set there.
+    found = nearest.astype(np.uint32).view(np.int32)
+    pixels[begin:begin + rows * columns] = found
     for level in range(finest + 1, starts.shape[0]):
-        reach = min(1 << (level - finest), 3)
-        for j in numba.prange(shapes[level, 0]):
-            first = starts[level] + j * shapes[level, 1]
-            _nearest_of_finest(anchors, width, (first, first + shapes[level, 1]), reach, share,
-                               first_x, first_y, rows, columns,
-                               pixels[begin:begin + rows * columns], points, pixels)
-    for n in range(points.shape[0]):
-        if pixels[n] < 0:
-            points[n, 0] = points[n, 1] = np.float32(np.inf)
+        share_out(_nearest_of_finest, int(shapes[level].prod()), anchors, width, starts[level],
+                  min(1 << (level - finest), 3), share, first_x, first_y, rows, columns, found,
+                  points, pixels)
+    points[pixels < 0] = np.inf
 
 
-@lean
+@numba.njit(cache=True, inline="always")
 def _finite_range_row(row, low, high):
     """`finite_range` of one row: ``row`` [2 W] interleaved, ``low`` and ``high`` [2]."""
     infinite = np.float32(np.inf)
@@ -200,12 +195,13 @@ def _finite_range_row(row, low, high):
     low[0], low[1], high[0], high[1] = least_x, least_y, most_x, most_y
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def finite_range(values, low, high):
+@shared("values")
+@lean_kernel
+def finite_range(since, until, values, low, high):
     """Least and largest finite value of every row: ``values`` [H, W, 2] into [H, 2] each."""
     height, width = values.shape[:2]
     rows = values.reshape(height, 2 * width)
-    for y in numba.prange(height):
+    for y in range(since, until):
         _finite_range_row(rows[y], low[y], high[y])
 
 

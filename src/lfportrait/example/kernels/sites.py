@@ -9,12 +9,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.reference_counts import lean
+from ...lanes.decorators import lean_kernel
+from ...lanes.threads import shared
 
 __all__ = ["nearest_sites"]
 
 
-@lean
+@numba.njit(cache=True, inline="always")
 def _nearest(x, y, share, first, sites):
     """Row and column of the site nearest to (x, y)."""
     i, j = np.int64(np.floor(x * share)) - first[0], np.int64(np.floor(y * share)) - first[1]
@@ -28,14 +29,14 @@ def _nearest(x, y, share, first, sites):
     return row, column
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def nearest_sites(places, side, first, sites, out):
+@shared("places")
+@lean_kernel
+def nearest_sites(since, until, places, side, first, sites, out):
     """Flat number of the site nearest to each of ``places`` [N, 2], into ``out`` int32 [N].
 
     ``sites`` float32 [Y, X, 2] are those of the cells ``first`` + (i, j), of ``side`` each.
     """
     share = np.float32(1) / np.float32(side)
-    for block in numba.prange((places.shape[0] + 4095) // 4096):
-        for n in range(block * 4096, min(block * 4096 + 4096, places.shape[0])):
-            row, column = _nearest(places[n, 0], places[n, 1], share, first, sites)
-            out[n] = row * sites.shape[1] + column
+    for n in range(since, until):
+        row, column = _nearest(places[n, 0], places[n, 1], share, first, sites)
+        out[n] = row * sites.shape[1] + column

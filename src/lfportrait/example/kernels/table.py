@@ -12,6 +12,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ...lanes.decorators import kernel, lean, lean_kernel
+from ...lanes.threads import share_out, shared
+
 __all__ = ["EMPTY", "INDEX_BITS", "extract_indices", "scatter_pixels", "sweep_linear",
            "sweep_squared"]
 
@@ -20,15 +23,20 @@ EMPTY = np.int64(1) << 60
 _MASK = (np.int64(1) << INDEX_BITS) - 1
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
 def scatter_pixels(levels, cell, keys):
     """Put every exemplar pixel into its cell of ``keys`` [A, Y, X].
 
     ``levels`` int32 [H, W] is the quantised appearance. Within a cell the pixel nearest to the
     cell's middle is kept (first in scan order among equals); its cost is 0.
     """
+    share_out(_scatter_rows, keys.shape[1], levels, cell, keys)
+
+
+@kernel
+def _scatter_rows(since, until, levels, cell, keys):
+    """`scatter_pixels` into some rows of cells."""
     height, width = levels.shape
-    for j in numba.prange(keys.shape[1]):
+    for j in range(since, until):
         best = np.full((keys.shape[0], keys.shape[2]), 1 << 30, np.int32)
         for y in range(j * cell, min((j + 1) * cell, height)):
             for x in range(width):
@@ -42,13 +50,18 @@ def scatter_pixels(levels, cell, keys):
                     keys[a, j, i] = y * width + x
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
 def sweep_linear(keys, step_x, step_y, step_a):
     """Weighted L1 distance transform of ``keys`` [A, Y, X] in place; steps are costs per cell."""
-    levels, rows, columns = keys.shape
-    move_x, move_y = np.int64(step_x) << INDEX_BITS, np.int64(step_y) << INDEX_BITS
-    move_a = np.int64(step_a) << INDEX_BITS
-    for a in numba.prange(levels):
+    move_x, move_y, move_a = (np.int64(step) << INDEX_BITS for step in (step_x, step_y, step_a))
+    share_out(_sweep_places, keys.shape[0], keys, move_x, move_y)
+    share_out(_sweep_levels, keys.shape[1], keys, move_a)
+
+
+@lean_kernel
+def _sweep_places(since, until, keys, move_x, move_y):
+    """The sweeps along x and y, of some levels."""
+    rows, columns = keys.shape[1:]
+    for a in range(since, until):
         for y in range(rows):
             for x in range(1, columns):
                 keys[a, y, x] = min(keys[a, y, x], keys[a, y, x - 1] + move_x)
@@ -60,7 +73,13 @@ def sweep_linear(keys, step_x, step_y, step_a):
         for y in range(rows - 2, -1, -1):
             for x in range(columns):
                 keys[a, y, x] = min(keys[a, y, x], keys[a, y + 1, x] + move_y)
-    for y in numba.prange(rows):
+
+
+@lean_kernel
+def _sweep_levels(since, until, keys, move_a):
+    """The sweep along the appearance, of some rows."""
+    levels, _, columns = keys.shape
+    for y in range(since, until):
         for a in range(1, levels):
             for x in range(columns):
                 keys[a, y, x] = min(keys[a, y, x], keys[a - 1, y, x] + move_a)
@@ -87,7 +106,7 @@ def _nearest_squared(row, weight):
             row[x] = min(row[x], own + ((weight * (last - x) * (last - x)) << INDEX_BITS))
 
 
-@numba.njit(cache=True, nogil=True)
+@lean
 def _envelope(line, weight, apex, start, out):
     """Lower envelope of the parabolas (key cost + weight d^2) over a line (Felzenszwalb 2012)."""
     count = line.shape[0]
@@ -123,15 +142,18 @@ def _envelope(line, weight, apex, start, out):
         line[i] = out[i]
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
 def sweep_squared(keys, weight_x, weight_y, weight_a):
     """Weighted squared distance transform of ``keys`` [A, Y, X] in place; weights per cell^2."""
-    levels, rows, columns = keys.shape
-    longest = max(levels, max(rows, columns))
-    for a in numba.prange(levels):
-        apex = np.empty(longest, np.int64)
-        start = np.empty(longest, np.float64)
-        out = np.empty(longest, np.int64)
+    share_out(_square_places, keys.shape[0], keys, weight_x, weight_y)
+    share_out(_square_levels, keys.shape[1], keys, weight_a)
+
+
+@kernel
+def _square_places(since, until, keys, weight_x, weight_y):
+    """The transforms along x and y, of some levels."""
+    rows, columns = keys.shape[1:]
+    apex, start, out = np.empty(rows, np.int64), np.empty(rows), np.empty(rows, np.int64)
+    for a in range(since, until):
         for y in range(rows):
             _nearest_squared(keys[a, y], np.int64(weight_x))
         # Columns in bundles, so that whole cache lines are read and written.
@@ -146,10 +168,14 @@ def sweep_squared(keys, weight_x, weight_y, weight_a):
             for y in range(rows):
                 for c in range(count):
                     keys[a, y, first + c] = lines[c, y]
-    for y in numba.prange(rows):
-        apex = np.empty(longest, np.int64)
-        start = np.empty(longest, np.float64)
-        out = np.empty(longest, np.int64)
+
+
+@kernel
+def _square_levels(since, until, keys, weight_a):
+    """The transform along the appearance, of some rows."""
+    levels, _, columns = keys.shape
+    apex, start, out = np.empty(levels, np.int64), np.empty(levels), np.empty(levels, np.int64)
+    for y in range(since, until):
         lines = np.empty((8, levels), np.int64)
         for first in range(0, columns, 8):
             count = min(8, columns - first)
@@ -163,14 +189,15 @@ def sweep_squared(keys, weight_x, weight_y, weight_a):
                     keys[a, y, first + c] = lines[c, a]
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def extract_indices(keys, indices):
+@shared("indices")
+@lean_kernel
+def extract_indices(since, until, keys, indices):
     """Pixel index of every cell: ``indices`` int32 [Y, X, A] from ``keys`` [A, Y, X].
 
     The appearance is innermost: a pixel's look-up then lies beside those of its neighbours, whose
     place is the same but for a pixel and whose appearance is not.
     """
-    for y in numba.prange(keys.shape[1]):
+    for y in range(since, until):
         for a in range(keys.shape[0]):
             for x in range(keys.shape[2]):
                 indices[y, x, a] = np.int32(keys[a, y, x] & _MASK)

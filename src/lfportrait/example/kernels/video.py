@@ -9,6 +9,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ...lanes.decorators import kernel, lean_kernel
+from ...lanes.threads import shared
+
 __all__ = ["carry", "carry_shifts", "mend", "squared_changes", "to_bytes", "trust", "unfold"]
 
 
@@ -43,14 +46,15 @@ def _corners(v, u, height, width):
     return j, i, v - np.float32(j), u - np.float32(i)
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def carry(field, motion, out):
+@shared("field")
+@lean_kernel
+def carry(since, until, field, motion, out):
     """``field`` [h, w, C] of the frame before as it lies in this one, bilinear, into ``out``.
 
     ``motion`` [h, w, 2] comes in samples of the field, one for each.
     """
     height, width, channels = field.shape
-    for y in numba.prange(height):
+    for y in range(since, until):
         for x in range(width):
             j, i, fy, fx = _corners(np.float32(y) + motion[y, x, 1],
                                     np.float32(x) + motion[y, x, 0], height, width)
@@ -61,8 +65,9 @@ def carry(field, motion, out):
                 out[y, x, c] = top + fy * (low - top)
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def carry_shifts(before, motion, factor, kept, position, anchor, out):
+@shared("out")
+@lean_kernel
+def carry_shifts(since, until, before, motion, factor, kept, position, anchor, out):
     """Shifts [H, W, 2] of the frame ``before`` as they lie in this one, into ``out``.
 
     ``motion`` [h, w, 2] is the place before minus the one here, in pixels, of blocks of ``factor``
@@ -71,7 +76,7 @@ def carry_shifts(before, motion, factor, kept, position, anchor, out):
     """
     height, width = out.shape[:2]
     half = np.float32(0.5)
-    for y in numba.prange(height):
+    for y in range(since, until):
         j = y // factor
         for x in range(width):
             i = x // factor
@@ -85,15 +90,16 @@ def carry_shifts(before, motion, factor, kept, position, anchor, out):
                 out[y, x, 1] = position[y, x, 1] - anchor[y, x, 1]
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def trust(back, there, most, out):
+@shared("out")
+@lean_kernel
+def trust(since, until, back, there, most, out):
     """Where the flow ``back`` [h, w, 2] stays in the picture and agrees with the one ``there``.
 
     ``out`` bool [h, w]: going back and there again ends at most ``most`` samples off along an axis.
     """
     height, width = out.shape
     half = np.float32(0.5)
-    for y in numba.prange(height):
+    for y in range(since, until):
         for x in range(width):
             v, u = np.float32(y) + back[y, x, 1], np.float32(x) + back[y, x, 0]
             inside = (-half < u < np.float32(width) - half
@@ -118,8 +124,9 @@ def _whole(anchor, y, x, v, u, low, high):
     return low < step < high
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def mend(anchor, trusted, factor, scale, least, most, turn, offset, out):
+@shared("anchor")
+@lean_kernel
+def mend(since, until, anchor, trusted, factor, scale, least, most, turn, offset, out):
     """A carried anchor plane [h, w, 2], anew where it can't be trusted or is torn, into ``out``.
 
     Values lie in the middles of blocks of ``factor`` pixels; ``trusted`` bool [h, w]. Torn is where
@@ -128,13 +135,13 @@ def mend(anchor, trusted, factor, scale, least, most, turn, offset, out):
     that is whole: were it torn, too, pieces would shrink from frame to frame. The new plane is
     ``turn`` z + ``offset`` in complex numbers, z the place in pixels.
     """
-    height, width = anchor.shape[:2]
+    width = anchor.shape[1]
     half, pixels = np.float32(0.5), np.float32(factor)
     side = pixels * scale
     low, high = (least * side) ** 2, (most * side) ** 2
     right, down = np.float32(turn.real), np.float32(turn.imag)
     first_x, first_y = np.float32(offset.real), np.float32(offset.imag)
-    for y in numba.prange(height):
+    for y in range(since, until):
         for x in range(width):
             if (trusted[y, x]
                     and (_whole(anchor, y, x, y, x + 1, low, high)
@@ -148,19 +155,20 @@ def mend(anchor, trusted, factor, scale, least, most, turn, offset, out):
                 out[y, x, 1] = down * u + right * v + first_y
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def unfold(coarse, factor, scale, most, out):
+@shared("out")
+@kernel
+def unfold(since, until, coarse, factor, scale, most, out):
     """An anchor plane on blocks [h, w, 2] at all pixels ``out`` [H, W, 2].
 
     Bilinear; beyond the outermost middles, and between blocks that are torn apart (steps above
     ``most`` times that of a new plane), each block goes on by ``scale`` a pixel.
     """
-    height, width = out.shape[:2]
+    width = out.shape[1]
     rows, columns = coarse.shape[:2]
     half, one, zero = np.float32(0.5), np.float32(1), np.float32(0)
     share = one / np.float32(factor)
     limit = (most * scale * np.float32(factor)) ** 2
-    for y in numba.prange(height):
+    for y in range(since, until):
         v = (np.float32(y) + half) * share - half
         j = min(max(np.int64(np.floor(v)), 0), max(rows - 2, 0))
         below = min(j + 1, rows - 1)
@@ -194,8 +202,9 @@ def unfold(coarse, factor, scale, most, out):
                 out[y, x, 1] = line[nearest, 1]
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def squared_changes(image, before, motion, factor, trusted, step, sums):
+@shared("sums")
+@lean_kernel
+def squared_changes(since, until, image, before, motion, factor, trusted, step, sums):
     """Sums over a row of blocks, at the blocks' middles where ``trusted``, into ``sums`` [h, 8].
 
     Every ``step``-th block of every ``step``-th row counts.
@@ -203,8 +212,9 @@ def squared_changes(image, before, motion, factor, trusted, step, sums):
     channel; squares of each channel in one.
     """
     height, width = image.shape[:2]
-    sums[:] = 0
-    for j in numba.prange(trusted.shape[0]):
+    for j in range(since, until):
+        for k in range(sums.shape[1]):
+            sums[j, k] = 0
         if j % step != 0:
             continue
         y = min(j * factor + factor // 2, height - 1)
@@ -225,10 +235,11 @@ def squared_changes(image, before, motion, factor, trusted, step, sums):
                 sums[j, 5 + c] += value * value
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def to_bytes(image, out):
+@shared("image")
+@lean_kernel
+def to_bytes(since, until, image, out):
     """A picture [H, W, 3] in [0, 1] as uint8."""
-    for y in numba.prange(image.shape[0]):
+    for y in range(since, until):
         for x in range(image.shape[1]):
             for c in range(3):
                 value = min(max(image[y, x, c], np.float32(0)), np.float32(1))

@@ -12,8 +12,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from ...lanes.decorators import lean_kernel
 from ...lanes.interleaved import gather_neighbours, gather_signed, load_pairs, pairs, store_triples
-from ...lanes.reference_counts import lean
+from ...lanes.threads import share_out, shared
 from ...lanes.vectors import LANES
 
 __all__ = ["blend", "elect", "pack", "vote"]
@@ -24,10 +25,11 @@ _floor, _absolute = LANES.floor, LANES.absolute
 _minimum, _maximum = LANES.minimum, LANES.maximum
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def pack(picture, out):
+@shared("picture")
+@lean_kernel
+def pack(since, until, picture, out):
     """Colours [h, w, 3] float32 in [0, 1] as words [h, w]; exact for multiples of 1 / 255."""
-    for y in numba.prange(picture.shape[0]):
+    for y in range(since, until):
         for x in range(picture.shape[1]):
             word = np.int32(0)
             for c in range(3):
@@ -76,14 +78,16 @@ def _stand(x, z, xs, zs, anchors, n, ax, ay, reach, known, most, own_x, own_z):
     return most, own_x, own_z
 
 
-@lean
-def _elect_row_of_nine(y, anchor, reach, shift, width, out):
-    """`elect` of one row for a radius of 1: all nine shifts stay in registers."""
+@lean_kernel
+def _elect_of_nine(since, until, anchor, reach, shift, width, out):
+    """`elect` of some rows for a radius of 1: all nine shifts stay in registers."""
     anchors = anchor.reshape(-1)
     stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
     values, outs = shift.reshape(-1), out.reshape(-1)
     half = np.float32(4.5)
-    for first in range(0, width, 16):
+    across = (width + 15) // 16
+    for vector in range(since * across, until * across):
+        y, first = vector // across, vector % across * 16
         a = y * stride + first
         b, c = a + stride, a + 2 * stride
         xs = (_load(values, a), _load(values, a + 1), _load(values, a + 2),
@@ -119,15 +123,17 @@ def _elect_row_of_nine(y, anchor, reach, shift, width, out):
         _store(outs, plane + middle, z)
 
 
-@lean
-def _elect_row(y, anchor, reach, shift, radius, width, out):
-    """`elect` of one row."""
+@lean_kernel
+def _elect_of_many(since, until, anchor, reach, shift, radius, width, out):
+    """`elect` of some rows."""
     anchors = anchor.reshape(-1)
     stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
     values, outs = shift.reshape(-1), out.reshape(-1)
     side = 2 * radius + 1
     zero, one, half = np.float32(0), np.float32(1), np.float32(side * side) / np.float32(2)
-    for first in range(0, width, 16):
+    across = (width + 15) // 16
+    for vector in range(since * across, until * across):
+        y, first = vector // across, vector % across * 16
         corner = y * stride + first
         middle = corner + radius * stride + radius
         x, z = _load(values, middle), _load(values, plane + middle)
@@ -160,7 +166,6 @@ def _elect_row(y, anchor, reach, shift, radius, width, out):
         _store(outs, plane + middle, own_z)
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
 def elect(anchor, reach, shift, radius, width, out):
     """Mode filter: the most frequent shift of each window of side 2 radius + 1, into ``out``.
 
@@ -169,11 +174,11 @@ def elect(anchor, reach, shift, radius, width, out):
     shift of a pixel whose anchor is not within ``reach`` (L1) is no candidate: it belongs to
     another piece of the anchor plane.
     """
-    for y in numba.prange(shift.shape[1] - 2 * radius):
-        if radius == 1:
-            _elect_row_of_nine(np.int64(y), anchor, reach, shift, width, out)
-        else:
-            _elect_row(np.int64(y), anchor, reach, shift, radius, width, out)
+    rows = shift.shape[1] - 2 * radius
+    if radius == 1:
+        share_out(_elect_of_nine, rows, anchor, reach, shift, width, out)
+    else:
+        share_out(_elect_of_many, rows, anchor, reach, shift, radius, width, out)
 
 
 @numba.njit(cache=True, inline="always")
@@ -218,16 +223,24 @@ def _counted(x, z, voters, own_x, own_z, votes):
             voters & ~mine)
 
 
-@lean
-def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
-    """`vote` of one row."""
+@shared("out")
+@lean_kernel
+def vote(since, until, colours, anchor, reach, shift, margin, radius, exact, out):
+    """Mean of the colours that the window's shifts vote for, into ``out`` [H, W, 3] float32.
+
+    ``shift`` are planes with a ``margin`` of at least ``radius``; ``colours`` int32 [h, w] packed.
+    Pixels without a shift (NaN) stay 0. ``exact`` reads whole pixels, else bilinearly. Pixels whose
+    anchor is not within ``reach`` (L1) have no vote: their shifts mean other places here.
+    """
     width = out.shape[1]
     style_height, style_width = colours.shape
     stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
     values, anchors, flat = shift.reshape(-1), anchor.reshape(-1), colours.reshape(-1)
     flat_out = out.reshape(-1)
     zero, one = np.float32(0), np.float32(1)
-    for first in range(0, width, 16):
+    across = (width + 15) // 16
+    for vector in range(since * across, until * across):
+        y, first = vector // across, vector % across * 16
         middle = (y + margin) * stride + margin + first
         x, z = _load(values, middle), _load(values, plane + middle)
         known = x == x
@@ -298,23 +311,12 @@ def _vote_row(y, colours, anchor, reach, shift, margin, radius, exact, out):
                 out[y, first + n, 2] = _lane(blue, n)
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def vote(colours, anchor, reach, shift, margin, radius, exact, out):
-    """Mean of the colours that the window's shifts vote for, into ``out`` [H, W, 3] float32.
-
-    ``shift`` are planes with a ``margin`` of at least ``radius``; ``colours`` int32 [h, w] packed.
-    Pixels without a shift (NaN) stay 0. ``exact`` reads whole pixels, else bilinearly. Pixels whose
-    anchor is not within ``reach`` (L1) have no vote: their shifts mean other places here.
-    """
-    for y in numba.prange(out.shape[0]):
-        _vote_row(np.int64(y), colours, anchor, reach, shift, margin, radius, exact, out)
-
-
-@numba.njit(cache=True, nogil=True, parallel=True)
-def blend(photo, scale, painted, cover, out):
+@shared("cover")
+@lean_kernel
+def blend(since, until, photo, scale, painted, cover, out):
     """``photo`` times ``scale``, covered by ``painted`` where ``cover`` [H, W] is 1; float32."""
-    height, width = cover.shape
-    for y in numba.prange(height):
+    width = cover.shape[1]
+    for y in range(since, until):
         for x in range(width):
             share = cover[y, x]
             for c in range(3):

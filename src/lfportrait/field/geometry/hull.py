@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...capture import Camera
+from ...lanes.decorators import lean_kernel
+from ...lanes.threads import shared
 from ..kernels.depth_votes import pixel_of
 
 __all__ = ["hull_box", "ruled_out", "visual_hull"]
 
 
-@njit(cache=True, parallel=True)
-def _carve(x, y, z, camera, covered, asked, seen, against):  # type: ignore[no-untyped-def]
+@shared("z")
+@lean_kernel
+def _carve(since, until, x, y, z, camera, covered,  # type: ignore[no-untyped-def]
+           asked, seen, against):
     """Count, for each point asked about, the view if it shows it, and if it shows it empty."""
     height, width = covered.shape
-    for k in prange(len(z)):
+    for k in range(since, until):
         for j in range(len(y)):
             for i in range(len(x)):
                 if not asked[k, j, i]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ...lanes.decorators import lean_kernel
 
 __all__ = ["pose_equations"]
 
 
-@njit(cache=True)
+@lean_kernel
 def pose_equations(values, photo, depth, lens, usual, matrix, slope):
     """Add up one Gauss-Newton step's normal equations over a picture, Cauchy-weighted.
 

@@ -17,9 +17,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 from scipy import ndimage
+
+from ...lanes.decorators import lean_kernel
+from ...lanes.threads import shared
 
 __all__ = ["BRICK", "SLOTS", "Bricks", "brick_table", "bright_table", "build_bricks", "row_width"]
 
@@ -86,10 +88,11 @@ class Bricks:
         return int(self.table.nbytes + self.links.nbytes + self.density.nbytes + self.rows.nbytes)
 
 
-@njit(cache=True, parallel=True)
-def _occupied(links, bricks):
+@shared("bricks")
+@lean_kernel
+def _occupied(since, until, links, bricks):
     depth, height, width = links.shape
-    for bz in prange(bricks.shape[0]):
+    for bz in range(since, until):
         for by in range(bricks.shape[1]):
             for bx in range(bricks.shape[2]):
                 found = False
@@ -101,10 +104,11 @@ def _occupied(links, bricks):
                 bricks[bz, by, bx] = found
 
 
-@njit(cache=True, parallel=True)
-def _fill_links(links, places, empty, out):
+@shared("places")
+@lean_kernel
+def _fill_links(since, until, links, places, empty, out):
     depth, height, width = links.shape
-    for brick in prange(len(places)):
+    for brick in range(since, until):
         bz, by, bx = places[brick]
         for slot in range(128):
             out[brick * 128 + slot] = empty
@@ -124,9 +128,10 @@ def _distances(occupied: NDArray[np.bool_]) -> NDArray[np.int32]:
     return -np.maximum(away, 1).astype(np.int32)
 
 
-@njit(cache=True, parallel=True)
-def _brighter(links, density, least, found):
-    for brick in prange(len(found)):
+@shared("found")
+@lean_kernel
+def _brighter(since, until, links, density, least, found):
+    for brick in range(since, until):
         most = np.float32(0.0)
         for slot in range(128):
             most = max(most, density[links[brick * 128 + slot]])

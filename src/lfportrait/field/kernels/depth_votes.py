@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from ...lanes.decorators import lean_kernel
+from ...lanes.threads import shared
 
 __all__ = ["fuse_depth", "pixel_of"]
 
@@ -28,8 +31,10 @@ def pixel_of(x, y, z, camera, height, width):
     return row, column, along
 
 
-@njit(cache=True, parallel=True)
-def fuse_depth(x, y, z, camera, depth, sure, image, margin, slack, empty, solid, unsure, color):
+@shared("z")
+@lean_kernel
+def fuse_depth(since, until, x, y, z, camera, depth, sure, image, margin, slack, empty, solid,
+               unsure, color):
     """Add one view's votes.
 
     Parameters
@@ -50,7 +55,7 @@ def fuse_depth(x, y, z, camera, depth, sure, image, margin, slack, empty, solid,
         float32 [Z, Y, X, 3], sum of the colours of those that see a surface.
     """
     height, width = depth.shape
-    for k in prange(len(z)):
+    for k in range(since, until):
         for j in range(len(y)):
             for i in range(len(x)):
                 row, column, along = pixel_of(x[i], y[j], z[k], camera, height, width)

@@ -17,10 +17,10 @@ values wide and go through the lanes of `lfportrait.lanes.vectors`, 16 at a time
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 
+from ...lanes.decorators import lean, lean_kernel
 from ...lanes.interleaved import prefetch
-from ...lanes.reference_counts import lean
+from ...lanes.threads import share_out
 from ...lanes.vectors import LANES
 
 __all__ = ["descend", "smooth", "total_variation"]
@@ -76,7 +76,6 @@ def _take_up(keys, values, count, density, rows, width, bases, rate, decay, lowe
         _step_density(row, end - np.uintp(1), values[number, 4], density, rows, rate, decay, lowest)
 
 
-@njit(cache=True, parallel=True)
 def descend(density, rows, width, records, bases, rate, decay, lowest, gains, memory):
     """Take up the records of a step.
 
@@ -103,17 +102,21 @@ def descend(density, rows, width, records, bases, rate, decay, lowest, gains, me
         Weight of rays that a colour is a running mean of, at most. The weight of a record's own
         rays counts in full whatever the bound.
     """
-    all_keys, all_values, all_counts, _ = records
-    workers = len(all_counts)
-    flat = bases.reshape(bases.size)
-    for owner in prange(workers):
-        for worker in range(workers):
-            _take_up(all_keys[worker, owner], all_values[worker, owner],
-                     all_counts[worker, owner], density, rows, width, flat, rate, decay, lowest,
-                     gains, memory)
+    keys, values, counts, _ = records
+    share_out(_take_up_all, len(counts), keys, values, counts, density, rows, width,
+              bases.reshape(-1), rate, decay, lowest, gains, memory)
 
 
-@njit(cache=True, parallel=True)
+@lean_kernel
+def _take_up_all(since, until, keys, values, counts, density, rows, width, bases, rate, decay,
+                 lowest, gains, memory):
+    """Take up all records for some owners."""
+    for owner in range(since, until):
+        for worker in range(len(counts)):
+            _take_up(keys[worker, owner], values[worker, owner], counts[worker, owner], density,
+                     rows, width, bases, rate, decay, lowest, gains, memory)
+
+
 def smooth(density, rows, width, slopes, first, last, rate, decay, lowest, gains):
     """Take up the slopes of the total variation on a run of rows.
 
@@ -126,8 +129,16 @@ def smooth(density, rows, width, slopes, first, last, rate, decay, lowest, gains
     first, last
         Range of rows.
     """
+    share_out(_smooth_rows, last - first, density, rows, width, slopes, first, last, rate, decay,
+              lowest, gains)
+
+
+@lean_kernel
+def _smooth_rows(since, until, density, rows, width, slopes, first, last, rate, decay, lowest,
+                 gains):
+    """`smooth` of some rows, counted from the first."""
     colors = len(slopes) > last - first
-    for row in prange(first, last):
+    for row in range(first + since, first + until):
         end = np.uintp((row + 1) * width)
         if not colors:
             _step_density(row, end - np.uintp(1), slopes[row - first], density, rows, rate, decay,
@@ -141,7 +152,6 @@ def smooth(density, rows, width, slopes, first, last, rate, decay, lowest, gains
                    - scale * _load(gains, np.uintp(16 * block)) * slope)
 
 
-@njit(cache=True, parallel=True)
 def total_variation(neighbours, first, last, values, width, weight, scale, slopes):
     """Gradient of total variation (Shen et al. 2023, Eq. 3) on a run of rows.
 
@@ -165,9 +175,15 @@ def total_variation(neighbours, first, last, values, width, weight, scale, slope
     slopes
         float32 [(last - first) * width], written.
     """
-    factor = np.float32(scale)
-    share = np.float32(weight) * factor
-    for row in prange(first, last):
+    share_out(_vary_rows, last - first, neighbours, first, values, width, np.float32(weight),
+              np.float32(scale), slopes)
+
+
+@lean_kernel
+def _vary_rows(since, until, neighbours, first, values, width, weight, factor, slopes):
+    """`total_variation` of some rows, counted from the first."""
+    share = weight * factor
+    for row in range(first + since, first + until):
         if width == 1:
             slopes[row - first] = share * _pull(neighbours, row, values, factor)
             continue

@@ -22,9 +22,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from ...lanes.cache_keys import identified, identity
+from ...lanes.decorators import lean, lean_kernel
 from ...lanes.vectors import LANES
 
 __all__ = ["BASIS_STRIDE", "enter_box", "make_basis", "make_channel_shade", "make_locate",
@@ -35,7 +35,7 @@ BASIS_STRIDE = 64
 
 
 @identified("sh_basis")
-@njit(cache=True)
+@lean_kernel
 def sh_basis(x, y, z, out, start, count):
     """Real spherical harmonics of a unit direction, in svox2's order, into out[start:start+count].
 
@@ -64,7 +64,7 @@ def make_basis(width: int) -> Callable[..., Any]:
     two = width == 32
 
     @identified("fill", width)
-    @njit(cache=True)
+    @lean
     def fill(x, y, z, count, basis, start, scratch):
         for i in range(64):
             basis[start + i] = np.float32(0.0)
@@ -92,7 +92,7 @@ def make_rgb_shade(width: int, lanes: SimpleNamespace = LANES) -> Callable[..., 
     two = width == 32
 
     @identified("rgb shade", width, lanes.width)
-    @njit(cache=True)
+    @lean
     def shade(links, rows, base, weights, lane, basis, channel):
         first = floats(np.float32(0.0))
         rest = floats(np.float32(0.0))
@@ -122,7 +122,7 @@ def make_channel_shade(width: int, basis_count: int,
     load_half, total, load, floats = lanes.load_half, lanes.total, lanes.load, lanes.floats
 
     @identified("channel shade", width, basis_count, lanes.width)
-    @njit(cache=True)
+    @lean
     def shade(links, rows, base, weights, lane, basis, channel):
         window = np.uintp(channel * basis_count)
         first = floats(np.float32(0.0))
@@ -138,7 +138,7 @@ def make_channel_shade(width: int, basis_count: int,
 
 
 @identified("enter_box")
-@njit(cache=True)
+@lean
 def enter_box(ox, oy, oz, dx, dy, dz, nx, ny, nz):
     """Where a ray enters and leaves the lattice [0, n - 1]^3, as (start, end); start > end: never.
 

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import lean
 from ...lanes.interleaved import gather_signed, load_ints, prefetch
-from ...lanes.reference_counts import lean
 from ...lanes.vectors import LANES
 
 __all__ = ["Records", "make_color_points", "make_pad", "mix_color", "mix_density", "open_brick",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+
+from ...lanes.decorators import lean_kernel
+from ...lanes.threads import shared
 
 __all__ = ["refine_rows"]
 
 
-@njit(cache=True, parallel=True)
 def refine_rows(links, density, rows, places, low, part):
     """Density and colour rows at fine points.
 
@@ -30,11 +31,18 @@ def refine_rows(links, density, rows, places, low, part):
         float32 [M + 1] and [M + 1, width], the last row zero. Colour is the mean over the corners
         that exist: empty points have none to mix in.
     """
-    count, width = len(places), rows.shape[1]
-    fine = np.zeros(count + 1, np.float32)
-    fine_rows = np.zeros((count + 1, width), np.float32)
-    one = np.float32(1.0)
-    for point in prange(count):
+    fine = np.zeros(len(places) + 1, np.float32)
+    fine_rows = np.zeros((len(places) + 1, rows.shape[1]), np.float32)
+    _refine(links, density, rows, places, low, part, fine, fine_rows)
+    return fine, fine_rows
+
+
+@shared("places")
+@lean_kernel
+def _refine(since, until, links, density, rows, places, low, part, fine, fine_rows):
+    """Fill what `refine_rows` gives."""
+    width, one = rows.shape[1], np.float32(1.0)
+    for point in range(since, until):
         z, y, x = places[point, 0], places[point, 1], places[point, 2]
         mass = np.float32(0.0)
         for corner in range(8):
@@ -52,4 +60,3 @@ def refine_rows(links, density, rows, places, low, part):
         scale = one / max(mass, np.float32(1e-6))
         for i in range(width):
             fine_rows[point, i] *= scale
-    return fine, fine_rows

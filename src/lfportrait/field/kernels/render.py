@@ -7,10 +7,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import kernel
 from ...lanes.one_lane import SCALAR
+from ...lanes.threads import share_out, with_kernel
 from ...lanes.vectors import LANES
 from .march import enter_box, make_basis, make_march, make_rgb_shade
 
@@ -35,17 +36,15 @@ def render_kernel(width: int) -> Callable[..., Any]:
     load, store, floats = LANES.load, LANES.store, LANES.floats
 
     @identified("render", width)
-    @njit(cache=True, parallel=True)
-    def render(table, links, density, rows, lattice, count, camera, size, step, threshold, stop,
-               color, alpha, depth):
+    @kernel
+    def render_lines(since, until, table, links, density, rows, lattice, count, camera, size, step,
+                     threshold, stop, color, alpha, depth):
         columns = (size[0] + 3) // 4
-        lines = (size[1] + 3) // 4
         nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
-        for line in prange(lines):
-            basis = np.zeros(16 * 64, np.float32)
-            scratch = np.zeros(16, np.float32)
-            ray = np.zeros((12, 16), np.float32)
-            flat = ray.reshape(12 * 16)
+        basis, scratch = np.zeros(16 * 64, np.float32), np.zeros(16, np.float32)
+        ray = np.zeros((12, 16), np.float32)
+        flat = ray.reshape(12 * 16)
+        for line in range(since, until):
             for column in range(columns):
                 for i in range(16):
                     x = min(4 * column + (i & 3), size[0] - 1)
@@ -91,7 +90,11 @@ def render_kernel(width: int) -> Callable[..., Any]:
                         color[3 * pixel + 2] = ray[2, i]
                         alpha[pixel] = np.float32(1.0) - ray[3, i]
                         depth[pixel] = ray[4, i]
-    return render
+
+    def render(table, links, density, rows, lattice, count, camera, size, *rest):
+        share_out(render_lines, (size[1] + 3) // 4, table, links, density, rows, lattice, count,
+                  camera, size, *rest)
+    return with_kernel(render, render_lines)
 
 
 @functools.cache
@@ -108,7 +111,7 @@ def render_kernel_one_lane(width: int) -> Callable[..., Any]:
     half, zero = SCALAR.half, np.float32(0.0)
 
     @identified("one-lane shade", width)
-    @njit(cache=True)
+    @kernel
     def shade(links, rows, base, weights, lane, basis, channel):
         count = np.int64(channel)
         color = (zero, zero, zero)
@@ -126,7 +129,7 @@ def render_kernel_one_lane(width: int) -> Callable[..., Any]:
     march = make_march(SCALAR, shade)
 
     @identified("one-lane cast", width)
-    @njit(cache=True)
+    @kernel
     def cast(table, links, density, rows, lattice, count, origin, direction, basis, step, delta,
              threshold, stop):
         nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])

@@ -15,9 +15,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
 
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import kernel, lean, lean_kernel
+from ...lanes.threads import shared
 
 __all__ = ["shells_backward", "shells_forward", "shells_mark", "shells_step"]
 
@@ -25,7 +26,7 @@ _C0 = np.float32(0.28209479177387814)
 
 
 @identified("shells meet")
-@njit(cache=True)
+@lean
 def _meet(rays, ray, number, steps, inner):
     """Inverse radius, longitude, latitude (0 to 1) where a ray meets a sphere; (-1, 0, 0): not."""
     radius = steps / (steps - number - 0.5)
@@ -48,7 +49,7 @@ def _meet(rays, ray, number, steps, inner):
 
 
 @identified("shells inner")
-@njit(cache=True)
+@lean
 def _inner(rays, ray):
     """Radius of the first sphere that counts: outside the unit sphere and met by the ray."""
     ox, oy, oz = rays[ray, 0], rays[ray, 1], rays[ray, 2]
@@ -57,7 +58,7 @@ def _inner(rays, ray):
 
 
 @identified("shells corners")
-@njit(cache=True)
+@lean
 def _corners(links, layers, inverse, longitude, latitude, rows, weights):
     """The eight corners of a sample: places in the data (-1 where there is none) and weights."""
     high = links.shape[1]
@@ -80,7 +81,7 @@ def _corners(links, layers, inverse, longitude, latitude, rows, weights):
 
 
 @identified("shells value")
-@njit(cache=True)
+@lean
 def _value(data, rows, weights, channel):
     value = np.float32(0.0)
     for corner in range(8):
@@ -89,8 +90,9 @@ def _value(data, rows, weights, channel):
     return value
 
 
-@njit(cache=True, parallel=True)
-def shells_mark(rays, layers, seen):
+@shared("rays")
+@lean_kernel
+def shells_mark(since, until, rays, layers, seen):
     """Mark the map pixels (uint8 [2 R, R]) that rays look up.
 
     Parameters
@@ -100,7 +102,7 @@ def shells_mark(rays, layers, seen):
     """
     wide, high = seen.shape
     steps = layers + 2
-    for ray in prange(len(rays)):
+    for ray in range(since, until):
         inner = _inner(rays, ray)
         for number in range(steps):
             inverse, longitude, latitude = _meet(rays, ray, number, steps, inner)
@@ -111,8 +113,9 @@ def shells_mark(rays, layers, seen):
                     seen[i % wide, min(j, high - 1)] = 1
 
 
-@njit(cache=True, parallel=True)
-def shells_forward(rays, links, data, layers, background, stop, color):
+@shared("rays")
+@kernel
+def shells_forward(since, until, rays, links, data, layers, background, stop, color):
     """Colour of each ray behind the lattice, float32 [K, 3].
 
     Parameters
@@ -129,7 +132,7 @@ def shells_forward(rays, links, data, layers, background, stop, color):
         A ray ends where its transmittance falls below this.
     """
     steps = layers + 2
-    for ray in prange(len(rays)):
+    for ray in range(since, until):
         rows, weights = np.empty(8, np.int64), np.empty(8, np.float32)
         inner = _inner(rays, ray)
         last, through = 1.0 / inner, np.float32(1.0)
@@ -158,8 +161,10 @@ def shells_forward(rays, links, data, layers, background, stop, color):
         color[ray, 2] = blue + through * background
 
 
-@njit(cache=True, parallel=True)
-def shells_backward(rays, links, data, layers, background, stop, color, slopes, gradients):
+@shared("gradients")
+@kernel
+def shells_backward(since, until, rays, links, data, layers, background, stop, color, slopes,
+                    gradients):
     """Gradients of the data, added to float32 [workers, N * layers, 4].
 
     Parameters
@@ -171,7 +176,7 @@ def shells_backward(rays, links, data, layers, background, stop, color, slopes, 
     """
     steps = layers + 2
     workers = len(gradients)
-    for worker in prange(workers):
+    for worker in range(since, until):
         own = gradients[worker]
         rows, weights = np.empty(8, np.int64), np.empty(8, np.float32)
         for ray in range(worker, len(rays), workers):
@@ -216,8 +221,9 @@ def shells_backward(rays, links, data, layers, background, stop, color, slopes, 
                 last = inverse
 
 
-@njit(cache=True, parallel=True)
-def shells_step(data, gradients, mean_square, rate_color, rate_density, decay):
+@shared("data")
+@lean_kernel
+def shells_step(since, until, data, gradients, mean_square, rate_color, rate_density, decay):
     """One RMSProp step on values with a gradient; gradients are set to zero.
 
     Parameters
@@ -229,7 +235,7 @@ def shells_step(data, gradients, mean_square, rate_color, rate_density, decay):
     """
     workers = len(gradients)
     rest = np.float32(1.0) - decay
-    for row in prange(len(data)):
+    for row in range(since, until):
         for channel in range(4):
             gradient = np.float32(0.0)
             for worker in range(workers):

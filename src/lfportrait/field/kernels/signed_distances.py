@@ -7,16 +7,19 @@ principal point in pixels.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
+from ...lanes.decorators import lean_kernel
+from ...lanes.threads import shared
 from .depth_votes import pixel_of
 
 __all__ = ["fuse_distance", "outline_distance"]
 
 
-@njit(cache=True, parallel=True)
+@shared("axis")
+@lean_kernel
 def fuse_distance(  # type: ignore[no-untyped-def]
-        axis, camera, depth, matte, reach, total, count, person, seen):
+        since, until, axis, camera, depth, matte, reach, total, count, person, seen):
     """Add one view's depth to a lattice of signed distances (Curless and Levoy 1996).
 
     Parameters
@@ -42,7 +45,7 @@ def fuse_distance(  # type: ignore[no-untyped-def]
     """
     height, width = depth.shape
     size = len(axis)
-    for k in prange(size):
+    for k in range(since, until):
         for j in range(size):
             for i in range(size):
                 row, column, along = pixel_of(axis[i], axis[j], axis[k], camera, height, width)
@@ -73,7 +76,6 @@ def _between(distance, x, y, z):  # type: ignore[no-untyped-def]
     return (1.0 - fz) * low + fz * high
 
 
-@njit(cache=True, parallel=True)
 def outline_distance(  # type: ignore[no-untyped-def]
         distance, clear, first, spacing, camera, height, width):
     """The least signed distance along the ray of each pixel: below zero where the solid is.
@@ -97,10 +99,18 @@ def outline_distance(  # type: ignore[no-untyped-def]
     least
         float32 [height, width], in (-1, 1]; a ray that is deep inside the solid ends there.
     """
-    top = distance.shape[0] - 1.0
     least = np.ones((height, width), np.float32)
-    for row in prange(height):
-        for column in range(width):
+    _outline_rows(distance, clear, first, spacing, camera, least)
+    return least
+
+
+@shared("least")
+@lean_kernel
+def _outline_rows(since, until, distance, clear, first, spacing, camera, least):
+    """Fill what `outline_distance` gives."""
+    top = distance.shape[0] - 1.0
+    for row in range(since, until):
+        for column in range(least.shape[1]):
             x = (column + 0.5 - camera[14]) / camera[12]
             y = (row + 0.5 - camera[15]) / camera[13]
             ax = camera[0] * x + camera[1] * y + camera[2]
@@ -130,4 +140,3 @@ def outline_distance(  # type: ignore[no-untyped-def]
                     break
                 t += 0.5
             least[row, column] = best
-    return least

@@ -8,44 +8,49 @@ is least over the directions tells outside from inside, whatever the field holds
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import kernel, lean_kernel
+from ...lanes.threads import shared
 from .march import sh_basis
 
 __all__ = ["depth_from_outside", "seen_colors", "sh_bases"]
 
 
-@njit(cache=True, parallel=True)
 def _across_planes(density, dz, dy, dx, length, least):
     """One direction with ``dz`` = -1 or 1: plane after plane."""
-    planes, rows, columns = density.shape
-    half = np.float32(0.5) * length
-    before = np.zeros((rows, columns), np.float32)
-    here = np.zeros((rows, columns), np.float32)
-    for number in range(planes):
-        k = number if dz > 0 else planes - 1 - number
-        for j in prange(rows):
-            jj = j - dy
-            for i in range(columns):
-                ii = i - dx
-                own = density[k, j, i]
-                if number > 0 and 0 <= jj < rows and 0 <= ii < columns:
-                    value = before[jj, ii] + half * (own + density[k - dz, jj, ii])
-                else:
-                    value = half * own
-                here[j, i] = value
-                if value < least[k, j, i]:
-                    least[k, j, i] = value
+    before, here = np.zeros((2, *density.shape[1:]), np.float32)
+    for k in range(len(density))[::dz]:
+        behind = k - dz if 0 <= k - dz < len(density) else -1
+        _next_plane(density, k, behind, dy, dx, np.float32(0.5) * length, before, here, least)
         before, here = here, before
 
 
-@njit(cache=True, parallel=True)
-def _inside_planes(density, dy, dx, length, least):
+@shared("here")
+@lean_kernel
+def _next_plane(since, until, density, k, behind, dy, dx, half, before, here, least):
+    """Depths ``here`` on plane ``k`` from those on plane ``behind`` it, -1 for the outside."""
+    rows, columns = here.shape
+    for j in range(since, until):
+        jj = j - dy
+        for i in range(columns):
+            ii = i - dx
+            own = density[k, j, i]
+            if behind >= 0 and 0 <= jj < rows and 0 <= ii < columns:
+                value = before[jj, ii] + half * (own + density[behind, jj, ii])
+            else:
+                value = half * own
+            here[j, i] = value
+            least[k, j, i] = min(least[k, j, i], value)
+
+
+@shared("density")
+@kernel
+def _inside_planes(since, until, density, dy, dx, length, least):
     """One direction within the planes of constant z."""
-    planes, rows, columns = density.shape
+    rows, columns = density.shape[1:]
     half = np.float32(0.5) * length
-    for k in prange(planes):
+    for k in range(since, until):
         before = np.zeros(columns, np.float32)
         here = np.zeros(columns, np.float32)
         for number in range(rows):
@@ -91,9 +96,11 @@ def depth_from_outside(density, spacing, directions):
     return least
 
 
+@shared("origins")
 @identified("seen_colors")
-@njit(cache=True, parallel=True)
-def seen_colors(links, density, sh, scale, offset, origins, directions, steps, step, color):
+@kernel
+def seen_colors(since, until, links, density, sh, scale, offset, origins, directions, steps, step,
+                color):
     """Volume-rendered colour of short rays, of which each has its own direction.
 
     Parameters
@@ -113,7 +120,7 @@ def seen_colors(links, density, sh, scale, offset, origins, directions, steps, s
     """
     count = sh.shape[2]
     depth, height, width = links.shape
-    for ray in prange(len(origins)):
+    for ray in range(since, until):
         basis = np.empty(count, np.float32)
         sh_basis(np.float32(directions[ray, 0]), np.float32(directions[ray, 1]),
                  np.float32(directions[ray, 2]), basis, 0, count)
@@ -158,7 +165,7 @@ def seen_colors(links, density, sh, scale, offset, origins, directions, steps, s
 
 
 @identified("sh_bases")
-@njit(cache=True)
+@lean_kernel
 def sh_bases(directions, bases):
     """Spherical harmonics of unit directions, float64 [K, 3], into float32 [K, B]."""
     for row in range(len(directions)):

@@ -12,9 +12,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import kernel
+from ...lanes.threads import share_out, shared
 from ...lanes.vectors import LANES
 from .march import make_locate
 
@@ -24,15 +25,16 @@ NONE = 255
 """The chart of a row that none shows; a cell's is -1."""
 
 
-@njit(cache=True, parallel=True)
-def cell_charts(brick_links, charts, out):
+@shared("brick_links", per=128)
+@kernel
+def cell_charts(since, until, brick_links, charts, out):
     """The chart that most corners of a cell name, int32 [bricks * 128]; -1 where none does.
 
     ``charts`` uint8 [N + 1] has the charts of the lattice's rows, `NONE` for the last one, which
     stands for empty points. Of the slots of a brick only those that begin a cell are used.
     """
-    for brick in prange(len(brick_links) // 128):
-        names = np.empty(8, np.int64)
+    names = np.empty(8, np.int64)
+    for brick in range(since, until):
         for slot in range(128):
             out[brick * 128 + slot] = -1
         for cell in range(64):
@@ -138,8 +140,6 @@ _detail, _share = make_detail(LANES, True), make_texture_share(LANES)
 _load, _store = LANES.load, LANES.store
 
 
-@identified("add texture")
-@njit(cache=True, parallel=True)
 def add_texture(table, cells, charts, texels, lattice, camera, size, alpha, depth, color):
     """Add the texture to a rendered view, in place.
 
@@ -154,12 +154,20 @@ def add_texture(table, cells, charts, texels, lattice, camera, size, alpha, dept
     color
         float32 [H W 3], with nothing of the background in it yet.
     """
+    share_out(_add_lines, size[1], table, cells, charts, texels, lattice, camera, size, alpha,
+              depth, color)
+
+
+@identified("add texture")
+@kernel
+def _add_lines(since, until, table, cells, charts, texels, lattice, camera, size, alpha, depth,
+               color):
+    """`add_texture` to some rows."""
     nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
-    for line in prange(size[1]):
-        y = np.int64(line)
+    ray = np.zeros((4, 16), np.float32)
+    flat = ray.reshape(64)
+    for y in range(since, until):
         cy = (y + 0.5 - camera[15]) / camera[13]
-        ray = np.zeros((4, 16), np.float32)
-        flat = ray.reshape(64)
         for first in range(0, size[0], 16):
             many = min(16, size[0] - first)
             seen = 0
@@ -193,16 +201,16 @@ def add_texture(table, cells, charts, texels, lattice, camera, size, alpha, dept
                                                  np.float32(0.0))
 
 
-@njit(cache=True, parallel=True)
-def halve(texels, out):
+@shared("out")
+@kernel
+def halve(since, until, texels, out):
     """Every second texel of int8 [H, W, 4], blurred, into out int8 [H // 2, W // 2, 4].
 
     Weights along an axis are 1, 3, 3, 1: with a plain mean of two, strokes as fine as the finer
     texels would come through as false coarse ones. Beyond the border there is no difference: 0.
     """
     height, width = texels.shape[:2]
-    for line in prange(out.shape[0]):
-        y = np.int64(line)
+    for y in range(since, until):
         sums = np.empty((width, 3), np.int64)
         for x in range(width):
             for channel in range(3):

@@ -25,11 +25,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import kernel, lean
 from ...lanes.interleaved import gather_signed
-from ...lanes.reference_counts import lean
+from ...lanes.threads import shared
 from ...lanes.vectors import LANES
 from .march import enter_box, make_basis, make_locate
 from .packet import (
@@ -310,11 +310,12 @@ def train_kernel(width: int) -> Callable[..., Any]:
                     row = np.uintp(links[np.uintp(128 * brick + (cell & 127) + offset)])
                     seen[row] = max(seen[row], value)
 
+    @shared("losses")
     @identified("train", width)
-    @njit(cache=True, parallel=True)
-    def train(table, links, density, rows, lattice, count, cameras, sizes, starts, pixels, gains,
-              tiles, background, options, pad, records, bases, grad_background, weight_seen,
-              tile_errors, losses):
+    @kernel
+    def train(since, until, table, links, density, rows, lattice, count, cameras, sizes, starts,
+              pixels, gains, tiles, background, options, pad, records, bases, grad_background,
+              weight_seen, tile_errors, losses):
         workers = len(losses)
         step, threshold, stop = (np.float32(options[0]), np.float32(options[1]),
                                  np.float32(options[2]))
@@ -328,7 +329,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
         (all_place, all_opened, all_density, all_colors, all_slopes, all_ready, all_used,
          all_counts) = pad
         all_keys, all_values, all_written, all_recent = records
-        for worker in prange(workers):
+        for worker in range(since, until):
             place, opened, own_density = (all_place[worker], all_opened[worker],
                                           all_density[worker])
             colors, slopes, ready = all_colors[worker], all_slopes[worker], all_ready[worker]

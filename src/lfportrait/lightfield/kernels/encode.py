@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 
 from ...field.marching import (
     enter_box,
@@ -18,13 +17,15 @@ from ...field.marching import (
     sh_basis,
 )
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import kernel, lean_kernel
+from ...lanes.threads import shared
 from ...lanes.vectors import LANES
 
 __all__ = ["encode_kernel", "eye_of", "side_of"]
 
 
 @identified("eye_of")
-@njit(cache=True)
+@lean_kernel
 def eye_of(place, y, eyes, panel):
     """Eye of sub-pixel ``place`` of row ``y`` at its own phase, between two views."""
     column, k = place // 3, place % 3
@@ -41,7 +42,7 @@ def eye_of(place, y, eyes, panel):
 
 
 @identified("side_of")
-@njit(cache=True)
+@lean_kernel
 def side_of(place, y, across, panel):
     """X on the panel, in half panel heights, of sub-pixel ``place`` of row ``y``."""
     moved = panel[37 + 6 * (y % 4) + 3 * (place // 3 % 2) + place % 3]
@@ -73,15 +74,16 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
     load, store, ints = LANES.load, LANES.store, LANES.ints
     where, floats = LANES.where, LANES.floats
 
+    @shared("out")
     @identified("encode", width, count)
-    @njit(cache=True, parallel=True)
-    def encode(table, links, density, rows, cells, charts, texels, lattice, matrix, axes, mask,
-               fixed, eyes, panel, step, threshold, stop, background, out):
+    @kernel
+    def encode(since, until, table, links, density, rows, cells, charts, texels, lattice, matrix,
+               axes, mask, fixed, eyes, panel, step, threshold, stop, background, out):
         height, across = mask.shape
         nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
         eye_y, distance, size = panel[1], panel[2], panel[3]
         continuous, bgr = panel[6] > 0.5, panel[8] > 0.5
-        for y in prange(height):
+        for y in range(since, until):
             basis = np.zeros(16 * 64, np.float32)
             scratch = np.zeros(16, np.float32)
             ray = np.zeros((10, 16), np.float32)

@@ -10,8 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
+
+from ...lanes.decorators import kernel, lean, lean_kernel
+from ...lanes.threads import share_out, shared
 
 __all__ = ["gather_views", "interlace_views", "lens_of", "mask_views", "mix_light", "see_panel"]
 
@@ -22,7 +24,7 @@ def lens_of(display: Any) -> NDArray[np.float64]:
                      display.inverted, display.aspect], np.float64)
 
 
-@njit(cache=True)
+@lean
 def _view(y, x, k, steps, lens):
     """Fractional view in [0, V) of a sub-pixel; the same operations as `Display.view_of`."""
     raw = 3.0 * x + steps[y % 4, x % 2, k] + y * lens[1] + lens[2]
@@ -34,18 +36,18 @@ def _view(y, x, k, steps, lens):
     return phase * (lens[3] / lens[0])
 
 
-@njit(cache=True, parallel=True)
-def mask_views(mask, steps, lens):
+@shared("mask")
+@lean_kernel
+def mask_views(since, until, mask, steps, lens):
     """Fill ``mask`` [H, W, 3] with the nearest view of every sub-pixel."""
-    height, width, _ = mask.shape
+    width, _ = mask.shape[1:]
     last = int(lens[3]) - 1
-    for y in prange(height):
+    for y in range(since, until):
         for x in range(width):
             for k in range(3):
                 mask[y, x, k] = min(int(_view(y, x, k, steps, lens)), last)
 
 
-@njit(cache=True, parallel=True)
 def mix_light(pictures, light, gamma):
     """The mean of pictures as light, in place of the first one.
 
@@ -56,8 +58,15 @@ def mix_light(pictures, light, gamma):
     light, gamma
         float64 [256], light of each stored value: (value / 255) ** gamma.
     """
-    count, height, width = pictures.shape
-    for y in prange(height):
+    _mix_rows(pictures, light, gamma, pictures[0])
+
+
+@shared("out")
+@lean_kernel
+def _mix_rows(since, until, pictures, light, gamma, out):
+    """`mix_light` of some rows, into ``out``, the first picture."""
+    count, width = len(pictures), out.shape[1]
+    for y in range(since, until):
         for x in range(width):
             first = pictures[0, y, x]
             total, same = light[first], True
@@ -66,10 +75,10 @@ def mix_light(pictures, light, gamma):
                 total += light[pictures[n, y, x]]
             if not same:
                 mean = (total / count) ** (1.0 / gamma)
-                pictures[0, y, x] = np.uint8(mean * 255.0 + 0.5)
+                out[y, x] = np.uint8(mean * 255.0 + 0.5)
 
 
-@njit(cache=True)
+@lean
 def _sample(views, view, top, left, channel, linear):
     """A view's picture at a place in its pixels; its border is repeated outside of it."""
     height, width = views.shape[1], views.shape[2]
@@ -86,8 +95,9 @@ def _sample(views, view, top, left, channel, linear):
     return (1 - down) * upper + down * lower
 
 
-@njit(cache=True, parallel=True)
-def interlace_views(views, steps, places, order, lens, window, linear, blend, out):
+@shared("out")
+@lean_kernel
+def interlace_views(since, until, views, steps, places, order, lens, window, linear, blend, out):
     """Code pictures of views for a panel.
 
     Parameters
@@ -106,7 +116,7 @@ def interlace_views(views, steps, places, order, lens, window, linear, blend, ou
     """
     height, width, _ = out.shape
     count, rows, columns = views.shape[0], views.shape[1], views.shape[2]
-    for y in prange(height):
+    for y in range(since, until):
         for x in range(width):
             for k in range(3):
                 channel = order[k]
@@ -136,7 +146,6 @@ def interlace_views(views, steps, places, order, lens, window, linear, blend, ou
                 out[y, x, channel] = np.uint8(min(max(value, 0.0), 255.0) + 0.5)
 
 
-@njit(cache=True, parallel=True)
 def gather_views(image, steps, places, order, lens, count, first, value, weight):
     """Collect the sub-pixels of a coded picture by their views.
 
@@ -153,10 +162,17 @@ def gather_views(image, steps, places, order, lens, count, first, value, weight)
         ``first`` + i. A view's own count 1, others' within one sub-pixel's step next to nothing:
         they decide only where there is none of its own.
     """
+    share_out(_gather_rows, value.shape[1], image, steps, places, order, lens, count, first, value,
+              weight)
+
+
+@lean_kernel
+def _gather_rows(since, until, image, steps, places, order, lens, count, first, value, weight):
+    """`gather_views` of some rows of the views."""
     height, width, _ = image.shape
     wanted, rows, columns = value.shape[0], value.shape[1], value.shape[2]
     reach = 0.5 + max(count / lens[0], 1.0)
-    for row in prange(rows):
+    for row in range(since, until):
         start = max(int(np.floor(row * height / rows)) - 1, 0)
         stop = min(int(np.ceil((row + 1) * height / rows)) + 1, height)
         for y in range(start, stop):
@@ -182,8 +198,9 @@ def gather_views(image, steps, places, order, lens, count, first, value, weight)
                         weight[view - first, row, column, channel] += share
 
 
-@njit(cache=True, parallel=True)
-def see_panel(light, wanted, order, steps, lens, crosstalk, out):
+@shared("out")
+@kernel
+def see_panel(since, until, light, wanted, order, steps, lens, crosstalk, out):
     """What an eye sees: every sub-pixel weighed by how nearly it is aimed at it, filled in by rows.
 
     Parameters
@@ -199,14 +216,14 @@ def see_panel(light, wanted, order, steps, lens, crosstalk, out):
     out
         float32 [H, W, 3].
     """
-    height, width, _ = light.shape
+    width, _ = light.shape[1:]
     pitch, aperture = lens[0], lens[3] / lens[0]
     reach = max(1, int(np.ceil(pitch / 1.5)))
     sigma = np.hypot(crosstalk, 0.5 * aperture)
     window = np.empty(2 * reach + 1)
     for i in range(2 * reach + 1):
         window[i] = np.exp(-0.5 * ((i - reach) / (pitch / 6.0)) ** 2)
-    for y in prange(height):
+    for y in range(since, until):
         weight, value = np.empty(width), np.empty(width)
         for place in range(3):
             channel = order[place]

@@ -8,16 +8,16 @@ and cos 2 phi; over a view cone, cos 2 phi is next to a straight line in cos phi
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ...field.marching import sh_basis
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import lean, lean_kernel
 
 __all__ = ["least_cosine", "plane_matrix"]
 
 
 @identified("plane matrix")
-@njit(cache=True)
+@lean_kernel
 def plane_matrix(across, along, count, least, matrix, scratch):
     """Spherical harmonics in the plane of two unit vectors, as coefficients of its angle.
 
@@ -53,7 +53,7 @@ def plane_matrix(across, along, count, least, matrix, scratch):
 
 
 @identified("least cosine")
-@njit(cache=True)
+@lean
 def least_cosine(nx, nz, side, depth, eyes, aspect, distance):
     """The least cosine in their plane of the rays that meet the lattice.
 

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import lean
 from ...lanes.shuffles import make_restrict, make_store_columns, store_half
 from ...lanes.vectors import LANES
 
@@ -26,7 +26,7 @@ AHEAD = 2
 
 
 @identified("slab pitch")
-@njit(cache=True)
+@lean
 def pitch_of(nx):
     """Values from one row to the next: `AHEAD`, the row, and room for 64 values from its end on."""
     return nx + 66 + AHEAD
@@ -60,7 +60,7 @@ def make_build(width: int, count: int) -> Callable[..., Any]:
     one, zero = np.float32(1.0), np.float32(0.0)
 
     @identified("slab build", width, count)
-    @njit(cache=True)
+    @lean
     def build(table, links, density, rows, blocks, shape, plane, empty, matrix, threshold, shift,
               stride, slab, low, high, marks, columns):
         nx, ny, nz = shape[0], shape[1], shape[2]

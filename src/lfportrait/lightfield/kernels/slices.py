@@ -23,11 +23,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 
 from ...field.marching import make_detail, make_texture_share
 from ...lanes.cache_keys import identified
+from ...lanes.decorators import kernel, lean
 from ...lanes.shuffles import largest, make_look_up, smallest
+from ...lanes.threads import shared
 from ...lanes.vectors import LANES
 from .encode import eye_of, side_of
 from .plane import least_cosine, plane_matrix
@@ -42,14 +43,14 @@ _WINDOW = 768
 
 
 @identified("slice bounded")
-@njit(cache=True)
+@lean
 def bounded(x, nx):
     """The column at or before a place, from -1 to nx."""
     return np.int64(np.floor(min(max(x, np.float32(-1.0)), np.float32(nx))))
 
 
 @identified("slice stripes")
-@njit(cache=True)
+@lean
 def stripes(left, right, shift):
     """The marks of columns from ``left`` to ``right`` (see `make_build`)."""
     most = np.uint64(max(right, 0) >> shift)
@@ -68,14 +69,14 @@ def _make_cast(count: int, permutes: bool | None) -> Callable[..., Any]:
     one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
 
     @identified("slice point", permutes)
-    @njit(cache=True)
+    @lean
     def point(slab, place, offset, part):
         """A row's values at the rays' places."""
         before, after = look_up(slab, np.uintp(place), offset)
         return before + part * (after - before)
 
     @identified("slice cast", count, permutes)
-    @njit(cache=True)
+    @lean
     def cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta, cosine, sine,
              line, threshold, stop):
         pitch = pitch_of(nx)
@@ -184,7 +185,7 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
     look_up, texture_share = make_detail(LANES, False), make_texture_share(LANES)
 
     @identified("slice order", width, count)
-    @njit(cache=True)
+    @lean
     def _order(mask, begin, end, fixed, eyes, y, panel, tally, place_at, eye_at, x_at):
         """Every third sub-pixel of a window in the order of their views; returns their number."""
         across = len(mask)
@@ -208,10 +209,12 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
             eye_at[entry], x_at[entry] = eye_at[many - 1], x_at[many - 1]
         return many
 
+    @shared("workers")
     @identified("slice encode", width, count, permutes)
-    @njit(cache=True, parallel=True)
-    def encode(table, links, density, rows, blocks, cells, charts, texels, lattice, matrix, axes,
-               mask, fixed, eyes, panel, stride, threshold, stop, background, workers, out):
+    @kernel
+    def encode(since, until, table, links, density, rows, blocks, cells, charts, texels, lattice,
+               matrix, axes, mask, fixed, eyes, panel, stride, threshold, stop, background,
+               workers, out):
         height, across = mask.shape
         nx, ny, nz = np.int64(lattice[0]), np.int64(lattice[1]), np.int64(lattice[2])
         empty = len(rows) // width - 1 - 32 // width
@@ -241,7 +244,7 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
         groups = (nz + _GROUP * stride - 1) // (_GROUP * stride)
         blank = np.uint8(min(max(background, np.float32(0.0)), np.float32(1.0))
                          * np.float32(255.0) + np.float32(0.5))
-        for worker in prange(workers):
+        for worker in range(since, until):
             slab, columns = np.zeros(nz * LINES * pitch, np.uint16), np.empty(256, np.uint16)
             low, high = np.full(nz, nx), np.full(nz, -1)
             marks, group_marks = np.zeros(nz, np.uint64), np.zeros(groups, np.uint64)

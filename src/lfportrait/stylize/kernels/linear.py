@@ -3,33 +3,35 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+
+from ...lanes.decorators import lean_kernel
+from ...lanes.threads import shared
 
 __all__ = ["adam_step", "gather_colors", "scatter_colors"]
 
 
-@njit(cache=True, parallel=True)
-def gather_colors(indptr, rows, weights, colors, out):
+@shared("out")
+@lean_kernel
+def gather_colors(since, until, indptr, rows, weights, colors, out):
     """Out [P, 3] = weights times colors [N, 3] (CSR)."""
-    chunk = 512
-    for part in prange((len(out) + chunk - 1) // chunk):
-        for pixel in range(part * chunk, min(len(out), (part + 1) * chunk)):
-            red, green, blue = np.float32(0), np.float32(0), np.float32(0)
-            for entry in range(indptr[pixel], indptr[pixel + 1]):
-                weight, row = weights[entry], rows[entry]
-                red += weight * colors[row, 0]
-                green += weight * colors[row, 1]
-                blue += weight * colors[row, 2]
-            out[pixel, 0], out[pixel, 1], out[pixel, 2] = red, green, blue
+    for pixel in range(since, until):
+        red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+        for entry in range(indptr[pixel], indptr[pixel + 1]):
+            weight, row = weights[entry], rows[entry]
+            red += weight * colors[row, 0]
+            green += weight * colors[row, 1]
+            blue += weight * colors[row, 2]
+        out[pixel, 0], out[pixel, 1], out[pixel, 2] = red, green, blue
 
 
-@njit(cache=True, parallel=True)
-def scatter_colors(indptr, rows, weights, image, out):
+@shared("image")
+@lean_kernel
+def scatter_colors(since, until, indptr, rows, weights, image, out):
     """Out [C, N] += transposed weights times image [C, P].
 
     One channel a thread, each in scan order: the sums do not depend on the threads.
     """
-    for channel in prange(image.shape[0]):
+    for channel in range(since, until):
         for pixel in range(len(indptr) - 1):
             value = image[channel, pixel]
             if value != 0:
@@ -37,8 +39,9 @@ def scatter_colors(indptr, rows, weights, image, out):
                     out[channel, rows[entry]] += weights[entry] * value
 
 
-@njit(cache=True, parallel=True)
-def adam_step(colors, gradient, mean, square, rate, step):
+@shared("colors")
+@lean_kernel
+def adam_step(since, until, colors, gradient, mean, square, rate, step):
     """Adam on colors [N, 3] with gradient [3, N], for rows whose gradient is not zero.
 
     Colours stay in [0, 1]; the gradient is set to zero.
@@ -46,7 +49,7 @@ def adam_step(colors, gradient, mean, square, rate, step):
     first, second = np.float32(0.9), np.float32(0.99)
     unbias = np.float32(1.0 - 0.9 ** step)
     unbias_square = np.float32(1.0 - 0.99 ** step)
-    for row in prange(len(colors)):
+    for row in range(since, until):
         for channel in range(3):
             slope = gradient[channel, row]
             if slope != 0:

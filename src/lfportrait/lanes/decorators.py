@@ -1,0 +1,56 @@
+"""How kernels are compiled: no more than is needed, and without the counting of references.
+
+Numba counts an array's users whenever it gets another name, and each count is an atomic operation
+on memory that all threads share. In a loop that hands arrays to small functions this took up to two
+thirds of the time of one thread, and more of two that copy from the same exemplar. So what a
+kernel does with a row or a tile is a `lean` function: its arrays are its caller's, who
+keeps them; it makes none of its own.
+
+Besides a function's own code Numba compiles two entrances to it, one for Python and one for C, each
+with all that the function calls. Nobody takes the second one, and only a `kernel` has the first.
+
+In all of them divisions by zero give infinity or NaN, as in NumPy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+
+__all__ = ["kernel", "lean", "lean_kernel"]
+
+
+def _compiler(**options: Any) -> Callable[..., Any]:
+    """Numba's decorator with options, those of a single function among its keywords."""
+    def decorate(function: Callable[..., Any] | None = None, **more: Any) -> Any:
+        if function is None:
+            return lambda function: decorate(function, **more)
+        # Numba's types leave some options out.
+        compiler: Any = numba.njit
+        return compiler(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True,
+                        **options, **more)(function)
+    return decorate
+
+
+kernel = _compiler()
+"""Compile a function that Python calls."""
+lean_kernel = _compiler(_nrt=False)
+"""Compile a function that Python calls and that makes no arrays."""
+_lean = _compiler(_nrt=False, no_cpython_wrapper=True)
+
+
+def lean(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Compile a function that makes no arrays and that only kernels call."""
+    if function is None:
+        return lambda function: lean(function, **options)
+    compiled = _lean(function, **options)
+    # Python would jump to the entrance that is not there: let it find none, and say so.
+    compiled._insert = lambda *_, **__: None
+    compiled._compile_for_args = _refuse
+    return compiled
+
+
+def _refuse(*_: Any, **__: Any) -> None:
+    raise TypeError("a lean function is called by kernels only")
