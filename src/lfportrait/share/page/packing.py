@@ -127,7 +127,10 @@ def _coded(filled: NDArray[np.bool_], values: NDArray[np.uint8], tolerance: NDAr
     residual = np.empty(values.shape[::-1], np.uint8)
     decoded = np.empty_like(values)
     code_rows(filled, values, tolerance, residual, decoded)
-    return zlib.compress(residual.tobytes(), 9), decoded
+    # Such numbers hold no strings worth looking for: Huffman's code alone is smaller, and a
+    # thirtieth of the time.
+    coder = zlib.compressobj(6, zlib.DEFLATED, 15, 9, zlib.Z_HUFFMAN_ONLY)
+    return coder.compress(residual.tobytes()) + coder.flush(), decoded
 
 
 def pack(lattice: Lattice, tolerance: int) -> Packed:

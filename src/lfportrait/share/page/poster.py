@@ -47,5 +47,5 @@ def poster(voxels: VoxelField, start: dict[str, Any]) -> bytes:
     top, left = (size - _HEIGHT) // 2, (size - width) // 2
     buffer = io.BytesIO()
     Image.fromarray(picture[top:top + _HEIGHT, left:left + width]).save(
-        buffer, "WEBP", quality=82, method=6)
+        buffer, "WEBP", quality=82, method=2)
     return buffer.getvalue()

@@ -115,7 +115,8 @@ async function keepPicture(viewer) {
   copy.toBlob((blob) => {
     const link = document.createElement("a");
     link.href = URL.createObjectURL(blob);
-    link.download = `${document.title.replace(/[^\p{L}\p{N}]+/gu, "-").toLowerCase() || "portrait"}.png`;
+    const words = document.title.toLowerCase().match(/[\p{L}\p{N}]+/gu) ?? ["portrait"];
+    link.download = `${words.join("-")}.png`;
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   }, "image/png");

@@ -46,7 +46,7 @@ void main() {
     + texelFetch(rowPhase, ivec2(pixel.y, 0), 0).r;
   float aspect = float(panelSize.x) / float(panelSize.y);
   float y = 1.0 - 2.0 * (float(pixel.y) + 0.5) / float(panelSize.y);
-  result = vec4(0.0, 0.0, 0.0, 1.0);
+  vec3 coded = vec3(0.0);
   for (int k = 0; k < 3; k++) {
     int own = 6 * (pixel.y & 3) + 3 * (pixel.x & 1) + k;
     float phase = base + subpixelStep[own];
@@ -65,6 +65,7 @@ void main() {
       float value = seen(vec3(eye + away, eyeHeight, eyeDistance), place, channel);
       light += rays > 1 ? pow(value, gamma) : value;
     }
-    result[channel] = rays > 1 ? pow(light / float(rays), 1.0 / gamma) : light;
+    coded[channel] = rays > 1 ? pow(light / float(rays), 1.0 / gamma) : light;
   }
+  result = vec4(coded, 1.0);
 }

@@ -45,6 +45,7 @@ class Renderer {
     this.programs = {};
     this.textures = [];
     this.targets = {};
+    this.bytes = []; // of the textures, as the device holds them
     this.slots = [null, null]; // number of the colour set in each of the two textures
   }
 
@@ -108,6 +109,7 @@ class Renderer {
     gl.bindTexture(gl.TEXTURE_3D, this.textures[unit]);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.texStorage3D(gl.TEXTURE_3D, 1, gl[kind], width, height, depth);
+    this.bytes[unit] = data.byteLength;
     gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, width, height, depth, gl[format], gl[type], data);
     for (const name of ["WRAP_S", "WRAP_T", "WRAP_R"]) {
       gl.texParameteri(gl.TEXTURE_3D, gl[`TEXTURE_${name}`], gl.CLAMP_TO_EDGE);
@@ -139,7 +141,10 @@ class Renderer {
       throw new Error(gl.getProgramInfoLog(program));
     }
     const places = {};
-    const at = (uniform) => (places[uniform] ??= gl.getUniformLocation(program, uniform));
+    const at = (uniform) => {
+      if (!(uniform in places)) places[uniform] = gl.getUniformLocation(program, uniform);
+      return places[uniform];
+    };
     this.programs[key] = { program, at };
     return this.programs[key];
   }
