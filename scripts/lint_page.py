@@ -1,4 +1,4 @@
-"""Check the page's script and style with Biome: names that nobody declares or uses, slips, old ways.
+"""Check the page's script and style with Biome: undeclared and unused names, slips, old ways.
 
 The files in `share/page/web/` are one script in the page, so they are checked joined as there: a
 name that one file uses must be in another.

@@ -16,6 +16,7 @@ SMALL = {
     "02_transfer": {"size": 128},
     "03_encode": {"width": 160, "height": 90},
     "04_simulate": {},
+    "05_page": {"size": 64, "views": 16, "rays": (0.05, 0.05)},
 }
 
 

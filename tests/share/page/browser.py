@@ -110,6 +110,16 @@ class Opened:
                   "lens": [*cameras.focal[number].tolist(), *cameras.center[number].tolist()]}
         return _pixels(self.run(VIEW, [camera, [width, height], how]), width, height) / 255.0
 
+    def canvas(self) -> np.ndarray:
+        """What is on the canvas, uint8 [H, W, 3]."""
+        width, height, pixels = self.run("""() => {
+          const { renderer } = lfportrait, { canvas, gl } = renderer;
+          gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+          const size = [canvas.width, canvas.height];
+          return [...size, text(renderer.pixels(size))];
+        }""")
+        return _pixels(pixels, width, height)[..., :3]
+
     def coded(self, display, name="panel.toml", text=None, **place) -> np.ndarray:
         """What the page codes for a panel, uint8 [H, W, 3], as it is sent to the panel."""
         pixels = self.run(CODED, [name, text or display.to_toml(), place])

@@ -121,11 +121,11 @@ def test_a_window_of_the_panels_size_shows_it(browser, page, head, tmp_path):
         panel = SMALL.scaled(*size)
         start(each, tmp_path, panel)
         each.page.wait_for_selector("body.coded")
-        each.run("() => new Promise((done) => setTimeout(done, 500))")
-        drawn = each.run("() => { const { renderer } = lfportrait; renderer.gl.bindFramebuffer("
-                         "renderer.gl.FRAMEBUFFER, null); return [renderer.canvas.width,"
-                         " renderer.canvas.height]; }")
-        assert drawn == size
+        each.page.wait_for_selector("html[data-coded]", state="attached")
+        drawn = each.canvas()
+        assert drawn.shape[:2] == (panel.height, panel.width)
+        wanted = encode(head, panel, EncodeConfig(method="direct"))
+        assert decibels(drawn / 255, wanted / 255) > 45
         each.page.keyboard.press("Escape")
         each.page.wait_for_selector("body:not(.coded)")
 

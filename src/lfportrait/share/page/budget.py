@@ -59,7 +59,7 @@ def coarser(lattice: Lattice, shrink: float) -> Lattice:
     """
     shape = tuple(max(2, round(n * shrink)) for n in lattice.filled.shape)
     ratio = [n / m for n, m in zip(lattice.filled.shape, shape, strict=True)]
-    blur = [0.5 * (r - 1.0) for r in ratio]
+    blur = [0.25 * (r - 1.0) for r in ratio]
 
     def resampled(values: NDArray[np.float32]) -> NDArray[np.float32]:
         # Lattice point i of m lies at (i + 1/2) / m of the cube.

@@ -30,7 +30,11 @@ class PanelMode {
       event.preventDefault();
       this.take(event.dataTransfer.files[0]);
     });
-    document.addEventListener("fullscreenchange", () => this.check());
+    document.addEventListener("fullscreenchange", () => {
+      // Esc leaves the full screen before the page hears of it.
+      if (this.wanted && this.full && !document.fullscreenElement) this.stop();
+      this.full = Boolean(document.fullscreenElement);
+    });
     addEventListener("resize", () => this.check());
     addEventListener("keydown", (event) => {
       if (!viewer.panel) return;
@@ -108,8 +112,8 @@ class PanelMode {
     const problem = coder.obstacle([Math.round(innerWidth * ratio), Math.round(innerHeight * ratio)], ratio);
     if (problem) return this.refuse(problem);
     document.body.classList.add("coded");
-    viewer.panel = { coder, place: { ...this.place } };
-    viewer.clock = 0;
+    viewer.panel ??= { coder, place: { ...this.place } };
+    viewer.coding = null;
     viewer.change();
     tell("");
   }
@@ -124,6 +128,7 @@ class PanelMode {
     this.coder?.close();
     this.coder = null;
     this.viewer.panel = null;
+    this.viewer.coding = null;
     document.body.classList.remove("coded");
     if (document.fullscreenElement) document.exitFullscreen();
     this.viewer.change();

@@ -123,26 +123,50 @@ class Viewer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     const rows = [this.still, Math.min(this.strip, size[1] - this.still)];
     const camera = this.orbit.camera(size, window.devicePixelRatio || 1, this.sway());
-    const start = performance.now();
-    renderer.view(camera, size, { rows });
-    // Wait for the strip, so that its time is known; a long one would make the page jerk.
-    gl.readPixels(0, rows[0], 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
-    const took = Math.max(performance.now() - start, 1);
-    this.strip = Math.round(Math.min(Math.max(this.strip * Math.min(2, STRIP / took), 4), size[1]));
+    this.timed(rows, size, () => renderer.view(camera, size, { rows }));
     this.still += rows[1];
     if (this.still >= size[1]) renderer.present(frame, size);
     return this.still < size[1];
   }
 
+  /** Draw a strip, wait for it, and choose the next one's height by the time it took. */
+  timed(rows, size, draw) {
+    const { gl } = this.renderer;
+    const start = performance.now();
+    draw();
+    gl.readPixels(0, rows[0], 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    const took = Math.max(performance.now() - start, 1);
+    const height = Math.round(this.strip * Math.min(2, STRIP / took));
+    this.strip = Math.min(Math.max(height, 4), size[1]);
+  }
+
+  /**
+   * Some strips of the coded picture, which goes onto the panel as a whole: a driver takes the
+   * picture away from a page that draws for seconds at a stretch.
+   */
   framePanel(sways) {
     const { renderer, panel } = this;
-    if (!sways && !this.moved) return false;
+    const { gl } = renderer;
     const size = [panel.coder.display.width, panel.coder.display.height];
-    renderer.gl.bindFramebuffer(renderer.gl.FRAMEBUFFER, null);
-    panel.coder.draw({ ...panel.place, turn: panel.place.turn + this.sway() });
-    this.moved = false;
-    this.panelSize = size;
-    return false;
+    if (!this.coding) {
+      if (!sways && !this.moved) return false;
+      this.moved = false;
+      this.coding = { rows: 0, place: { ...panel.place, turn: panel.place.turn + this.sway() } };
+    }
+    const { coding } = this;
+    const frame = renderer.target("coded", size);
+    const start = performance.now();
+    while (coding.rows < size[1] && performance.now() - start < 2 * STRIP) {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+      const rows = [coding.rows, Math.min(this.strip, size[1] - coding.rows)];
+      this.timed(rows, size, () => panel.coder.draw({ ...coding.place, rows }));
+      coding.rows += rows[1];
+    }
+    if (coding.rows < size[1]) return true;
+    renderer.present(frame, size);
+    this.coding = null;
+    document.documentElement.dataset.coded = panel.coder.display.name;
+    return this.moved;
   }
 
   /** Resolves when the still picture is on the canvas. */
