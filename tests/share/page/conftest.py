@@ -1,23 +1,9 @@
-"""One browser and a few pages for the tests of a file."""
+"""A few pages for the tests that open them."""
 
 import pytest
-from playwright.sync_api import sync_playwright
 
 from lfportrait.share import PageConfig, write_page
-from tests.share.page.browser import chromium
 from tests.share.page.portraits import painted_head, pure_head
-
-
-@pytest.fixture(scope="session")
-def playwright():
-    with sync_playwright() as started:
-        yield started
-
-
-@pytest.fixture(scope="session")
-def browser(playwright):
-    with chromium(playwright) as running:
-        yield running
 
 
 @pytest.fixture(scope="session")

@@ -107,9 +107,8 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
               "quilts": customary_views(), "version": __version__}
     title = config.title or "Portrait"
     styles = [each.name for each in sets if each.kind in ("style", "mix")]
-    about = f"{title}: a portrait in three dimensions" + (
-        f", painted in the manner of {config.artist or styles[0]}." if config.artist or styles
-        else ".")
+    after = config.artist or ", ".join(styles)
+    about = f"{title}, a portrait in three dimensions." + (f" {after}." if after else "")
     parts = {
         "title": html.escape(title), "caption": _caption(config, styles), "style": style,
         "description": html.escape(about), "script": script, "header": _json(header),

@@ -2,6 +2,8 @@
 
 const TOP = 80 * Math.PI / 180; // highest and lowest one can look from
 const LARGEST = 24;
+const NARROW = 640; // width of an upright window that has the caption under the portrait
+const ROOM = [56, 152]; // pixels above and below the portrait then, as in page.css
 
 class Orbit {
   /** @param {object} start Of the page's header: target, distance, reach, half. */
@@ -58,11 +60,14 @@ class Orbit {
     ];
     // The nearest point of the head's cylinder is the one that must fit.
     const near = Math.sqrt(distance ** 2 - reach ** 2);
-    const focal = 0.92 * 0.5 * near * Math.min(height / half, width / reach) * this.zoom;
+    const narrow = width / ratio <= NARROW && height >= width;
+    const [above, below] = ROOM.map((room) => narrow ? Math.min(room * ratio, height / 4) : 0.04 * height);
+    const high = height - above - below;
+    const focal = 0.5 * near * Math.min(high / half, 0.92 * width / reach) * this.zoom;
     return {
       turn: [...right, ...down, ...forward],
       eye: away.map((value, axis) => target[axis] + distance * value),
-      lens: [focal, focal, width / 2 + this.move[0] * ratio, height / 2 + this.move[1] * ratio],
+      lens: [focal, focal, width / 2 + this.move[0] * ratio, above + high / 2 + this.move[1] * ratio],
     };
   }
 }

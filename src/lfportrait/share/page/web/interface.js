@@ -55,11 +55,25 @@ class Mix {
     await this.apply();
   }
 
-  /** Put it into the textures and draw anew; the second slot keeps the style. */
-  async apply() {
-    const [from, to] = this.sets.length > 1 ? [0, this.style] : [0, 0];
-    await this.renderer.show(from, to, this.blend);
-    this.viewer.change();
+  /**
+   * Put it into the textures and draw anew. What is asked for while one is read comes next, and of
+   * several the last.
+   */
+  apply(all = false) {
+    this.wanted = [0, this.sets.length > 1 ? this.style : 0, this.blend, all];
+    this.busy ??= this.follow().finally(() => {
+      this.busy = null;
+      this.viewer.change(false);
+    });
+    return this.busy;
+  }
+
+  async follow() {
+    let done = null;
+    while (done !== this.wanted) {
+      done = this.wanted;
+      await this.renderer.show(...done);
+    }
   }
 }
 

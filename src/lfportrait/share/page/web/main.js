@@ -65,6 +65,8 @@ async function begin() {
     // For pages that embed this one, and for tests.
     window.lfportrait = { renderer, viewer, orbit, mix, panels, Panel, readDisplay, makeDisplay };
     document.documentElement.dataset.ready = String(Math.round(performance.now()));
+    // The slider's other end, before somebody asks for it.
+    if (HEADER.sets.length > 1) setTimeout(() => mix.apply(true).catch((error) => stand(error, viewer)), 600);
   } catch (error) {
     if (!(error instanceof Told)) console.warn(error);
     stand(error, viewer);

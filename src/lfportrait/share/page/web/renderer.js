@@ -70,10 +70,11 @@ class Renderer {
    * @param {number} from Number of a set.
    * @param {number} to Number of another, or the same.
    * @param {number} blend Share of the latter, 0 to 1.
+   * @param {boolean} all Read both, even where one of them is not seen.
    */
-  async show(from, to, blend) {
-    if (this.slots[0] !== from) await this.colors(0, from);
-    if (this.slots[1] !== to) await this.colors(1, to);
+  async show(from, to, blend, all = false) {
+    if (this.slots[0] !== from && (all || blend < 1)) await this.colors(0, from);
+    if (this.slots[1] !== to && (all || blend > 0)) await this.colors(1, to);
     this.blend = blend;
   }
 
@@ -157,7 +158,7 @@ class Renderer {
     ["bricks", "matter", "first", "second"].forEach((sampler, unit) => {
       gl.uniform1i(at(sampler), unit);
     });
-    const tones = (set) => this.header.sets[set].bands.flatMap(({ low, high }) => [low, high - low]);
+    const tones = (set) => this.header.sets[set ?? 0].bands.flatMap(({ low, high }) => [low, high - low]);
     gl.uniform2fv(at("firstTone"), tones(this.slots[0]));
     gl.uniform2fv(at("secondTone"), tones(this.slots[1]));
     gl.uniform1f(at("blend"), this.blend);

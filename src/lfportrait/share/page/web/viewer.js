@@ -62,6 +62,7 @@ class Viewer {
     const passed = this.last ? Math.min(time - this.last, 1000) : 0;
     this.last = time;
     this.resize();
+    document.body.classList.toggle("near", this.orbit.zoom > 1.1);
     const sways = this.swaying(time);
     if (sways) this.clock += Math.min(passed, 100);
     let more;
