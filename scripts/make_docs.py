@@ -27,7 +27,7 @@ from lfportrait.example import (
 from lfportrait.field import ReconstructConfig
 from lfportrait.job import MakeConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
-from lfportrait.share import ExportConfig, SequenceConfig
+from lfportrait.share import ExportConfig, PageConfig, SequenceConfig
 from lfportrait.stylize import MixConfig, StylizeConfig
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "parameters.md"
@@ -49,6 +49,8 @@ SECTIONS = [
     ("FaceStyle", FaceStyleConfig, "`lfportrait transfer --method facestyle`: `--facestyle.NAME`."),
     ("Network", NetworkConfig, "`lfportrait transfer --method network`: `--network.NAME`."),
     ("Export", ExportConfig, "`lfportrait export`."),
+    ("Page", PageConfig,
+     "`lfportrait export FIELD --out portrait.html`, `lfportrait view`; in `make`: `--page.NAME`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
     ("Encode with motion", SequenceConfig, "`lfportrait encode --frames N`."),
     ("Interlace", InterlaceConfig, "`lfportrait interlace`."),

@@ -103,7 +103,7 @@ def tried(wheel: Path, folder: Path) -> None:
     run(lfportrait, "--version", folder=empty)
     run(lfportrait, "doctor", folder=empty)
     run(lfportrait, "demo", "--quick", "--quiet", "--out", "demo", folder=empty)
-    for name in ("lightfield.png", "report.html"):
+    for name in ("lightfield.png", "portrait.html", "report.html"):
         if not (empty / "demo" / name).is_file():
             sys.exit(f"the demo of the installed package wrote no {name}")
     say("the installed package runs its demo")

@@ -52,6 +52,24 @@ def shared_weights(shared_data: Path) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def playwright():
+    """What drives a browser; one a process, as it has a loop of its own."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as started:
+        yield started
+
+
+@pytest.fixture(scope="session")
+def browser(playwright):
+    """A running browser with WebGL2."""
+    from tests.share.page.browser import chromium
+
+    with chromium(playwright) as running:
+        yield running
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the stages' kernels once, on all cores, before the test processes begin.
 

@@ -29,7 +29,7 @@ CONFIG = MakeConfig(
     stylize=StylizeConfig(pixels=72.0, fit_iterations=2, steps=2, content_network="embedded",
                           style_network="embedded"),
     sweep_size=64)
-FILES = ("field.npz", "styled.npz", "lightfield.png", "sweep.mp4")
+FILES = ("field.npz", "styled.npz", "lightfield.png", "portrait.html", "sweep.mp4")
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from lfportrait.demo import demo_exemplar
+from lfportrait.field import VoxelField
 from lfportrait.files import read_image
+from lfportrait.share import orbit_cameras
+from tests.share.page.browser import Opened, decibels
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9]*.py"))
 SMALL = {
@@ -16,6 +19,7 @@ SMALL = {
     "02_transfer": {"size": 128},
     "03_encode": {"width": 160, "height": 90},
     "04_simulate": {},
+    "05_page": {},
 }
 
 
@@ -59,3 +63,13 @@ def test_pictures_are_drawn(results, name, shape):
     assert image.std() > 10
     if name == "eyes.png":  # parallax: the outer eyes don't see the same
         assert np.abs(image[:90].astype(int) - image[180:]).max() > 30
+
+
+def test_the_page_of_the_examples_opens(results, browser):
+    field = VoxelField.load(results / "field.npz")
+    field = field.with_sh(field.sh[:, :, :4])
+    cameras = orbit_cameras(3, 96, field)
+    with Opened(browser, results / "portrait.html") as page:
+        assert page.complaints == []
+        seen = np.clip(field.render(cameras, 1, background=0.0).color, 0, 1)
+        assert decibels(page.view(cameras, 1)[..., :3], seen) > 35

@@ -1,7 +1,8 @@
-"""The command ``export``: fields in other programs' files."""
+"""The commands ``export`` and ``view``: a page of the portrait, fields in other programs' files."""
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
@@ -9,30 +10,78 @@ from typing import Annotated, Any
 
 import tyro
 
+from ..errors import UserError
 from ..field import VoxelField
-from ..share import ExportConfig, export_field
+from ..share import ExportConfig, PageConfig, export_field, serve_page, write_page
+from ..stylize import load_styled
 from .common import Common
 
-__all__ = ["Export"]
+__all__ = ["Export", "View"]
 
 
 @dataclass
 class Export(Common):
-    """Write a field as a point cloud, a coloured mesh or svox2's checkpoint."""
+    """Write a field as a page for any browser, points, a coloured mesh or svox2's checkpoint."""
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""
     out: Path
-    """File: .ply (points or a mesh), .obj, .glb (a mesh) or .npz (svox2's checkpoint)."""
+    """File: .html (a page with all of it), .ply (points or a mesh), .obj, .glb (a mesh) or .npz
+    (svox2's checkpoint)."""
     config: Annotated[ExportConfig, tyro.conf.arg(name="")] = option(default_factory=ExportConfig)
     """Export."""
+    page: Annotated[PageConfig, tyro.conf.arg(name="")] = option(default_factory=PageConfig)
+    """Page."""
 
     def run(self) -> dict[str, Any]:
         """Convert and write."""
         with self.progress("export") as progress:
             progress.update(0, self.out.name)
+            if self.out.suffix.lower() in (".html", ".htm"):
+                return self._written(write_page(load_styled(self.field), self.out, self.page))
             figures = export_field(VoxelField.load(self.field), self.out, self.config)
         if not self.quiet:
             counts = ", ".join(f"{figures[name]:,} {name}" for name in figures if name != "bytes")
             print(f"{self.out}: {counts}, {figures['bytes'] / 1e6:.1f} MB")
+        return figures
+
+    def _written(self, figures: dict[str, Any]) -> dict[str, Any]:
+        """Say what a page holds; return the figures."""
+        if not self.quiet:
+            print(f"{self.out}: {figures['rows']:,} voxels, {', '.join(figures['sets'])}, "
+                  f"{figures['bytes'] / 1e6:.1f} MB")
+        return figures
+
+
+@dataclass
+class View(Common):
+    """Look at a field in the browser: its page, served to this machine alone. Ctrl-C ends it."""
+
+    field: tyro.conf.Positional[Path]
+    """Field file (.npz), or a page (.html)."""
+    port: int = 0
+    """Port on the loopback address; by default a free one."""
+    browser: bool = True
+    """Open the browser; else only the address is told."""
+    page: Annotated[PageConfig, tyro.conf.arg(name="")] = option(default_factory=PageConfig)
+    """Page."""
+
+    def run(self) -> dict[str, Any]:
+        """Write the page to a temporary file and serve it."""
+        def told(address: str, _: Any) -> None:
+            if not self.quiet:
+                print(f"{address} (Ctrl-C ends)", flush=True)
+
+        if self.field.suffix.lower() in (".html", ".htm"):
+            if not self.field.is_file():
+                raise UserError(f"no such file: {self.field}")
+            serve_page(self.field, self.port, browse=self.browser, ready=told)
+            return {}
+        voxels = load_styled(self.field)
+        with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
+            path = Path(folder) / "portrait.html"
+            with self.progress("view") as progress:
+                progress.update(0, "page")
+                figures = write_page(voxels, path, self.page)
+            serve_page(path, self.port, browse=self.browser, ready=told)
         return figures

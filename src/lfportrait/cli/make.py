@@ -49,7 +49,7 @@ def _told(run: dict[str, Any], out: Path, quiet: bool) -> dict[str, Any]:
     """Say where the results are; return the figures."""
     if not quiet:
         total = sum(run["seconds"][name] for name in run["seconds"] if name != "total")
-        print(f"{out}: lightfield.png, sweep.mp4, report.html ({total:.0f} s in all)")
+        print(f"{out}: portrait.html, lightfield.png, report.html ({total:.0f} s in all)")
     return run
 
 

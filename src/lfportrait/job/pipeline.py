@@ -10,7 +10,8 @@ capture         photos                          ``capture/``
 reconstruct     ``capture/``                    ``field.npz``
 stylize         field, capture, exemplar        ``styled.npz``
 encode          styled field, display           ``lightfield.png``, ``quilt_*.png``
-share           all of them                     ``sweep.mp4``, ``report.html``
+share           all of them                     ``portrait.html``, ``sweep.mp4``,
+                                                ``report.html``
 ==============  ==============================  ===================================
 """
 
@@ -51,6 +52,7 @@ from ..lightfield import (
 )
 from ..measure import machine, peak_memory_bytes
 from ..progress import Progress
+from ..share import PageConfig
 from ..stylize import StylizeConfig
 from ..version import __version__
 from .networks import get_networks
@@ -74,6 +76,8 @@ class MakeConfig:
     """Style transfer and the optimisation of the field."""
     encode: EncodeConfig = field(default_factory=EncodeConfig)
     """Light-field coding."""
+    page: PageConfig = field(default_factory=PageConfig)
+    """The page of the portrait, ``portrait.html``."""
     keep_background: bool = False
     """Do not cut the person out of photos that have no alpha channel."""
     sweep_size: int = 512
@@ -257,12 +261,13 @@ class _Job:
         style_key = key_of("stylize", field_key, config.stylize, self.exemplar.image,
                            self.exemplar.landmarks)
         code_key = key_of("encode", style_key, config.encode, self.display)
-        share_key = key_of("share", code_key, config.sweep_size)
+        share_key = key_of("share", code_key, config.sweep_size, config.page)
         self.stages.run("capture", capture_key, ["capture"], self._capture)
         self.stages.run("reconstruct", field_key, ["field.npz"], self._reconstruct)
         self.stages.run("stylize", style_key, ["styled.npz"], self._stylize)
         self.stages.run("encode", code_key, ["lightfield.png"], self._encode)
-        self.stages.run("share", share_key, ["sweep.mp4", "report.html"], self._share)
+        self.stages.run("share", share_key, ["portrait.html", "sweep.mp4", "report.html"],
+                        self._share)
         run = self._figures()
         write_json(self.out / "run.json", run)
         return run
@@ -332,5 +337,6 @@ class _Job:
         with self._progress("share") as progress:
             return share_job(self.out, self.exemplar, self.display, self.config.encode,
                              self.config.stylize.transfer, self.stages.figures,
-                             parameters=self.config, size=self.config.sweep_size,
+                             parameters=self.config, page=self.config.page,
+                             size=self.config.sweep_size,
                              progress=progress)

@@ -1,4 +1,4 @@
-"""The last stage of a job: the sweep video and the report, from the files of the stages before.
+"""The last stage of a job: page, sweep video and report, from the files of the stages before.
 
 The report shows the way from the photos to the coded picture: what was photographed and painted,
 the field beside the truth, the guides and the transfer, the stylised views, the light field and
@@ -23,15 +23,18 @@ from ..lightfield import Display, EncodeConfig, ViewMask, read_coded, simulate
 from ..measure import machine
 from ..progress import Progress
 from ..share import (
+    PageConfig,
     Picture,
     Report,
     Section,
     Table,
     sweep_cameras,
     sweep_frames,
+    write_page,
     write_report,
     write_video,
 )
+from ..stylize import load_styled
 from ..version import __version__
 
 __all__ = ["share_job"]
@@ -41,9 +44,9 @@ Float32 = NDArray[np.float32]
 
 def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: EncodeConfig,
               transfer: TransferConfig, figures: dict[str, Any], *, parameters: Any = None,
-              size: int = 512, frames: int = 90, progress: Progress | None = None,
-              ) -> dict[str, Any]:
-    """Write ``sweep.mp4``, ``hero.png`` and ``report.html`` of a finished job.
+              page: PageConfig | None = None, size: int = 512, frames: int = 90,
+              progress: Progress | None = None) -> dict[str, Any]:
+    """Write ``portrait.html``, ``sweep.mp4``, ``hero.png`` and ``report.html`` of a finished job.
 
     Parameters
     ----------
@@ -55,6 +58,8 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
         Figures of the stages so far.
     parameters
         The job's configuration (a data class), listed at the end of the report.
+    page
+        Caption and size of the page; by default it names the exemplar.
     size
         Height of the sweep in pixels.
     frames
@@ -65,14 +70,16 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
     Returns
     -------
     figures
-        Size of the video and number of frames.
+        Size of the video and number of frames; the page's own.
     """
     def say(text: str) -> None:
         if progress is not None:
             progress.update(progress.done, text)
 
     capture = Capture.load(folder / "capture")
-    field, styled = VoxelField.load(folder / "field.npz"), VoxelField.load(folder / "styled.npz")
+    field, styled = VoxelField.load(folder / "field.npz"), load_styled(folder / "styled.npz")
+    say("page")
+    written = write_page(styled, folder / "portrait.html", page)
     say("sweep")
     write_video(folder / "sweep.mp4", sweep_frames(styled, display.cone, frames, size,
                                                    background=encode.background))
@@ -101,7 +108,7 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
                                                     ("parameter", "value"))])])
     say("report")
     write_report(folder / "report.html", report)
-    return {"frames": frames, "size": size}
+    return {"frames": frames, "size": size, "page": written}
 
 
 def _strip(field: VoxelField, cameras: Camera, angles: tuple[int, ...], background: float,

@@ -15,6 +15,7 @@ import math
 import os
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -72,6 +73,7 @@ def _stylize() -> None:
 
 def _encode() -> None:
     from ..lightfield import Display, ViewMask, encode, quilt_of, simulate
+    from ..share import write_page
     from .specimens import ball_field
 
     display = Display(48, 24, views=6, pitch=5.3, slant=math.radians(10), quilt=(3, 2),
@@ -80,6 +82,8 @@ def _encode() -> None:
     image = encode(field, display, mask=ViewMask.build(display))
     simulate(image, display, (0.1,))
     quilt_of(field, display)
+    with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
+        write_page(field, Path(folder) / "portrait.html")
 
 
 _STAGES: dict[str, Callable[[], None]] = {

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         quilt_tiles,
         read_views,
     )
+    from .lookingglass import customary_views
     from .mask import ViewMask
     from .patterns import pattern
     from .placement import EncodeConfig, Placement
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from .simulation import simulate
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
-           "ViewMask", "assemble_quilt", "deinterlace", "depth_budget",
+           "ViewMask", "assemble_quilt", "customary_views", "deinterlace", "depth_budget",
            "each_view", "encode", "encode_with_figures", "interlace", "lossless", "pattern",
            "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "simulate",
            "view_camera", "write_coded"]

@@ -24,7 +24,7 @@ from typing import Any
 
 from ..errors import UserError
 
-__all__ = ["CELL_PATTERNS", "calibration_of", "entries_of"]
+__all__ = ["CELL_PATTERNS", "calibration_of", "customary_views", "entries_of"]
 
 CELL_PATTERNS = ("single", "checkerboard", "rows", "staggered", "columns")
 """Which of the cells a pixel has; the places in this list are Looking Glass's numbers."""
@@ -40,6 +40,19 @@ _QUILTS = {
     "LKG-F": (11, 6, 4092, 4092), "LKG-H": (11, 6, 5995, 6000), "LKG-J": (7, 7, 5999, 5999),
     "LKG-K": (11, 6, 8184, 8184), "LKG-L": (7, 7, 8190, 8190)}
 _QUILTS_BY_WIDTH = {1536: (8, 6, 3360, 3360), 1440: (11, 6, 4092, 4092)}
+
+
+def customary_views() -> dict[str, int]:
+    """Views of each model's customary quilt.
+
+    Returns
+    -------
+    views
+        By the beginning of the serial number, or, for models without a known one, by the panel's
+        width in pixels as text.
+    """
+    known = {**_QUILTS, **{str(width): quilt for width, quilt in _QUILTS_BY_WIDTH.items()}}
+    return {start: quilt[0] * quilt[1] for start, quilt in known.items()}
 
 
 def _plain(entry: Any) -> Any:

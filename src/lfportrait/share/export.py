@@ -77,7 +77,7 @@ def export_field(field: VoxelField, path: Path, config: ExportConfig | None = No
     config = config or ExportConfig()
     suffix = path.suffix.lower()
     if suffix not in _SUFFIXES:
-        raise UserError(f"can't export to {path.name}: its name must end in "
+        raise UserError(f"can't export to {path.name}: its name must end in .html, "
                         f"{', '.join(_SUFFIXES[:-1])} or {_SUFFIXES[-1]}")
     if config.kind == "points" and suffix != ".ply":
         raise UserError(f"points are written as .ply, not {suffix}")

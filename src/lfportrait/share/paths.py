@@ -12,13 +12,15 @@ from ..capture import Camera
 from ..errors import UserError
 from ..field import VoxelField
 
-__all__ = ["orbit_cameras", "path_cameras", "sweep_cameras", "sweep_degrees", "sweep_frames"]
+__all__ = ["DISTANCE", "head_extent", "orbit_cameras", "path_cameras", "sweep_cameras",
+           "sweep_degrees", "sweep_frames"]
 
-_DISTANCE = 4.0
+DISTANCE = 4.0
+"""Of the cameras from what they look at, in world units."""
 _MARGIN = 1.04
 
 
-def _extent(field: VoxelField | None) -> tuple[float, float, float]:
+def head_extent(field: VoxelField | None) -> tuple[float, float, float]:
     """What a picture must show: half width, lowest and highest point, about the vertical axis.
 
     The head lies in [-1, 1]^3; of the shoulders, only what is as wide and as low as that is shown.
@@ -39,12 +41,12 @@ def _extent(field: VoxelField | None) -> tuple[float, float, float]:
 def _arc(degrees: NDArray[np.float64], size: int, field: VoxelField | None,
          pitch: float) -> Camera:
     """Cameras on an arc that see the whole head, framed the same in all of them."""
-    reach, low, high = _extent(field)
+    reach, low, high = head_extent(field)
     half = _MARGIN * max(reach, (high - low) / 2)
     # The nearest point of the head's cylinder is the one that must fit.
-    focal = 0.5 * size * np.sqrt(_DISTANCE ** 2 - reach ** 2) / half
+    focal = 0.5 * size * np.sqrt(DISTANCE ** 2 - reach ** 2) / half
     target = (0.0, (low + high) / 2, 0.0)
-    return Camera.arc(degrees, distance=_DISTANCE, width=size, height=size, focal=focal,
+    return Camera.arc(degrees, distance=DISTANCE, width=size, height=size, focal=focal,
                       target=target, pitch=pitch)
 
 

@@ -12,15 +12,15 @@ from ..lazy import attach
 
 if TYPE_CHECKING:
     from .config import StylizeConfig
-    from .mixing import MixConfig, StyledField
+    from .mixing import MixConfig, StyledField, load_styled
     from .networks import load_network
     from .on_skin import paint
     from .optimize import stylize, stylize_with_figures
     from .rehearsal import rehearse
     from .skin_files import kept_skin
 
-__all__ = ["MixConfig", "StyledField", "StylizeConfig", "kept_skin", "load_network", "paint",
-           "rehearse", "stylize", "stylize_with_figures"]
+__all__ = ["MixConfig", "StyledField", "StylizeConfig", "kept_skin", "load_network", "load_styled",
+           "paint", "rehearse", "stylize", "stylize_with_figures"]
 
 __getattr__, __dir__ = attach(__name__, __file__)
 

@@ -5,6 +5,6 @@ the curves and colour differences of a mix, `options` its command line.
 """
 
 from .options import MixConfig
-from .styled_field import StyledField
+from .styled_field import StyledField, load_styled
 
-__all__ = ["MixConfig", "StyledField"]
+__all__ = ["MixConfig", "StyledField", "load_styled"]

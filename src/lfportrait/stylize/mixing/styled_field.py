@@ -28,7 +28,7 @@ from .options import RegionValue, known, number, plain, read_value
 from .texels import mixed_texels
 from .tones import BINS, colored, luma, matching_curve, tone_histogram, toned
 
-__all__ = ["StyledField"]
+__all__ = ["StyledField", "load_styled"]
 
 Float32 = NDArray[np.float32]
 
@@ -321,6 +321,23 @@ class StyledField(VoxelField):
                 painted_texels=texels, texel_rows=rows)
         except ValueError as error:
             raise UserError(f"{path} is damaged: {error}") from error
+
+
+def load_styled(path: Any) -> VoxelField:
+    """Read a field with all its colours, where it has any to mix.
+
+    Returns
+    -------
+    field
+        A `StyledField`, or a plain `VoxelField` where the file holds one.
+
+    Raises
+    ------
+    UserError
+        If the file is missing, damaged or not a field.
+    """
+    plain_field = VoxelField.load(path)
+    return StyledField.load(path) if "painted" in read_arrays(path, ("painted",)) else plain_field
 
 
 def _bytes(colors: Float32) -> NDArray[np.uint8]:

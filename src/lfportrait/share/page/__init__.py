@@ -1,0 +1,13 @@
+"""The whole portrait in one HTML file that anybody can open, and any panel can show.
+
+`write_page` writes it: `colors` says which colours can be shown, `packing` makes a few megabytes of
+the field, `budget` keeps to the size that is asked for, `poster` is the picture that shows at once,
+`assembly` joins all with the page's script in `web/`; `serving` shows it in a browser. What the
+page does is told in docs/portrait-page.md.
+"""
+
+from .assembly import page_script, write_page
+from .config import PageConfig
+from .serving import serve_page
+
+__all__ = ["PageConfig", "page_script", "serve_page", "write_page"]

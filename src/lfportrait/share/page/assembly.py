@@ -1,0 +1,128 @@
+"""The page's file: poster, caption, script and data in one HTML text."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+import time
+from dataclasses import fields
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from ...errors import UserError
+from ...field import VoxelField
+from ...files import atomic_write
+from ...lightfield import Display, customary_views
+from ...version import __version__
+from .budget import fit
+from .colors import color_sets
+from .config import PageConfig
+from .packing import Lattice
+from .poster import poster, start_view
+
+__all__ = ["page_script", "write_page"]
+
+_SCRIPTS = ("unpack", "bricks", "renderer", "camera", "displays", "panel", "viewer", "input",
+            "interface", "panelmode", "main")
+_SHADERS = ("march", "view", "panel")
+_DISPLAY = ("name", "width", "height", "views", "pitch", "slant", "offset", "subpixels", "cone",
+            "distance", "eye_height", "inverted", "flip_x", "flip_y", "cells", "cell_pattern",
+            "gamma", "calibrated")
+
+
+def _text(name: str) -> str:
+    return (resources.files(__package__) / "web" / name).read_text(encoding="utf-8")
+
+
+def page_script() -> str:
+    """The page's script: its files and shaders, joined into one function of its own."""
+    shaders = {name: _text(f"{name}.glsl") for name in _SHADERS}
+    parts = [f"const SHADERS = {json.dumps(shaders, indent=1)};\n",
+             *(_text(f"{name}.js") for name in _SCRIPTS)]
+    return '(() => {\n"use strict";\n' + "\n".join(parts) + "})();\n"
+
+
+def _presets() -> list[dict[str, Any]]:
+    """The displays that ship with us, without what is as usual."""
+    usual = {entry.name: entry.default for entry in fields(Display)}
+    found = []
+    for name in Display.names():
+        panel = Display.preset(name)
+        values = {key: getattr(panel, key) for key in _DISPLAY}
+        found.append({key: value for key, value in values.items() if value != usual[key]})
+    return found
+
+
+def _json(data: Any) -> str:
+    """JSON that can stand in a script element: no ``</script>`` ends it early."""
+    return json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+
+
+def _caption(config: PageConfig, styles: list[str]) -> str:
+    lines = [config.artist or ", ".join(styles), config.date]
+    return "".join(f"<p>{html.escape(line)}</p>" for line in lines if line)
+
+
+def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None = None,
+               ) -> dict[str, Any]:
+    """Write a page that shows a field.
+
+    Parameters
+    ----------
+    voxels
+        The field. A `StyledField` brings a slider from photo to painting, and buttons for its
+        styles.
+    path
+        File, ending in ``.html``.
+    config
+        Caption and size.
+
+    Returns
+    -------
+    figures
+        ``bytes`` of the file, and those of its parts; ``rows`` and ``shape`` of what it holds,
+        ``sets`` of colours, ``seconds``.
+
+    Raises
+    ------
+    UserError
+        If the field is empty, does not fit into the size, or a parameter is out of range.
+    """
+    config = config or PageConfig()
+    if not 0.1 <= config.max_size <= 1000:
+        raise UserError(f"--max-size must be 0.1 to 1000 MB, not {config.max_size:g}")
+    start = time.perf_counter()
+    sets = color_sets(voxels, config.sh)
+    lattice = Lattice.of(voxels.links, voxels.density, sets, voxels.center, voxels.radius)
+    view = start_view(voxels)
+    shown = next((each for each in sets if each.kind != "photo"), sets[0])
+    picture = poster(voxels.with_sh(shown.sh), view)
+    script, style = page_script(), _text("page.css")
+    fixed = len(script) + len(style) + len(picture) * 4 // 3 + 20_000
+    packed = fit(lattice, config.max_size * 1e6 - fixed)
+    header = {**packed.header, "start": view, "displays": _presets(),
+              "quilts": customary_views(), "version": __version__}
+    title = config.title or "Portrait"
+    styles = [each.name for each in sets if each.kind in ("style", "mix")]
+    after = config.artist or ", ".join(styles)
+    about = f"{title}, a portrait in three dimensions." + (f" {after}." if after else "")
+    parts = {
+        "title": html.escape(title), "caption": _caption(config, styles), "style": style,
+        "description": html.escape(about), "script": script, "header": _json(header),
+        "poster": "data:image/webp;base64," + base64.b64encode(picture).decode(),
+        "streams": "\n".join(
+            f'<script type="application/octet-stream" data-stream="{name}">'
+            f"{base64.b64encode(data).decode()}</script>"
+            for name, data in packed.streams.items())}
+    # One pass: what is put in may itself hold such a mark.
+    page = re.sub("@([a-z]+)@", lambda mark: parts[mark[1]], _text("page.html")).encode()
+    with atomic_write(path) as stream:
+        stream.write(page)
+    return {"bytes": len(page), "script_bytes": len(script), "poster_bytes": len(picture),
+            "stream_bytes": {name: len(data) for name, data in packed.streams.items()},
+            "rows": packed.header["rows"], "shape": packed.header["shape"],
+            "sets": [each.name or each.kind for each in sets],
+            "seconds": round(time.perf_counter() - start, 3)}

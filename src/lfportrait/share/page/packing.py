@@ -1,0 +1,193 @@
+"""A field as streams of bytes for a page: which lattice points are kept, densities, colours.
+
+The streams, each deflated on its own:
+
+mask
+    One bit a lattice point, x fastest, the highest bit of a byte first.
+density
+    One byte a kept row: (density / top) ** (1/2) * 255. Small densities are fog that many samples
+    add up; a linear scale would lose it.
+set S, band B
+    Three planes of a byte a row: green, red, blue of colour set S. Band 0 is the colour, the others
+    are the coefficients of the spherical harmonics above degree 0.
+
+Densities and colours are stored as what their neighbours do not tell (`kernels.residuals`).
+Lattice points that are not kept have density 0 and the colour 0.5, as in the renderer.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...errors import UserError
+from .colors import ColorSet
+from .kernels.residuals import code_rows
+
+__all__ = ["Lattice", "Packed", "pack"]
+
+_C0 = 0.28209479177387814
+_FAINTEST = 1e-2
+"""Density up to which the renderer skips a sample: points near which there is no more are left
+out."""
+_CLEAR = 0.05
+"""Part of the light that a voxel must take before its colour is kept as exactly as asked; what
+takes less is seen less, and may be rounded more."""
+_LOOSEST = 24
+"""Largest tolerance, in 255ths, for what is hardly seen."""
+_OPAQUE = 9.0
+"""Optical depth of a voxel that lets 1/8000 of the light through: more than that is not told."""
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A field on its lattice, as it is packed.
+
+    Attributes
+    ----------
+    filled
+        bool [Z, Y, X], where rows are; rows are numbered in this order, x fastest.
+    density
+        float32 [N], per world unit.
+    sets
+        Colour sets over these rows.
+    center, radius
+        float64 [3] (x, y, z), as a `VoxelField` has them.
+    """
+
+    filled: NDArray[np.bool_]
+    density: NDArray[np.float32]
+    sets: list[ColorSet]
+    center: NDArray[np.float64]
+    radius: NDArray[np.float64]
+
+    @property
+    def voxel(self) -> float:
+        """Mean distance of lattice points in world units."""
+        return float((2.0 * self.radius / self.filled.shape[::-1]).mean())
+
+    def dense(self, values: NDArray[Any]) -> NDArray[np.float32]:
+        """Values of the rows [N] at their lattice points, float32 [Z, Y, X], 0 elsewhere."""
+        out = np.zeros(self.filled.shape, np.float32)
+        out[self.filled] = values
+        return out
+
+    @staticmethod
+    def of(links: NDArray[np.int32], density: NDArray[np.float32], sets: list[ColorSet],
+           center: NDArray[np.float64], radius: NDArray[np.float64]) -> Lattice:
+        """Rows in the lattice's order, without those that no sample meets.
+
+        Raises
+        ------
+        UserError
+            If nothing is left.
+        """
+        matter = np.append(np.maximum(density, 0.0), np.float32(0.0)).astype(np.float32)[links]
+        filled = (links >= 0) & (ndimage.maximum_filter(matter, 3) > _FAINTEST)
+        if not filled.any():
+            raise UserError("the field is empty: there is nothing to show on a page")
+        rows = links[filled]
+        return Lattice(filled, matter[filled],
+                       [ColorSet(each.name, each.kind, each.sh[rows]) for each in sets],
+                       np.asarray(center, np.float64), np.asarray(radius, np.float64))
+
+
+@dataclass(frozen=True)
+class Packed:
+    """A field as a page holds it.
+
+    Attributes
+    ----------
+    header
+        What the page's script needs to read the streams; plain values for JSON.
+    streams
+        Deflated bytes by name.
+    shown
+        The lattice as it is read back: what the page shows.
+    """
+
+    header: dict[str, Any]
+    streams: dict[str, bytes] = field(repr=False)
+    shown: Lattice = field(repr=False)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the streams in a page, as base64."""
+        return sum(4 * -(-len(data) // 3) for data in self.streams.values())
+
+
+def _coded(filled: NDArray[np.bool_], values: NDArray[np.uint8], tolerance: NDArray[np.uint8],
+           ) -> tuple[bytes, NDArray[np.uint8]]:
+    """Values [N, C] as a deflated stream, and as they are read back."""
+    residual = np.empty(values.shape[::-1], np.uint8)
+    decoded = np.empty_like(values)
+    code_rows(filled, values, tolerance, residual, decoded)
+    # Such numbers hold no strings worth looking for: Huffman's code alone is smaller, and a
+    # thirtieth of the time.
+    coder = zlib.compressobj(6, zlib.DEFLATED, 15, 9, zlib.Z_HUFFMAN_ONLY)
+    return coder.compress(residual.tobytes()) + coder.flush(), decoded
+
+
+def pack(lattice: Lattice, tolerance: int) -> Packed:
+    """Pack a field.
+
+    Parameters
+    ----------
+    lattice
+        The field.
+    tolerance
+        Largest error of colours and of the root of densities in 255ths of their range; 0 rounds
+        them to bytes and no more.
+    """
+    filled = lattice.filled
+    top = float(min(lattice.density.max(), _OPAQUE / lattice.voxel))
+    root = np.sqrt(np.clip(lattice.density / top, 0.0, 1.0))
+    code = (root * 255.0 + 0.5).astype(np.uint8)
+    streams = {"mask": zlib.compress(np.packbits(filled).tobytes(), 9)}
+    # What is empty stays empty, and what is not does not become it: the edges of the head.
+    exact = np.where(code <= tolerance, 0, tolerance).astype(np.uint8)
+    streams["density"], seen = _coded(filled, code[:, None], exact)
+    density = ((seen[:, 0] / 255.0) ** 2 * top).astype(np.float32)
+    around = ndimage.maximum_filter(lattice.dense(lattice.density), 3)[filled]
+    taken = -np.expm1(-around * np.float32(lattice.voxel))
+    loose = (tolerance + 0.5) * np.clip(_CLEAR / np.maximum(taken, 1e-6), 1.0, None)
+    slack = np.minimum(loose, _LOOSEST).astype(np.uint8)
+    heads, shown = [], []
+    for number, colors in enumerate(lattice.sets):
+        bands: list[dict[str, float]] = []
+        read = np.empty_like(colors.sh)
+        for band in range(colors.sh.shape[2]):
+            values = colors.sh[:, (1, 0, 2), band]
+            low, high = _range(values, taken, band)
+            levels = np.clip((values - low) / (high - low), 0.0, 1.0) * 255.0 + 0.5
+            streams[f"set{number}.{band}"], back = _coded(
+                filled, levels.astype(np.uint8), slack)
+            # Colours are told as they are shown, coefficients as they are.
+            scale, shift = (_C0, 0.5) if band == 0 else (1.0, 0.0)
+            bands.append({"low": low * scale + shift, "high": high * scale + shift})
+            read[:, (1, 0, 2), band] = back / np.float32(255.0) * (high - low) + low
+        heads.append({"name": colors.name, "kind": colors.kind, "bands": bands})
+        shown.append(ColorSet(colors.name, colors.kind, read))
+    header = {"shape": list(filled.shape), "rows": int(filled.sum()), "top": top,
+              "center": lattice.center.tolist(), "radius": lattice.radius.tolist(), "sets": heads}
+    return Packed(header, streams, Lattice(filled, density, shown, lattice.center, lattice.radius))
+
+
+def _range(values: NDArray[np.float32], taken: NDArray[np.float32], band: int,
+           ) -> tuple[float, float]:
+    """Least and greatest value that is told: all of a painting's, nearly all of a photo's.
+
+    Rows of thin air have wild colours that nobody sees; they would make the steps coarse.
+    """
+    seen = values[taken > _CLEAR] if (taken > _CLEAR).any() else values
+    low, high = (float(value) for value in np.quantile(seen, [0.0002, 0.9998]))
+    if band:
+        most = max(abs(low), abs(high), 1e-3)
+        return -most, most
+    # Black to white at the least, so that a painting's colours are the same in all sets.
+    return min(low, -0.5 / _C0), max(high, 0.5 / _C0)

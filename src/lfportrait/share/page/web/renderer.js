@@ -1,0 +1,240 @@
+// WebGL2: the textures of a portrait, and its pictures.
+
+const CORNERS = `#version 300 es
+void main() {
+  gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0);
+}`;
+
+/** A 16-bit float with the value of a number from 0 to 65504. */
+function half(value) {
+  const bits = new Uint32Array(new Float32Array([value]).buffer)[0];
+  const exponent = (bits >> 23 & 255) - 112;
+  if (exponent >= 31) return 0x7bff;
+  if (exponent > 0) {
+    const rounded = (exponent << 10 | bits >> 13 & 1023) + (bits >> 12 & 1);
+    return Math.min(rounded, 0x7bff);
+  }
+  return Math.round(value * 2 ** 24);
+}
+
+class Renderer {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {object} header Of the page.
+   */
+  constructor(canvas, header) {
+    this.canvas = canvas;
+    this.header = header;
+    this.bands = header.sets[0].bands.length;
+    const gl = canvas.getContext("webgl2", {
+      alpha: true, antialias: false, depth: false, stencil: false, premultipliedAlpha: true,
+      preserveDrawingBuffer: true, powerPreference: "high-performance",
+    });
+    if (!gl) throw new Told("This browser has no WebGL2, which the moving portrait needs. This is a still picture of it.");
+    this.gl = gl;
+    this.forget();
+    this.blend = 0;
+    const [depth, height, width] = header.shape;
+    this.points = [width, height, depth];
+    this.scale = this.points.map((n, axis) => n / (2 * header.radius[axis]));
+    this.shift = this.points.map((n, axis) => n / 2 - 0.5 - header.center[axis] * this.scale[axis]);
+  }
+
+  /** Nothing is on the device, or no longer. */
+  forget() {
+    this.programs = {};
+    this.textures = [];
+    this.targets = {};
+    this.bytes = []; // of the textures, as the device holds them
+    this.slots = [null, null]; // number of the colour set in each of the two textures
+  }
+
+  /** Read what all colour sets share, and upload it. */
+  async load() {
+    const { gl, header } = this;
+    this.lattice = new Lattice(header, await stream("mask"));
+    this.bricks = new Bricks(this.lattice, gl.getParameter(gl.MAX_3D_TEXTURE_SIZE), this.bands);
+    const [across, down, deep] = this.bricks.shape;
+    this.upload(0, "RGBA8UI", [across, down, deep], "RGBA_INTEGER", "UNSIGNED_BYTE",
+      this.bricks.table(), "NEAREST");
+    const codes = this.lattice.restore(await stream("density"), 1);
+    const value = Uint16Array.from({ length: 256 }, (_, code) => half((code / 255) ** 2 * header.top));
+    const [wide, high, long] = this.bricks.atlas;
+    const density = new Uint16Array(wide * high * long);
+    this.bricks.fill((texel, row) => { density[texel] = row < 0 ? 0 : value[codes[row]]; });
+    this.upload(1, "R16F", this.bricks.atlas, "RED", "HALF_FLOAT", density, "LINEAR");
+  }
+
+  /**
+   * Show a mix of two colour sets.
+   * @param {number} from Number of a set.
+   * @param {number} to Number of another, or the same.
+   * @param {number} blend Share of the latter, 0 to 1.
+   * @param {boolean} all Read both, even where one of them is not seen.
+   */
+  async show(from, to, blend, all = false) {
+    if (this.slots[0] !== from && (all || blend < 1)) await this.colors(0, from);
+    if (this.slots[1] !== to && (all || blend > 0)) await this.colors(1, to);
+    this.blend = blend;
+  }
+
+  /** Read a colour set and put it into one of the two textures. */
+  async colors(slot, number) {
+    const { bricks, lattice, bands, gl } = this;
+    const [wide, high, long] = bricks.atlas;
+    const size = wide * high * long;
+    const texels = new Uint8Array(4 * size * bands);
+    for (let band = 0; band < bands; band++) {
+      const values = lattice.restore(await stream(`set${number}.${band}`), 3);
+      const { low, high: top } = this.header.sets[number].bands[band];
+      // Where there is nothing the renderer has coefficients of 0: grey in the first band.
+      const nothing = Math.round(((band ? 0 : 0.5) - low) / (top - low) * 255);
+      bricks.fill((texel, row) => {
+        const at = 4 * (texel + band * size);
+        texels[at] = row < 0 ? nothing : values[3 * row + 1];
+        texels[at + 1] = row < 0 ? nothing : values[3 * row];
+        texels[at + 2] = row < 0 ? nothing : values[3 * row + 2];
+      });
+    }
+    this.upload(2 + slot, "RGBA8", [wide, high, long * bands], "RGBA", "UNSIGNED_BYTE", texels,
+      "LINEAR");
+    this.slots[slot] = number;
+    gl.flush();
+  }
+
+  upload(unit, kind, [width, height, depth], format, type, data, filter) {
+    const { gl } = this;
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    if (this.textures[unit]) gl.deleteTexture(this.textures[unit]);
+    this.textures[unit] = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_3D, this.textures[unit]);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texStorage3D(gl.TEXTURE_3D, 1, gl[kind], width, height, depth);
+    this.bytes[unit] = data.byteLength;
+    gl.texSubImage3D(gl.TEXTURE_3D, 0, 0, 0, 0, width, height, depth, gl[format], gl[type], data);
+    for (const name of ["WRAP_S", "WRAP_T", "WRAP_R"]) {
+      gl.texParameteri(gl.TEXTURE_3D, gl[`TEXTURE_${name}`], gl.CLAMP_TO_EDGE);
+    }
+    gl.texParameteri(gl.TEXTURE_3D, gl.TEXTURE_MIN_FILTER, gl[filter]);
+    gl.texParameteri(gl.TEXTURE_3D, gl.TEXTURE_MAG_FILTER, gl[filter]);
+  }
+
+  /** A program by the name of its shader; `defines` are further lines at its head. */
+  program(name, defines = "") {
+    const key = name + defines;
+    if (this.programs[key]) return this.programs[key];
+    const { gl } = this;
+    const head = `#version 300 es\n#define BANDS ${this.bands}\n${defines}`;
+    const program = gl.createProgram();
+    const sources = [[gl.VERTEX_SHADER, CORNERS],
+      [gl.FRAGMENT_SHADER, `${head}\n${SHADERS.march}\n${SHADERS[name]}`]];
+    for (const [kind, source] of sources) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, source);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) {
+        throw new Error(gl.getShaderInfoLog(shader));
+      }
+    }
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
+      throw new Error(gl.getProgramInfoLog(program));
+    }
+    const places = {};
+    const at = (uniform) => {
+      if (!(uniform in places)) places[uniform] = gl.getUniformLocation(program, uniform);
+      return places[uniform];
+    };
+    this.programs[key] = { program, at };
+    return this.programs[key];
+  }
+
+  /** Use a program with what all of them take. */
+  begin(name, step, defines) {
+    const { gl } = this;
+    const { program, at } = this.program(name, defines);
+    gl.useProgram(program);
+    ["bricks", "matter", "first", "second"].forEach((sampler, unit) => {
+      gl.uniform1i(at(sampler), unit);
+    });
+    const tones = (set) => this.header.sets[set ?? 0].bands.flatMap(({ low, high }) => [low, high - low]);
+    gl.uniform2fv(at("firstTone"), tones(this.slots[0]));
+    gl.uniform2fv(at("secondTone"), tones(this.slots[1]));
+    gl.uniform1f(at("blend"), this.blend);
+    gl.uniform3iv(at("points"), this.points);
+    gl.uniform3fv(at("texel"), this.bricks.atlas.map((n) => 1 / n));
+    gl.uniform1f(at("stepSize"), step);
+    gl.uniform1f(at("stop"), 1e-3);
+    return at;
+  }
+
+  /**
+   * Draw a pinhole view, or some rows of it, into the framebuffer that is bound.
+   * @param {object} camera `turn` [9] by columns, `eye` [3], `lens` [4]; see view.glsl.
+   * @param {number[]} size Width and height in pixels.
+   * @param {object} how `step` in voxels, `jitter` [2], `nudge` [2], `rows` [first, count], `count`.
+   */
+  view(camera, size, { step = 0.5, jitter = [0, 0], nudge = [0, 0], rows, count = false } = {}) {
+    const { gl } = this;
+    const at = this.begin("view", step, count ? "#define COUNT" : "");
+    gl.uniformMatrix3fv(at("turn"), false, camera.turn);
+    gl.uniform3fv(at("eye"), camera.eye);
+    gl.uniform4fv(at("lens"), camera.lens);
+    gl.uniform2fv(at("size"), size);
+    gl.uniform3fv(at("scale"), this.scale);
+    gl.uniform3fv(at("shift"), this.shift);
+    gl.uniform2fv(at("nudge"), nudge);
+    gl.uniform2fv(at("jitter"), jitter);
+    this.draw(size, rows);
+  }
+
+  draw([width, height], rows) {
+    const { gl } = this;
+    gl.viewport(0, 0, width, height);
+    gl.disable(gl.BLEND);
+    if (rows) {
+      gl.enable(gl.SCISSOR_TEST);
+      gl.scissor(0, rows[0], width, rows[1]);
+    }
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.disable(gl.SCISSOR_TEST);
+  }
+
+  /** A picture of `size` to draw into, kept by its name. */
+  target(name, [width, height]) {
+    const { gl } = this;
+    const old = this.targets[name];
+    if (old && old.width === width && old.height === height) return old.frame;
+    if (old) {
+      gl.deleteTexture(old.texture);
+      gl.deleteFramebuffer(old.frame);
+    }
+    const texture = gl.createTexture(), frame = gl.createFramebuffer();
+    gl.activeTexture(gl.TEXTURE0 + 6);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, width, height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+    this.targets[name] = { texture, frame, width, height };
+    return frame;
+  }
+
+  /** Put a picture onto the canvas, stretched to it. */
+  present(frame, [width, height]) {
+    const { gl, canvas } = this;
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, frame);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+    const same = width === canvas.width && height === canvas.height;
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, canvas.width, canvas.height,
+      gl.COLOR_BUFFER_BIT, same ? gl.NEAREST : gl.LINEAR);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  /** Pixels of the framebuffer that is bound, from the bottom row up. */
+  pixels([width, height]) {
+    const bytes = new Uint8Array(4 * width * height);
+    this.gl.readPixels(0, 0, width, height, this.gl.RGBA, this.gl.UNSIGNED_BYTE, bytes);
+    return bytes;
+  }
+}

@@ -1,0 +1,184 @@
+// Pictures one after another: coarse while something moves, every pixel when it stands still.
+
+const WANTED = 1000 / 50; // milliseconds for a frame that is fast enough
+const TOO_LONG = 1000 / 34;
+const SWAY = 0.2; // radians to each side
+const PERIOD = 9000; // milliseconds there and back
+const REST = 6000; // milliseconds after which the head begins to sway again
+const STRIP = 24; // milliseconds that a strip of a still picture should take
+
+class Viewer {
+  constructor(renderer, orbit, calm) {
+    this.renderer = renderer;
+    this.orbit = orbit;
+    this.calm = calm; // no motion of its own
+    this.share = 0.4; // of the canvas' pixels along a side while it moves
+    this.touched = performance.now();
+    this.clock = 0; // of the sway
+    this.step = 1;
+    this.still = 0; // rows of the still picture that are drawn
+    this.strip = 32;
+    this.drawn = 0;
+    this.panel = null;
+    this.running = false;
+    this.tilt = [0, 0];
+    this.waiters = [];
+  }
+
+  /** Something has changed: draw anew. `hand` where a person did it. */
+  change(hand = true) {
+    if (hand) this.touched = performance.now();
+    this.still = 0;
+    this.moved = true;
+    this.wake();
+  }
+
+  wake() {
+    if (this.running || this.stopped) return;
+    this.running = true;
+    this.last = 0;
+    requestAnimationFrame((time) => this.frame(time));
+  }
+
+  /** Canvas as large as the window's pixels. */
+  resize() {
+    const { canvas } = this.renderer;
+    const ratio = window.devicePixelRatio || 1;
+    const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
+    const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+    if (canvas.width === width && canvas.height === height) return;
+    canvas.width = width;
+    canvas.height = height;
+    this.change(false);
+  }
+
+  swaying(time) {
+    return !this.calm && !this.hold && !document.hidden && time - this.touched > REST;
+  }
+
+  frame(time) {
+    this.running = false;
+    if (this.stopped || document.hidden || this.renderer.gl.isContextLost()) return;
+    const passed = this.last ? Math.min(time - this.last, 1000) : 0;
+    this.last = time;
+    this.resize();
+    document.body.classList.toggle("near", this.orbit.zoom > 1.1);
+    const sways = this.swaying(time);
+    if (sways) this.clock += Math.min(passed, 100);
+    let more;
+    if (this.panel) more = this.framePanel(sways);
+    else if (sways || this.moved) more = this.frameMoving(sways, passed);
+    else more = this.frameStill();
+    this.drawn++;
+    this.waiters = this.waiters.filter((waiter) => !waiter());
+    if (more || sways) {
+      this.running = true;
+      requestAnimationFrame((next) => this.frame(next));
+    } else if (!this.calm) {
+      clearTimeout(this.alarm);
+      this.alarm = setTimeout(() => this.wake(), Math.max(50, this.touched + REST + 50 - time));
+    }
+  }
+
+  sway() {
+    return SWAY * Math.sin(2 * Math.PI * this.clock / PERIOD) + this.tilt[0];
+  }
+
+  size(share) {
+    const { canvas } = this.renderer;
+    return [canvas.width, canvas.height].map((n) => Math.max(1, Math.round(n * share)));
+  }
+
+  /** A coarse picture; its size follows the time that the last ones took. */
+  frameMoving(sways, passed) {
+    const { renderer } = this;
+    if (passed && this.measured) {
+      this.time = this.time ? 0.8 * this.time + 0.2 * passed : passed;
+      if (this.time > TOO_LONG || passed > 200) {
+        this.share = Math.max(0.2, this.share * Math.max(0.6, Math.sqrt(WANTED / Math.max(this.time, passed * 0.5))));
+        this.time = 0;
+      } else if (this.time < WANTED && this.share < 1) {
+        this.share = Math.min(1, this.share * 1.05);
+      }
+    }
+    this.measured = true;
+    const size = this.size(this.share);
+    const frame = renderer.target("moving", size);
+    renderer.gl.bindFramebuffer(renderer.gl.FRAMEBUFFER, frame);
+    const camera = this.orbit.camera(size, this.share * (window.devicePixelRatio || 1), this.sway());
+    renderer.view(camera, size, { step: this.step, jitter: [0, 1] });
+    renderer.present(frame, size);
+    this.still = 0;
+    if (!sways) this.moved = false;
+    return true;
+  }
+
+  /** A strip of the still picture, at every pixel and with half-voxel steps. */
+  frameStill() {
+    const { renderer } = this;
+    const { gl } = renderer;
+    this.measured = false;
+    const size = this.size(1);
+    if (this.still >= size[1]) return false;
+    const frame = renderer.target("still", size);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    const rows = [this.still, Math.min(this.strip, size[1] - this.still)];
+    const camera = this.orbit.camera(size, window.devicePixelRatio || 1, this.sway());
+    this.timed(rows, size, () => renderer.view(camera, size, { rows }));
+    this.still += rows[1];
+    if (this.still >= size[1]) renderer.present(frame, size);
+    return this.still < size[1];
+  }
+
+  /** Draw a strip, wait for it, and choose the next one's height by the time it took. */
+  timed(rows, size, draw) {
+    const { gl } = this.renderer;
+    const start = performance.now();
+    draw();
+    gl.readPixels(0, rows[0], 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    const took = Math.max(performance.now() - start, 1);
+    const height = Math.round(this.strip * Math.min(2, STRIP / took));
+    this.strip = Math.min(Math.max(height, 4), size[1]);
+  }
+
+  /**
+   * Some strips of the coded picture, which goes onto the panel as a whole: a driver takes the
+   * picture away from a page that draws for seconds at a stretch.
+   */
+  framePanel(sways) {
+    const { renderer, panel } = this;
+    const { gl } = renderer;
+    const size = [panel.coder.display.width, panel.coder.display.height];
+    if (!this.coding) {
+      if (!sways && !this.moved) return false;
+      this.moved = false;
+      this.coding = { rows: 0, place: { ...panel.place, turn: panel.place.turn + this.sway() } };
+    }
+    const { coding } = this;
+    const frame = renderer.target("coded", size);
+    const start = performance.now();
+    while (coding.rows < size[1] && performance.now() - start < 2 * STRIP) {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+      const rows = [coding.rows, Math.min(this.strip, size[1] - coding.rows)];
+      this.timed(rows, size, () => panel.coder.draw({ ...coding.place, rows }));
+      coding.rows += rows[1];
+    }
+    if (coding.rows < size[1]) return true;
+    renderer.present(frame, size);
+    this.coding = null;
+    document.documentElement.dataset.coded = panel.coder.display.name;
+    return this.moved;
+  }
+
+  /** Resolves when the still picture is on the canvas. */
+  async settled() {
+    this.change(false);
+    await new Promise((done) => {
+      this.waiters.push(() => {
+        const ready = !this.moved && this.still >= this.renderer.canvas.height;
+        if (ready || this.stopped) done();
+        return ready || this.stopped;
+      });
+    });
+  }
+}

@@ -1,0 +1,136 @@
+"""A browser for tests of the page, and what they ask of it."""
+
+import base64
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ARGUMENTS = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader",
+             "--enable-unsafe-swiftshader"]
+"""WebGL2 in software: slow, the same everywhere."""
+
+VIEW = """([camera, size, how]) => {
+  const { renderer, viewer } = lfportrait;
+  viewer.stopped = true;
+  renderer.gl.bindFramebuffer(renderer.gl.FRAMEBUFFER, renderer.target("test", size));
+  renderer.view(camera, size, how);
+  return text(renderer.pixels(size));
+}"""
+
+CODED = """([name, description, place]) => {
+  const { renderer, viewer, Panel, readDisplay, panels } = lfportrait;
+  viewer.stopped = true;
+  const display = readDisplay(name, description), size = [display.width, display.height];
+  const coder = new Panel(renderer, display);
+  renderer.gl.bindFramebuffer(renderer.gl.FRAMEBUFFER, renderer.target("test", size));
+  coder.draw({ ...panels.place, ...place });
+  const pixels = text(renderer.pixels(size));
+  coder.close();
+  return pixels;
+}"""
+
+TEXT = """const text = (bytes) => {
+  let all = "";
+  for (let i = 0; i < bytes.length; i += 8192) {
+    all += String.fromCharCode(...bytes.subarray(i, i + 8192));
+  }
+  return btoa(all);
+};"""
+
+
+def program() -> str | None:
+    """The browser's program, or None."""
+    named = os.environ.get("LFPORTRAIT_BROWSER")
+    return named or shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which(
+        "google-chrome")
+
+
+@contextmanager
+def chromium(playwright, *more: str) -> Iterator:
+    """A running browser; tests are skipped where there is none, unless one is required."""
+    path = program()
+    if path is None:
+        if os.environ.get("LFPORTRAIT_REQUIRE_BROWSER") == "1":
+            pytest.fail("no Chromium is installed, and LFPORTRAIT_REQUIRE_BROWSER=1 asks for one")
+        pytest.skip("no Chromium is installed (or name one with LFPORTRAIT_BROWSER)")
+    running = playwright.chromium.launch(executable_path=path, args=[*ARGUMENTS, *more])
+    yield running
+    running.close()
+
+
+class Opened:
+    """A page in the browser.
+
+    Attributes
+    ----------
+    page
+        Playwright's.
+    complaints, requests
+        What the page told on the console or threw, and what it asked any network for.
+    """
+
+    def __init__(self, browser, path: Path, *, width=480, height=320, live=True, **context):
+        self.context = browser.new_context(viewport={"width": width, "height": height}, **context)
+        self.page = self.context.new_page()
+        self.complaints: list[str] = []
+        self.requests: list[str] = []
+        self.page.on("console", lambda message: self.complaints.append(message.text))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.goto(path.resolve().as_uri())
+        self.page.wait_for_selector("html[data-ready]" if live else "body.standing",
+                                    state="attached", timeout=60000)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.context.close()
+
+    def run(self, script: str, argument=None):
+        return self.page.evaluate(f"(argument) => {{ {TEXT} return ({script})(argument); }}",
+                                  argument)
+
+    def told(self) -> str:
+        return self.page.inner_text("#message")
+
+    def show(self, first: int, second: int, blend: float) -> None:
+        self.run("([a, b, c]) => lfportrait.renderer.show(a, b, c)", [first, second, blend])
+
+    def view(self, cameras, number, **how) -> np.ndarray:
+        """What the page draws for a camera: float [H, W, 4], colours premultiplied."""
+        width, height = int(cameras.width[number]), int(cameras.height[number])
+        pose = cameras.pose[number]
+        camera = {"turn": pose[:3, :3].T.ravel().tolist(), "eye": pose[:3, 3].tolist(),
+                  "lens": [*cameras.focal[number].tolist(), *cameras.center[number].tolist()]}
+        return _pixels(self.run(VIEW, [camera, [width, height], how]), width, height) / 255.0
+
+    def canvas(self) -> np.ndarray:
+        """What is on the canvas, uint8 [H, W, 3]."""
+        width, height, pixels = self.run("""() => {
+          const { renderer } = lfportrait, { canvas, gl } = renderer;
+          gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+          const size = [canvas.width, canvas.height];
+          return [...size, text(renderer.pixels(size))];
+        }""")
+        return _pixels(pixels, width, height)[..., :3]
+
+    def coded(self, display, name="panel.toml", text=None, **place) -> np.ndarray:
+        """What the page codes for a panel, uint8 [H, W, 3], as it is sent to the panel."""
+        pixels = self.run(CODED, [name, text or display.to_toml(), place])
+        return _pixels(pixels, display.width, display.height)[..., :3]
+
+
+def _pixels(text: str, width: int, height: int) -> np.ndarray:
+    """Rows come from the bottom up."""
+    return np.frombuffer(base64.b64decode(text), np.uint8).reshape(height, width, 4)[::-1]
+
+
+def decibels(one, other) -> float:
+    """PSNR of two pictures in [0, 1]."""
+    return float(-10 * np.log10(np.mean((np.asarray(one) - np.asarray(other)) ** 2) + 1e-12))

@@ -1,0 +1,31 @@
+"""A few pages for the tests that open them."""
+
+import pytest
+
+from lfportrait.share import PageConfig, write_page
+from tests.share.page.portraits import painted_head, pure_head
+
+
+@pytest.fixture(scope="session")
+def head():
+    return painted_head()
+
+
+@pytest.fixture(scope="session")
+def page(head, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "portrait.html"
+    write_page(head, path, PageConfig(title="Anna </script> @script@", artist="A & B",
+                                      date="May 2026"))
+    return path
+
+
+@pytest.fixture(scope="session")
+def pure():
+    return pure_head()
+
+
+@pytest.fixture(scope="session")
+def pure_page(pure, tmp_path_factory):
+    path = tmp_path_factory.mktemp("pure") / "portrait.html"
+    write_page(pure, path, PageConfig(sh=2))
+    return path

@@ -1,0 +1,184 @@
+"""The page in a real browser: what it draws, and what it does where something is missing."""
+
+import time
+
+import numpy as np
+import pytest
+
+from lfportrait.field import VoxelField
+from lfportrait.share import PageConfig, orbit_cameras, write_page
+from tests.fields import shell_field
+from tests.share.page.browser import Opened, chromium, decibels
+
+SIZE = 128
+
+
+@pytest.fixture(scope="module")
+def opened(browser, page):
+    with Opened(browser, page) as each:
+        yield each
+
+
+def looks(field, opened, views=range(5)):
+    """The page's and the renderer's pictures of some views, on black, and opacities."""
+    cameras = orbit_cameras(5, SIZE, field)
+    for view in views:
+        seen = field.render(cameras, view, background=0.0)
+        yield opened.view(cameras, view), np.clip(seen.color, 0, 1), seen.alpha
+
+
+def test_it_opens_at_once_without_a_request_or_a_complaint(browser, page):
+    with Opened(browser, page) as each:
+        assert each.complaints == []
+        assert each.requests == [page.resolve().as_uri()]
+        assert float(each.page.get_attribute("html", "data-ready")) < 3000
+        assert each.page.title() == "Anna </script> @script@"
+        assert each.page.inner_text("#caption").split("\n\n") == [
+            "Anna </script> @script@", "A & B", "May 2026"]
+        assert [button.inner_text() for button in each.page.query_selector_all("#styles button")
+                ] == ["waves", "ink & <b>wash"]
+        assert "Anna" in each.page.get_attribute("#canvas", "aria-label")
+        # Every button has a name for those who do not see its drawing.
+        assert all(button.get_attribute("aria-label") or button.inner_text()
+                   for button in each.page.query_selector_all("button"))
+
+
+def test_views_are_those_of_the_renderer_and_have_its_edges(opened, head):
+    opened.show(0, 1, 1)
+    for drawn, color, alpha in looks(head, opened):
+        assert decibels(drawn[..., :3], color) > 48
+        assert decibels(drawn[..., 3], alpha) > 48
+        edge = (alpha > 0.05) & (alpha < 0.95)
+        # Neither a dark nor a light seam: what differs at edges leans to no side.
+        assert edge.sum() > 50
+        assert abs((drawn[..., :3] - color)[edge].mean()) < 0.004
+        assert np.abs(drawn[..., :3] - color)[edge].max() < 0.06
+
+
+@pytest.mark.parametrize("blend", [0.0, 0.3, 1.0])
+def test_the_slider_goes_from_one_field_to_the_other(opened, head, blend):
+    opened.show(0, 2, blend)
+    mixed = head.mix(strength=blend, style=head.styles[1])
+    for drawn, color, _ in looks(mixed, opened, [1]):
+        assert decibels(drawn[..., :3], color) > 48
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_harmonics_are_kept_where_they_are_asked_for(browser, tmp_path, degree):
+    field = shell_field(size=32, basis=9)
+    write_page(field, tmp_path / "photo.html", PageConfig(sh=degree))
+    field = field.with_sh(field.sh[:, :, :(degree + 1) ** 2])
+    with Opened(browser, tmp_path / "photo.html") as each:
+        assert each.complaints == []
+        for drawn, color, _ in looks(field, each, [0, 1, 4]):
+            assert decibels(drawn[..., :3], color) > 42
+
+
+def test_slider_buttons_and_keys_are_wired(browser, page):
+    with Opened(browser, page, reduced_motion="reduce") as each:
+        state = "() => [lfportrait.mix.style, lfportrait.renderer.blend, lfportrait.renderer.slots]"
+        assert each.run(state)[:2] == [1, 1]
+        each.page.fill("#blend", "250")
+        each.run("() => lfportrait.mix.busy")
+        assert each.run(state) == [1, 0.25, [0, 1]]
+        each.page.mouse.move(20, 20)  # the buttons hide from a pointer that rests
+        each.page.click("#styles button:nth-child(2)")
+        each.page.wait_for_selector("#styles button:nth-child(2)[aria-pressed=true]")
+        each.page.locator("#canvas").focus()
+        for key in ("ArrowRight", "ArrowUp", "+"):
+            each.page.keyboard.press(key)
+        yaw, pitch, zoom = each.run("() => [lfportrait.orbit.yaw, lfportrait.orbit.pitch,"
+                                    " lfportrait.orbit.zoom]")
+        assert yaw > 0.05 and pitch > 0.05 and zoom > 1.1
+        each.page.mouse.move(240, 100)
+        each.page.mouse.down()
+        each.page.mouse.move(190, 100)
+        each.page.mouse.up()
+        each.page.mouse.wheel(0, -200)
+        turned, closer = each.run("() => [lfportrait.orbit.yaw, lfportrait.orbit.zoom]")
+        assert turned > yaw + 0.2 and closer > zoom * 1.2
+        each.page.dblclick("#canvas", position={"x": 160, "y": 100})
+        assert each.run("() => [lfportrait.orbit.yaw, lfportrait.orbit.zoom]") == [0, 1]
+        each.page.mouse.move(20, 20)
+        each.page.click("#ground")
+        assert each.page.get_attribute("html", "data-ground") == "light"
+        with each.page.expect_download() as download:
+            each.page.mouse.move(30, 20)
+            each.page.click("#picture")
+        assert download.value.suggested_filename == "anna-script-script.png"
+        assert each.complaints == []
+
+
+def test_it_sways_unless_motion_is_not_wanted(browser, page):
+    count = "() => lfportrait.viewer.drawn"
+    with Opened(browser, page) as each:
+        before = each.run(count)
+        each.page.wait_for_timeout(600)
+        assert each.run(count) > before
+    with Opened(browser, page, reduced_motion="reduce") as each:
+        each.run("() => lfportrait.viewer.settled()")
+        before = each.run(count)
+        each.page.wait_for_timeout(600)
+        assert each.run(count) == before
+        canvas, still = each.run("() => [lfportrait.renderer.canvas.height,"
+                                 " lfportrait.viewer.still]")
+        assert still >= canvas  # every pixel is drawn
+
+
+def stands(each):
+    """The poster is seen, and a sentence; nothing else is offered."""
+    assert each.page.is_visible("#poster") and each.page.is_visible("#message")
+    assert each.page.eval_on_selector("#poster", "image => image.naturalWidth") > 100
+    assert not each.page.is_visible("#tools") and not each.page.is_visible("#canvas")
+    return each.told()
+
+
+@pytest.mark.parametrize("damage", ["cut", "changed"])
+def test_a_damaged_file_shows_the_poster_and_a_sentence(browser, page, tmp_path, damage):
+    data = page.read_bytes()
+    start = data.index(b'data-stream="set0.0"') + 2000
+    hurt = tmp_path / "hurt.html"
+    hurt.write_bytes(data[:start] if damage == "cut" else data[:start] + b"AAAA" + data[start + 4:])
+    with Opened(browser, hurt, live=False) as each:
+        assert ("cut off" if damage == "cut" else "damaged") in stands(each)
+
+
+def test_a_browser_without_webgl2_shows_the_poster_and_a_sentence(playwright, page):
+    with chromium(playwright, "--disable-3d-apis") as browser, \
+            Opened(browser, page, live=False) as each:
+        assert "no WebGL2" in stands(each)
+        assert not [line for line in each.complaints if "WebGL" not in line]
+
+
+def test_a_lost_context_shows_the_poster_and_comes_back(browser, page, head):
+    with Opened(browser, page) as each:
+        each.run("() => { window.gone = lfportrait.renderer.gl.getExtension('WEBGL_lose_context');"
+                 " window.gone.loseContext(); }")
+        each.page.wait_for_selector("body.standing")
+        assert "took the picture away" in stands(each)
+        each.run("() => window.gone.restoreContext()")
+        each.page.wait_for_selector("body.live")
+        assert not each.page.is_visible("#message")
+        for drawn, color, _ in looks(head, each, [0]):
+            assert decibels(drawn[..., :3], color) > 48
+
+
+def test_a_field_of_256_lines_keeps_to_its_megabytes_and_to_a_telephones_memory(browser, tmp_path):
+    shell = shell_field(size=224, basis=1, density=60)
+    # Colours as smooth as a photo's, with its noise.
+    points = shell.lattice_points()
+    colors = 0.4 * np.sin(points @ np.array([[5, 3, 1], [2, 6, 3], [1, 2, 7]])) / 0.28209479
+    colors += np.random.default_rng(0).normal(0, 0.02, colors.shape)
+    field = VoxelField(shell.links, shell.density, colors[:, :, None].astype(np.float32))
+    assert len(field.density) > 900_000
+    figures = write_page(field, tmp_path / "large.html")
+    assert figures["bytes"] <= 6_000_000
+    assert (tmp_path / "large.html").stat().st_size == figures["bytes"]
+    start = time.perf_counter()
+    with Opened(browser, tmp_path / "large.html", reduced_motion="reduce") as each:
+        assert time.perf_counter() - start < 60
+        textures = sum(each.run("() => lfportrait.renderer.bytes"))
+        session = each.context.new_cdp_session(each.page)
+        session.send("HeapProfiler.collectGarbage")
+        heap = session.send("Runtime.getHeapUsage")
+        assert textures + heap["usedSize"] + heap.get("backingStorageSize", 0) < 100e6
