@@ -53,6 +53,9 @@ __all__ = ["CalibrateConfig", "PhotosError", "calibrate"]
 _ADVICE = ("take 20 to 100 photos of a person who holds still, with small steps between them "
            "(each part of the scene in at least three photos), in focus")
 
+_MOST_AGAIN = 800
+"""Pairs of photos that are compared once more, in full, where photos are left out."""
+
 Float = NDArray[np.float64]
 
 
@@ -164,8 +167,17 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
         say(f"placing photo {min(registered[0], len(photos))} of {len(photos)}")
 
     say("checking matches")
-    placing = place_photos(pycolmap, scene, groups, starting_model(config.camera_model), report,
-                           told)
+    start = starting_model(config.camera_model)
+    placing = place_photos(pycolmap, scene, groups, start, report, told)
+    again = sorted(set(range(len(photos))) - set(placing.photos))
+    if again and len(again) * len(photos) <= _MOST_AGAIN:
+        told(f"looking closer at {len(again)} photos that are left out: weaker features, compared "
+             "with all photos")
+        closer = _closer(scene, photos, turns, again, config, say)
+        registered[0] = 2
+        if closer.partners(pycolmap, groups, start)[again].any():
+            second = place_photos(pycolmap, closer, groups, start, report, told)
+            placing = max(placing, second, key=lambda one: len(one.photos))
     if placing.model is None:
         return {}, {}
     say("refining the cameras")
@@ -184,6 +196,25 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
                "lens_model": " ".join(sorted(models)), "lenses": len(set(groups)),
                "placed": placing.how}
     return found, figures
+
+
+def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int],
+            config: CalibrateConfig, say: Callable[[str], None]) -> Scene:
+    """The scene with more features in some photos, which are compared with all others in full."""
+    features, matches = list(scene.features), dict(scene.matches)
+    more = replace(config, features=2 * config.features)
+    found = _features([photos[i] for i in again], [turns[i] for i in again], more, say, 0.5)
+    for i, own in zip(again, found):
+        features[i] = own
+    for i in again:
+        for j in range(len(photos)):
+            if j != i and (j not in again or j > i):
+                pair = min(i, j), max(i, j)
+                matches[pair] = match_features(*(features[k].descriptors for k in pair))
+    work = scene.work / "closer"
+    work.mkdir()
+    return Scene(scene.sizes, scene.focals, features,
+                 {pair: own for pair, own in matches.items() if len(own) >= 15}, work, scene.seed)
 
 
 def _upright(pose: Float, lens: Lens, turn: int) -> tuple[Float, Lens]:

@@ -70,10 +70,11 @@ class Calibrate(Common):
         """Calibrate and save."""
         from ..job import prepare_capture
 
+        sheet = self.out.with_name(f"{self.out.name}-photos.jpg")
         with self.progress("calibrate") as progress:
             capture, figures = prepare_capture(self.photos, replace(self.config, seed=self.seed),
                                                keep_background=self.keep_background,
-                                               progress=progress)
+                                               progress=progress, sheet=sheet)
         capture.save(self.out)
         return figures
 

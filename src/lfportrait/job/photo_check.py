@@ -19,11 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import models
-from ..capture import Photo, fineness, is_video, read_photos, read_video, relative_sharpness
+from ..capture import (
+    Photo,
+    contact_sheet,
+    fineness,
+    is_video,
+    read_photos,
+    read_video,
+    relative_sharpness,
+)
 from ..face import detect_landmarks, face_pose
+from ..files import write_image
 from ..progress import Progress
 
-__all__ = ["PhotoCheck", "PhotoFacts", "check_photos"]
+__all__ = ["PhotoCheck", "PhotoFacts", "check_photos", "problem_sheet"]
 
 _SIDE = 960
 # Parts of the neighbours' fine detail below which a photo is blurred, or soft.
@@ -104,6 +113,14 @@ def _linear(image: NDArray[np.uint8]) -> NDArray[np.float64]:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
+def _upright(points: NDArray[np.float64], size: tuple[int, int], turn: int,
+             ) -> tuple[NDArray[np.float64], tuple[int, int]]:
+    """Points, and the size, of a picture turned counter-clockwise by quarter turns."""
+    for _ in range(turn):
+        points, size = np.stack([points[:, 1], size[0] - points[:, 0]], 1), size[::-1]
+    return points, size
+
+
 def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.float64], float]:
     """Facts of one photo alone, its mean colour (linear, [3]) and the share that is burnt out."""
     image = np.ascontiguousarray(photo.image[..., :3])
@@ -115,7 +132,7 @@ def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.
     if points is not None:
         low, high = points.min(0), points.max(0)
         facts.face = float(max(high - low) / max(height, width))
-        facts.yaw, facts.pitch = face_pose(points, (width, height))
+        facts.yaw, facts.pitch = face_pose(*_upright(points, (width, height), turn))
         # Not up to the outline: beside a turned face the room would count.
         inner = points.mean(0) + 0.8 * (points - points.mean(0))
         hull = np.asarray(cv2.convexHull(inner.astype(np.int32)))
@@ -152,7 +169,9 @@ def _judge(facts: list[PhotoFacts], colors: NDArray[np.float64], burnt: list[flo
             fair.append("dark")
         if share > _BURNT:
             fair.append("burnt out")
-        if not 1 / _BRIGHTER < factor < _BRIGHTER:
+        if one.face is None:
+            pass  # what the middle of the picture shows is not the same in all photos
+        elif not 1 / _BRIGHTER < factor < _BRIGHTER:
             fair.append("brighter than its neighbours" if factor > 1
                         else "darker than its neighbours")
         elif change > np.log(_TINTED):
@@ -255,13 +274,15 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
         if progress is not None:
             progress.update(number, photo.name)
         looked.append(_look(photo, faces, 0))
-    if faces and not any(facts.yaw is not None for facts, _, _ in looked):
+    unseen = [index for index, (one, _, _) in enumerate(looked) if one.yaw is None]
+    if faces and len(unseen) > 0.5 * len(photos):
         # Pictures that lie on their side, from cameras that note nothing.
         for turn in (1, 3):
-            sample = photos[::max(1, len(photos) // 8)]
-            if any(_look(photo, True, turn)[0].yaw is not None for photo in sample):
-                looked = [_look(photo, True, turn) for photo in photos]
-                break
+            sample = unseen[::max(1, len(unseen) // 8)]
+            if any(_look(photos[index], True, turn)[0].yaw is not None for index in sample):
+                for index in unseen:
+                    turned = _look(photos[index], True, turn)
+                    looked[index] = turned if turned[0].yaw is not None else looked[index]
     facts = [one for one, _, _ in looked]
     sharp = relative_sharpness(np.array([fineness(photo.image) for photo in photos]),
                                [photo.image.shape[:2] for photo in photos])
@@ -272,3 +293,24 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
     lenses = len({photo.lens for photo in photos})
     return PhotoCheck(facts, gaps, _advice(facts, gaps, faces, lenses),
                       [photo.image for photo in photos])
+
+
+def problem_sheet(path: Path, marks: dict[str, str], out: Path, frames: int = 80) -> None:
+    """Write a contact sheet of photos or of a video's frames, some of them marked.
+
+    Parameters
+    ----------
+    path
+        Folder of photos, or a video, as it was given to `lfportrait.capture.calibrate`.
+    marks
+        What is wrong, by the photo's name.
+    out
+        File to write.
+    frames
+        Frames that were taken from a video.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what can't be read was told already
+        photos = read_video(path, frames, 240) if is_video(path) else read_photos(path, 240)
+    write_image(out, contact_sheet([photo.image for photo in photos],
+                                   [photo.name for photo in photos], marks), quality=90)
