@@ -46,7 +46,7 @@ def photo(index: int) -> Image.Image:
                            np.ones((cell, cell, 1)))
     picture = np.roll(picture, 3 * index, 1)
     y, x = np.mgrid[:240, :320]
-    picture[np.hypot(y - 120, x - 160) < 140] *= 0.3
+    picture[np.hypot(y - 120, x - 160) < 140] *= 0.05
     picture[np.hypot(y - 120, x - 160) < 140] += (140, 100, 80)
     return Image.fromarray(picture.astype(np.uint8))
 

@@ -38,7 +38,7 @@ from .calibration.features import (
     sift_features,
 )
 from .calibration.lens_terms import adjust, starting_model
-from .calibration.mapping import place_photos, placed
+from .calibration.mapping import place_photos
 from .camera import Camera
 from .capture import Capture
 from .distortion import Lens
@@ -175,7 +175,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
              "with all photos")
         closer = _closer(scene, photos, turns, again, config, say)
         registered[0] = 2
-        if closer.partners(pycolmap, groups, start)[again].any():
+        if closer.seen_again(pycolmap, groups, start)[again].any():
             second = place_photos(pycolmap, closer, groups, start, report, told)
             placing = max(placing, second, key=lambda one: len(one.photos))
     if placing.model is None:
@@ -183,7 +183,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     say("refining the cameras")
     model = adjust(pycolmap, placing.model, config.camera_model)
     found = {}
-    for index in placed(model):
+    for index in placing.photos:
         image = model.images[index + 1]
         camera = model.cameras[image.camera_id]
         lens = lens_of(camera.model.name, camera.width, camera.height, camera.params)

@@ -152,13 +152,17 @@ class Scene:
                 base.update_camera(camera)
         return copy
 
-    def partners(self, pycolmap: Any, groups: Sequence[int], model: str) -> NDArray[np.int64]:
-        """How many other photos each has enough checked matches with, int64 [V]."""
-        found = np.zeros(len(self.sizes), np.int64)
+    def seen_again(self, pycolmap: Any, groups: Sequence[int], model: str) -> NDArray[np.int64]:
+        """How many features of each photo have a checked match in some other, int64 [V].
+
+        Pairs of photos with fewer than 15 checked matches don't count.
+        """
+        used = [np.zeros(len(own.places), bool) for own in self.features]
         with pycolmap.Database.open(self.database(pycolmap, groups, model)) as base:
-            pairs, inliers = base.read_two_view_geometry_num_inliers()
-            for pair, count in zip(pairs, inliers):
-                if count >= 15:
-                    for number in pycolmap.pair_id_to_image_pair(pair):
-                        found[number - 1] += 1
-        return found
+            pairs, geometries = base.read_two_view_geometries()
+            for pair, geometry in zip(pairs, geometries):
+                matches = np.asarray(geometry.inlier_matches)
+                if len(matches) >= 15:
+                    for side, number in enumerate(pycolmap.pair_id_to_image_pair(pair)):
+                        used[number - 1][matches[:, side]] = True
+        return np.array([int(own.sum()) for own in used])

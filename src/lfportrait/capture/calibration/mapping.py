@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .database import USUAL_FOCAL, Scene
 
@@ -25,14 +26,27 @@ __all__ = ["Placing", "place_photos", "placed"]
 
 _FEWEST_POINTS = 15
 """A photo that sees fewer points of the model has no sure place."""
+_SUPPORT = 0.25
+"""Nor has one for which a smaller part of its matched features are points of the model: all photos
+at once may be laid out wrongly so that each still fits a few matches."""
 _FOCALS = (0.75, 2.4, 3.8)
 """Focal lengths over the longer side that are tried besides the usual one: 27, 86, 137 mm."""
 
 
-def placed(model: Any) -> list[int]:
-    """Numbers (from 0) of the photos that a model places surely."""
-    return sorted(number - 1 for number, image in model.images.items()
-                  if image.has_pose and image.num_points3D >= _FEWEST_POINTS)
+def placed(model: Any, seen_again: NDArray[np.int64] | None = None) -> list[int]:
+    """Numbers (from 0) of the photos that a model places surely.
+
+    Parameters
+    ----------
+    model
+        COLMAP's reconstruction.
+    seen_again
+        int64 [V], features of each photo that have a checked match (`Scene.seen_again`).
+    """
+    return sorted(number - 1 for number, image in model.images.items() if image.has_pose
+                  and image.num_points3D >= _FEWEST_POINTS
+                  and (seen_again is None
+                       or image.num_points3D >= _SUPPORT * seen_again[number - 1]))
 
 
 @dataclass(frozen=True)
@@ -61,8 +75,9 @@ class _Mapper:
     """COLMAP's two ways of mapping, with fixed seeds and on one thread: the same every time."""
 
     def __init__(self, pycolmap: Any, scene: Scene, model: str,
-                 report: Callable[[], None]) -> None:
+                 seen_again: NDArray[np.int64], report: Callable[[], None]) -> None:
         self.pycolmap, self.scene, self.model, self.report = pycolmap, scene, model, report
+        self.seen_again = seen_again
         self.runs = 0
 
     def _folder(self) -> Path:
@@ -72,7 +87,8 @@ class _Mapper:
         return folder
 
     def _best(self, how: str, models: dict[int, Any], groups: Sequence[int]) -> Placing:
-        tries = [Placing(how, model, placed(model), list(groups)) for model in models.values()]
+        tries = [Placing(how, model, placed(model, self.seen_again), list(groups))
+                 for model in models.values()]
         return max(tries, key=lambda one: len(one.photos),
                    default=Placing(how, None, [], list(groups)))
 
@@ -158,15 +174,15 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
     placing
         The best try.
     """
-    partners = scene.partners(pycolmap, groups, model)
-    able = int((partners > 0).sum())
+    seen_again = scene.seen_again(pycolmap, groups, model)
+    able = int((seen_again > 0).sum())
     tried = [Placing("nothing", None, [], groups)]
 
     def best() -> Placing:
         # The first of those that place the most: it was made under the better conditions.
         return max(tried, key=lambda one: len(one.photos))
 
-    for attempt in _tries(_Mapper(pycolmap, scene, model, report), groups, best):
+    for attempt in _tries(_Mapper(pycolmap, scene, model, seen_again, report), groups, best):
         tried.append(attempt)
         if len(tried) > 2 or len(attempt.photos) < able:
             say(f"placing the photos {attempt.how}: {len(attempt.photos)} of {len(groups)}")
