@@ -53,6 +53,13 @@ class Progress:
             self._last = now
             self._write(note)
 
+    def say(self, line: str) -> None:
+        """Write a line that stays, above the one that is redrawn."""
+        if self.enabled:
+            text = f"{self.title}: {line}"
+            self._stream.write(("\r" if self._tty else "") + text.ljust(self._width) + "\n")
+            self._stream.flush()
+
     def _write(self, note: str, end: bool = False) -> None:
         elapsed = time.perf_counter() - self._start
         if self.total and not end:

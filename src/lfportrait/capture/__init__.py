@@ -5,9 +5,10 @@ its matte in each picture, its landmarks in space. `calibrate` finds the cameras
 `formats` reads data sets that have them.
 """
 
-from .calibrate import CalibrateConfig, calibrate
+from .calibrate import CalibrateConfig, PhotosError, calibrate
 from .camera import Camera
 from .capture import Capture
+from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
 from .distortion import Lens, undistort
 from .formats import is_calibrated
 from .frame import (
@@ -23,13 +24,16 @@ from .mattes import (
     refine_matte,
     views_share,
 )
-from .photos import is_video, picture_files
+from .photos import Photo, is_video, picture_files, read_photos
+from .sharpness import fineness, relative_sharpness
 from .sources import load_photos
-from .video import video_frames
+from .video import read_video, video_frames
 
 __all__ = [
-    "CalibrateConfig", "Camera", "Capture", "Lens", "calibrate", "consistent_mattes",
-    "focus_point", "is_calibrated", "is_video", "load_photos", "looks_normalised",
-    "matte_agreement", "mattes_share", "picture_files", "portrait_frame_from_cameras",
-    "portrait_frame_from_landmarks", "refine_matte", "undistort", "video_frames", "views_share",
+    "BAD", "FAIR", "GOOD", "INK", "PAPER", "CalibrateConfig", "Camera", "Capture", "Lens", "Photo",
+    "PhotosError", "calibrate", "consistent_mattes", "contact_sheet", "fineness", "focus_point",
+    "font", "is_calibrated", "is_video", "load_photos", "looks_normalised", "matte_agreement",
+    "mattes_share", "picture_files", "portrait_frame_from_cameras",
+    "portrait_frame_from_landmarks", "read_photos", "read_video", "refine_matte",
+    "relative_sharpness", "undistort", "video_frames", "views_share",
 ]

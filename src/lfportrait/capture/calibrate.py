@@ -1,9 +1,11 @@
-"""Cameras from photos alone: structure from motion by COLMAP (through pycolmap).
+"""Cameras from photos alone: structure from motion, by COLMAP (through pycolmap).
 
-SIFT features in every photo, matches between all pairs (neighbours only for long videos), then
-incremental mapping and a last bundle adjustment with a robust loss, which forgives the few wrong
-matches that survive. Photos of one size share one camera, as they nearly always come from one
-phone; its focal length starts from what the camera noted in the file.
+SIFT features in every photo, matches between the pairs that look alike, then the photos are placed:
+by COLMAP's incremental mapping, and by other ways where that leaves photos out
+(`calibration.mapping`). A last bundle adjustment with a robust loss forgives the few wrong matches
+that survive; it also decides how many terms of the lens the photos tell (`calibration.lens_terms`).
+Photos of one lens share one camera (`calibration.database`); its focal length starts from what the
+camera noted in the file (`exif`).
 
 COLMAP works in a temporary folder, so that an interrupted run leaves nothing behind where results
 go. Images are numbered in the order of their names, the random seeds are fixed and the mapper runs
@@ -14,17 +16,29 @@ from __future__ import annotations
 
 import tempfile
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+import cv2
 import numpy as np
 import tyro
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..files import write_image
 from ..progress import Progress
+from .calibration.database import Scene, lens_groups, sensor_turns
+from .calibration.features import (
+    Features,
+    Matches,
+    likely_pairs,
+    match_features,
+    neighbouring_pairs,
+    sift_features,
+)
+from .calibration.lens_terms import adjust, starting_model
+from .calibration.mapping import place_photos
 from .camera import Camera
 from .capture import Capture
 from .distortion import Lens
@@ -34,10 +48,29 @@ from .photos import Photo, is_video, read_photos
 from .sharpness import blurred
 from .video import read_video
 
-__all__ = ["CalibrateConfig", "calibrate"]
+__all__ = ["CalibrateConfig", "PhotosError", "calibrate"]
 
 _ADVICE = ("take 20 to 100 photos of a person who holds still, with small steps between them "
            "(each part of the scene in at least three photos), in focus")
+
+_MOST_AGAIN = 800
+"""Pairs of photos that are compared once more, in full, where photos are left out."""
+
+Float = NDArray[np.float64]
+
+
+class PhotosError(UserError):
+    """Photos that can't be placed, and which of them are why.
+
+    Attributes
+    ----------
+    marks
+        What is wrong, by the photo's name.
+    """
+
+    def __init__(self, message: str, marks: dict[str, str]) -> None:
+        super().__init__(message)
+        self.marks = marks
 
 
 @dataclass(frozen=True)
@@ -47,13 +80,14 @@ class CalibrateConfig:
     features: int = 4096
     """Features (SIFT) in a photo at most."""
     matching: Literal["auto", "exhaustive", "sequential"] = "auto"
-    """Which photos are compared: all pairs, or neighbours in the order of their names; auto: all
-    pairs up to 200 photos."""
-    camera_model: Literal["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV",
-                          "OPENCV_FISHEYE"] = "RADIAL"
-    """Lens model that is fitted."""
+    """Which photos are compared: all pairs, or neighbours in the order of their names; auto: up to
+    200 photos all pairs whose largest features are alike."""
+    camera_model: Literal["auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV",
+                          "OPENCV_FISHEYE"] = "auto"
+    """Lens model that is fitted; auto: as many terms of distortion as the photos tell."""
     shared_camera: bool = True
-    """Photos of one size come from one camera with one focal length (no zooming)."""
+    """Photos of one size for which the camera noted the same lens share their focal length (no
+    zooming)."""
     max_side: int = 1600
     """Photos are reduced to this many pixels on their longer side; 0 keeps them."""
     video_frames: int = 80
@@ -69,113 +103,43 @@ class CalibrateConfig:
     """Seed of the random sampling in matching and mapping (on the command line: ``--seed``)."""
 
 
-def _plain_image(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The picture as features see it: transparent parts become flat grey."""
-    if image.shape[2] == 3:
-        return image
-    alpha = image[..., 3:].astype(np.float32) / 255.0
-    return (image[..., :3] * alpha + 128.0 * (1.0 - alpha) + 0.5).astype(np.uint8)
+def _features(photos: list[Photo], turns: list[int], config: CalibrateConfig,
+              say: Callable[[str], None], contrast: float = 1.0) -> list[Features]:
+    """Features of every photo as its sensor saw it; none where the photo is transparent."""
+    found = []
+    for number, (photo, turn) in enumerate(zip(photos, turns)):
+        say(f"features in photo {number + 1} of {len(photos)}")
+        image = np.ascontiguousarray(np.rot90(photo.image, turn))
+        mask = None
+        if image.shape[2] == 4:
+            # Not at the rim, where the features would be of the picture behind.
+            mask = np.asarray(cv2.erode(image[..., 3], np.ones((5, 5), np.uint8)), np.uint8)
+        found.append(sift_features(image, config.features, mask, 0.02 * contrast))
+    return found
 
 
-def _write_photos(photos: list[Photo], folder: Path, config: CalibrateConfig) -> dict[str, Photo]:
-    """Lay the photos out for COLMAP, one subfolder a size (it shares cameras by folder)."""
-    by_path = {}
-    for photo in photos:
-        height, width = photo.image.shape[:2]
-        name = f"{width}x{height}/{Path(photo.name).stem}.png"
-        write_image(folder / name, _plain_image(photo.image), compress_level=1)
-        if photo.image.shape[2] == 4:
-            # COLMAP looks for the mask of IMAGE under IMAGE.png.
-            write_image(folder.with_name("masks") / f"{name}.png", photo.image[..., 3])
-        by_path[name] = photo
-    return dict(sorted(by_path.items()))
-
-
-def _import(pycolmap: Any, database: Path, folder: Path, photos: dict[str, Photo],
-            config: CalibrateConfig) -> tuple[Any, Any]:
-    """Number the photos in their order and give each its camera; returns the reader's options."""
-    options = pycolmap.ImageReaderOptions()
-    options.camera_model = config.camera_model
-    masks = folder.with_name("masks")
-    if masks.is_dir():
-        options.mask_path = masks
-    mode = pycolmap.CameraMode.PER_FOLDER if config.shared_camera else pycolmap.CameraMode.PER_IMAGE
-    pycolmap.Database.open(database).close()  # makes the file
-    pycolmap.import_images(database, folder, mode, image_names=list(photos), options=options)
-    with pycolmap.Database.open(database) as base:
-        cameras = {camera.camera_id: camera for camera in base.read_all_cameras()}
-        noted: dict[int, list[float]] = {}
-        for image in base.read_all_images():
-            focal = photos[image.name].focal
-            if focal:
-                noted.setdefault(image.camera_id, []).append(focal)
-        for number, focals in noted.items():
-            camera = cameras[number]
-            for index in camera.focal_length_idxs():
-                camera.params[index] = float(np.median(focals))
-            camera.has_prior_focal_length = True
-            base.update_camera(camera)
-    return options, mode
-
-
-def _match(pycolmap: Any, database: Path, count: int, config: CalibrateConfig) -> None:
-    matching = pycolmap.FeatureMatchingOptions()
-    matching.use_gpu = False
-    verification = pycolmap.TwoViewGeometryOptions()
-    verification.ransac.random_seed = config.seed
-    common = {"matching_options": matching, "verification_options": verification,
-              "device": pycolmap.Device.cpu}
-    exhaustive = config.matching == "exhaustive" or (config.matching == "auto" and count <= 200)
-    if exhaustive:
-        pycolmap.match_exhaustive(database, **common)
+def _matches(features: list[Features], config: CalibrateConfig, say: Callable[[str], None],
+             ) -> dict[tuple[int, int], Matches]:
+    """Matches of all pairs that are worth comparing."""
+    count = len(features)
+    if config.matching == "sequential" or (config.matching == "auto" and count > 200):
+        pairs = neighbouring_pairs(count)
+    elif config.matching == "exhaustive":
+        pairs = [(i, j) for i in range(count) for j in range(i + 1, count)]
     else:
-        pairing = pycolmap.SequentialPairingOptions()
-        pairing.overlap = 12
-        pairing.quadratic_overlap = True
-        pycolmap.match_sequential(database, pairing_options=pairing, **common)
-
-
-def _map(pycolmap: Any, database: Path, folder: Path, out: Path, config: CalibrateConfig,
-         report: Any) -> Any:
-    """The largest reconstruction, or None. Weaker starting pairs are tried where none is found."""
-    for attempt, (inliers, angle) in enumerate(((100, 16.0), (50, 8.0), (30, 4.0))):
-        options = pycolmap.IncrementalPipelineOptions()
-        options.random_seed = config.seed
-        options.mapper.random_seed = config.seed
-        options.triangulation.random_seed = config.seed
-        options.num_threads = 1
-        options.min_model_size = 3
-        options.extract_colors = False
-        options.mapper.init_min_num_inliers = inliers
-        options.mapper.init_min_tri_angle = angle
-        place = out / str(attempt)
-        place.mkdir(parents=True)
-        models = pycolmap.incremental_mapping(database, folder, place, options=options,
-                                              next_image_callback=report)
-        if models:
-            return max(models.values(), key=lambda model: model.num_reg_images())
-    return None
-
-
-def _refine(pycolmap: Any, model: Any) -> None:
-    """Bundle adjustment with a Cauchy loss: large residuals are wrong matches, not information."""
-    options = pycolmap.BundleAdjustmentOptions()
-    options.print_summary = False
-    options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-    options.ceres.solver_options.num_threads = 1
-    options.ceres.solver_options.max_num_iterations = 50
-    scope = pycolmap.BundleAdjustmentConfig()
-    for number, image in model.images.items():
-        if image.has_pose:
-            scope.add_image(number)
-    scope.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    # pycolmap.bundle_adjustment does the same, but turns COLMAP's log on again.
-    pycolmap.create_default_bundle_adjuster(options, scope, model).solve()
-    model.update_point_3d_errors()
+        pairs = likely_pairs(features, lambda done, of: say(f"comparing photos: {done} of {of}"))
+    found = {}
+    for number, (i, j) in enumerate(pairs):
+        if number % 20 == 0:
+            say(f"comparing photos in full: pair {number} of {len(pairs)}")
+        matches = match_features(features[i].descriptors, features[j].descriptors)
+        if len(matches) >= 15:
+            found[i, j] = matches
+    return found
 
 
 def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progress | None,
-                 work: Path) -> tuple[dict[str, tuple[NDArray[np.float64], Lens]], dict[str, Any]]:
+                 work: Path) -> tuple[dict[str, tuple[Float, Lens]], dict[str, Any]]:
     """Pose (camera-to-world) and lens of every registered photo by its name, and figures."""
     import pycolmap
 
@@ -183,44 +147,83 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
         if progress is not None:
             progress.update(0, note)
 
+    def told(line: str) -> None:
+        if progress is not None:
+            progress.say(line)
+
     pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
     pycolmap.set_random_seed(config.seed)
-    folder, database = work / "photos", work / "database.db"
-    by_path = _write_photos(photos, folder, config)
-    reader, mode = _import(pycolmap, database, folder, by_path, config)
-    extraction = pycolmap.FeatureExtractionOptions()
-    extraction.use_gpu = False
-    extraction.sift.max_num_features = config.features
-    names = list(by_path)
-    for first in range(0, len(names), 4):
-        say(f"features in photo {first + 1} of {len(names)}")
-        pycolmap.extract_features(database, folder, image_names=names[first:first + 4],
-                                  camera_mode=mode, reader_options=reader,
-                                  extraction_options=extraction, device=pycolmap.Device.cpu)
-    say("comparing photos")
-    _match(pycolmap, database, len(names), config)
+    turns = sensor_turns(photos)
+    groups = lens_groups(photos, turns, config.shared_camera)
+    features = _features(photos, turns, config, say)
+    matches = _matches(features, config, say)
+    shapes = [np.rot90(photo.image[..., 0], turn).shape for photo, turn in zip(photos, turns)]
+    scene = Scene([(shape[1], shape[0]) for shape in shapes], [photo.focal for photo in photos],
+                  features, matches, work, config.seed)
     registered = [2]
 
     def report() -> None:
         registered[0] += 1
-        say(f"placing photo {min(registered[0], len(names))} of {len(names)}")
+        say(f"placing photo {min(registered[0], len(photos))} of {len(photos)}")
 
-    model = _map(pycolmap, database, folder, work / "models", config, report)
-    if model is None:
+    say("checking matches")
+    start = starting_model(config.camera_model)
+    placing = place_photos(pycolmap, scene, groups, start, report, told)
+    again = sorted(set(range(len(photos))) - set(placing.photos))
+    if again and len(again) * len(photos) <= _MOST_AGAIN:
+        told(f"looking closer at {len(again)} photos that are left out: weaker features, compared "
+             "with all photos")
+        closer = _closer(scene, photos, turns, again, config, say)
+        registered[0] = 2
+        if closer.seen_again(pycolmap, groups, start)[again].any():
+            second = place_photos(pycolmap, closer, groups, start, report, told)
+            placing = max(placing, second, key=lambda one: len(one.photos))
+    if placing.model is None:
         return {}, {}
     say("refining the cameras")
-    _refine(pycolmap, model)
+    model = adjust(pycolmap, placing.model, config.camera_model)
     found = {}
-    for image in model.images.values():
-        if image.has_pose:
-            camera = model.cameras[image.camera_id]
-            pose = np.eye(4)
-            pose[:3] = image.cam_from_world().inverse().matrix()
-            found[by_path[image.name].name] = pose, lens_of(
-                camera.model.name, camera.width, camera.height, camera.params)
+    for index in placing.photos:
+        image = model.images[index + 1]
+        camera = model.cameras[image.camera_id]
+        lens = lens_of(camera.model.name, camera.width, camera.height, camera.params)
+        pose = np.eye(4)
+        pose[:3] = image.cam_from_world().inverse().matrix()
+        found[photos[index].name] = _upright(pose, lens, turns[index])
+    models = {camera.model.name for camera in model.cameras.values()}
     figures = {"points": int(model.num_points3D()),
-               "reprojection_error_px": float(model.compute_mean_reprojection_error())}
+               "reprojection_error_px": float(model.compute_mean_reprojection_error()),
+               "lens_model": " ".join(sorted(models)), "lenses": len(set(groups)),
+               "placed": placing.how}
     return found, figures
+
+
+def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int],
+            config: CalibrateConfig, say: Callable[[str], None]) -> Scene:
+    """The scene with more features in some photos, which are compared with all others in full."""
+    features, matches = list(scene.features), dict(scene.matches)
+    more = replace(config, features=2 * config.features)
+    found = _features([photos[i] for i in again], [turns[i] for i in again], more, say, 0.5)
+    for i, own in zip(again, found):
+        features[i] = own
+    for i in again:
+        for j in range(len(photos)):
+            if j != i and (j not in again or j > i):
+                pair = min(i, j), max(i, j)
+                matches[pair] = match_features(*(features[k].descriptors for k in pair))
+    work = scene.work / "closer"
+    work.mkdir()
+    return Scene(scene.sizes, scene.focals, features,
+                 {pair: own for pair, own in matches.items() if len(own) >= 15}, work, scene.seed)
+
+
+def _upright(pose: Float, lens: Lens, turn: int) -> tuple[Float, Lens]:
+    """Pose and lens of the upright picture, from those of the sensor's, ``turn`` quarters on."""
+    quarter = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0],
+                        [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    for _ in range(turn):
+        pose, lens = pose @ quarter, lens.turned()
+    return pose, lens
 
 
 def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
@@ -267,11 +270,12 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
                         f"{'photo' if len(loaded) == 1 else 'photos'}; {_ADVICE}")
     with tempfile.TemporaryDirectory(prefix="lfportrait-") as work:
         found, figures = _reconstruct(loaded, config, progress, Path(work))
+    left_out = [photo.name for photo in loaded if photo.name not in found]
     if len(found) < max(3, 0.4 * len(loaded)):
         how_many = f"only {len(found)}" if found else "none"
-        raise UserError(f"the photos in {path} do not overlap enough: {how_many} of {len(loaded)} "
-                        f"could be placed together; {_ADVICE}")
-    left_out = [photo.name for photo in loaded if photo.name not in found]
+        marks = dict.fromkeys(soft, "blurred") | dict.fromkeys(left_out, "not placed")
+        raise PhotosError(f"the photos in {path} do not overlap enough: {how_many} of "
+                          f"{len(loaded)} could be placed together; {_ADVICE}", marks)
     if left_out:
         warnings.warn(f"{len(left_out)} of {len(loaded)} photos could not be placed and are left "
                       f"out: {_listed(left_out)}", stacklevel=2)

@@ -74,6 +74,13 @@ class Lens:
                        focal=(self.focal[0] * ratio[0], self.focal[1] * ratio[1]),
                        center=(self.center[0] * ratio[0], self.center[1] * ratio[1]))
 
+    def turned(self) -> Lens:
+        """The lens of the same picture turned clockwise by a quarter turn."""
+        # The vectors (p2, p1) and (s1, s2) turn with the picture.
+        return replace(self, width=self.height, height=self.width, focal=self.focal[::-1],
+                       center=(self.height - self.center[1], self.center[0]),
+                       p=(self.p[1], -self.p[0]), s=(-self.s[1], self.s[0]))
+
     def _radial(self, r: Float) -> Float:
         """Distance from the centre on the sensor over the pinhole's, without the other terms."""
         if self.model == "fov":

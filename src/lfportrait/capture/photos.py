@@ -1,14 +1,18 @@
 """Plain photos as upright RGB pictures, before anything is known of the cameras.
 
 A picture that can't be read is left out with a warning: one damaged file among sixty is no reason
-to stop. The focal length that the camera wrote into the file (EXIF) is kept, as calibration starts
-from it.
+to stop. What the camera wrote into the file (EXIF) is kept, as calibration starts from it: the
+focal length, which lens it was, how the camera was held. HEIC, which phones write, is read by
+pillow-heif.
 """
 
 from __future__ import annotations
 
+import os
 import warnings
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +20,13 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from ..errors import UserError
+from .exif import noted
 
 __all__ = ["Photo", "is_video", "picture_files", "read_photos"]
 
-_PICTURES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp"}
-_HEIC = {".heic", ".heif", ".avif"}
+_PICTURES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif"}
+_HEIC = {".heic", ".heif", ".hif"}
 _VIDEOS = {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"}
-_EXIF_IFD, _FOCAL_35MM = 0x8769, 0xA405
 
 
 @dataclass(frozen=True)
@@ -37,17 +41,38 @@ class Photo:
         uint8 [H, W, 3], or [H, W, 4] with straight alpha.
     focal
         Focal length in pixels as the camera noted it, or None.
+    lens
+        Camera, lens and focal length in millimetres as noted: equal for photos of one lens.
+    turns
+        Quarter turns (counter-clockwise) from this picture to how the sensor saw it, 0 to 3.
     """
 
     name: str
     image: NDArray[np.uint8]
     focal: float | None = None
+    lens: str = ""
+    turns: int = 0
+
+
+@cache
+def _read_heic() -> bool:
+    """Teach Pillow to read HEIC; whether it can."""
+    try:
+        import pillow_heif
+    except ImportError:
+        return False
+    pillow_heif.register_heif_opener()
+    return True
 
 
 def _read_photo(path: Path, max_side: int) -> Photo:
     """Read, turn upright and reduce one picture; raises what Pillow raises."""
     with Image.open(path) as picture:
-        stated = picture.getexif().get_ifd(_EXIF_IFD).get(_FOCAL_35MM)
+        notes = noted(picture.getexif(), picture.size)
+        if max_side:
+            # A JPEG can be read at a half or a quarter of its size, in a fraction of the time.
+            ratio = max_side / max(picture.size)
+            picture.draft(None, (int(picture.width * ratio), int(picture.height * ratio)))
         picture.load()
         upright: Image.Image = ImageOps.exif_transpose(picture)
         alpha = "A" in upright.getbands() or "transparency" in upright.info
@@ -56,14 +81,8 @@ def _read_photo(path: Path, max_side: int) -> Photo:
         ratio = max_side / max(upright.size)
         size = [max(1, round(side * ratio)) for side in upright.size]
         upright = upright.resize((size[0], size[1]), Image.Resampling.LANCZOS)
-    focal = None
-    try:
-        # The 35 mm equivalent is relative to the film's long side of 36 mm.
-        if stated and float(stated) > 0:
-            focal = float(stated) / 36.0 * max(upright.size)
-    except (TypeError, ValueError):
-        focal = None
-    return Photo(path.name, np.asarray(upright), focal)
+    focal = notes.focal * max(upright.size) if notes.focal else None
+    return Photo(path.name, np.asarray(upright), focal, notes.lens, notes.turns)
 
 
 def _picture_files(folder: Path) -> list[Path]:
@@ -90,7 +109,7 @@ def _unique(photos: list[Photo]) -> list[Photo]:
             number += 1
             name = f"{stem}_{number}"
         seen.add(name)
-        result.append(Photo(name + suffix, photo.image, photo.focal))
+        result.append(replace(photo, name=name + suffix))
     return result
 
 
@@ -109,7 +128,7 @@ def picture_files(folder: Path) -> list[Path]:
     files = _picture_files(folder)
     if not files:
         raise UserError(f"{folder} has no photos in it; put 20 to 100 photos of one person there "
-                        "(JPEG or PNG)")
+                        "(JPEG, HEIC or PNG)")
     return files
 
 
@@ -134,26 +153,33 @@ def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
         If the folder is missing, or holds no picture that can be read.
     """
     files = picture_files(folder)
-    photos = []
-    heic = 0
-    for path in files:
-        if path.suffix.lower() in _HEIC:
-            heic += 1
-            continue
-        try:
-            photos.append(_read_photo(path, max_side))
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            warnings.warn(f"{path.name} can't be read and is left out: {reason}", stacklevel=2)
-    if heic:
-        advice = "HEIC pictures can't be read; export them as JPEG"
-        if not photos:
+    heic = [path for path in files if path.suffix.lower() in _HEIC]
+    if heic and not _read_heic():
+        advice = "HEIC pictures need pillow-heif (pip install pillow-heif), or export them as JPEG"
+        if len(heic) == len(files):
             raise UserError(f"{folder}: {advice}")
-        warnings.warn(f"{heic} pictures are left out: {advice}", stacklevel=2)
+        warnings.warn(f"{len(heic)} pictures are left out: {advice}", stacklevel=2)
+        files = [path for path in files if path not in heic]
+    # Decoding lets other threads run.
+    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as readers:
+        tried = list(readers.map(partial(_tried, max_side=max_side), files))
+    photos = [photo for photo in tried if isinstance(photo, Photo)]
+    for path, reason in zip(files, tried):
+        if isinstance(reason, str):
+            warnings.warn(f"{path.name} can't be read and is left out: {reason}", stacklevel=2)
     if not photos:
         raise UserError(f"none of the {len(files)} pictures in {folder} can be read; are the files "
                         "damaged?")
     return _unique(photos)
+
+
+def _tried(path: Path, max_side: int) -> Photo | str:
+    """A photo, or why it can't be read."""
+    try:
+        return _read_photo(path, max_side)
+    except (OSError, ValueError, SyntaxError, RuntimeError,
+            Image.DecompressionBombError) as error:
+        return str(error).splitlines()[0] if str(error) else type(error).__name__
 
 
 def is_video(path: Path) -> bool:

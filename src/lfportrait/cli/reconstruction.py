@@ -1,7 +1,8 @@
-"""Commands from photos to a radiance field: ``calibrate``, ``reconstruct``, ``render``."""
+"""From photos to a field: ``capture-check``, ``calibrate``, ``reconstruct``, ``render``."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
@@ -16,7 +17,39 @@ from ..field import ReconstructConfig, VoxelField
 from ..files import write_exr, write_image
 from .common import Common
 
-__all__ = ["Calibrate", "Reconstruct", "Render"]
+__all__ = ["Calibrate", "CaptureCheck", "Reconstruct", "Render"]
+
+
+@dataclass
+class CaptureCheck(Common):
+    """Look at photos or a video for half a minute: sharpness, sides, light; and advise.
+
+    Prints the advice, and draws the photos' places from above with a contact sheet.
+    """
+
+    photos: tyro.conf.Positional[Path]
+    """Folder of photos, or a video."""
+    out: Path = Path("capture-check.png")
+    """Picture with the places from above and the contact sheet (.png or .jpg)."""
+
+    def run(self) -> dict[str, Any]:
+        """Look, draw and print."""
+        from ..job import check_photos, check_picture
+
+        start = time.perf_counter()
+        if self.out.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+            raise UserError(f"{self.out} must end in .png or .jpg")
+        with self.progress("capture-check") as progress:
+            check = check_photos(self.photos, progress)
+        write_image(self.out, check_picture(check))
+        figures = check.figures()
+        if not self.quiet:
+            print(f"{figures['count']} photos, {figures['count'] - figures['useless']} of use, "
+                  f"a face in {figures['faces']}: {self.out}")
+            print("\n".join(f"- {line}" for line in check.advice)
+                  or "All is well: these photos should make a portrait.")
+        return {**figures, "picture": str(self.out),
+                "seconds": {"check": time.perf_counter() - start}}
 
 
 @dataclass
@@ -37,10 +70,11 @@ class Calibrate(Common):
         """Calibrate and save."""
         from ..job import prepare_capture
 
+        sheet = self.out.with_name(f"{self.out.name}-photos.jpg")
         with self.progress("calibrate") as progress:
             capture, figures = prepare_capture(self.photos, replace(self.config, seed=self.seed),
                                                keep_background=self.keep_background,
-                                               progress=progress)
+                                               progress=progress, sheet=sheet)
         capture.save(self.out)
         return figures
 
@@ -112,8 +146,6 @@ class Render(Common):
 
     def run(self) -> dict[str, Any]:
         """Render and write."""
-        import time
-
         from ..share import path_cameras, write_video
 
         voxels = VoxelField.load(self.field)

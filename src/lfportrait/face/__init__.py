@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from .detect import detect_landmarks, face_yaw
 from .mask import face_mask
 from .points import read_landmarks, write_landmarks
+from .pose import face_pose
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
-__all__ = ["detect_landmarks", "face_mask", "face_yaw", "frontal_order", "hair_mask",
-           "landmarks_of_capture", "mattes", "parts", "person_matte", "read_landmarks",
+__all__ = ["detect_landmarks", "face_mask", "face_pose", "face_yaw", "frontal_order",
+           "hair_mask", "landmarks_of_capture", "mattes", "parts", "person_matte", "read_landmarks",
            "triangulate", "write_landmarks"]
 
 

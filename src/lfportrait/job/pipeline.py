@@ -20,6 +20,7 @@ from __future__ import annotations
 import shutil
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -29,6 +30,7 @@ from typing import Any
 from ..capture import (
     CalibrateConfig,
     Capture,
+    PhotosError,
     calibrate,
     is_calibrated,
     is_video,
@@ -57,6 +59,7 @@ from ..stylize import StylizeConfig
 from ..version import __version__
 from .networks import get_networks
 from .person import cut_person
+from .photo_check import problem_sheet
 from .stages import StageFolder, check_writable, fingerprint_files
 from .summary import share_job
 from .warmup import Warmup
@@ -93,7 +96,7 @@ def _source_files(photos: Path) -> list[Path]:
 
 def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
                     need_face: bool = False, progress: Progress | None = None,
-                    ) -> tuple[Capture, dict[str, Any]]:
+                    sheet: Path | None = None) -> tuple[Capture, dict[str, Any]]:
     """Photos, a video or a calibrated data set -> a capture in the portrait frame.
 
     Finds the cameras where there are none, the landmarks of the face in 3D and, for photos without
@@ -111,6 +114,8 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
         Raise `UserError` where no face is found, instead of going on without landmarks.
     progress
         Progress line.
+    sheet
+        File for a contact sheet, written where photos are left out or can't be placed: which.
 
     Returns
     -------
@@ -127,8 +132,19 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
         figures: dict[str, Any] = {"source": "calibrated"}
         fresh = False
     else:
-        capture = calibrate(photos, config, progress)
+        try:
+            capture = calibrate(photos, config, progress)
+        except PhotosError as error:
+            if sheet is not None:
+                problem_sheet(photos, error.marks, sheet, config.video_frames)
+                raise UserError(f"{error}; which photos: {sheet}") from error
+            raise
         figures = {"source": "photos", "calibration": capture.figures}
+        marks = (dict.fromkeys(capture.figures["blurred"], "blurred")
+                 | dict.fromkeys(capture.figures["left_out"], "not placed"))
+        if marks and sheet is not None:
+            problem_sheet(photos, marks, sheet, config.video_frames)
+            warnings.warn(f"which photos are left out: {sheet}", stacklevel=2)
         fresh = True
     if capture.landmarks is None:
         points, found = landmarks_of_capture(capture, progress)
@@ -290,7 +306,7 @@ class _Job:
                 capture, figures = prepare_capture(
                     Path(self.photos), replace(self.config.calibrate, seed=self.seed),
                     keep_background=self.config.keep_background, need_face=True,
-                    progress=progress)
+                    progress=progress, sheet=self.out.with_name(f"{self.out.name}-photos.jpg"))
         _save_folder(capture.save, self.out / "capture")
         return figures
 

@@ -1,0 +1,168 @@
+"""What COLMAP works on: photos, the lenses that they share, features and checked matches.
+
+Photos come from one lens if they are of one size and their camera noted the same lens and focal
+length; a photo taken upright is the same lens turned. So photos are handed on as the sensor saw
+them, and their poses are turned back afterwards.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..photos import Photo
+from .features import Features, Matches
+
+__all__ = ["Scene", "lens_groups", "sensor_turns"]
+
+USUAL_FOCAL = 1.2
+"""Focal length over the longer side where nothing is known: 43 mm on film."""
+
+
+def sensor_turns(photos: Sequence[Photo]) -> list[int]:
+    """Quarter turns (counter-clockwise) that bring each photo to how its sensor saw it.
+
+    Known from what the camera noted. A photo that still is as high as others of the same lens are
+    wide was turned by some program that did not say so: by a quarter turn then, as good as the
+    other way round for a lens that is alike in all directions.
+    """
+    def shape(photo: Photo) -> tuple[int, ...]:
+        return photo.image.shape[:2] if photo.turns % 2 == 0 else photo.image.shape[1::-1]
+
+    lying = {(photo.lens, shape(photo)) for photo in photos if shape(photo)[1] > shape(photo)[0]}
+    return [(photo.turns + int((photo.lens, shape(photo)[::-1]) in lying
+                               and shape(photo)[0] > shape(photo)[1])) % 4 for photo in photos]
+
+
+def lens_groups(photos: Sequence[Photo], turns: Sequence[int], shared: bool) -> list[int]:
+    """Number of each photo's lens, counted from 0 in the order in which they appear."""
+    seen: dict[Any, int] = {}
+    groups = []
+    for index, (photo, turn) in enumerate(zip(photos, turns)):
+        height, width = photo.image.shape[:2] if turn % 2 == 0 else photo.image.shape[1::-1]
+        key = (width, height, photo.lens) if shared else index
+        groups.append(seen.setdefault(key, len(seen)))
+    return groups
+
+
+@dataclass
+class Scene:
+    """Photos as COLMAP gets them.
+
+    Attributes
+    ----------
+    sizes
+        Width and height of each photo, as the sensor saw it.
+    focals
+        Focal length in pixels that the camera noted for each photo, or None.
+    features
+        Of each photo, as the sensor saw it.
+    matches
+        Checked by nothing yet, by pairs of photos.
+    work
+        Folder for COLMAP's files.
+    seed
+        Of the random sampling.
+    """
+
+    sizes: list[tuple[int, int]]
+    focals: list[float | None]
+    features: list[Features]
+    matches: dict[tuple[int, int], Matches]
+    work: Path
+    seed: int = 0
+    _checked: dict[tuple[int, ...], Path] = field(default_factory=dict)
+    _copies: int = 0
+
+    def _focal(self, group: Sequence[int], focal: float | None) -> tuple[float, bool]:
+        """Focal length in pixels to start a lens from, and whether its camera noted it."""
+        noted = [value for index in group if (value := self.focals[index])]
+        if focal is None and noted:
+            return float(np.median(noted)), True
+        return (focal or USUAL_FOCAL) * max(self.sizes[group[0]]), False
+
+    def _cameras(self, pycolmap: Any, groups: Sequence[int], model: str, focal: float | None,
+                 ) -> list[Any]:
+        cameras = []
+        for number in range(max(groups) + 1):
+            members = [index for index, group in enumerate(groups) if group == number]
+            length, noted = self._focal(members, focal)
+            camera = pycolmap.Camera.create_from_model_name(number + 1, model, length,
+                                                            *self.sizes[members[0]])
+            camera.has_prior_focal_length = noted
+            cameras.append(camera)
+        return cameras
+
+    def _check(self, pycolmap: Any, groups: Sequence[int], path: Path, model: str) -> None:
+        """Write all to a new database and keep the matches that two cameras can explain."""
+        with pycolmap.Database.open(path) as base:
+            rigs = []
+            for camera in self._cameras(pycolmap, groups, model, None):
+                base.write_camera(camera, True)
+                rig = pycolmap.Rig()
+                rig.add_ref_sensor(camera.sensor_id)
+                rigs.append(base.write_rig(rig))
+            for index, own in enumerate(self.features):
+                image = base.read_image(base.write_image(pycolmap.Image(
+                    name=f"{index:05d}", camera_id=groups[index] + 1)))
+                frame = pycolmap.Frame()
+                frame.rig_id = rigs[groups[index]]
+                frame.add_data_id(image.data_id)
+                base.write_frame(frame)
+                base.write_keypoints(image.image_id, own.places)
+            for (i, j), pairs in self.matches.items():
+                base.write_matches(i + 1, j + 1, pairs)
+        options = pycolmap.TwoViewGeometryOptions()
+        options.ransac.random_seed = self.seed
+        # Enough for a third of right matches; pairs with fewer take a second each for nothing.
+        options.ransac.max_num_trials = 2000
+        pycolmap.geometric_verification(path, two_view_geometry_options=options)
+
+    def database(self, pycolmap: Any, groups: Sequence[int], model: str,
+                 focal: float | None = None) -> Path:
+        """A new database with checked matches and lenses to start from.
+
+        Parameters
+        ----------
+        pycolmap
+            The module.
+        groups
+            Number of each photo's lens.
+        model
+            COLMAP's name of the lens model.
+        focal
+            Focal length over the longer side; None: as noted, or the usual one.
+        """
+        key = tuple(groups)
+        if key not in self._checked:
+            path = self.work / f"checked{len(self._checked)}.db"
+            self._check(pycolmap, groups, path, model)
+            self._checked[key] = path
+        self._copies += 1
+        copy = self.work / f"database{self._copies}.db"
+        shutil.copy(self._checked[key], copy)
+        with pycolmap.Database.open(copy) as base:
+            for camera in self._cameras(pycolmap, groups, model, focal):
+                base.update_camera(camera)
+        return copy
+
+    def seen_again(self, pycolmap: Any, groups: Sequence[int], model: str) -> NDArray[np.int64]:
+        """How many features of each photo have a checked match in some other, int64 [V].
+
+        Pairs of photos with fewer than 15 checked matches don't count.
+        """
+        used = [np.zeros(len(own.places), bool) for own in self.features]
+        with pycolmap.Database.open(self.database(pycolmap, groups, model)) as base:
+            pairs, geometries = base.read_two_view_geometries()
+            for pair, geometry in zip(pairs, geometries):
+                matches = np.asarray(geometry.inlier_matches)
+                if len(matches) >= 15:
+                    for side, number in enumerate(pycolmap.pair_id_to_image_pair(pair)):
+                        used[number - 1][matches[:, side]] = True
+        return np.array([int(own.sum()) for own in used])

@@ -1,0 +1,161 @@
+"""Features of photos and which of them look alike: SIFT, compared in two rounds.
+
+The features are OpenCV's SIFT as square roots of their parts (Arandjelovic and Zisserman 2012,
+"Three things everyone should know to improve object retrieval"), stored in whole numbers. Products
+of whole numbers below 2^24 are exact in float32, so the matches don't depend on the threads.
+
+Most pairs of photos around a head show nothing in common. A first round compares the few hundred
+largest features of all pairs, in a hundredth of the time; only pairs that it finds alike, and every
+photo's best ones, are compared in full (Wu 2013, "Towards linear-time incremental structure from
+motion").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Features", "likely_pairs", "match_features", "neighbouring_pairs", "sift_features"]
+
+Matches = NDArray[np.uint32]
+
+# Contrast of the weakest feature, for 8 bits and three layers an octave: as COLMAP has it.
+_CONTRAST = 0.02
+_UNIT = 512.0
+# A match is nearer than this part of the second best, and not farther than this (unit length 1).
+_RATIO, _FARTHEST = 0.8, 0.7
+# The first round: largest features of a photo; matches that make a pair likely (the noise of a dark
+# room has 5 to 15); best pairs of each photo that are compared whatever they have, and photos
+# before and after in the order of names.
+_FEW, _ALIKE, _BEST, _BESIDE = 700, 14, 12, 2
+# Up to so many photos, all pairs are compared in full.
+_ALL = 20
+
+
+@dataclass(frozen=True)
+class Features:
+    """Features of one photo.
+
+    Attributes
+    ----------
+    places
+        float32 [K, 2], pixels (x right, y down), pixel centres at +0.5.
+    descriptors
+        uint8 [K, 128], of length 512 within rounding.
+    large
+        int64 [F], indices of the largest features, F at most 700.
+    """
+
+    places: NDArray[np.float32]
+    descriptors: NDArray[np.uint8]
+    large: NDArray[np.int64]
+
+
+def sift_features(image: NDArray[np.uint8], most: int, mask: NDArray[np.uint8] | None = None,
+                  contrast: float = _CONTRAST) -> Features:
+    """The strongest SIFT features of a photo.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3].
+    most
+        Number of features at most.
+    mask
+        uint8 [H, W]: no features where it is zero.
+    contrast
+        Contrast of the weakest feature.
+    """
+    grey = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_RGB2GRAY)
+    sift: Any = getattr(cv2, "SIFT_create")(  # noqa: B009 (not in OpenCV's type stubs)
+        contrastThreshold=contrast, enable_precise_upscale=True)
+    # Threads find them in any order: strongest first, and ties by their place.
+    found = sorted(sift.detect(grey, mask), key=lambda point: (
+        -point.response, point.pt, point.angle))[:most]
+    found, raw = sift.compute(grey, found)
+    if raw is None or not len(found):
+        return Features(np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8),
+                        np.zeros(0, np.int64))
+    roots = np.sqrt(raw / np.maximum(raw.sum(1, keepdims=True), 1e-9))
+    places = np.array([point.pt for point in found], np.float32) + np.float32(0.5)
+    sizes = np.array([point.size for point in found])
+    return Features(places, np.minimum(_UNIT * roots + 0.5, 255).astype(np.uint8),
+                    np.argsort(-sizes, kind="stable")[:_FEW])
+
+
+def match_features(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> Matches:
+    """Pairs of descriptors that are each other's nearest, clearly before the second.
+
+    Parameters
+    ----------
+    one, other
+        uint8 [K, 128] and [L, 128], descriptors of two photos.
+
+    Returns
+    -------
+    matches
+        uint32 [M, 2], indices into both.
+    """
+    if len(one) < 2 or len(other) < 2:
+        return np.zeros((0, 2), np.uint32)
+    a, b = one.astype(np.float32), other.astype(np.float32)
+    likeness = a @ b.T
+    rows = np.arange(len(a))
+    nearest = likeness.argmax(1)
+    best = likeness[rows, nearest]
+    likeness[rows, nearest] = -1.0
+    second = likeness.max(1)
+    # Squared distances of descriptors of unit length.
+    apart = 2.0 - 2.0 * np.minimum(best / _UNIT**2, 1.0)
+    beside = 2.0 - 2.0 * np.minimum(second / _UNIT**2, 1.0)
+    good = np.flatnonzero((apart < _RATIO**2 * beside) & (apart < _FARTHEST**2))
+    back = (b[nearest[good]] @ a.T).argmax(1)
+    good = good[back == good]
+    return np.stack([good, nearest[good]], 1).astype(np.uint32)
+
+
+def likely_pairs(features: list[Features], told: Callable[[int, int], None] | None = None,
+                 ) -> list[tuple[int, int]]:
+    """Pairs of photos that may show the same: by their largest features.
+
+    Parameters
+    ----------
+    features
+        Of each photo.
+    told
+        Called with the number of pairs looked at, and of all.
+
+    Returns
+    -------
+    pairs
+        Indices (i, j), i < j, in order.
+    """
+    count = len(features)
+    every = list(combinations(range(count), 2))
+    if count <= _ALL:
+        return every
+    alike = np.zeros((count, count), np.int64)
+    large = [own.descriptors[own.large] for own in features]
+    for number, (i, j) in enumerate(every):
+        alike[i, j] = alike[j, i] = len(match_features(large[i], large[j]))
+        if told is not None and number % 100 == 0:
+            told(number, len(every))
+    chosen = alike >= _ALIKE
+    for i in range(count):
+        chosen[i, np.argsort(-alike[i], kind="stable")[:_BEST]] = True
+        chosen[i, i + 1:i + 1 + _BESIDE] = True
+    chosen |= chosen.T
+    return [(i, j) for i, j in every if chosen[i, j]]
+
+
+def neighbouring_pairs(count: int, reach: int = 12) -> list[tuple[int, int]]:
+    """Each photo with those that follow it, and with those 2, 4, 8, ... farther on, in order."""
+    pairs = {(i, j) for i in range(count) for j in range(i + 1, min(i + reach + 1, count))}
+    pairs |= {(i, i + 2**k) for i in range(count) for k in range(12) if i + 2**k < count}
+    return sorted(pairs)

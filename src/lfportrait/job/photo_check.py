@@ -1,0 +1,316 @@
+"""What can be told of photos in seconds, before hours are spent on them.
+
+Each photo is looked at alone and beside its neighbours in the order of their names: how sharp it
+is, whether a face shows and from which side, how bright and of what tint the face is. No cameras
+are computed: the side follows from the landmarks of the face (`face_pose`).
+"""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from dataclasses import asdict, dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import models
+from ..capture import (
+    Photo,
+    contact_sheet,
+    fineness,
+    is_video,
+    read_photos,
+    read_video,
+    relative_sharpness,
+)
+from ..face import detect_landmarks, face_pose
+from ..files import write_image
+from ..progress import Progress
+
+__all__ = ["PhotoCheck", "PhotoFacts", "check_photos", "problem_sheet"]
+
+_SIDE = 960
+# Parts of the neighbours' fine detail below which a photo is blurred, or soft.
+_BLURRED, _SOFT = 0.4, 0.6
+# Brightness beside the neighbours', and tint, beyond which light or exposure changed; by eye on
+# photos of a head at steps of exposure: from a third of a stop on it shows.
+_BRIGHTER, _TINTED = 1.35, 1.12
+_BURNT, _DARK = 0.06, 0.03
+# Degrees between photos that leave no gap: half of it gives every part in three photos.
+_STEP, _REACH, _WANTED = 14.0, 40.0, 20
+# The face is at least this part of the picture's longer side.
+_SMALL = 0.1
+
+
+@dataclass
+class PhotoFacts:
+    """What is known of one photo.
+
+    Attributes
+    ----------
+    name
+        File name.
+    sharpness
+        Fine detail beside that of its neighbours; 1 is usual.
+    yaw, pitch
+        Degrees from which the face is seen: 0 frontal, positive from its left side (to the right
+        in a frontal photo) and from above. None where no face shows.
+    face
+        Height of the face over the picture's longer side, or None.
+    brightness
+        Mean of the face (else of the middle of the picture), linear, 0 to 1.
+    wrong, fair
+        What makes the photo useless, and what could be better; empty where nothing.
+    """
+
+    name: str
+    sharpness: float = 1.0
+    yaw: float | None = None
+    pitch: float | None = None
+    face: float | None = None
+    brightness: float = 0.0
+    wrong: str = ""
+    fair: str = ""
+
+
+@dataclass
+class PhotoCheck:
+    """What is known of all photos.
+
+    Attributes
+    ----------
+    photos
+        One by one, in the order of their names.
+    gaps
+        Yaw angles (from, to) in degrees, within the arc, between which no photo was taken.
+    advice
+        Sentences: what to do. Empty where all is well.
+    images
+        Small copies for a contact sheet, uint8 [H, W, 3 or 4].
+    """
+
+    photos: list[PhotoFacts]
+    gaps: list[tuple[float, float]] = field(default_factory=list)
+    advice: list[str] = field(default_factory=list)
+    images: list[NDArray[np.uint8]] = field(default_factory=list, repr=False)
+
+    def figures(self) -> dict[str, Any]:
+        """As JSON: ``photos``, ``gaps``, ``advice`` and counts."""
+        return {"count": len(self.photos), "advice": self.advice, "gaps": self.gaps,
+                "faces": sum(one.yaw is not None for one in self.photos),
+                "useless": sum(bool(one.wrong) for one in self.photos),
+                "photos": [asdict(one) for one in self.photos]}
+
+
+def _linear(image: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Light from sRGB values, float64 of the same shape."""
+    value = image.astype(np.float64) / 255.0
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+def _upright(points: NDArray[np.float64], size: tuple[int, int], turn: int,
+             ) -> tuple[NDArray[np.float64], tuple[int, int]]:
+    """Points, and the size, of a picture turned counter-clockwise by quarter turns."""
+    for _ in range(turn):
+        points, size = np.stack([points[:, 1], size[0] - points[:, 0]], 1), size[::-1]
+    return points, size
+
+
+def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.float64], float]:
+    """Facts of one photo alone, its mean colour (linear, [3]) and the share that is burnt out."""
+    image = np.ascontiguousarray(photo.image[..., :3])
+    height, width = image.shape[:2]
+    facts = PhotoFacts(photo.name)
+    seen = np.zeros((height, width), np.uint8)
+    seen[height // 4:3 * height // 4, width // 4:3 * width // 4] = 1
+    points = detect_landmarks(image, turns=(turn,), thorough=False) if faces else None
+    if points is not None:
+        low, high = points.min(0), points.max(0)
+        facts.face = float(max(high - low) / max(height, width))
+        facts.yaw, facts.pitch = face_pose(*_upright(points, (width, height), turn))
+        # Not up to the outline: beside a turned face the room would count.
+        inner = points.mean(0) + 0.8 * (points - points.mean(0))
+        hull = np.asarray(cv2.convexHull(inner.astype(np.int32)))
+        face = np.asarray(cv2.fillConvexPoly(np.zeros_like(seen), hull, 1.0), np.uint8)
+        seen = face if face.any() else seen
+    part = image[seen > 0]
+    color = _linear(part[::4]).mean(0)
+    facts.brightness = float(color.mean())
+    return facts, color, float((part.min(-1) >= 254).mean())
+
+
+def _beside(values: NDArray[np.float64], reach: int = 7) -> NDArray[np.float64]:
+    """Each value over the median of its neighbours'."""
+    found = np.ones_like(values)
+    for index in range(len(values)):
+        near = np.r_[values[max(0, index - reach):index], values[index + 1:index + 1 + reach]]
+        if len(near):
+            found[index] = values[index] / max(float(np.median(near, axis=0)), 1e-6)
+    return found
+
+
+def _judge(facts: list[PhotoFacts], colors: NDArray[np.float64], burnt: list[float]) -> None:
+    """Note what is wrong with each photo, or could be better."""
+    brighter = _beside(colors.mean(1) + 1e-4)
+    tint = np.maximum(*(np.abs(np.log(_beside((colors[:, c] + 1e-4) / (colors[:, 1] + 1e-4))))
+                        for c in (0, 2)))
+    for one, factor, change, share in zip(facts, brighter, tint, burnt):
+        wrong, fair = [], []
+        if one.sharpness < _BLURRED:
+            wrong.append("blurred")
+        elif one.sharpness < _SOFT:
+            fair.append("soft")
+        if one.brightness < _DARK:
+            fair.append("dark")
+        if share > _BURNT:
+            fair.append("burnt out")
+        if one.face is None:
+            pass  # what the middle of the picture shows is not the same in all photos
+        elif not 1 / _BRIGHTER < factor < _BRIGHTER:
+            fair.append("brighter than its neighbours" if factor > 1
+                        else "darker than its neighbours")
+        elif change > np.log(_TINTED):
+            fair.append("other colours than its neighbours")
+        if one.face is not None and one.face < _SMALL:
+            fair.append("face small")
+        one.wrong, one.fair = ", ".join(wrong), ", ".join(fair)
+
+
+def _gaps(facts: list[PhotoFacts]) -> list[tuple[float, float]]:
+    """Where the arc has no photos, between those of use."""
+    yaws = sorted(one.yaw for one in facts if one.yaw is not None and not one.wrong)
+    return [(round(a, 1), round(b, 1)) for a, b in pairwise(yaws) if b - a > _STEP]
+
+
+def _side(yaw: float) -> str:
+    """An angle in words."""
+    if abs(yaw) < 3:
+        return "the front"
+    return f"{abs(yaw):.0f} degrees to the {'right' if yaw > 0 else 'left'}"
+
+
+def _named(names: list[str]) -> str:
+    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+
+
+def _advice(facts: list[PhotoFacts], gaps: list[tuple[float, float]], faces: bool,
+            lenses: int) -> list[str]:
+    """What to do, the most important first."""
+    found = []
+    useful = [one for one in facts if not one.wrong]
+    bad = [one.name for one in facts if one.wrong]
+    if bad:
+        found.append(f"Take these again, they are blurred: {_named(bad)}. More light, or the "
+                     "camera held still for each photo.")
+    if len(useful) < _WANTED:
+        found.append(f"{len(useful)} photos of use are few; take 40, at least {_WANTED}.")
+    yaws = [one.yaw for one in useful if one.yaw is not None]
+    if faces and len(yaws) < 0.15 * len(facts):
+        found.append("Hardly any photo shows a face: the head upright in the picture, nothing in "
+                     "front of it. (For an object without a face that is as it should be.)")
+    elif yaws:
+        for first, last in gaps:
+            found.append(f"Nothing was taken between {_side(first)} and {_side(last)}; take "
+                         f"{max(1, round((last - first) / 7) - 1)} photos there.")
+        for reach, side in ((-min(yaws), "left"), (max(yaws), "right")):
+            if reach < _REACH and all(one.yaw is not None for one in facts):
+                found.append(f"The photos reach {max(reach, 0):.0f} degrees to the {side}; walk on "
+                             "to 60 or 90, or the portrait has no side there.")
+    uneven = [one.name for one in facts if "neighbours" in one.fair]
+    if len(uneven) > 0.1 * len(facts):
+        found.append(f"Light or exposure changes ({_named(uneven)}): lock the exposure and the "
+                     "white balance, no flash, no sun that comes and goes.")
+    for word, cure in (("dark", "more light"), ("burnt out", "less light or a shorter exposure"),
+                       ("soft", "hold the camera still, focus on the eyes"),
+                       ("face small", "come closer: head and shoulders fill the picture")):
+        names = [one.name for one in facts if word in one.fair.split(", ")]
+        if len(names) > 0.1 * len(facts):
+            found.append(f"{len(names)} photos: {word}; {cure}.")
+    if lenses > 1:
+        found.append(f"The photos come from {lenses} lenses or zooms; keep one.")
+    return found
+
+
+@functools.cache
+def _can_see_faces() -> bool:
+    return models.available("face-landmarker")
+
+
+def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoCheck:
+    """Look at photos or a video.
+
+    Parameters
+    ----------
+    path
+        Folder of photos, or a video file.
+    progress
+        Progress line.
+
+    Returns
+    -------
+    check
+        Facts and advice.
+
+    Raises
+    ------
+    UserError
+        If there is nothing that can be read.
+    """
+    path = Path(path)
+    if progress is not None:
+        progress.update(0, "reading photos")
+    photos = read_video(path, 60, _SIDE) if is_video(path) else read_photos(path, _SIDE)
+    faces = _can_see_faces()
+    if not faces:
+        warnings.warn("faces are not looked for: `lfportrait models fetch face-landmarker` gets "
+                      "what is missing", stacklevel=2)
+    looked = []
+    for number, photo in enumerate(photos):
+        if progress is not None:
+            progress.update(number, photo.name)
+        looked.append(_look(photo, faces, 0))
+    unseen = [index for index, (one, _, _) in enumerate(looked) if one.yaw is None]
+    if faces and len(unseen) > 0.5 * len(photos):
+        # Pictures that lie on their side, from cameras that note nothing.
+        for turn in (1, 3):
+            sample = unseen[::max(1, len(unseen) // 8)]
+            if any(_look(photos[index], True, turn)[0].yaw is not None for index in sample):
+                for index in unseen:
+                    turned = _look(photos[index], True, turn)
+                    looked[index] = turned if turned[0].yaw is not None else looked[index]
+    facts = [one for one, _, _ in looked]
+    sharp = relative_sharpness(np.array([fineness(photo.image) for photo in photos]),
+                               [photo.image.shape[:2] for photo in photos])
+    for one, value in zip(facts, sharp):
+        one.sharpness = float(value)
+    _judge(facts, np.array([color for _, color, _ in looked]), [share for _, _, share in looked])
+    gaps = _gaps(facts)
+    lenses = len({photo.lens for photo in photos})
+    return PhotoCheck(facts, gaps, _advice(facts, gaps, faces, lenses),
+                      [photo.image for photo in photos])
+
+
+def problem_sheet(path: Path, marks: dict[str, str], out: Path, frames: int = 80) -> None:
+    """Write a contact sheet of photos or of a video's frames, some of them marked.
+
+    Parameters
+    ----------
+    path
+        Folder of photos, or a video, as it was given to `lfportrait.capture.calibrate`.
+    marks
+        What is wrong, by the photo's name.
+    out
+        File to write.
+    frames
+        Frames that were taken from a video.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what can't be read was told already
+        photos = read_video(path, frames, 240) if is_video(path) else read_photos(path, 240)
+    write_image(out, contact_sheet([photo.image for photo in photos],
+                                   [photo.name for photo in photos], marks), quality=90)

@@ -1,0 +1,168 @@
+"""What `capture-check` finds: blur, gaps in the arc, light that changes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, ImageFilter
+
+from lfportrait.capture import Camera, contact_sheet
+from lfportrait.cli import main
+from lfportrait.face import face_pose
+from lfportrait.files import write_image
+from lfportrait.job import check_photos, check_picture
+from lfportrait.job.photo_check import problem_sheet
+
+
+@pytest.fixture(scope="module")
+def head() -> np.ndarray:
+    """Landmarks [68, 3] of a head in the portrait frame."""
+    from lfportrait.demo.people import SITTER, landmarks
+
+    return landmarks(SITTER)
+
+
+def seen_from(head: np.ndarray, yaw: float, pitch: float = 0.0) -> np.ndarray:
+    camera = Camera.arc(np.array([yaw]), distance=5.0, width=640, height=480, focal=760,
+                        pitch=pitch)
+    return camera.project(head)[0][0]
+
+
+@pytest.mark.parametrize("yaw", [-60, -30, 0, 25, 50])
+def test_the_side_from_which_a_face_is_seen(head, yaw):
+    found = face_pose(seen_from(head, yaw), (640, 480))
+    assert found[0] == pytest.approx(yaw, abs=2 + 0.12 * abs(yaw))
+    below, above = (face_pose(seen_from(head, yaw, pitch), (640, 480))[1] for pitch in (-15, 15))
+    assert above - below == pytest.approx(30, abs=8)
+
+
+def photo(index: int) -> Image.Image:
+    """A face-coloured disc in front of corners at many scales."""
+    random = np.random.default_rng(5)
+    picture = np.zeros((240, 320, 3))
+    for cell in (40, 8, 2):
+        picture += np.kron(random.uniform(0, 80, (240 // cell, 320 // cell, 3)),
+                           np.ones((cell, cell, 1)))
+    picture = np.roll(picture, 3 * index, 1)
+    y, x = np.mgrid[:240, :320]
+    picture[np.hypot(y - 120, x - 160) < 140] *= 0.05
+    picture[np.hypot(y - 120, x - 160) < 140] += (140, 100, 80)
+    return Image.fromarray(picture.astype(np.uint8))
+
+
+@pytest.fixture
+def faces(monkeypatch, head):
+    """A detector that finds the face of photo N at N's angle, by the number that its size tells."""
+    angles: dict[int, float] = {}
+
+    def detect(image, *, turns=(0,), thorough=True):
+        yaw = angles.get(int(image[0, 0, 0]))
+        return None if yaw is None or turns != (0,) else seen_from(head, yaw) / 2
+
+    monkeypatch.setattr("lfportrait.job.photo_check._can_see_faces", lambda: True)
+    monkeypatch.setattr("lfportrait.job.photo_check.detect_landmarks", detect)
+    return angles
+
+
+def series(folder: Path, faces: dict[int, float], yaws: list[float], change=lambda i, p: p) -> Path:
+    folder.mkdir()
+    for index, yaw in enumerate(yaws):
+        picture = np.array(change(index, photo(index)))
+        picture[0, 0] = index
+        faces[index] = yaw
+        Image.fromarray(picture).save(folder / f"{index:03d}.png")
+    return folder
+
+
+def test_photos_that_are_well(tmp_path, faces):
+    check = check_photos(series(tmp_path / "photos", faces, list(range(-60, 61, 5))))
+    assert check.advice == []
+    assert check.gaps == []
+    assert not any(one.wrong or one.fair for one in check.photos)
+    assert [one.yaw for one in check.photos] == pytest.approx(list(range(-60, 61, 5)), abs=9)
+
+
+def test_a_gap_a_missing_side_and_few_photos(tmp_path, faces):
+    check = check_photos(series(tmp_path / "photos", faces, [-50, -42, -35, 0, 5, 10]))
+    text = " ".join(check.advice)
+    assert len(check.gaps) == 1
+    assert check.gaps[0] == pytest.approx((-35, 0), abs=6)
+    assert "Nothing was taken between" in text and "degrees to the left and the front" in text
+    assert "degrees to the right; walk on" in text
+    assert "6 photos of use are few" in text
+
+
+def test_blur_and_light_that_changes(tmp_path, faces):
+    def change(index, picture):
+        if index == 4:
+            return picture.filter(ImageFilter.GaussianBlur(4))
+        if index in (8, 13, 17):
+            return picture.point(lambda value: int(0.6 * value))
+        return picture
+
+    check = check_photos(series(tmp_path / "photos", faces, list(range(-50, 51, 5)), change))
+    assert [one.name for one in check.photos if one.wrong] == ["004.png"]
+    darker = [one.name for one in check.photos if "darker" in one.fair]
+    assert darker == ["008.png", "013.png", "017.png"]
+    text = " ".join(check.advice)
+    assert "blurred: 004.png" in text
+    assert "lock the exposure" in text and "017.png" in text
+
+
+def test_the_picture_shows_each_photo_and_the_gap(tmp_path, faces):
+    check = check_photos(series(tmp_path / "photos", faces, [-50, -42, -35, 0, 5, 10]))
+    picture = check_picture(check)
+    assert picture.dtype == np.uint8 and picture.shape[1] >= 1200
+    # The gap is red from above, and a set without it is not.
+    red = (np.abs(picture[:460, :720].astype(int) - (196, 52, 44)).sum(-1) < 30).sum()
+    check.gaps = []
+    plain = check_picture(check)
+    assert red > 300 > (np.abs(plain[:460, :720].astype(int) - (196, 52, 44)).sum(-1) < 30).sum()
+
+
+def test_a_sheet_marks_what_is_wrong():
+    images = [np.full((60, 80, 3), 128, np.uint8)] * 3
+    plain = contact_sheet(images, ["a", "b", "c"], {})
+    marked = contact_sheet(images, ["a", "b", "c"], {"b": "blurred"})
+    changed = np.flatnonzero((plain != marked).any((0, 2)))
+    assert plain.shape == marked.shape
+    third = plain.shape[1] / 3
+    assert third - 5 < changed.min() and changed.max() < 2 * third + 10
+
+
+def test_capture_check_as_a_command(tmp_path, faces, capsys):
+    folder = series(tmp_path / "photos", faces, [-50, -42, -35, 0, 5, 10])
+    out, figures = tmp_path / "check.png", tmp_path / "check.json"
+    assert main(["capture-check", str(folder), "--out", str(out), "--json", str(figures)]) == 0
+    printed = capsys.readouterr().out
+    assert "6 photos, 6 of use" in printed and "- Nothing was taken between" in printed
+    assert Image.open(out).width > 1000
+    data = json.loads(figures.read_text())
+    assert data["count"] == data["faces"] == 6
+    assert data["photos"][3]["name"] == "003.png"
+    assert data["seconds"]["wall"] + 0.01 > data["seconds"]["check"] > 0
+
+
+@pytest.mark.parametrize("words, message", [
+    (["nowhere"], "nowhere"), (["photos", "--out", "check.txt"], "must end in")])
+def test_mistakes_are_told_in_one_line(tmp_path, monkeypatch, capsys, words, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "photos").mkdir()
+    assert main(["capture-check", *words]) == 2
+    error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("lfport")]
+    assert len(error) == 1 and message in error[0]
+    assert [path.name for path in tmp_path.iterdir()] == ["photos"]
+
+
+def test_photos_that_can_not_be_placed_are_shown(tmp_path, capsys):
+    noise = np.random.default_rng(0).integers(0, 256, (4, 120, 160, 3), dtype=np.uint8)
+    for number, image in enumerate(noise):
+        write_image(tmp_path / "photos" / f"{number}.png", image)
+    assert main(["calibrate", str(tmp_path / "photos"), "--out", str(tmp_path / "out"),
+                 "--quiet"]) == 2
+    assert "out-photos.jpg" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    sheet = np.asarray(Image.open(tmp_path / "out-photos.jpg"))
+    problem_sheet(tmp_path / "photos", {}, tmp_path / "plain.png")
+    assert sheet.shape == np.asarray(Image.open(tmp_path / "plain.png")).shape
