@@ -32,8 +32,8 @@ def test_it_tells_the_facts_and_writes_them(tmp_path, capsys):
     figures = json.loads((tmp_path / "facts.json").read_text())
     assert {"version", "device", "seconds"} <= set(figures)
     for fact in figures["facts"]:
-        line = next(line for line in text.splitlines() if fact["text"] in line)
-        assert fact["name"] in line
+        line = next(line for line in text.splitlines()
+                    if fact["name"] in line and fact["text"] in line)
         assert fact["mend"] in line
     bad = [fact for fact in figures["facts"] if fact["state"] == "bad"]
     assert figures["problems"] == len(bad)

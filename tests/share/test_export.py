@@ -366,7 +366,7 @@ def test_checkpoints_of_other_ages(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "config", "message"), [
-    ("x.stl", ExportConfig(), r"must end in \.ply"),
+    ("x.stl", ExportConfig(), r"must end in \.html, \.ply"),
     ("x.obj", ExportConfig(kind="points"), "points are written as .ply"),
     ("x.ply", ExportConfig(opacity=1.5), "--opacity"),
     ("x.glb", ExportConfig(level=1.0), "--level"),

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...lanes.decorators import lean_kernel
+from ...lanes.decorators import kernel
 
 __all__ = ["pose_equations"]
 
 
-@lean_kernel
+@kernel
 def pose_equations(values, photo, depth, lens, usual, matrix, slope):
     """Add up one Gauss-Newton step's normal equations over a picture, Cauchy-weighted.
 
