@@ -9,7 +9,14 @@ from scipy.spatial.transform import Rotation
 
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
-from lfportrait.example.turned import FRONTAL, FacePose, face_pose, frontal_view, frontalised
+from lfportrait.example.turned import (
+    FRONTAL,
+    FacePose,
+    face_pose,
+    frontal_view,
+    frontalised,
+    suited,
+)
 from lfportrait.example.turned.generic_head import LANDMARKS, MIRRORED, depth_of
 
 SIZE = 240
@@ -121,6 +128,14 @@ def test_a_mirrored_painting_gives_the_mirrored_picture():
     away = np.abs(one.image[:, ::-1].astype(float) - two.image)
     # Outlines are a pixel's business.
     assert np.median(away) < 2 and (away > 40).mean() < 0.02
+
+
+def test_a_photo_gets_the_painting_that_is_turned_more_alike():
+    exemplar = portrait(posed(25.0))
+    for yaw, alike in ((0.0, False), (-20.0, False), (20.0, True), (35.0, True)):
+        chosen = suited(exemplar, posed(yaw).project(LANDMARKS))
+        assert (chosen is exemplar) == alike
+        assert alike or abs(face_pose(chosen.landmarks).yaw) < 1
 
 
 def test_frontal_faces_stay_as_they_are_and_profiles_are_told():

@@ -22,6 +22,7 @@ from ..example import (
     face_landmarks,
     mix_regions,
     prepare,
+    suited,
 )
 from ..files import read_image, write_image
 from ..progress import Progress
@@ -41,13 +42,16 @@ class _Painter:
         self.exemplar, self.config, self.choices = exemplar, config, choices
         self.others = {choice.style: Exemplar.load(choice.style)
                        for choice in choices if choice.style}
-        self.prepared: dict[str, Any] = {}
+        self.prepared: dict[tuple[str, bool], Any] = {}
 
     def _apply(self, style: str, photo: NDArray[np.uint8], points: NDArray[np.float64]) -> Any:
-        if style not in self.prepared:
-            exemplar = self.others[style] if style else self.exemplar
-            self.prepared[style] = prepare(exemplar, self.config, own=[(photo, points)])
-        return self.prepared[style].apply(photo, points)
+        exemplar = self.others[style] if style else self.exemplar
+        # Rivals take a painting as it is.
+        chosen = suited(exemplar, points) if isinstance(self.config, TransferConfig) else exemplar
+        key = style, chosen is exemplar
+        if key not in self.prepared:
+            self.prepared[key] = prepare(chosen, self.config, own=[(photo, points)])
+        return self.prepared[key].apply(photo, points)
 
     def paint(self, photo: NDArray[np.uint8]) -> tuple[NDArray[np.float32], Any]:
         """The picture, float32 [H, W, 3], and the result for the whole."""

@@ -14,6 +14,7 @@ from .rivals.facestyle import FaceStyle, FaceStyleConfig
 from .rivals.network import NetworkConfig, StyleNetwork
 from .rivals.painted import Painted
 from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks
+from .turned import suited
 
 __all__ = ["METHODS", "Method", "MethodConfig", "paint", "prepare"]
 
@@ -70,6 +71,8 @@ def paint(image: NDArray[np.uint8], exemplar: Exemplar, config: MethodConfig,
         If no face is found.
     """
     points = np.asarray(face_landmarks(image) if landmarks is None else landmarks, np.float64)
+    if isinstance(config, TransferConfig):
+        exemplar = suited(exemplar, points)
     prepared = prepare(exemplar, config, own=[(image, points)])
     result: TransferResult | Painted = prepared.apply(image, points)
     return result

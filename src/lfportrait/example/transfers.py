@@ -33,6 +33,7 @@ from .styleblit import (
     synthesise,
 )
 from .table import TableConfig, cached_table
+from .turned import suited
 
 if TYPE_CHECKING:
     from .photo_patches import PhotoPatches
@@ -357,7 +358,7 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
         If no face is found.
     """
     points = face_landmarks(image) if landmarks is None else landmarks
-    return Transfer(exemplar, config).apply(image, points, **options)
+    return Transfer(suited(exemplar, points), config).apply(image, points, **options)
 
 
 def face_landmarks(image: NDArray[np.generic]) -> NDArray[np.float64]:

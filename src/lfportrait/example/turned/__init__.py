@@ -4,7 +4,8 @@
 stands for any (`generic_head`).
 """
 
-from .frontal import FRONTAL, PROFILE, Frontal, frontal_view, frontalised
+from .frontal import FRONTAL, PROFILE, Frontal, frontal_view, frontalised, suited
 from .pose import FacePose, face_pose
 
-__all__ = ["FRONTAL", "PROFILE", "FacePose", "Frontal", "face_pose", "frontal_view", "frontalised"]
+__all__ = ["FRONTAL", "PROFILE", "FacePose", "Frontal", "face_pose", "frontal_view", "frontalised",
+           "suited"]

@@ -25,7 +25,7 @@ from ..guides.regions import find_regions
 from .generic_head import LANDMARKS, depth_of
 from .pose import FacePose, face_pose
 
-__all__ = ["FRONTAL", "PROFILE", "Frontal", "frontal_view", "frontalised"]
+__all__ = ["FRONTAL", "PROFILE", "Frontal", "frontal_view", "frontalised", "suited"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -95,6 +95,26 @@ def frontalised(exemplar: Exemplar) -> Exemplar:
         person = find_regions(exemplar.image, exemplar.landmarks).person
     found = frontal_view(exemplar, pose, person)
     return Exemplar(found.image, found.landmarks, exemplar.name, found.mask)
+
+
+def suited(exemplar: Exemplar, landmarks: NDArray[np.floating]) -> Exemplar:
+    """An exemplar as it suits a photo: as it is, or from the front, whichever is turned more alike.
+
+    Parameters
+    ----------
+    exemplar
+        The painting.
+    landmarks
+        [68, 2], of the photo's face.
+
+    Raises
+    ------
+    UserError
+        As `frontalised`.
+    """
+    painted = face_pose(exemplar.landmarks).yaw
+    photo = face_pose(landmarks).yaw
+    return exemplar if abs(painted - photo) <= abs(photo) else frontalised(exemplar)
 
 
 def frontal_view(exemplar: Exemplar, pose: FacePose, person: Float32 | None = None) -> Frontal:
