@@ -59,6 +59,7 @@ def test_a_head_takes_on_the_exemplars_colours(head, styled, violet):
     assert figures["method"] == "skin" and "fit" not in figures
     assert field.texture is not None and field.texture.texels.any()
     assert figures["refinement"]["steps"] == 2
+    assert set(figures["pose"]) == {"yaw", "pitch", "roll"} and abs(figures["pose"]["yaw"]) < 9
     assert set(figures["seconds"]) == {"skin", "paint", "fit", "texture", "refine", "total"}
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..example import Exemplar, Painting, Skin, SkinPainter
+from ..example import Exemplar, Painting, Skin, SkinPainter, face_pose
 from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
 from ..progress import Progress
@@ -83,11 +83,13 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
         clock = time.perf_counter()
         if progress is not None:
             progress.update(progress.done, f"paint after {exemplar.name}")
-        painting = _painter(exemplar, config).paint(skin, PREVIEW if config.preview else 1)
+        painter = _painter(exemplar, config)
+        painting = painter.paint(skin, PREVIEW if config.preview else 1)
         painted = time.perf_counter()
         model = ColorModel(field, config.background)
         look_up_rows(model, painting)
-        figures: dict[str, Any] = {"style": exemplar.name, "painting": painting.seconds}
+        figures: dict[str, Any] = {"style": exemplar.name, "painting": painting.seconds,
+                                   "pose": face_pose(exemplar.landmarks).angles}
         if not config.preview and config.iterations > 0:
             known = model.seen.copy()
             errors = model.fit(views.of(painting, 1), config.iterations, progress,
@@ -113,6 +115,8 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
                               "refine": round(end - textured, 3)}
         if dump is not None:
             write_image(dump / f"skin_{exemplar.name}.png", painting.color)
+            if painter.exemplar is not exemplar:
+                write_image(dump / f"frontal_{exemplar.name}.png", painter.exemplar.image)
         colors.append(model.colors)
         rows.append(figures)
     return colors, textures, {"skin": {"pixels": len(skin.index)}, **rows[0],

@@ -59,6 +59,11 @@ class FacePose:
         """Degrees that the head leans to the picture's left."""
         return float(np.degrees(np.arctan2(self.rotation[1, 0], self.rotation[0, 0])))
 
+    @property
+    def angles(self) -> dict[str, float]:
+        """Yaw, pitch and roll in degrees, rounded, for figures."""
+        return {name: round(getattr(self, name), 1) for name in ("yaw", "pitch", "roll")}
+
     def project(self, points: Float64) -> Float64:
         """Pixels [..., 2] of points [..., 3] of the generic head."""
         seen = points @ self.rotation[:2].T
