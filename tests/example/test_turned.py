@@ -11,13 +11,12 @@ from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
 from lfportrait.example.turned import (
     FRONTAL,
-    FacePose,
-    face_pose,
     frontal_view,
     frontalised,
     suited,
 )
-from lfportrait.example.turned.generic_head import LANDMARKS, MIRRORED, depth_of
+from lfportrait.face import FacePose, face_pose
+from lfportrait.face.generic_head import GENERIC_LANDMARKS, MIRRORED, generic_depth
 
 SIZE = 240
 SCALE = 130.0
@@ -39,7 +38,7 @@ def portrait(pose):
     """The painted generic head in a pose, its far points first, on grey; and where it is seen."""
     grid = np.linspace(-0.47, 0.47, 900)
     x, y = np.meshgrid(grid, np.linspace(-0.62, 0.6, 1100))
-    points = np.stack([x, y, depth_of(x, y)], axis=-1).reshape(-1, 3)
+    points = np.stack([x, y, generic_depth(x, y)], axis=-1).reshape(-1, 3)
     inside = (points[:, 0] / 0.42) ** 2 + (points[:, 1] / 0.62) ** 2 < 1
     points = points[inside]
     points = points[np.argsort(pose.depth(points))]
@@ -50,14 +49,14 @@ def portrait(pose):
     mask = np.zeros((SIZE, SIZE), np.float32)
     mask[place[kept, 1], place[kept, 0]] = 1
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    return Exemplar(image.astype(np.uint8), pose.project(LANDMARKS), "turned", mask)
+    return Exemplar(image.astype(np.uint8), pose.project(GENERIC_LANDMARKS), "turned", mask)
 
 
 @settings(max_examples=25, deadline=None)
 @given(some.floats(-55, 55), some.floats(-20, 20), some.floats(-25, 25), some.floats(30, 400))
 def test_a_pose_comes_back_from_its_landmarks(yaw, pitch, roll, scale):
     pose = posed(yaw, pitch, roll, scale)
-    found = face_pose(pose.project(LANDMARKS))
+    found = face_pose(pose.project(GENERIC_LANDMARKS))
     assert np.abs(found.rotation - pose.rotation).max() < 1e-3
     assert abs(found.scale / scale - 1) < 1e-3 and found.residual < 1e-3 * scale
     assert np.abs(found.shift - pose.shift).max() < 1e-2 * scale
@@ -74,11 +73,11 @@ def test_angles_are_told_as_they_are_meant():
 
 
 def test_the_generic_head_is_symmetric_and_its_depth_is_that_of_its_landmarks():
-    assert np.abs(LANDMARKS[MIRRORED] * [-1, 1, 1] - LANDMARKS).max() < 2e-3
-    inner = LANDMARKS[17:]
-    assert np.abs(depth_of(inner[:, 0], inner[:, 1]) - inner[:, 2]).max() < 0.04
+    assert np.abs(GENERIC_LANDMARKS[MIRRORED] * [-1, 1, 1] - GENERIC_LANDMARKS).max() < 2e-3
+    inner = GENERIC_LANDMARKS[17:]
+    assert np.abs(generic_depth(inner[:, 0], inner[:, 1]) - inner[:, 2]).max() < 0.04
     x, y = np.meshgrid(np.linspace(-1, 1, 41), np.linspace(-1, 1, 41))
-    assert np.abs(depth_of(x, y) - depth_of(-x, y)).max() < 0.01
+    assert np.abs(generic_depth(x, y) - generic_depth(-x, y)).max() < 0.01
 
 
 @pytest.mark.parametrize("yaw", [-40.0, -20.0, 20.0, 40.0])
@@ -133,7 +132,7 @@ def test_a_mirrored_painting_gives_the_mirrored_picture():
 def test_a_photo_gets_the_painting_that_is_turned_more_alike():
     exemplar = portrait(posed(25.0))
     for yaw, alike in ((0.0, False), (-20.0, False), (20.0, True), (35.0, True)):
-        chosen = suited(exemplar, posed(yaw).project(LANDMARKS))
+        chosen = suited(exemplar, posed(yaw).project(GENERIC_LANDMARKS))
         assert (chosen is exemplar) == alike
         assert alike or abs(face_pose(chosen.landmarks).yaw) < 1
 
@@ -144,6 +143,6 @@ def test_frontal_faces_stay_as_they_are_and_profiles_are_told():
     turned = frontalised(portrait(posed(25.0)))
     assert abs(face_pose(turned.landmarks).yaw) < 1 and turned.mask is not None
     profile = portrait(posed(20.0))
-    profile.landmarks = posed(75.0).project(LANDMARKS)
+    profile.landmarks = posed(75.0).project(GENERIC_LANDMARKS)
     with pytest.raises(UserError, match=r"to the picture's right, 7\d degrees"):
         frontalised(profile)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from .surface_guide import SurfaceGuide, surface_position_guide
     from .table import LookUpTable, TableConfig, build_table
     from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks, transfer
-    from .turned import FacePose, face_pose, suited
+    from .turned import suited
     from .video import VideoTransfer
 
 __all__ = [
@@ -44,7 +44,6 @@ __all__ = [
     "Exemplar",
     "FaceBlit",
     "FaceBlitConfig",
-    "FacePose",
     "FaceStyle",
     "FaceStyleConfig",
     "Guides",
@@ -72,7 +71,6 @@ __all__ = [
     "appearance_guide",
     "build_table",
     "face_landmarks",
-    "face_pose",
     "face_size",
     "find_regions",
     "mix_regions",

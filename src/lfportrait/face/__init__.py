@@ -9,14 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .detect import detect_landmarks, face_yaw
+from .generic_head import GENERIC_LANDMARKS, generic_depth
 from .mask import face_mask
 from .points import read_landmarks, write_landmarks
-from .pose import face_pose
+from .pose import FacePose, face_pose
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
-__all__ = ["detect_landmarks", "face_mask", "face_pose", "face_yaw", "frontal_order",
-           "hair_mask", "landmarks_of_capture", "mattes", "parts", "person_matte", "read_landmarks",
-           "triangulate", "write_landmarks"]
+__all__ = [
+    "GENERIC_LANDMARKS",
+    "FacePose",
+    "detect_landmarks",
+    "face_mask",
+    "face_pose",
+    "face_yaw",
+    "frontal_order",
+    "generic_depth",
+    "hair_mask",
+    "landmarks_of_capture",
+    "mattes",
+    "parts",
+    "person_matte",
+    "read_landmarks",
+    "triangulate",
+    "write_landmarks",
+]
 
 
 def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:

@@ -113,12 +113,12 @@ def _linear(image: NDArray[np.uint8]) -> NDArray[np.float64]:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def _upright(points: NDArray[np.float64], size: tuple[int, int], turn: int,
-             ) -> tuple[NDArray[np.float64], tuple[int, int]]:
-    """Points, and the size, of a picture turned counter-clockwise by quarter turns."""
+def _upright(points: NDArray[np.float64], size: tuple[int, int],
+             turn: int) -> NDArray[np.float64]:
+    """Points [68, 2] of a picture of ``size`` turned counter-clockwise by quarter turns."""
     for _ in range(turn):
         points, size = np.stack([points[:, 1], size[0] - points[:, 0]], 1), size[::-1]
-    return points, size
+    return points
 
 
 def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.float64], float]:
@@ -132,7 +132,9 @@ def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.
     if points is not None:
         low, high = points.min(0), points.max(0)
         facts.face = float(max(high - low) / max(height, width))
-        facts.yaw, facts.pitch = face_pose(*_upright(points, (width, height), turn))
+        pose = face_pose(_upright(points, (width, height), turn))
+        # A camera at the person's left sees the face turned to the picture's left.
+        facts.yaw, facts.pitch = -pose.yaw, -pose.pitch
         # Not up to the outline: beside a turned face the room would count.
         inner = points.mean(0) + 0.8 * (points - points.mean(0))
         hull = np.asarray(cv2.convexHull(inner.astype(np.int32)))

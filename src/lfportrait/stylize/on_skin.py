@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..example import Exemplar, Painting, Skin, SkinPainter, face_pose
+from ..example import Exemplar, Painting, Skin, SkinPainter
+from ..face import face_pose
 from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
 from ..progress import Progress

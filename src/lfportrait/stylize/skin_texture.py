@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..capture import Camera
 from ..example import Painting, Skin
 from ..field import SurfaceTexture, VoxelField
+from .mixing.texels import BLOCK
 from .skin_fit import chart_pixels
 
 __all__ = ["row_charts", "surface_texture", "texel_rows"]
@@ -23,8 +24,6 @@ MARGIN = 12
 """Texels kept around what a chart owns, so that cells at a border find theirs in either chart."""
 SOLID = 0.9
 """Where a chart's own view is clearer than this, nothing is known of the surface's colour."""
-BLOCK = 4
-"""Texels across a block that takes its shares in a mix from one lattice row."""
 
 
 def surface_texture(styled: VoxelField, painting: Painting) -> SurfaceTexture:

@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
 from ...errors import UserError
+from ...face import GENERIC_LANDMARKS, FacePose, face_pose, generic_depth
 from ..exemplar import Exemplar
 from ..guides.regions import find_regions
-from .generic_head import LANDMARKS, depth_of
-from .pose import FacePose, face_pose
 
 __all__ = ["FRONTAL", "PROFILE", "Frontal", "frontal_view", "frontalised", "suited"]
 
@@ -123,7 +122,6 @@ def frontal_view(exemplar: Exemplar, pose: FacePose, person: Float32 | None = No
     ``person`` float32 [H, W], by default the painting's mask, is what of it is the person: a place
     of the head that falls beside it was not painted.
     """
-    height, width = exemplar.image.shape[:2]
     head = _Head(exemplar, pose)
     own, clear = head.places, head.clear
     if person is None:
@@ -144,7 +142,6 @@ def frontal_view(exemplar: Exemplar, pose: FacePose, person: Float32 | None = No
     if exemplar.mask is not None:
         values = [_sampled(exemplar.mask, places) for places in (own, across[0])]
         mask = np.asarray(share * values[0] + (1 - share) * values[1], np.float32)
-    assert image.shape[:2] == (height, width)
     places = np.where(share[..., None] > 0.5, own, across[0])
     return Frontal(np.asarray(np.clip(image, 0, 255) + 0.5, np.uint8), head.landmarks,
                    1 - share, np.asarray(places, np.float32), mask, pose)
@@ -160,13 +157,13 @@ class _Head:
         height, width = exemplar.image.shape[:2]
         self.pose, self.size = pose, (width, height)
         self.center = np.array([width / 2, pose.shift[1]])
-        self.landmarks = self.center + pose.scale * LANDMARKS[:, :2] * [1.0, -1.0]
+        self.landmarks = self.center + pose.scale * GENERIC_LANDMARKS[:, :2] * [1.0, -1.0]
         # Every few pixels, symmetric about the axis, a little over the border.
         columns, rows = -(-width // COARSE) + 1, -(-height // COARSE) + 1
         across = (np.arange(columns) - (columns - 1) / 2) * COARSE
         down = np.arange(rows) * COARSE
         x, y = np.meshgrid(across / pose.scale, (self.center[1] - down) / pose.scale)
-        points = np.stack([x, y, depth_of(x, y)], axis=-1)
+        points = np.stack([x, y, generic_depth(x, y)], axis=-1)
         self.places = self._full(self._seen(points, exemplar.landmarks))
         normals = _normals(points)
         facing = normals @ pose.rotation[2]
@@ -180,16 +177,16 @@ class _Head:
         """Where the painting has points [h, w, 3] of the head, [h, w, 2]."""
         known = np.isfinite(painted).all(axis=1)
         # On the far side the jaw's landmarks slide along the outline: the pose knows better.
-        far = LANDMARKS[:, 0] * np.sign(self.pose.rotation[2, 0]) < 0
+        far = GENERIC_LANDMARKS[:, 0] * np.sign(self.pose.rotation[2, 0]) < 0
         known &= ~(far & (np.arange(68) < 17))
-        left = painted[known] - self.pose.project(LANDMARKS[known])
-        warp = RBFInterpolator(LANDMARKS[known, :2], left, kernel="thin_plate_spline",
+        left = painted[known] - self.pose.project(GENERIC_LANDMARKS[known])
+        warp = RBFInterpolator(GENERIC_LANDMARKS[known, :2], left, kernel="thin_plate_spline",
                                smoothing=2e-3)
         flat = points.reshape(-1, 3)
         moves = warp(flat[:, :2]).reshape(*points.shape[:2], 2)
         # Outside the face the residuals fade: there is nothing that they were measured on.
-        low, high = LANDMARKS[8, 1], LANDMARKS[17:27, 1].max()
-        reach = np.sqrt((points[..., 0] / LANDMARKS[16, 0]) ** 2
+        low, high = GENERIC_LANDMARKS[8, 1], GENERIC_LANDMARKS[17:27, 1].max()
+        reach = np.sqrt((points[..., 0] / GENERIC_LANDMARKS[16, 0]) ** 2
                         + ((points[..., 1] - (low + high) / 2) / (0.5 * (high - low))) ** 2)
         fade = np.exp(-(np.maximum(reach - 1.1, 0) / 0.5) ** 2)
         limit = 0.3 * self.pose.scale
@@ -232,7 +229,7 @@ def _needed(x: Float64, y: Float64) -> Float64:
     for numbers, wide, high in ((range(36, 42), 0.12, 0.075), (range(42, 48), 0.12, 0.075),
                                 (range(17, 22), 0.13, 0.05), (range(22, 27), 0.13, 0.05),
                                 (range(48, 60), 0.17, 0.1)):
-        middle = LANDMARKS[list(numbers), :2].mean(axis=0)
+        middle = GENERIC_LANDMARKS[list(numbers), :2].mean(axis=0)
         away = np.hypot((x - middle[0]) / wide, (y - middle[1]) / high)
         out -= (CLEAR - FEATURE) * np.clip(2 - away, 0, 1)
     return np.maximum(out, FEATURE)

@@ -17,7 +17,7 @@ from .tones import LUMA
 __all__ = ["mixed_texels"]
 
 BLOCK = 4
-"""Texels across a block."""
+"""Texels across a block, which takes its shares in a mix from one lattice row."""
 _BAND = 32
 """Rows of blocks mixed at a time."""
 

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
-__all__ = ["LANDMARKS", "MIRRORED", "depth_of"]
+__all__ = ["GENERIC_LANDMARKS", "MIRRORED", "generic_depth"]
 
 Float64 = NDArray[np.float64]
 
-LANDMARKS: Float64 = np.array([
+GENERIC_LANDMARKS: Float64 = np.array([
     (-0.403, 0.003, 0.180), (-0.402, -0.065, 0.190), (-0.369, -0.146, 0.210),
     (-0.343, -0.240, 0.250), (-0.329, -0.345, 0.320), (-0.288, -0.447, 0.410),
     (-0.208, -0.529, 0.500), (-0.109, -0.592, 0.555), (0.000, -0.638, 0.575),
@@ -56,7 +56,7 @@ _BEHIND = -0.05
 """Depth of what lies around the head."""
 
 
-def depth_of(x: Float64, y: Float64) -> Float64:
+def generic_depth(x: Float64, y: Float64) -> Float64:
     """Depth of the head's front surface at places (x, y), any one shape, float64.
 
     Continuous; the face's where there is a face, the egg's around it, next to none beyond.
@@ -64,12 +64,12 @@ def depth_of(x: Float64, y: Float64) -> Float64:
     egg = 1 - ((x - _SKULL[0]) / _RADII[0]) ** 2 - ((y - _SKULL[1]) / _RADII[1]) ** 2
     skull = np.where(egg > 0, _SKULL[2] + _RADII[2] * np.sqrt(np.maximum(egg, 0)), _BEHIND)
     # The face ends where its landmarks end; the brows' line goes on a little into the forehead.
-    spline = RBFInterpolator(LANDMARKS[:, :2], LANDMARKS[:, 2], kernel="thin_plate_spline",
-                             smoothing=1e-4)
+    spline = RBFInterpolator(GENERIC_LANDMARKS[:, :2], GENERIC_LANDMARKS[:, 2],
+                             kernel="thin_plate_spline", smoothing=1e-4)
     face = spline(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
-    low, high = LANDMARKS[8, 1], LANDMARKS[17:27, 1].max()
+    low, high = GENERIC_LANDMARKS[8, 1], GENERIC_LANDMARKS[17:27, 1].max()
     middle, half = (low + high) / 2, (high - low) / 2
-    away = np.sqrt((x / LANDMARKS[16, 0]) ** 2 + ((y - middle) / (1.25 * half)) ** 2)
+    away = np.sqrt((x / GENERIC_LANDMARKS[16, 0]) ** 2 + ((y - middle) / (1.25 * half)) ** 2)
     share = np.clip((1.15 - away) / 0.3, 0, 1)
     share = share * share * (3 - 2 * share)
     return np.asarray(share * face + (1 - share) * np.maximum(skull, _BEHIND), np.float64)
