@@ -175,8 +175,11 @@ def _max_pool_places(step: Operation, got: Inputs) -> list[Tensor]:
 
 
 def _max_unpool(step: Operation, got: Inputs) -> Tensor:
-    return _last(functional.max_unpool2d(_first(got[0]), _first(got[1]), list(
-        _pair(step, "kernel")), list(_pair(step, "stride"))))
+    # By hand: torch's own asks sympy for its shapes, which takes a second to import.
+    x, places = _first(got[0]), _first(got[1])
+    size = [have * stride for have, stride in zip(x.shape[2:], _pair(step, "stride"))]
+    spread = torch.zeros((*x.shape[:2], size[0] * size[1]), dtype=x.dtype)
+    return _last(spread.scatter_(2, places.flatten(2), x.flatten(2)).unflatten(2, size))
 
 
 def _resize(step: Operation, got: Inputs) -> Tensor:

@@ -19,7 +19,6 @@ from .config import StylizeConfig
 from .mixing import StyledField
 from .notices import notices
 from .on_skin import stylize_skin
-from .painted_views import stylize_views
 from .skin_fit import row_labels
 from .skin_texture import texel_rows
 
@@ -103,6 +102,9 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
         if textures:
             blocks = texel_rows(skin, textures[0])
     else:
+        # Here: its losses need torch, which paints of a skin do without.
+        from .painted_views import stylize_views
+
         colors, rows = [], []
         for one in exemplars:
             painted, row = stylize_views(field, capture, one, config, progress, dump)
