@@ -1,5 +1,7 @@
 """Faces that are turned: their pose, and what their frontal picture shows, against a known head."""
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 import pytest
@@ -34,13 +36,17 @@ def paint(x, y):
     return 128 + 80 * np.stack(waves, axis=-1)
 
 
+@lru_cache(maxsize=1)
+def surface():
+    """Points of the generic head, several for each pixel of a portrait, [N, 3]."""
+    x, y = np.meshgrid(np.linspace(-0.47, 0.47, 500), np.linspace(-0.62, 0.6, 640))
+    points = np.stack([x, y, generic_depth(x, y)], axis=-1).reshape(-1, 3)
+    return points[(points[:, 0] / 0.42) ** 2 + (points[:, 1] / 0.62) ** 2 < 1]
+
+
 def portrait(pose):
     """The painted generic head in a pose, its far points first, on grey; and where it is seen."""
-    grid = np.linspace(-0.47, 0.47, 900)
-    x, y = np.meshgrid(grid, np.linspace(-0.62, 0.6, 1100))
-    points = np.stack([x, y, generic_depth(x, y)], axis=-1).reshape(-1, 3)
-    inside = (points[:, 0] / 0.42) ** 2 + (points[:, 1] / 0.62) ** 2 < 1
-    points = points[inside]
+    points = surface()
     points = points[np.argsort(pose.depth(points))]
     place = np.floor(pose.project(points)).astype(int)
     kept = ((place >= 0) & (place < SIZE)).all(axis=1)
@@ -106,7 +112,10 @@ def test_the_side_that_was_not_painted_is_the_other_one_mirrored(yaw):
     assert len(rows) > 500 and (np.sign(yaw) * x[columns] > 0).mean() > 0.9
     there = found.places[rows, columns]
     back = found.places[rows, SIZE - 1 - columns]
-    assert np.abs(there - back).max() < 1.0
+    away = np.abs(there - back).max(axis=1)
+    eyes = [found.landmarks[eye] for eye in (slice(36, 42), slice(42, 48))]
+    near = [np.hypot(columns - eye[:, 0].mean(), rows - eye[:, 1].mean()) for eye in eyes]
+    assert away[np.minimum(*near) > 0.14 * found.pose.scale].max() < 1.0
 
 
 @pytest.mark.parametrize("yaw", [-30.0, 30.0])
@@ -116,6 +125,39 @@ def test_both_eyes_look_where_the_painter_made_them_look(yaw):
     for feature in (slice(36, 42), slice(42, 48), slice(48, 60)):
         column, row = found.landmarks[feature].mean(axis=0).astype(int)
         assert found.mirrored[row, column] < 0.05
+
+
+@pytest.mark.parametrize("yaw", [-60.0, 60.0])
+def test_an_eye_that_was_not_painted_looks_where_the_other_looks(yaw):
+    exemplar = portrait(posed(yaw))
+    found = frontal_view(exemplar, face_pose(exemplar.landmarks))
+    hidden, seen = (slice(42, 48), slice(36, 42)) if yaw > 0 else (slice(36, 42), slice(42, 48))
+    middle, twin = (found.landmarks[eye].mean(axis=0) for eye in (hidden, seen))
+    # The outer half is turned away from the painter; its paint is the other eye's, shifted.
+    steps = np.sign(yaw) * np.arange(3, 7)
+    row, column = int(middle[1]), np.round(middle[0] + steps).astype(int)
+    assert (found.mirrored[row, column] > 0.9).all()
+    there = found.places[row, column]
+    wanted = found.places[row, np.round(twin[0] + steps).astype(int)]
+    assert np.abs(there - wanted).max() < 1.0
+    assert (np.diff(there[:, 0]) * np.sign(yaw) > 0).all()
+
+
+def test_the_seam_goes_around_what_differs():
+    # A dark lock on the far side's border: the cut passes before it, not through it.
+    exemplar = portrait(posed(30.0))
+    plain = frontal_view(exemplar, face_pose(exemplar.landmarks))
+    even = Exemplar(np.full_like(exemplar.image, 180), exemplar.landmarks, "even", exemplar.mask)
+    lock = even.image.copy()
+    rows = np.nonzero(plain.mirrored[:, 150] > 0)[0]
+    assert len(rows)
+    near = plain.places[60:90, 136:142].reshape(-1, 2).astype(int)
+    lock[near[:, 1], near[:, 0]] = 20
+    marked = Exemplar(lock, exemplar.landmarks, "lock", exemplar.mask)
+    found = frontal_view(marked, face_pose(exemplar.landmarks))
+    own = found.mirrored[60:90, 120:160] < 0.5
+    edge = own.sum(axis=1) + 120
+    assert ((edge < 137) | (edge > 141)).mean() > 0.9
 
 
 def test_a_mirrored_painting_gives_the_mirrored_picture():

@@ -6,13 +6,15 @@ face is turned is unrolled first: every place of a frontal picture is a place of
 the head's pose leads from there to the painting, and a smooth warp takes what the painter and the
 person have of their own (the landmarks' residuals). What turns away from the painter, or lies
 behind nose or brow, is taken from its mirror image on the other side, with the light of the side
-where it comes to lie: faces are symmetric enough (Hassner et al. 2015). An eye and a mouth that can
-be seen at all are kept, so that both eyes look where the painter's did.
+where it comes to lie: faces are symmetric enough (Hassner et al. 2015). The seam between the two
+runs where they differ least (graph cut: Kwatra et al. 2003). An eye and a mouth that can be seen at
+all are kept; the rest of the gaze is shifted, not mirrored, so that both eyes look the same way.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -35,6 +37,14 @@ PROFILE = 62.0
 """Faces turned further show too little of their other half."""
 CLEAR = 0.5
 """Cosine to the painter's direction from which on a place is taken as he painted it."""
+FULL = 0.85
+"""The same from which on its mirror image is not thought of: the seam lies between the two."""
+CUT = 160.0
+"""Pixels a unit of the head in the pictures that the seam is looked for in."""
+DARK = 24.0
+"""Added to values before their logarithm: the darkest paint is no blacker than that."""
+UNLIKE = 0.6
+"""Difference of logarithms that is hardly one of light alone."""
 FEATURE = 0.22
 """The same for eyes, brows and mouth, which would else look like a mirror's."""
 SURE = 0.15
@@ -132,17 +142,17 @@ def frontal_view(exemplar: Exemplar, pose: FacePose, person: Float32 | None = No
         within = cv2.erode(np.asarray(person, np.float32), np.ones((side, side), np.uint8))
         beside = 1 - np.clip(2 * _sampled(within, own), 0, 1)
         clear = clear * (1 - beside * head.inside)
-    across = own[:, ::-1], clear[:, ::-1]
-    share = _own_share(clear, across[1], head.needed, pose.scale)
-    ours, theirs = (_sampled(exemplar.image, places) for places in (own, across[0]))
-    both = head.face * ((clear > SURE) & (across[1] > SURE))
+    ours = _sampled(exemplar.image, own)
+    other, theirs = _mirror_image(exemplar.image, own, head.landmarks, pose.scale)
+    share = _own_share(ours, theirs, clear, clear[:, ::-1], head.needed, pose.scale)
+    both = head.face * ((clear > SURE) & (clear[:, ::-1] > SURE))
     theirs = _relit(ours, theirs, share, both, head.face, pose.scale)
     image = share[..., None] * ours + (1 - share[..., None]) * theirs
     mask = None
     if exemplar.mask is not None:
-        values = [_sampled(exemplar.mask, places) for places in (own, across[0])]
+        values = [_sampled(exemplar.mask, places) for places in (own, other)]
         mask = np.asarray(share * values[0] + (1 - share) * values[1], np.float32)
-    places = np.where(share[..., None] > 0.5, own, across[0])
+    places = np.where(share[..., None] > 0.5, own, other)
     return Frontal(np.asarray(np.clip(image, 0, 255) + 0.5, np.uint8), head.landmarks,
                    1 - share, np.asarray(places, np.float32), mask, pose)
 
@@ -241,9 +251,50 @@ def _oval(x: Float64, y: Float64, wide: float, middle: float, high: float) -> Fl
     return np.asarray(np.clip((1.05 - reach) / 0.1, 0, 1), np.float64)
 
 
-def _own_share(clear: Float32, mirrored: Float32, needed: Float32, scale: float) -> Float32:
-    """Share of what the painter showed at a place, against its mirror image, float32 [h, w]."""
-    own = ((clear > needed) | (clear >= mirrored)).astype(np.float32)
+def _mirror_image(image: NDArray[np.uint8], own: Float32, landmarks: Float64, scale: float,
+                  ) -> tuple[Float32, Float32]:
+    """Places [h, w, 2] of what lies across the axis, and its paint [h, w, 3].
+
+    An eye's white and iris are the other eye's shifted, not mirrored: both look the same way.
+    """
+    places = np.ascontiguousarray(own[:, ::-1])
+    paint = _sampled(image, places)
+    height, width = own.shape[:2]
+    for eye, twin in ((slice(36, 42), slice(42, 48)), (slice(42, 48), slice(36, 42))):
+        opening = np.zeros((height, width), np.float32)
+        cv2.fillPoly(opening, [np.round(landmarks[eye]).astype(np.int32)], 1.0)
+        x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+        away = landmarks[twin].mean(axis=0) - landmarks[eye].mean(axis=0)
+        shifted = np.asarray(cv2.remap(own, x + np.float32(away[0]), y + np.float32(away[1]),
+                                       cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE),
+                             np.float32)
+        soft = _blurred(opening, max(0.01 * scale, 0.5))[..., None]
+        paint = np.asarray(paint + soft * (_sampled(image, shifted) - paint), np.float32)
+        places = np.where(soft > 0.5, shifted, places)
+    return places, paint
+
+
+def _own_share(ours: Float32, theirs: Float32, clear: Float32, mirrored: Float32,
+               needed: Float32, scale: float) -> Float32:
+    """Share of what the painter showed at a place, against its mirror image, float32 [h, w].
+
+    Where he saw it clearly it is his, where he hardly did it is the mirror image's. Between the
+    two runs the seam, along which they differ least: not across a lock of hair or a shadow's edge.
+    """
+    never = (clear <= needed) & (clear < mirrored)
+    always = (clear > np.where(needed < CLEAR, needed, FULL)) | (clear >= mirrored)
+    shrink = min(1.0, CUT / scale)
+    size = tuple(max(int(side * shrink), 8) for side in clear.shape[::-1])
+    images = [np.asarray(cv2.resize(_blurred(one, 0.02 * scale), size,
+                                    interpolation=cv2.INTER_AREA), np.float32)
+              for one in (ours, theirs)]
+    masks = [np.asarray(cv2.resize(np.asarray(~never_here, np.uint8) * 255, size,
+                                   interpolation=cv2.INTER_NEAREST), np.uint8)
+             for never_here in (never, always)]
+    finder: Any = cv2.detail.GraphCutSeamFinder("COST_COLOR")
+    kept = finder.find(images, [(0, 0), (0, 0)], masks)[0].get() > 0  # finds UMats
+    cut = cv2.resize(np.asarray(kept, np.float32), clear.shape[::-1])
+    own: Float32 = np.asarray(np.where(always, 1.0, np.where(never, 0.0, cut)), np.float32)
     # No islands; and an edge that is soft over a stroke, not over a feature.
     side = 2 * int(0.03 * scale) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
@@ -274,7 +325,13 @@ def _relit(ours: Float32, theirs: Float32, share: Float32, both: Float32, face: 
     broad = 0.04 * scale
     known = np.maximum(_blurred(both, broad), np.float32(1e-3))
     size = max(ours.shape[1] // SMALL, 8), max(ours.shape[0] // SMALL, 8)
-    differing = _blurred(both[..., None] * (ours - theirs), broad) / known[..., None]
+    # Light multiplies: a brighter cheek makes no grey of a black hat beside it.
+    brightness = [np.log(np.maximum(one, 0) + DARK) for one in (ours, theirs)]
+    differing = _blurred(both[..., None] * (brightness[0] - brightness[1]), broad)
+    differing = np.asarray(differing / known[..., None], np.float32)
+    # What is told apart by more than light (hair and skin) says little of the light.
+    like = np.exp(-(np.abs(differing).max(axis=-1) / UNLIKE) ** 2)
+    seam = np.asarray(seam * like, np.float32)
     weight, light = (np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.float32)
                      for plane in (seam, differing))
     # From broad to narrow: near the seam its own difference counts, further away a mean of more.
@@ -286,7 +343,8 @@ def _relit(ours: Float32, theirs: Float32, share: Float32, both: Float32, face: 
         sure = np.clip(total / (0.2 * float(total.max()) + 1e-6), 0, 1)
         mean = np.asarray(mean + sure * (here - mean), np.float32)
     change = cv2.resize(mean, ours.shape[1::-1], interpolation=cv2.INTER_CUBIC)
-    return np.asarray(theirs + face[..., None] * change, np.float32)
+    lit = np.exp(brightness[1] + face[..., None] * change) - DARK
+    return np.asarray(lit, np.float32)
 
 
 def _blurred(picture: Float32, sigma: float) -> Float32:
