@@ -1,15 +1,15 @@
-"""What ``transfer`` does to a photo, a folder and a video, and ``styles add`` to a painting."""
+"""What ``transfer`` does to a photo, a folder and a video."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
 
 from ..errors import UserError
 from ..example import (
@@ -24,15 +24,11 @@ from ..example import (
     prepare,
     suited,
 )
+from ..face import detect_landmarks
 from ..files import read_image, write_image
 from ..progress import Progress
 
-__all__ = ["add_style", "transfer_folder", "transfer_photo", "transfer_video"]
-
-_LINES = ((0, 17), (17, 22), (22, 27), (27, 31), (31, 36), (36, 42), (42, 48), (48, 60), (60, 68))
-"""First and last point of each line through the 68 landmarks."""
-_CLOSED = {36, 42, 48, 60}
-
+__all__ = ["transfer_folder", "transfer_photo", "transfer_video"]
 
 class _Painter:
     """Exemplars prepared when they are first needed, and used for all photos."""
@@ -114,6 +110,9 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
     if out.suffix.lower() not in (".mp4", ".mov", ".mkv"):
         raise UserError(f"{path} is a video: name one with --out, for example out.mp4")
     rate, frames = video_frames(path)
+    frames, points = _first_face(frames)
+    if points is not None:
+        exemplar = suited(exemplar, points)
     video = VideoTransfer(Transfer(exemplar, config))
     start = time.perf_counter()
 
@@ -129,39 +128,14 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
             "frames_per_second": count / seconds, "flicker": flicker}
 
 
-def add_style(path: Path) -> dict[str, Any]:
-    """Landmarks of a painting: found and written beside it, or read from there; and drawn."""
-    from ..face import detect_landmarks, read_landmarks, write_landmarks
-
-    image = np.ascontiguousarray(read_image(path)[..., :3])
-    beside, drawn = path.with_suffix(".landmarks.txt"), path.with_suffix(".landmarks.png")
-    if beside.exists():
-        points = read_landmarks(beside)
-        print(f"{beside} is there already and was drawn; remove it to have landmarks found anew")
-    else:
-        found = detect_landmarks(image)
-        if found is None:
-            raise UserError(f"no face found in {path}; write its 68 landmarks into {beside.name} "
-                            "beside it, one 'x y' a line, and call this again")
-        points = np.asarray(found, np.float64)
-        write_landmarks(beside, points)
-        print(f"wrote {beside}; look at {drawn.name}, and where points are off correct them there")
-    write_image(drawn, draw_landmarks(image, points))
-    return {"image": str(path), "landmarks": str(beside), "picture": str(drawn)}
-
-
-def draw_landmarks(image: NDArray[np.uint8], points: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """The picture with numbered landmarks, enlarged so that the numbers can be read."""
-    size = float(np.ptp(points, axis=0).max())
-    factor = int(np.clip(np.ceil(900 / max(size, 1.0)), 1, 6))
-    picture = Image.fromarray(image).resize((image.shape[1] * factor, image.shape[0] * factor))
-    draw = ImageDraw.Draw(picture)
-    places = [(float(x) * factor, float(y) * factor) for x, y in points]
-    for first, end in _LINES:
-        line = places[first:end] + ([places[first]] if first in _CLOSED else [])
-        draw.line(line, fill=(0, 160, 255), width=2)
-    for number, (x, y) in enumerate(places):
-        draw.ellipse((x - 3, y - 3, x + 3, y + 3), fill=(255, 40, 40))
-        draw.text((x + 4, y - 5), str(number), fill=(0, 220, 0), stroke_width=2,
-                  stroke_fill=(0, 0, 0))
-    return np.asarray(picture, np.uint8)
+def _first_face(frames: Iterator[NDArray[np.uint8]], most: int = 30,
+                ) -> tuple[Iterator[NDArray[np.uint8]], NDArray[np.float64] | None]:
+    """All frames, and the landmarks of the first face among the first ``most``, or None."""
+    looked_at: list[NDArray[np.uint8]] = []
+    points = None
+    for frame in islice(frames, most):
+        looked_at.append(frame)
+        points = detect_landmarks(frame)
+        if points is not None:
+            break
+    return chain(looked_at, frames), points

@@ -6,6 +6,7 @@ from ..lazy import attach
 
 if TYPE_CHECKING:
     from .head_model import HeadModel
+    from .lattice import head_field
     from .painting import demo_exemplar, exemplar_camera
     from .people import PAINTED, SITTER, landmarks
     from .sittings import embedded_sittings
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
     from .styles import demo_styles, style_makers
 
 __all__ = ["PAINTED", "SITTER", "HeadModel", "Picture", "demo_cameras", "demo_capture",
-           "demo_exemplar", "demo_styles", "embedded_sittings", "exemplar_camera", "landmarks",
+           "demo_exemplar", "demo_styles", "embedded_sittings", "exemplar_camera", "head_field",
+           "landmarks",
            "photograph", "style_makers"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -25,6 +25,8 @@ __all__ = ["Picture", "demo_cameras", "demo_capture", "photograph"]
 
 _BAND = 16
 _GRID = 257
+EXTENT = 1.06
+"""Half the side of the cube that the baked distances span."""
 
 
 @dataclass
@@ -57,8 +59,12 @@ def _share(work: Callable[[int], None], count: int) -> None:
 
 
 @lru_cache(maxsize=2)
-def _grid(model: HeadModel) -> NDArray[np.float32]:
-    """The baked distances of a head, kept for the next picture."""
+def distances(model: HeadModel) -> NDArray[np.float32]:
+    """The baked distances of a head to its surface, kept for the next picture.
+
+    float32 [257, 257, 257] (z, y, x) over the cube of half side `EXTENT`; away from the surface
+    only bounds of it.
+    """
     grid = np.zeros((_GRID, _GRID, _GRID), np.float32)
     _share(lambda layer: bake(model, grid, layer, layer + 1), (_GRID - 1) // 4)
     return grid
@@ -83,7 +89,7 @@ def photograph(model: HeadModel, cameras: Camera, view: int = 0) -> Picture:
     image = np.zeros((height, width, 4), np.uint8)
     aux = np.zeros((height, width, 5), np.float32)
     aux[..., 3] = -1.0
-    grid = _grid(model)
+    grid = distances(model)
     pose, focal, center = cameras.pose[view], cameras.focal[view], cameras.center[view]
 
     def band(index: int) -> None:

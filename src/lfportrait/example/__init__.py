@@ -34,12 +34,14 @@ if TYPE_CHECKING:
     from .surface_guide import SurfaceGuide, surface_position_guide
     from .table import LookUpTable, TableConfig, build_table
     from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks, transfer
-    from .turned import suited
+    from .turned import FRONTAL, PROFILE, frontal_view, head_mesh, suited
     from .video import VideoTransfer
 
 __all__ = [
+    "FRONTAL",
     "LABELS",
     "METHODS",
+    "PROFILE",
     "BlitConfig",
     "Exemplar",
     "FaceBlit",
@@ -73,6 +75,8 @@ __all__ = [
     "face_landmarks",
     "face_size",
     "find_regions",
+    "frontal_view",
+    "head_mesh",
     "mix_regions",
     "paint",
     "position_guide",

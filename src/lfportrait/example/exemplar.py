@@ -40,12 +40,15 @@ class Exemplar:
     mask
         float32 [H, W] in [0, 1]: the person (head, hair, neck and clothes) against the background,
         or None; then the transfer segments the picture itself.
+    faces
+        How many faces were found in the picture; 1 where its landmarks were given.
     """
 
     image: NDArray[np.uint8]
     landmarks: NDArray[np.float64]
     name: str = "exemplar"
     mask: NDArray[np.float32] | None = field(default=None, repr=False)
+    faces: int = 1
 
     def __post_init__(self) -> None:
         self.image = np.ascontiguousarray(self.image[..., :3], np.uint8)
@@ -61,15 +64,18 @@ class Exemplar:
         return face_size(self.landmarks)
 
     @staticmethod
-    def load(style: str | Path) -> Exemplar:
+    def load(style: str | Path, landmarks: NDArray[np.floating] | None = None) -> Exemplar:
         """Load an exemplar.
 
         Parameters
         ----------
         style
             A picture; its landmarks lie beside it in ``NAME.landmarks.txt`` (one "x y" a line,
-            68 lines) or are detected. A mask ``NAME.mask.png`` (white = person) is used if there.
+            68 lines) or are detected: those of the largest face. A mask ``NAME.mask.png`` (white =
+            person) is used if there.
             Or the name of a built-in exemplar.
+        landmarks
+            [68, 2], instead of those beside the picture or detected.
 
         Raises
         ------
@@ -81,7 +87,8 @@ class Exemplar:
             return _built_in(str(style))
         picture = read_image(path)
         image = np.ascontiguousarray(picture[..., :3])
-        landmarks = _landmarks_beside(path, image)
+        points, faces = ((np.asarray(landmarks, np.float64), 1) if landmarks is not None
+                         else _landmarks_beside(path, image))
         mask_path = path.with_suffix(".mask.png")
         mask = None
         if mask_path.exists():
@@ -90,7 +97,7 @@ class Exemplar:
                 raise UserError(f"{mask_path} must have the size of {path}")
         elif picture.shape[2] == 4 and (picture[..., 3] < 255).any():
             mask = picture[..., 3].astype(np.float32) / 255.0
-        return Exemplar(image, landmarks, path.stem, mask)
+        return Exemplar(image, points, path.stem, mask, faces)
 
 
 def _built_in(name: str) -> Exemplar:
@@ -103,19 +110,20 @@ def _built_in(name: str) -> Exemplar:
                     f"{', '.join(styles)}")
 
 
-def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Landmarks from the file beside the picture, else detected."""
-    from ..face import detect_landmarks, read_landmarks
+def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
+    """Landmarks from the file beside the picture, else of its largest face; and how many it has."""
+    from ..face import detect_faces, read_landmarks
 
     beside = path.with_suffix(".landmarks.txt")
     if beside.exists():
-        return np.asarray(read_landmarks(beside), np.float64)
+        return np.asarray(read_landmarks(beside), np.float64), 1
     try:
-        found = detect_landmarks(image)
+        found = detect_faces(image, thorough=False)
     except UserError as error:
         raise UserError(f"the style {path} has no {beside.name} beside it, and its landmarks "
                         f"can't be detected: {error}") from error
-    if found is None:
-        raise UserError(f"no face found in the style {path}; put its 68 landmarks into "
+    if not found:
+        raise UserError(f"no face found in the style {path}; say where it is with `lfportrait "
+                        f"styles add {path.name} --at X Y`, or put its 68 landmarks into "
                         f"{beside.name} beside it, one 'x y' a line")
-    return np.asarray(found, np.float64)
+    return np.asarray(found[0], np.float64), len(found)

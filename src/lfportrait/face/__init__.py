@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .detect import detect_landmarks, face_yaw
+from .detect import detect_faces, detect_landmarks, face_yaw
 from .generic_head import GENERIC_LANDMARKS, generic_depth
 from .mask import face_mask
 from .points import read_landmarks, write_landmarks
@@ -18,6 +18,7 @@ from .triangulate import frontal_order, landmarks_of_capture, triangulate
 __all__ = [
     "GENERIC_LANDMARKS",
     "FacePose",
+    "detect_faces",
     "detect_landmarks",
     "face_mask",
     "face_pose",

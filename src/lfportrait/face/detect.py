@@ -19,12 +19,15 @@ from numpy.typing import NDArray
 from .. import models
 from .points import FROM_MEDIAPIPE, centred
 
-__all__ = ["detect_landmarks", "face_yaw"]
+__all__ = ["detect_faces", "detect_landmarks", "face_yaw"]
+
+_MANY = 8
+"""Faces that are looked for in a picture."""
 
 
-@functools.lru_cache(maxsize=2)
-def _landmarker(path: str) -> Any:
-    """MediaPipe's detector for the model file, one a process, its chatter silenced."""
+@functools.lru_cache(maxsize=4)
+def _landmarker(path: str, faces: int) -> Any:
+    """MediaPipe's detector of so many faces, one a process, its chatter silenced."""
     os.environ.setdefault("GLOG_minloglevel", "3")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     saved = os.dup(2)
@@ -34,7 +37,7 @@ def _landmarker(path: str) -> Any:
         from mediapipe.tasks.python import BaseOptions, vision
 
         options = vision.FaceLandmarkerOptions(
-            base_options=BaseOptions(model_asset_path=path), num_faces=1,
+            base_options=BaseOptions(model_asset_path=path), num_faces=faces,
             min_face_detection_confidence=0.4)
         detector = vision.FaceLandmarker.create_from_options(options)
         # When the process ends, closing would fail on threads and modules that are gone already
@@ -55,14 +58,89 @@ def _mediapipe_image(image: NDArray[np.uint8]) -> Any:
                            data=np.ascontiguousarray(image))
 
 
-def _mesh(image: NDArray[np.uint8]) -> NDArray[np.float64] | None:
-    """MediaPipe's points of the largest face mapped to 68 landmarks, [68, 2], or None."""
-    found = _landmarker(str(models.fetch("face-landmarker"))).detect(_mediapipe_image(image))
-    if not found.face_landmarks:
-        return None
+def _meshes(image: NDArray[np.uint8], most: int = 1) -> list[NDArray[np.float64]]:
+    """MediaPipe's points of ``most`` faces mapped to 68 landmarks [68, 2], the largest first."""
+    detector = _landmarker(str(models.fetch("face-landmarker")), most)
+    found = detector.detect(_mediapipe_image(image))
     height, width = image.shape[:2]
-    mesh = np.array([(point.x * width, point.y * height) for point in found.face_landmarks[0]])
-    return mesh[FROM_MEDIAPIPE]
+    faces: list[NDArray[np.float64]] = []
+    for mesh in found.face_landmarks:  # the surest first
+        points = np.array([(point.x * width, point.y * height) for point in mesh])[FROM_MEDIAPIPE]
+        if not _among(points, faces):
+            faces.append(points)
+    return sorted(faces, key=_extent, reverse=True)
+
+
+def _among(points: NDArray[np.float64], faces: list[NDArray[np.float64]]) -> bool:
+    """Whether landmarks are those of a face that was found before."""
+    return any(np.linalg.norm(points.mean(axis=0) - one.mean(axis=0)) < 0.3 * _extent(one)
+               for one in faces)
+
+
+def _extent(points: NDArray[np.float64]) -> float:
+    """Size of a face in pixels: the diagonal of its landmarks' box."""
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def detect_faces(image: NDArray[np.uint8], near: tuple[float, float] | None = None, *,
+                 thorough: bool = True) -> list[NDArray[np.float64]]:
+    """The 68 landmarks of every face in a picture, the largest first.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3], sRGB.
+    near
+        A place (x, y) in pixels on the one face that is meant: windows around it are looked at,
+        and only a face whose landmarks surround it is given back. For faces that are overlooked,
+        or where a pattern is taken for one.
+    thorough
+        Also look at crops. A picture that shows one face gives what `detect_landmarks` finds.
+
+    Returns
+    -------
+    faces
+        float64 [68, 2] each, as `detect_landmarks`; empty if there is none.
+    """
+    height, width = image.shape[:2]
+    windows = list(_windows(height, width) if near is None else _around(near, height, width))
+    if near is None and not thorough:
+        windows = windows[:1]
+    faces: list[NDArray[np.float64]] = []
+    for x0, y0, x1, y1 in windows:
+        for points in _meshes(image[y0:y1, x0:x1], _MANY):
+            points = points + np.array([x0, y0])
+            if near is not None and not _within(points, near):
+                continue
+            # The same face in another window: the first window shows most of it.
+            if not _among(points, faces):
+                faces.append(_second_opinion(image, points))
+        if near is not None and faces:
+            return faces[:1]
+    if len(faces) < 2 and near is None:
+        one = detect_landmarks(image)
+        return [] if one is None else [one]
+    return sorted(faces, key=_extent, reverse=True)
+
+
+def _around(near: tuple[float, float], height: int, width: int,
+            ) -> Iterator[tuple[int, int, int, int]]:
+    """Crops (x0, y0, x1, y1) around a place, from large to small."""
+    for part in (1.0, 0.7, 0.5, 0.35, 0.25, 0.17):
+        half = 0.5 * part * max(height, width)
+        x0, y0 = (int(np.clip(at - half, 0, end - 1)) for at, end in zip(near, (width, height),
+                                                                       strict=True))
+        x1, y1 = (int(np.clip(at + half, 1, end)) for at, end in zip(near, (width, height),
+                                                                    strict=True))
+        if x1 - x0 >= 32 and y1 - y0 >= 32:
+            yield x0, y0, x1, y1
+
+
+def _within(points: NDArray[np.float64], place: tuple[float, float]) -> bool:
+    """Whether a place lies in the box around landmarks, forehead included."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    low = low - [0.0, 0.4 * (high[1] - low[1])]
+    return bool((np.asarray(place) >= low).all() and (np.asarray(place) <= high).all())
 
 
 def _windows(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
@@ -120,9 +198,9 @@ def detect_landmarks(image: NDArray[np.uint8], *, turns: tuple[int, ...] = (0,),
         turned = np.rot90(image, turn)
         height, width = turned.shape[:2]
         for x0, y0, x1, y1 in _windows(height, width) if thorough else [(0, 0, width, height)]:
-            points = _mesh(turned[y0:y1, x0:x1])
-            if points is not None:
-                points = points + np.array([x0, y0])
+            faces = _meshes(turned[y0:y1, x0:x1])
+            if faces:
+                points = faces[0] + np.array([x0, y0])
                 if thorough:
                     points = _second_opinion(turned, points)
                 return _turn_back(points, turn, image.shape)

@@ -2,14 +2,19 @@
 
 `pipeline` joins them, `stages` sees that nothing finished is done twice, `person` cuts the person
 out of photos with a background, `summary` fills the report. `photo_check` looks at photos before
-any of that, `check_picture` draws what it found.
+any of that, `check_picture` draws what it found; `style_check` and `style_picture` do the same
+for a painting.
 """
 
 from .check_picture import check_picture
 from .person import cut_person
 from .photo_check import PhotoCheck, PhotoFacts, check_photos
 from .pipeline import MakeConfig, make, prepare_capture
+from .style_check import StyleCheck, check_style, chosen_face
+from .style_landmarks import add_style
+from .style_picture import style_picture
 from .warmup import Warmup
 
-__all__ = ["MakeConfig", "PhotoCheck", "PhotoFacts", "Warmup", "check_photos", "check_picture",
-           "cut_person", "make", "prepare_capture"]
+__all__ = ["MakeConfig", "PhotoCheck", "PhotoFacts", "StyleCheck", "Warmup", "add_style",
+           "check_photos", "check_picture", "check_style", "chosen_face", "cut_person", "make",
+           "prepare_capture", "style_picture"]

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 from ..capture import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
 from .photo_check import PhotoCheck, PhotoFacts
 
-__all__ = ["check_picture"]
+__all__ = ["check_picture", "wrapped"]
 
 _WIDTH, _HEIGHT, _RADIUS = 1772, 470, 290
 _FAINT, _SKIN = (214, 211, 204), (236, 226, 212)
@@ -60,7 +60,8 @@ def _arc(draw: ImageDraw.ImageDraw, check: PhotoCheck) -> None:
                   "behind, or hidden) are not drawn here.", INK, font(14))
 
 
-def _wrapped(draw: ImageDraw.ImageDraw, text: str, width: float, size: int) -> list[str]:
+def wrapped(draw: ImageDraw.ImageDraw, text: str, width: float, size: int) -> list[str]:
+    """A text in lines of at most ``width`` pixels."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".strip()
@@ -88,7 +89,7 @@ def check_picture(check: PhotoCheck) -> NDArray[np.uint8]:
     draw.text((left, y), f"{len(check.photos)} photos, {useful} of use", INK, font(26))
     y += 48
     for line in check.advice or ["All is well: these photos should make a portrait."]:
-        rows = _wrapped(draw, line, _WIDTH - left - 60, 18)
+        rows = wrapped(draw, line, _WIDTH - left - 60, 18)
         if y + 25 * len(rows) > _HEIGHT - 10:
             draw.text((left + 22, y), "...", INK, font(18))
             break

@@ -49,6 +49,9 @@ def notices(capture: Capture, exemplars: Sequence[Exemplar], config: StylizeConf
         return out
     for exemplar in exemplars:
         theirs = exemplar.landmarks
+        if exemplar.faces > 1:
+            out.append(f"{exemplar.name} shows {exemplar.faces} faces, the largest was taken: "
+                       "`lfportrait styles add PICTURE --face 2` takes another")
         kept = set(config.keep)
         if "eyes" not in kept and eye_opening(points) < SHUT and eye_opening(theirs) > OPEN:
             out.append(f"the sitter's eyes are closed, those of {exemplar.name} are open: "

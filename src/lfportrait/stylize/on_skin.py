@@ -90,7 +90,8 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
         model = ColorModel(field, config.background)
         look_up_rows(model, painting)
         figures: dict[str, Any] = {"style": exemplar.name, "painting": painting.seconds,
-                                   "pose": face_pose(exemplar.landmarks).angles}
+                                   "pose": face_pose(exemplar.landmarks).angles,
+                                   "materials": painter.materials()}
         if not config.preview and config.iterations > 0:
             known = model.seen.copy()
             errors = model.fit(views.of(painting, 1), config.iterations, progress,

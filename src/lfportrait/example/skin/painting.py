@@ -33,6 +33,7 @@ from ..transfers import CALM, Transfer, TransferConfig
 from ..turned import frontalised
 from .canvas import Canvas, canvas_of
 from .materials import (
+    LEAST,
     MATERIALS,
     ROAM,
     SKIN,
@@ -263,13 +264,23 @@ class SkinPainter:
         """Weights of tone, detail and materials."""
         return self.config.tone_weight, self.config.detail_weight, self.config.material_weight
 
+    def materials(self) -> dict[str, float]:
+        """Shares of the exemplar's picture by material; what it does not show is left out."""
+        means = self._all_shares().reshape(-1, len(MATERIALS)).mean(axis=0)
+        return {name: round(float(share), 4) for name, share in zip(MATERIALS, means)
+                if share > LEAST}
+
+    def _all_shares(self) -> Float32:
+        """Materials of the exemplar's pixels, found when first asked for."""
+        if self._shares is None:
+            self._shares = exemplar_shares(self.exemplar, self.transfer.regions,
+                                           self.transfer.labels)
+        return self._shares
+
     def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
         """The exemplar at the painting's scale, its pyramid and materials; the last one is kept."""
         if size not in self._sources:
-            if self._shares is None:
-                self._shares = exemplar_shares(self.exemplar, self.transfer.regions,
-                                               self.transfer.labels)
-            picture, theirs = resized_materials(self.exemplar, self._shares, size)
+            picture, theirs = resized_materials(self.exemplar, self._all_shares(), size)
             self._sources = {size: (PatchSource.of(picture, material_guides(
                 theirs.shares, theirs.tone, theirs.detail, self._weights())), theirs)}
         return self._sources[size]

@@ -99,10 +99,7 @@ def frontalised(exemplar: Exemplar) -> Exemplar:
         raise UserError(f"the face in {exemplar.name} looks to the picture's {side}, "
                         f"{abs(pose.yaw):.0f} degrees away: a painting needs both eyes, "
                         f"turned by {PROFILE:.0f} degrees at most")
-    person = exemplar.mask
-    if person is None:
-        person = find_regions(exemplar.image, exemplar.landmarks).person
-    found = frontal_view(exemplar, pose, person)
+    found = frontal_view(exemplar, pose)
     return Exemplar(found.image, found.landmarks, exemplar.name, found.mask)
 
 
@@ -126,22 +123,22 @@ def suited(exemplar: Exemplar, landmarks: NDArray[np.floating]) -> Exemplar:
     return exemplar if abs(painted - photo) <= abs(photo) else frontalised(exemplar)
 
 
-def frontal_view(exemplar: Exemplar, pose: FacePose, person: Float32 | None = None) -> Frontal:
+def frontal_view(exemplar: Exemplar, pose: FacePose) -> Frontal:
     """The frontal picture of an exemplar's face, with the paint's size as it is.
 
-    ``person`` float32 [H, W], by default the painting's mask, is what of it is the person: a place
-    of the head that falls beside it was not painted.
+    Where the exemplar has no mask the person is segmented: a place of the head that falls beside
+    it was not painted.
     """
+    person = exemplar.mask
+    if person is None:
+        person = find_regions(exemplar.image, exemplar.landmarks).person
     head = _Head(exemplar, pose)
     own, clear = head.places, head.clear
-    if person is None:
-        person = exemplar.mask
-    if person is not None:
-        # A little within the outline: paint there is mixed with what lies behind.
-        side = 2 * int(0.035 * pose.scale) + 1
-        within = cv2.erode(np.asarray(person, np.float32), np.ones((side, side), np.uint8))
-        beside = 1 - np.clip(2 * _sampled(within, own), 0, 1)
-        clear = clear * (1 - beside * head.inside)
+    # A little within the outline: paint there is mixed with what lies behind.
+    side = 2 * int(0.035 * pose.scale) + 1
+    within = cv2.erode(np.asarray(person, np.float32), np.ones((side, side), np.uint8))
+    beside = 1 - np.clip(2 * _sampled(within, own), 0, 1)
+    clear = clear * (1 - beside * head.inside)
     ours = _sampled(exemplar.image, own)
     other, theirs = _mirror_image(exemplar.image, own, head.landmarks, pose.scale)
     share = _own_share(ours, theirs, clear, clear[:, ::-1], head.needed, pose.scale)
@@ -174,34 +171,11 @@ class _Head:
         down = np.arange(rows) * COARSE
         x, y = np.meshgrid(across / pose.scale, (self.center[1] - down) / pose.scale)
         points = np.stack([x, y, generic_depth(x, y)], axis=-1)
-        self.places = self._full(self._seen(points, exemplar.landmarks))
-        normals = _normals(points)
-        facing = normals @ pose.rotation[2]
-        facing[_hidden(points, pose)] = 0.0
-        self.clear = self._full(facing)[..., 0]
+        self.places = self._full(painted_places(points, exemplar.landmarks, pose))
+        self.clear = self._full(clearness(points, pose))[..., 0]
         self.needed = self._full(_needed(x, y))[..., 0]
         self.inside = self._full(_oval(x, y, 0.45, 0.02, 0.66))[..., 0]
         self.face = self._full(_oval(x, y, 0.4, -0.06, 0.58))[..., 0]
-
-    def _seen(self, points: Float64, painted: Float64) -> Float64:
-        """Where the painting has points [h, w, 3] of the head, [h, w, 2]."""
-        known = np.isfinite(painted).all(axis=1)
-        # On the far side the jaw's landmarks slide along the outline: the pose knows better.
-        far = GENERIC_LANDMARKS[:, 0] * np.sign(self.pose.rotation[2, 0]) < 0
-        known &= ~(far & (np.arange(68) < 17))
-        left = painted[known] - self.pose.project(GENERIC_LANDMARKS[known])
-        warp = RBFInterpolator(GENERIC_LANDMARKS[known, :2], left, kernel="thin_plate_spline",
-                               smoothing=2e-3)
-        flat = points.reshape(-1, 3)
-        moves = warp(flat[:, :2]).reshape(*points.shape[:2], 2)
-        # Outside the face the residuals fade: there is nothing that they were measured on.
-        low, high = GENERIC_LANDMARKS[8, 1], GENERIC_LANDMARKS[17:27, 1].max()
-        reach = np.sqrt((points[..., 0] / GENERIC_LANDMARKS[16, 0]) ** 2
-                        + ((points[..., 1] - (low + high) / 2) / (0.5 * (high - low))) ** 2)
-        fade = np.exp(-(np.maximum(reach - 1.1, 0) / 0.5) ** 2)
-        limit = 0.3 * self.pose.scale
-        return np.asarray(self.pose.project(points)
-                          + fade[..., None] * np.clip(moves, -limit, limit), np.float64)
 
     def _full(self, values: Float64) -> Float32:
         """Values of the coarse grid at every pixel, float32 [h, w, C]."""
@@ -213,6 +187,40 @@ class _Head:
         found = cv2.remap(np.asarray(values, np.float32), grid_x, grid_y, cv2.INTER_LINEAR,
                           borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(found.reshape(height, width, -1), np.float32)
+
+
+def painted_places(points: Float64, painted: Float64, pose: FacePose) -> Float64:
+    """Where a painting with landmarks [68, 2] has points [h, w, 3] of the generic head, [h, w, 2].
+
+    By the pose, and by a smooth warp of what it leaves over of the landmarks.
+    """
+    known = np.isfinite(painted).all(axis=1)
+    # On the far side the jaw's landmarks slide along the outline: the pose knows better.
+    far = GENERIC_LANDMARKS[:, 0] * np.sign(pose.rotation[2, 0]) < 0
+    known &= ~(far & (np.arange(68) < 17))
+    left = painted[known] - pose.project(GENERIC_LANDMARKS[known])
+    warp = RBFInterpolator(GENERIC_LANDMARKS[known, :2], left, kernel="thin_plate_spline",
+                           smoothing=2e-3)
+    flat = points.reshape(-1, 3)
+    moves = warp(flat[:, :2]).reshape(*points.shape[:2], 2)
+    # Outside the face the residuals fade: there is nothing that they were measured on.
+    low, high = GENERIC_LANDMARKS[8, 1], GENERIC_LANDMARKS[17:27, 1].max()
+    reach = np.sqrt((points[..., 0] / GENERIC_LANDMARKS[16, 0]) ** 2
+                    + ((points[..., 1] - (low + high) / 2) / (0.5 * (high - low))) ** 2)
+    fade = np.exp(-(np.maximum(reach - 1.1, 0) / 0.5) ** 2)
+    limit = 0.3 * pose.scale
+    return np.asarray(pose.project(points)
+                      + fade[..., None] * np.clip(moves, -limit, limit), np.float64)
+
+
+def clearness(points: Float64, pose: FacePose) -> Float64:
+    """How clearly the painter saw points [h, w, 3]: cosine to his direction, 0 if hidden, [h, w].
+
+    The points are a height field, rows downwards, every `COARSE` pixels.
+    """
+    facing = np.asarray(_normals(points) @ pose.rotation[2], np.float64)
+    facing[_hidden(points, pose)] = 0.0
+    return facing
 
 
 def _normals(points: Float64) -> Float64:

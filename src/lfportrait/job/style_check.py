@@ -1,0 +1,238 @@
+"""What can be told of a painting before a head is painted by it.
+
+How the face is turned and which parts of it are therefore taken from its mirror image, how large it
+is beside what displays show, which materials (hair, neck, clothes) it has paint for and which must
+be made of others, and a preview on the embedded head.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import BAD, FAIR, GOOD, Camera, Capture
+from ..demo import SITTER as HEAD
+from ..demo import demo_cameras, head_field, landmarks
+from ..errors import UserError
+from ..example import FRONTAL, PROFILE, Exemplar, frontal_view
+from ..face import FacePose, detect_faces, face_pose
+from ..files import read_image
+from ..lightfield import Display, EncodeConfig
+from ..stylize import StylizeConfig, stylize_with_figures
+
+__all__ = ["StyleCheck", "check_style", "chosen_face"]
+
+DISPLAYS = ("lookingglass-go", "generic-4k", "lookingglass-16", "generic-8k")
+"""Displays that a face's size is compared with."""
+BENT = 0.12
+"""Residual over the face's size from which on landmarks are doubtful; usual is 0.04 to 0.08."""
+GREY = 6.0
+"""Mean distance of the channels (of 255) below which a picture has no colours."""
+SIDES = {"cheek": (0.27, -0.15), "temple": (0.33, 0.16), "jaw": (0.26, -0.42),
+         "eye": (0.17, 0.03), "ear": (0.42, -0.02)}
+"""Places on the generic head, on the picture's right."""
+VIEWS = (-45.0, 0.0, 45.0)
+
+
+@dataclass
+class StyleCheck:
+    """What `check_style` found.
+
+    Attributes
+    ----------
+    exemplar
+        The painting, its landmarks those of the face that was chosen.
+    faces
+        float64 [68, 2] each, all faces that were found, the largest first; empty if landmarks were
+        given.
+    pose
+        Of the face.
+    frontal, mirrored
+        uint8 [h, w, 3], the frontal picture that is painted from, and float32 [h, w] in [0, 1],
+        what of it is a mirror image; None for a face that is taken as it is.
+    preview
+        uint8 [H, W, 3]: the embedded head from the left, the front and the right.
+    facts
+        Lines, each with the colour of its grade.
+    figures
+        For ``--json``.
+    """
+
+    exemplar: Exemplar
+    faces: list[NDArray[np.float64]]
+    pose: FacePose
+    frontal: NDArray[np.uint8] | None = None
+    mirrored: NDArray[np.float32] | None = None
+    preview: NDArray[np.uint8] | None = None
+    facts: list[tuple[tuple[int, int, int], str]] = field(default_factory=list)
+    figures: dict[str, Any] = field(default_factory=dict)
+
+
+def chosen_face(path: Path, image: NDArray[np.uint8], face: int = 0,
+                at: tuple[float, float] | None = None,
+                ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+    """Landmarks of the one face of a picture that is meant, and of all that were found.
+
+    Parameters
+    ----------
+    path
+        The picture, for messages.
+    image
+        uint8 [H, W, 3].
+    face
+        Number of the face, the largest is 1; 0 is the largest.
+    at
+        A place (x, y) in pixels on the face.
+
+    Raises
+    ------
+    UserError
+        If there is no such face.
+    """
+    faces = detect_faces(image, at)
+    if not faces:
+        where = f"at {at[0]:g} {at[1]:g} in {path}" if at else f"in {path}"
+        more = "" if at else "; say where it is with --at X Y, or"
+        raise UserError(f"no face found {where}{more or ';'} write its 68 landmarks into "
+                        f"{path.with_suffix('.landmarks.txt').name} beside it, one 'x y' a line")
+    if face > len(faces):
+        raise UserError(f"{path} shows {len(faces)} face{'s' if len(faces) > 1 else ''}; there is "
+                        f"no face {face}")
+    return faces[max(face, 1) - 1], faces
+
+
+def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None = None, *,
+                preview: bool = True) -> StyleCheck:
+    """Look at a painting.
+
+    Parameters
+    ----------
+    style
+        The picture; landmarks beside it are used, unless a face is chosen. Or the name of a
+        built-in exemplar.
+    face, at
+        As `chosen_face`.
+    preview
+        Paint the embedded head.
+
+    Raises
+    ------
+    UserError
+        If the picture can't be read or there is no such face.
+    """
+    path = Path(style)
+    faces: list[NDArray[np.float64]] = []
+    if not path.exists() or (path.with_suffix(".landmarks.txt").exists() and not face
+                             and at is None):
+        exemplar = Exemplar.load(style)
+    else:
+        image = np.ascontiguousarray(read_image(path)[..., :3])
+        points, faces = chosen_face(path, image, face, at)
+        exemplar = Exemplar.load(path, points)
+    check = StyleCheck(exemplar, faces, face_pose(exemplar.landmarks))
+    _turn(check)
+    _size(check)
+    if len(faces) > 1:
+        number = max(face, 1)
+        check.facts.append((FAIR, f"{len(faces)} faces: this is number {number}; --face N takes "
+                                  "another"))
+    channels = exemplar.image.astype(np.float32)
+    if float(np.ptp(channels, axis=2).mean()) < GREY:
+        check.facts.append((GOOD, "Drawn in greys; `restyle --keep-colors` gives a portrait the "
+                                  "photo's colours"))
+    if abs(check.pose.yaw) <= PROFILE and preview:
+        _paint(check)
+    return check
+
+
+def _turn(check: StyleCheck) -> None:
+    """How the face is turned, and what is taken from its mirror image."""
+    pose = check.pose
+    words = [f"turned {abs(pose.yaw):.0f} degrees to the picture's "
+             f"{'right' if pose.yaw > 0 else 'left'}"]
+    if abs(pose.pitch) >= 8:
+        words.append(f"looks {abs(pose.pitch):.0f} degrees {'up' if pose.pitch > 0 else 'down'}")
+    if abs(pose.roll) >= 5:
+        words.append(f"leans {abs(pose.roll):.0f} degrees to the picture's "
+                     f"{'left' if pose.roll > 0 else 'right'}")
+    bent = pose.residual / check.exemplar.size
+    check.figures.update(pose=pose.angles, residual=round(bent, 4))
+    if abs(pose.yaw) > PROFILE:
+        check.facts.append((BAD, f"The face is {', '.join(words)}: nearly a profile. A painting "
+                                 f"needs both eyes, turned by {PROFILE:.0f} degrees at most"))
+        return
+    if abs(pose.yaw) < FRONTAL:
+        check.facts.append((GOOD, f"The face is {', '.join(words)}: taken as it is"))
+    else:
+        found = frontal_view(check.exemplar, pose)
+        check.frontal, check.mirrored = found.image, found.mirrored
+        side = "left" if pose.yaw < 0 else "right"
+        sign = -1.0 if pose.yaw < 0 else 1.0
+        parts = [name for name, (x, y) in SIDES.items() if _mirrored_at(check, sign * x, y)]
+        check.figures["mirrored"] = {"side": side, "parts": parts}
+        check.facts.append((FAIR, f"The face is {', '.join(words)}: a frontal picture is made of "
+                                  f"it"))
+        if parts:
+            check.facts.append((FAIR, f"Mirrored on the picture's {side}: {', '.join(parts)}"))
+    if bent > BENT:
+        check.facts.append((FAIR, f"The landmarks differ from a face by {100 * bent:.0f} % of its "
+                                  "size (usual: 4 to 8): look at them with `styles add`"))
+
+
+def _mirrored_at(check: StyleCheck, x: float, y: float) -> bool:
+    """Whether a place of the generic head is taken from its mirror image."""
+    assert check.mirrored is not None
+    height, width = check.mirrored.shape
+    column = int(np.clip(width / 2 + check.pose.scale * x, 0, width - 1))
+    row = int(np.clip(check.pose.shift[1] - check.pose.scale * y, 0, height - 1))
+    return bool(check.mirrored[row, column] > 0.5)
+
+
+def _size(check: StyleCheck) -> None:
+    """How large the face is beside what displays show of it."""
+    points = check.exemplar.landmarks
+    pixels = float(np.nanmax(points[:, 1]) - np.nanmin(points[:, 1]))
+    shown = {}
+    for name in DISPLAYS:
+        # The head's frame is 2 high, and takes `size` of the panel's height.
+        face = float(np.ptp(landmarks(HEAD)[:, 1])) / 2 * EncodeConfig().size
+        shown[name] = round(face * Display.preset(name).height)
+    check.figures.update(face_pixels=round(pixels), rows_shown=shown)
+    enough = [name for name, rows in shown.items() if pixels >= 0.8 * rows]
+    less = [f"{name} {rows}" for name, rows in shown.items() if name not in enough]
+    text = f"The face is {pixels:.0f} pixels high from chin to brows"
+    if enough:
+        text += f": enough for {', '.join(enough)}"
+    if less:
+        text += f"; shown with more rows, so that strokes are coarse: {', '.join(less)}"
+    check.facts.append((GOOD if enough else FAIR if pixels > 200 else BAD, text))
+
+
+def _paint(check: StyleCheck) -> None:
+    """Paint the embedded head, and tell which paint it was made of."""
+    cameras = demo_cameras(256, 12)
+    empty = np.zeros((256, 256, 3), np.uint8)
+    capture = Capture(cameras, [empty] * len(cameras.pose), None,
+                      [str(number) for number in range(len(cameras.pose))],
+                      np.zeros(len(cameras.pose), bool), np.eye(4), landmarks(HEAD))
+    styled, figures = stylize_with_figures(head_field(HEAD), capture, check.exemplar,
+                                           StylizeConfig(preview=True, pixels=320.0))
+    known = figures["materials"]
+    check.figures.update(materials=known, notices=figures["notices"])
+    instead = {"hair": "skin's", "neck": "the face's", "clothes": "the neck's"}
+    missing = [name for name in instead if name not in known]
+    if missing:
+        check.facts.append((FAIR, "Not painted, so made of other paint: " + ", ".join(
+            f"{name} (of {instead[name]})" for name in missing)))
+    else:
+        check.facts.append((GOOD, "Hair, neck and clothes are painted from its own"))
+    side = 560
+    views = Camera.arc(np.array(VIEWS), distance=4.4, width=side, height=side, focal=1.9 * side,
+                       target=(0.0, -0.02, 0.0))
+    check.preview = np.concatenate([
+        np.asarray(np.clip(styled.render(views, view).color, 0, 1) * 255 + 0.5, np.uint8)
+        for view in range(len(VIEWS))], axis=1)
