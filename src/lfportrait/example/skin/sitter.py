@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from ...capture import Camera
 from ...field import VoxelField
@@ -38,8 +37,12 @@ Float64 = NDArray[np.float64]
 
 PIXELS = 384.0
 """Pixels of the charts per world unit: a head is about 600 high, as in most exemplars."""
-UPRIGHT = 30.0
-"""Charts of this pitch (degrees) at most are shown to the networks."""
+UPRIGHT, TURNED = 30.0, 75.0
+"""Charts of this pitch and yaw (degrees) at most are shown to the network of the hair."""
+ROOM, GROUND = 1.4, 0.35
+"""Side of the picture it is shown over that of the chart, and the grey around the head."""
+LOWEST = -0.75
+"""Hair hangs at least this far below the brows (up, in the face's heights)."""
 BLUR = 0.06
 """Sigma of the blur that tells detail from light, over the face's size (`face_size`)."""
 OTHER = 2.3
@@ -132,12 +135,13 @@ class Skin:
         points = atlas.points.reshape(-1, 3)[index]
         normals = atlas.shape.at(points)
         seen = _seen(points, normals, cameras)
-        hair = _hair(atlas, index, points) if networks else None
-        if hair is not None and not _plausible(plane, points, hair * seen):
-            hair = None
         flat = plane.unwrap(points).astype(np.float32)
-        if hair is None:
-            hair = _hair_by_color(plane, atlas.color.reshape(-1, 3)[index], flat, seen)
+        colors = atlas.color.reshape(-1, 3)[index]
+        known = _hair_in_front(atlas, index) if networks else None
+        if known is not None and _plausible(plane, points, known * seen):
+            hair: Float32 | None = _hair_behind(plane, colors, flat, seen, known)
+        else:
+            hair = _hair_by_color(plane, colors, flat, seen)
         tone, detail, appearance, contours = _looks(atlas, index, _unit(plane) * pixels)
         depth = (plane.origin[1] - points[:, 1]) / plane.height
         clothes = _clothes(atlas, index, points, depth, hair)
@@ -214,73 +218,86 @@ def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Fl
     return soft, np.asarray(energy / (energy + np.float32(CONTOUR ** 2)), np.float32)
 
 
-def _hair(atlas: Atlas, index: NDArray[np.int32], points: Float32) -> Float32 | None:
-    """Hair on the upright charts by the network; other charts take it from them by cells."""
+def _hair_in_front(atlas: Atlas, index: NDArray[np.int32]) -> Float32 | None:
+    """Hair by the network on the charts that show a face, [N]; NaN on others. None without it.
+
+    It has learnt from selfies: large, on a dark ground with room around it a head is found; from
+    behind a shaven one is called hair.
+    """
     from ... import models
     from ...face import hair_mask
 
     if models.missing(["hair-segmentation"]):
         return None
     out = np.full(atlas.depth.shape, np.nan, np.float32)
-    pitch = np.degrees(np.arcsin(np.clip(-atlas.cameras.pose[:, 1, 2], -1, 1)))
+    away = -atlas.cameras.pose[:, :3, 2]  # towards each chart's eye, in the portrait frame
     for n, (x0, y0, x1, y1, dx, dy) in enumerate(atlas.boxes.tolist()):
-        if abs(pitch[n]) > UPRIGHT:
+        if abs(away[n, 1]) > np.sin(np.radians(UPRIGHT)) or away[n, 2] < np.cos(np.radians(TURNED)):
             continue
         part = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
         there = np.isfinite(atlas.depth[part])[..., None]
-        picture = np.where(there, atlas.color[part], np.float32(0.75))
+        picture = np.where(there, atlas.color[part], np.float32(GROUND))
         rows, columns = picture.shape[:2]
-        side = max(rows, columns)
-        square = np.full((side, side, 3), 191, np.uint8)
+        side = int(ROOM * max(rows, columns))
+        square = np.full((side, side, 3), np.uint8(GROUND * 255), np.uint8)
         top, left = (side - rows) // 2, (side - columns) // 2
         square[top:top + rows, left:left + columns] = np.uint8(picture * 255 + 0.5)
-        out[part] = hair_mask(square, size=256)[top:top + rows, left:left + columns]
-    return _spread(atlas, points, out.reshape(-1)[index])
+        out[part] = hair_mask(square, size=512)[top:top + rows, left:left + columns]
+    return np.asarray(out.reshape(-1)[index], np.float32)
+
+
+def _hair_behind(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
+                 known: Float32) -> Float32:
+    """Hair [N] where it is not ``known`` (NaN): what looks like the hair that is, not like skin."""
+    up = -flat[:, 1] / plane.height
+    hairy, bare = known > 0.7, (known < 0.2) & (up < 0.3) & (up > -0.9)
+    # Down to where hair hangs at the sides.
+    lowest = min(LOWEST, float(np.percentile(up[hairy], 2))) if hairy.any() else LOWEST
+    told = _told_apart(plane, colors, flat, seen, hairy & (seen > 0.5), bare & (seen > 0.5), lowest)
+    return np.asarray(np.where(np.isnan(known), told, known), np.float32)
 
 
 def _hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32,
                    seen: Float32) -> Float32 | None:
     """Hair as what lies around the face, above the chin, in another colour, [N]; None if alike."""
     up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
-    around = (up > 0.35) | ((angle > 0.9) & (up > -0.75))
-    face = (angle < 0.7) & (up < 0.3) & (up > -0.9)
-    chosen = (around | face) & (seen > 0.5)
-    crown = (up > 0.7) & chosen
+    face = (angle < 0.7) & (up < 0.3) & (up > -0.9) & (seen > 0.5)
+    crown = (up > 0.7) & (seen > 0.5)
     if crown.sum() < 100 or face.sum() < 100:
         return None
-    from_face = skin_distance(colors[chosen], face[chosen], 1.0)
-    if np.median(from_face[crown[chosen]]) < OTHER:
+    if np.median(skin_distance(colors[crown | face], face[crown | face], 1.0)[
+            crown[crown | face]]) < OTHER:
         return None
-    # A neck in the shade is not of the face's colour, but of the crown's even less.
-    from_crown = skin_distance(colors[chosen], crown[chosen], 1.0)
+    return _told_apart(plane, colors, flat, seen, crown, face, LOWEST)
+
+
+def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
+                hairy: NDArray[np.bool_], bare: NDArray[np.bool_], lowest: float) -> Float32:
+    """Hair around the face by its colour, [N], from samples [N] of hair and of skin.
+
+    ``lowest`` is how far it hangs below the brows, in units of the face's height upwards.
+    """
+    up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
+    around = (up > 0.35) | ((angle > 0.9) & (up > lowest))
+    chosen = (around | hairy | bare) & (seen > 0.5)
+    # A neck in the shade is not of the face's colour, but of the hair's even less.
+    from_face = skin_distance(colors[chosen], bare[chosen], 1.0)
+    from_hair = skin_distance(colors[chosen], hairy[chosen], 1.0)
     hair = np.zeros(len(colors), np.float32)
-    hair[chosen] = 1 / (1 + np.exp(np.clip((from_crown - from_face) / 0.5, -30, 30)))
+    hair[chosen] = 1 / (1 + np.exp(np.clip((from_hair - from_face) / 0.5, -30, 30)))
     hair[~around] = 0
     # What no photo saw goes on as hair goes on.
-    unseen = around & ~chosen
+    unseen = around & (seen <= 0.5)
     hair[unseen] = hair_by_place(plane, flat[unseen])
     return np.asarray(hair, np.float32)
 
 
-def _spread(atlas: Atlas, points: Float32, values: Float32) -> Float32:
-    """Fill the NaN in values [N] of points [N, 3] with means of the cells of space around."""
-    shape = atlas.shape
-    size = np.array(shape.normals.shape[2::-1])
-    cells = np.clip(((points - shape.low) / shape.cell).astype(np.int64), 0, size - 1)
-    flat = np.ravel_multi_index(tuple(cells.T), tuple(size))
-    known = np.isfinite(values)
-    total, count = (np.bincount(flat[known], weight, int(size.prod())).reshape(size)
-                    for weight in (values[known], None))
-    for axis in range(3):
-        total, count = (gaussian_filter1d(grid.astype(np.float32), 1.0, axis=axis)
-                        for grid in (total, count))
-    mean = (total / np.maximum(count, 1e-6)).reshape(-1)
-    return np.asarray(np.where(known, values, mean[flat]), np.float32)
-
-
 def _plausible(plane: HeadPlane, points: Float32, hair: Float32) -> bool:
-    """Whether a good part of the head above the brows is hair: else it is shaven, or a statue."""
-    above = points[:, 1] > plane.origin[1]
+    """Whether a good part of the head above the brows is hair: else it is shaven, or a statue.
+
+    Where it is not known, ``hair`` is NaN.
+    """
+    above = (points[:, 1] > plane.origin[1]) & np.isfinite(hair)
     return bool(above.any() and hair[above].mean() > 0.2)
 
 
