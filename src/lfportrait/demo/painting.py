@@ -63,14 +63,19 @@ class _Sitting:
     scale: float
 
 
-def exemplar_camera(width: int, height: int) -> Camera:
-    """The frontal camera in front of which the exemplars sit; pictures ``width`` x ``height``."""
+def exemplar_camera(width: int, height: int, turn: float = 0.0) -> Camera:
+    """The camera in front of which the exemplars sit; pictures ``width`` x ``height``.
+
+    It sees faces turned by ``turn`` degrees to the picture's right.
+    """
     focal = 4.4 * max(width * 4.0 / 3.0, height) / 2.02
-    return Camera.look_at(np.array([[0.0, 0.06, 4.4]]), np.array([0.0, 0.06, 0.0]), width=width,
-                          height=height, focal=focal)
+    away = np.radians(-turn)
+    eye = np.array([[4.4 * np.sin(away), 0.06, 4.4 * np.cos(away)]])
+    return Camera.look_at(eye, np.array([0.0, 0.06, 0.0]), width=width, height=height, focal=focal)
 
 
-def demo_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: int = 5) -> Exemplar:
+def demo_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: int = 5,
+                  turn: float = 0.0) -> Exemplar:
     """A painted portrait with its 68 landmarks.
 
     Parameters
@@ -81,6 +86,8 @@ def demo_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: in
         Size of the picture in pixels.
     seed
         Seed of the painter's hand; the same seed gives the same bytes.
+    turn
+        Degrees that the face is turned to the picture's right.
 
     Returns
     -------
@@ -96,7 +103,7 @@ def demo_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: in
     name = name or names[0]
     if name not in names:
         raise UserError(f"no built-in style {name!r}; there are: {', '.join(names)}")
-    camera = exemplar_camera(width, height)
+    camera = exemplar_camera(width, height, turn)
     sitting = _sit(photograph(PAINTED, camera), camera.project(landmarks(PAINTED))[0][0])
     painted = _STYLES[name](sitting, np.random.default_rng(seed))
     image = (np.clip(painted, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)

@@ -52,6 +52,8 @@ __all__ = ["Painting", "SkinConfig", "SkinPainter"]
 
 Float32 = NDArray[np.float32]
 
+COVERED = 0.3
+"""Share of hair in the exemplar's face from which on it is not copied onto a bare one."""
 NODES = 0.03
 """Nodes of the guide are so far apart, over the exemplar's face size."""
 STRETCHED = 0.7
@@ -129,8 +131,12 @@ class SkinPainter:
         self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed))
         soft = self.transfer.face.astype(np.float32) / np.float32(255)
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
-        self._face = np.stack([soft, np.repeat(np.repeat(near, 4, 0), 4, 1)[
-            :soft.shape[0], :soft.shape[1]]], axis=-1)
+        # The mask, not the labels: those know no hair within the landmarks.
+        hair = self.transfer.regions.hair
+        hair = np.zeros(soft.shape, np.float32) if hair is None else hair
+        covered = gaussian_filter(hair[::4, ::4], 0.04 * exemplar.size / 4)
+        self._face = np.stack([soft, *(np.repeat(np.repeat(one, 4, 0), 4, 1)[
+            :soft.shape[0], :soft.shape[1]] for one in (near, covered))], axis=-1)
         self._shares: Float32 | None = None
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
@@ -157,8 +163,11 @@ class SkinPainter:
         labels = self.transfer.labels[pixel[:, 1], pixel[:, 0]]
         face = self._face[pixel[:, 1], pixel[:, 0]]
         clock.lap("guides")
-        core = (face[:, 0] > 0.5) & places.outwards if self.config.agree else np.ones(
-            len(face), bool)
+        core = np.ones(len(face), bool)
+        if self.config.agree:
+            # Hair that hangs over the exemplar's cheek is nothing for a bare one.
+            bare = 1 if places.hair is None else 1 - places.hair
+            core = (face[:, 0] > 0.5) & places.outwards & (face[:, 2] * bare < COVERED)
         color = self._paint_face(places, guide, canvas, position, anchor, ratio, core)
         clock.lap("face")
         if not self.config.agree:
