@@ -30,8 +30,8 @@ DISPLAYS = ("lookingglass-go", "generic-4k", "lookingglass-16", "generic-8k")
 """Displays that a face's size is compared with."""
 BENT = 0.12
 """Residual over the face's size from which on landmarks are doubtful; usual is 0.04 to 0.08."""
-GREY = 6.0
-"""Mean distance of the channels (of 255) below which a picture has no colours."""
+PLAIN = 8.0
+"""Deviation of colours (of 255) from one line from light to dark, below which they are one."""
 SIDES = {"cheek": (0.27, -0.15), "temple": (0.33, 0.16), "jaw": (0.26, -0.42),
          "eye": (0.17, 0.03), "ear": (0.42, -0.02)}
 """Places on the generic head, on the picture's right."""
@@ -140,10 +140,10 @@ def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None
         number = max(face, 1)
         check.facts.append((FAIR, f"{len(faces)} faces: this is number {number}; --face N takes "
                                   "another"))
-    channels = exemplar.image.astype(np.float32)
-    if float(np.ptp(channels, axis=2).mean()) < GREY:
-        check.facts.append((GOOD, "Drawn in greys; `restyle --keep-colors` gives a portrait the "
-                                  "photo's colours"))
+    values = exemplar.image[::3, ::3].reshape(-1, 3).astype(np.float64)
+    if np.sqrt(np.linalg.eigvalsh(np.cov(values.T))[:2].sum()) < PLAIN:
+        check.facts.append((GOOD, "Drawn in one colour: `restyle --keep-colors` gives a portrait "
+                                  "the photo's own"))
     if abs(check.pose.yaw) <= PROFILE and preview:
         _paint(check)
     return check
