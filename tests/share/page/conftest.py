@@ -8,7 +8,7 @@ from tests.share.page.portraits import painted_head, pure_head
 
 @pytest.fixture(scope="session")
 def head():
-    return painted_head()
+    return painted_head(strokes=True)
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from lfportrait.capture import Camera
 from lfportrait.field import VoxelField
 from lfportrait.share import PageConfig, orbit_cameras, write_page
 from tests.fields import shell_field
@@ -44,15 +45,61 @@ def test_it_opens_at_once_without_a_request_or_a_complaint(browser, page):
 
 
 def test_views_are_those_of_the_renderer_and_have_its_edges(opened, head):
+    for blend, rare, views in ((1, 0.99, range(5)), (0, 1, [1])):
+        opened.show(0, 1, blend)
+        for drawn, color, alpha in looks(head.mix(strength=blend), opened, views):
+            assert decibels(drawn[..., :3], color) > 48
+            assert decibels(drawn[..., 3], alpha) > 48
+            edge = (alpha > 0.05) & (alpha < 0.95)
+            # Neither a dark nor a light seam: what differs at edges leans to no side.
+            assert edge.sum() > 50
+            assert abs((drawn[..., :3] - color)[edge].mean()) < 0.004
+            # A ray that grazes the surface may end on another stroke.
+            assert np.quantile(np.abs(drawn[..., :3] - color)[edge], rare) < 0.06
+
+
+def sharpness(picture):
+    """Mean square of the differences between neighbouring pixels."""
+    return (np.diff(picture, axis=0) ** 2).mean() + (np.diff(picture, axis=1) ** 2).mean()
+
+
+def close(field, turn=20.0):
+    """A camera that sees a sixth of the head."""
+    camera = orbit_cameras(5, SIZE, field)[2]
+    return Camera.arc([turn], distance=float(np.linalg.norm(camera.pose[0, :3, 3])), width=SIZE,
+                      height=SIZE, focal=6 * float(camera.focal[0, 0]))
+
+
+def test_strokes_are_as_sharp_as_the_renderers(opened, head):
+    camera = close(head)
+    color = np.clip(head.render(camera, background=0.0).color, 0, 1)
+    blurred = np.clip(head.with_sh(head.sh).render(camera, background=0.0).color, 0, 1)
     opened.show(0, 1, 1)
-    for drawn, color, alpha in looks(head, opened):
-        assert decibels(drawn[..., :3], color) > 48
-        assert decibels(drawn[..., 3], alpha) > 48
-        edge = (alpha > 0.05) & (alpha < 0.95)
-        # Neither a dark nor a light seam: what differs at edges leans to no side.
-        assert edge.sum() > 50
-        assert abs((drawn[..., :3] - color)[edge].mean()) < 0.004
-        assert np.abs(drawn[..., :3] - color)[edge].max() < 0.06
+    drawn = opened.view(camera, 0)[..., :3]
+    assert decibels(drawn, color) > 45 > 25 > decibels(blurred, color)
+    assert sharpness(drawn) == pytest.approx(sharpness(color), rel=0.05)
+    assert sharpness(blurred) < 0.5 * sharpness(color)
+
+
+def test_a_device_with_small_textures_shows_coarser_strokes(opened, head):
+    finest, levels = opened.run("() => [lfportrait.renderer.texture.finest(200),"
+                                " lfportrait.renderer.texture.levels]")
+    assert 1 <= finest < levels
+    begin_with = """async (level) => {
+      const { renderer } = lfportrait;
+      renderer.slots = [null, null];
+      renderer.finest = level;
+      await renderer.show(0, 1, 1);
+      return renderer.bytes.reduce((sum, bytes) => sum + bytes, 0);
+    }"""
+    whole, less = opened.run(begin_with, 0), opened.run(begin_with, 1)
+    assert less < whole
+    for drawn, color, _ in looks(head, opened, [0]):
+        assert decibels(drawn[..., :3], color) > 48  # from there it takes the second level anyway
+    camera = close(head)
+    sharp = sharpness(np.clip(head.render(camera, background=0.0).color, 0, 1))
+    assert 0.2 < sharpness(opened.view(camera, 0)[..., :3]) / sharp < 0.9
+    opened.run(begin_with, 0)
 
 
 @pytest.mark.parametrize("blend", [0.0, 0.3, 1.0])
@@ -75,7 +122,7 @@ def test_harmonics_are_kept_where_they_are_asked_for(browser, tmp_path, degree):
 
 
 def test_slider_buttons_and_keys_are_wired(browser, page):
-    with Opened(browser, page, reduced_motion="reduce") as each:
+    with Opened(browser, page, width=400, height=260, reduced_motion="reduce") as each:
         state = "() => [lfportrait.mix.style, lfportrait.renderer.blend, lfportrait.renderer.slots]"
         assert each.run(state)[:2] == [1, 1]
         each.page.fill("#blend", "250")
@@ -112,13 +159,14 @@ def test_slider_buttons_and_keys_are_wired(browser, page):
 def test_it_sways_unless_motion_is_not_wanted(browser, page):
     count = "() => lfportrait.viewer.drawn"
     with Opened(browser, page) as each:
+        each.loaded()
         before = each.run(count)
-        each.page.wait_for_timeout(600)
+        each.page.wait_for_timeout(400)
         assert each.run(count) > before
-    with Opened(browser, page, reduced_motion="reduce") as each:
+        each.page.emulate_media(reduced_motion="reduce")
         each.run("() => lfportrait.viewer.settled()")
         before = each.run(count)
-        each.page.wait_for_timeout(600)
+        each.page.wait_for_timeout(400)
         assert each.run(count) == before
         canvas, still = each.run("() => [lfportrait.renderer.canvas.height,"
                                  " lfportrait.viewer.still]")
