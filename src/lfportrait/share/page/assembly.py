@@ -7,6 +7,7 @@ import html
 import json
 import re
 import time
+import warnings
 from dataclasses import fields, replace
 from importlib import resources
 from pathlib import Path
@@ -68,12 +69,12 @@ def _caption(config: PageConfig, styles: list[str]) -> str:
 
 
 def _at_first(voxels: VoxelField, sets: list[ColorSet]) -> VoxelField:
-    """The field in the colours that a page begins with."""
+    """The field as a page begins with it: in its first colours, without a room."""
     shown = next((each for each in sets if each.kind != "photo"), sets[0])
-    field = voxels.with_sh(shown.sh)
+    texture = None
     if voxels.texture is not None and shown.texels is not None:
-        return replace(field, texture=voxels.texture.with_texels(shown.texels))
-    return field
+        texture = voxels.texture.with_texels(shown.texels)
+    return replace(voxels.with_sh(shown.sh), texture=texture, background=None)
 
 
 def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None = None,
@@ -105,6 +106,9 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     if not 0.1 <= config.max_size <= 1000:
         raise UserError(f"--max-size must be 0.1 to 1000 MB, not {config.max_size:g}")
     start = time.perf_counter()
+    if voxels.background is not None:
+        warnings.warn("a page shows the head alone, on a plain ground: the room behind it, which "
+                      "this field has, is left out", stacklevel=2)
     sets = color_sets(voxels, config.sh)
     surface = voxels.texture if any(each.texels is not None for each in sets) else None
     lattice = Lattice.of(voxels.links, voxels.density, sets, voxels.center, voxels.radius,
