@@ -27,8 +27,8 @@ from .texels import PageTexture
 
 __all__ = ["page_script", "write_page"]
 
-_SCRIPTS = ("unpack", "bricks", "texels", "renderer", "camera", "displays", "panel", "viewer", "input",
-            "interface", "panelmode", "main")
+_SCRIPTS = ("unpack", "bricks", "texels", "renderer", "camera", "displays", "panel", "viewer",
+            "input", "interface", "panelmode", "main")
 _SHADERS = ("march", "texture", "view", "panel")
 _DISPLAY = ("name", "width", "height", "views", "pitch", "slant", "offset", "subpixels", "cone",
             "distance", "eye_height", "inverted", "flip_x", "flip_y", "cells", "cell_pattern",
