@@ -74,7 +74,7 @@ class Opened:
         What the page told on the console or threw, and what it asked any network for.
     """
 
-    def __init__(self, browser, path: Path, *, width=480, height=320, live=True, **context):
+    def __init__(self, browser, path: Path, *, width=240, height=160, live=True, **context):
         self.context = browser.new_context(viewport={"width": width, "height": height}, **context)
         self.page = self.context.new_page()
         self.complaints: list[str] = []
@@ -83,8 +83,10 @@ class Opened:
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.goto(path.resolve().as_uri())
-        self.page.wait_for_selector("html[data-ready]" if live else "body.standing",
-                                    state="attached", timeout=60000)
+        wanted = "html[data-ready], body.standing" if live else "body.standing"
+        self.page.wait_for_selector(wanted, state="attached", timeout=60000)
+        if live and self.page.query_selector("body.standing"):
+            pytest.fail(f"the page shows its poster alone: {self.told()} {self.complaints}")
 
     def __enter__(self):
         return self
@@ -100,7 +102,18 @@ class Opened:
         return self.page.inner_text("#message")
 
     def show(self, first: int, second: int, blend: float) -> None:
+        self.loaded()
         self.run("([a, b, c]) => lfportrait.renderer.show(a, b, c)", [first, second, blend])
+
+    def loaded(self) -> None:
+        """Wait for the slider's other end, which the page reads by itself a little later."""
+        self.run("""async () => {
+          const { renderer, mix } = lfportrait;
+          while (renderer.header.sets.length > 1 && renderer.slots.includes(null)) {
+            await new Promise((done) => setTimeout(done, 20));
+          }
+          await mix.busy;
+        }""")
 
     def view(self, cameras, number, **how) -> np.ndarray:
         """What the page draws for a camera: float [H, W, 4], colours premultiplied."""

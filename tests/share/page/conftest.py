@@ -6,9 +6,17 @@ from lfportrait.share import PageConfig, write_page
 from tests.share.page.portraits import painted_head, pure_head
 
 
+@pytest.fixture(scope="session", autouse=True)
+def small_posters():
+    """Posters of a quarter of their size, which take a sixteenth of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lfportrait.share.page.poster._HEIGHT", 250)
+        yield
+
+
 @pytest.fixture(scope="session")
 def head():
-    return painted_head()
+    return painted_head(strokes=True)
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,8 @@ import html
 import json
 import re
 import time
-from dataclasses import fields
+import warnings
+from dataclasses import fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -18,16 +19,17 @@ from ...files import atomic_write
 from ...lightfield import Display, customary_views
 from ...version import __version__
 from .budget import fit
-from .colors import color_sets
+from .colors import ColorSet, color_sets
 from .config import PageConfig
 from .packing import Lattice
 from .poster import poster, start_view
+from .texels import PageTexture
 
 __all__ = ["page_script", "write_page"]
 
-_SCRIPTS = ("unpack", "bricks", "renderer", "camera", "displays", "panel", "viewer", "input",
-            "interface", "panelmode", "main")
-_SHADERS = ("march", "view", "panel")
+_SCRIPTS = ("unpack", "bricks", "texels", "renderer", "camera", "displays", "panel", "viewer",
+            "input", "interface", "panelmode", "main")
+_SHADERS = ("march", "texture", "view", "panel")
 _DISPLAY = ("name", "width", "height", "views", "pitch", "slant", "offset", "subpixels", "cone",
             "distance", "eye_height", "inverted", "flip_x", "flip_y", "cells", "cell_pattern",
             "gamma", "calibrated")
@@ -66,6 +68,15 @@ def _caption(config: PageConfig, styles: list[str]) -> str:
     return "".join(f"<p>{html.escape(line)}</p>" for line in lines if line)
 
 
+def _at_first(voxels: VoxelField, sets: list[ColorSet]) -> VoxelField:
+    """The field as a page begins with it: in its first colours, without a room."""
+    shown = next((each for each in sets if each.kind != "photo"), sets[0])
+    texture = None
+    if voxels.texture is not None and shown.texels is not None:
+        texture = voxels.texture.with_texels(shown.texels)
+    return replace(voxels.with_sh(shown.sh), texture=texture, background=None)
+
+
 def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None = None,
                ) -> dict[str, Any]:
     """Write a page that shows a field.
@@ -84,7 +95,7 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     -------
     figures
         ``bytes`` of the file, and those of its parts; ``rows`` and ``shape`` of what it holds,
-        ``sets`` of colours, ``seconds``.
+        ``texture``: rows and columns of its atlas, or None; ``sets`` of colours, ``seconds``.
 
     Raises
     ------
@@ -95,14 +106,20 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     if not 0.1 <= config.max_size <= 1000:
         raise UserError(f"--max-size must be 0.1 to 1000 MB, not {config.max_size:g}")
     start = time.perf_counter()
+    if voxels.background is not None:
+        warnings.warn("a page shows the head alone, on a plain ground: the room behind it, which "
+                      "this field has, is left out", stacklevel=2)
     sets = color_sets(voxels, config.sh)
-    lattice = Lattice.of(voxels.links, voxels.density, sets, voxels.center, voxels.radius)
+    surface = voxels.texture if any(each.texels is not None for each in sets) else None
+    lattice = Lattice.of(voxels.links, voxels.density, sets, voxels.center, voxels.radius,
+                         None if surface is None else surface.charts)
+    texture = None if surface is None else PageTexture.of(
+        surface, sets, voxels.lattice_points(), 1.8 * lattice.voxel)
     view = start_view(voxels)
-    shown = next((each for each in sets if each.kind != "photo"), sets[0])
-    picture = poster(voxels.with_sh(shown.sh), view)
+    picture = poster(_at_first(voxels, sets), view)
     script, style = page_script(), _text("page.css")
     fixed = len(script) + len(style) + len(picture) * 4 // 3 + 20_000
-    packed = fit(lattice, config.max_size * 1e6 - fixed)
+    packed = fit(lattice, config.max_size * 1e6 - fixed, texture)
     header = {**packed.header, "start": view, "displays": _presets(),
               "quilts": customary_views(), "version": __version__}
     title = config.title or "Portrait"
@@ -124,5 +141,6 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     return {"bytes": len(page), "script_bytes": len(script), "poster_bytes": len(picture),
             "stream_bytes": {name: len(data) for name, data in packed.streams.items()},
             "rows": packed.header["rows"], "shape": packed.header["shape"],
+            "texture": packed.header["texture"]["shape"][::2] if texture else None,
             "sets": [each.name or each.kind for each in sets],
             "seconds": round(time.perf_counter() - start, 3)}

@@ -30,11 +30,14 @@ class ColorSet:
         has no other).
     sh
         float32 [N, 3, B], coefficients as a `VoxelField` has them.
+    texels
+        int8 [H, W, 3], texture of the surface that belongs to them, or None.
     """
 
     name: str
     kind: str
     sh: NDArray[np.float32] = field(repr=False)
+    texels: NDArray[np.int8] | None = field(default=None, repr=False)
 
 
 def _plain(colors: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -62,15 +65,18 @@ def color_sets(voxels: VoxelField, degree: int = 0) -> list[ColorSet]:
     if (degree + 1) ** 2 > voxels.basis:
         raise UserError(f"the field's colours have degree {round(voxels.basis ** 0.5) - 1}, not "
                         f"{degree}: leave out --sh, or export the photographed field")
+    own = None if voxels.texture is None else voxels.texture.texels
     if not isinstance(voxels, StyledField):
-        return [ColorSet("", "field", voxels.sh[:, :, :(degree + 1) ** 2])]
+        return [ColorSet("", "field", voxels.sh[:, :, :(degree + 1) ** 2], own)]
     shown: dict[str, Any] = voxels.mixture
     first = shown.get("style", voxels.styles[0])
     order = [first, *(name for name in voxels.styles if name != first)]
-    styles = [ColorSet(name, "style", _plain(voxels.painted[voxels.styles.index(name)]))
-              for name in order]
+    texels = dict(zip(voxels.styles, voxels.painted_texels, strict=True)
+                  ) if voxels.painted_texels is not None else {}
+    styles = [ColorSet(name, "style", _plain(voxels.painted[voxels.styles.index(name)]),
+                       texels.get(name)) for name in order]
     photo = ColorSet("photo", "photo", _plain(voxels.photo))
     pure = (shown.get("strength", 1.0) == 1.0 and not shown.get("identity")
             and not shown.get("regions") and not shown.get("keep_colors")
             and not shown.get("keep"))
-    return [photo, *([] if pure else [ColorSet("mixed", "mix", voxels.sh)]), *styles]
+    return [photo, *([] if pure else [ColorSet("mixed", "mix", voxels.sh, own)]), *styles]

@@ -10,6 +10,8 @@ density
 set S, band B
     Three planes of a byte a row: green, red, blue of colour set S. Band 0 is the colour, the others
     are the coefficients of the spherical harmonics above degree 0.
+charts
+    Where the field has a texture (`texels`): one byte a row, the chart that shows its place.
 
 Densities and colours are stored as what their neighbours do not tell (`kernels.residuals`).
 Lattice points that are not kept have density 0 and the colour 0.5, as in the renderer.
@@ -18,7 +20,7 @@ Lattice points that are not kept have density 0 and the colour 0.5, as in the re
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +31,7 @@ from ...errors import UserError
 from .colors import ColorSet
 from .kernels.residuals import code_rows
 
-__all__ = ["Lattice", "Packed", "pack"]
+__all__ = ["Lattice", "Packed", "code_values", "pack"]
 
 _C0 = 0.28209479177387814
 _FAINTEST = 1e-2
@@ -58,6 +60,8 @@ class Lattice:
         Colour sets over these rows.
     center, radius
         float64 [3] (x, y, z), as a `VoxelField` has them.
+    charts
+        uint8 [N], chart of the texture that shows each row's place, 255 for none; or None.
     """
 
     filled: NDArray[np.bool_]
@@ -65,6 +69,7 @@ class Lattice:
     sets: list[ColorSet]
     center: NDArray[np.float64]
     radius: NDArray[np.float64]
+    charts: NDArray[np.uint8] | None = None
 
     @property
     def voxel(self) -> float:
@@ -79,7 +84,8 @@ class Lattice:
 
     @staticmethod
     def of(links: NDArray[np.int32], density: NDArray[np.float32], sets: list[ColorSet],
-           center: NDArray[np.float64], radius: NDArray[np.float64]) -> Lattice:
+           center: NDArray[np.float64], radius: NDArray[np.float64],
+           charts: NDArray[np.uint8] | None = None) -> Lattice:
         """Rows in the lattice's order, without those that no sample meets.
 
         Raises
@@ -94,7 +100,8 @@ class Lattice:
         rows = links[filled]
         return Lattice(filled, matter[filled],
                        [ColorSet(each.name, each.kind, each.sh[rows]) for each in sets],
-                       np.asarray(center, np.float64), np.asarray(radius, np.float64))
+                       np.asarray(center, np.float64), np.asarray(radius, np.float64),
+                       None if charts is None else charts[rows])
 
 
 @dataclass(frozen=True)
@@ -121,9 +128,9 @@ class Packed:
         return sum(4 * -(-len(data) // 3) for data in self.streams.values())
 
 
-def _coded(filled: NDArray[np.bool_], values: NDArray[np.uint8], tolerance: NDArray[np.uint8],
-           ) -> tuple[bytes, NDArray[np.uint8]]:
-    """Values [N, C] as a deflated stream, and as they are read back."""
+def code_values(filled: NDArray[np.bool_], values: NDArray[np.uint8],
+                tolerance: NDArray[np.uint8]) -> tuple[bytes, NDArray[np.uint8]]:
+    """Values [N, C] as a deflated stream, and as they are read back; see `code_rows`."""
     residual = np.empty(values.shape[::-1], np.uint8)
     decoded = np.empty_like(values)
     code_rows(filled, values, tolerance, residual, decoded)
@@ -151,12 +158,14 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
     streams = {"mask": zlib.compress(np.packbits(filled).tobytes(), 9)}
     # What is empty stays empty, and what is not does not become it: the edges of the head.
     exact = np.where(code <= tolerance, 0, tolerance).astype(np.uint8)
-    streams["density"], seen = _coded(filled, code[:, None], exact)
+    streams["density"], seen = code_values(filled, code[:, None], exact)
     density = ((seen[:, 0] / 255.0) ** 2 * top).astype(np.float32)
     around = ndimage.maximum_filter(lattice.dense(lattice.density), 3)[filled]
     taken = -np.expm1(-around * np.float32(lattice.voxel))
     loose = (tolerance + 0.5) * np.clip(_CLEAR / np.maximum(taken, 1e-6), 1.0, None)
     slack = np.minimum(loose, _LOOSEST).astype(np.uint8)
+    if lattice.charts is not None:
+        streams["charts"] = zlib.compress(lattice.charts.tobytes(), 9)
     heads, shown = [], []
     for number, colors in enumerate(lattice.sets):
         bands: list[dict[str, float]] = []
@@ -165,7 +174,7 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
             values = colors.sh[:, (1, 0, 2), band]
             low, high = _range(values, taken, band)
             levels = np.clip((values - low) / (high - low), 0.0, 1.0) * 255.0 + 0.5
-            streams[f"set{number}.{band}"], back = _coded(
+            streams[f"set{number}.{band}"], back = code_values(
                 filled, levels.astype(np.uint8), slack)
             # Colours are told as they are shown, coefficients as they are.
             scale, shift = (_C0, 0.5) if band == 0 else (1.0, 0.0)
@@ -175,7 +184,7 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
         shown.append(ColorSet(colors.name, colors.kind, read))
     header = {"shape": list(filled.shape), "rows": int(filled.sum()), "top": top,
               "center": lattice.center.tolist(), "radius": lattice.radius.tolist(), "sets": heads}
-    return Packed(header, streams, Lattice(filled, density, shown, lattice.center, lattice.radius))
+    return Packed(header, streams, replace(lattice, density=density, sets=shown))
 
 
 def _range(values: NDArray[np.float32], taken: NDArray[np.float32], band: int,

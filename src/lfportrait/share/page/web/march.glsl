@@ -8,6 +8,7 @@
 
 precision highp float;
 precision highp int;
+precision highp sampler2D;
 precision highp sampler3D;
 precision highp usampler3D;
 
@@ -28,6 +29,7 @@ const int MOST = 4096;
 
 float basis[BANDS];
 float fetches = 0.0;           // texture fetches of this pixel, for measuring
+float surface;                 // where the last ray's transmittance passed one half
 
 void prepare(vec3 direction) {
   basis[0] = 1.0;              // the first band is stored as a colour
@@ -105,7 +107,12 @@ vec4 march(vec3 origin, vec3 direction, float delta, float jitter) {
     if (sigma > THRESHOLD) {
       float fade = exp(-sigma * delta);
       color += through * (1.0 - fade) * shade(place);
-      through *= fade;
+      float after = through * fade;
+      if (through >= 0.5 && after < 0.5) {
+        // To first order the half is reached in proportion.
+        surface = t + ((through - 0.5) / max(through - after, 1e-12) - 0.5) * stepSize;
+      }
+      through = after;
     }
     k += 1.0;
     t = start + k * stepSize;

@@ -34,7 +34,7 @@ float seen(vec3 eye, vec3 place, int channel) {
   prepare(toWorld * direction);
   vec3 along = toLattice * direction;
   float norm = length(along);
-  vec4 shown = march(toLattice * eye + latticeShift, along / norm,
+  vec4 shown = seenAlong(toLattice * eye + latticeShift, along / norm,
     stepSize / (norm * perUnit), 0.0);
   return clamp(shown[channel] + (1.0 - shown.a) * ground[channel], 0.0, 1.0);
 }

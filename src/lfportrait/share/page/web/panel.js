@@ -51,9 +51,11 @@ class Panel {
   draw(place) {
     const { renderer, display, numbers } = this;
     const { gl } = renderer;
-    const at = renderer.begin("panel", place.step);
     const aspect = display.width / display.height;
     const perUnit = Math.min(place.size, place.size * aspect * 1.15);
+    // A view's rays are a row apart downwards and a lens across.
+    const footprint = 2 / display.height * Math.sqrt(Math.max(display.pitch / 3, 1)) / perUnit;
+    const at = renderer.begin("panel", place.step, footprint);
     // Flattening space about the panel, eyes included, changes no picture: the head keeps its shape
     // and the eyes and its place are those before the flattening.
     const distance = display.distance / place.depth;

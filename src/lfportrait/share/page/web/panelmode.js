@@ -17,7 +17,10 @@ class PanelMode {
       const entries = HEADER.displays.find(({ name }) => name === choice.value);
       if (entries) this.choose(() => makeDisplay(entries));
     });
-    find("open-panel").addEventListener("click", () => this.dialog.showModal());
+    find("open-panel").addEventListener("click", () => {
+      find("display-file").value = ""; // the same file may have changed, and be chosen again
+      this.dialog.showModal();
+    });
     find("close-panel").addEventListener("click", () => this.dialog.close());
     find("start-panel").addEventListener("click", () => this.start());
     find("display-file").addEventListener("change", (event) => this.take(event.target.files[0]));

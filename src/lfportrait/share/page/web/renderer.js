@@ -17,6 +17,9 @@ function half(value) {
   return Math.round(value * 2 ** 24);
 }
 
+/** Units of the textures of the surface; 4 and 5 are a panel's, 6 is drawn into. */
+const CELLS = 7, CHARTS = 8, TEXELS = 9;
+
 class Renderer {
   /**
    * @param {HTMLCanvasElement} canvas
@@ -38,6 +41,7 @@ class Renderer {
     this.points = [width, height, depth];
     this.scale = this.points.map((n, axis) => n / (2 * header.radius[axis]));
     this.shift = this.points.map((n, axis) => n / 2 - 0.5 - header.center[axis] * this.scale[axis]);
+    this.defines = `#define BANDS ${this.bands}\n${header.texture ? "#define TEXTURED\n" : ""}`;
   }
 
   /** Nothing is on the device, or no longer. */
@@ -63,6 +67,20 @@ class Renderer {
     const density = new Uint16Array(wide * high * long);
     this.bricks.fill((texel, row) => { density[texel] = row < 0 ? 0 : value[codes[row]]; });
     this.upload(1, "R16F", this.bricks.atlas, "RED", "HALF_FLOAT", density, "LINEAR");
+    if (header.texture) await this.loadTexture();
+  }
+
+  /** Read what the textures of all colour sets share, and upload it. */
+  async loadTexture() {
+    const { gl, bricks, header } = this;
+    const texture = new Texture(header, await stream("texels"));
+    const cells = texture.cells(bricks, await stream("charts"));
+    this.upload(CELLS, "R8UI", bricks.places.map((n) => n * BRICK), "RED_INTEGER", "UNSIGNED_BYTE",
+      cells, "NEAREST");
+    const maps = texture.maps(this.scale, this.shift);
+    this.flat(CHARTS, "RGBA32F", "FLOAT", [{ texels: maps, width: 3, height: maps.length / 12 }], "NEAREST");
+    this.finest = texture.finest(gl.getParameter(gl.MAX_TEXTURE_SIZE));
+    this.texture = texture;
   }
 
   /**
@@ -98,8 +116,39 @@ class Renderer {
     }
     this.upload(2 + slot, "RGBA8", [wide, high, long * bands], "RGBA", "UNSIGNED_BYTE", texels,
       "LINEAR");
+    if (this.header.texture?.sets[number]) {
+      const levels = this.texture.pyramid(await stream(`texels${number}`));
+      this.flat(TEXELS + slot, "RGBA8", "UNSIGNED_BYTE", levels.slice(this.finest), "LINEAR");
+    } else if (this.textures[TEXELS + slot]) {
+      gl.deleteTexture(this.textures[TEXELS + slot]);
+      this.textures[TEXELS + slot] = null;
+      this.bytes[TEXELS + slot] = 0;
+    }
     this.slots[slot] = number;
     gl.flush();
+  }
+
+  /** A plain texture with its levels, finest first. */
+  flat(unit, kind, type, levels, filter) {
+    const { gl } = this;
+    const [{ width, height }] = levels;
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    if (this.textures[unit]) gl.deleteTexture(this.textures[unit]);
+    this.textures[unit] = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, this.textures[unit]);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texStorage2D(gl.TEXTURE_2D, levels.length, gl[kind], width, height);
+    this.bytes[unit] = 0;
+    levels.forEach(({ texels, width: wide, height: high }, level) => {
+      gl.texSubImage2D(gl.TEXTURE_2D, level, 0, 0, wide, high, gl.RGBA, gl[type], texels);
+      this.bytes[unit] += texels.byteLength;
+    });
+    for (const name of ["WRAP_S", "WRAP_T"]) {
+      gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}`], gl.CLAMP_TO_EDGE);
+    }
+    const between = levels.length > 1 ? "_MIPMAP_NEAREST" : "";
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl[filter + between]);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl[filter]);
   }
 
   upload(unit, kind, [width, height, depth], format, type, data, filter) {
@@ -124,10 +173,10 @@ class Renderer {
     const key = name + defines;
     if (this.programs[key]) return this.programs[key];
     const { gl } = this;
-    const head = `#version 300 es\n#define BANDS ${this.bands}\n${defines}`;
+    const head = `#version 300 es\n${this.defines}${defines}`;
     const program = gl.createProgram();
     const sources = [[gl.VERTEX_SHADER, CORNERS],
-      [gl.FRAGMENT_SHADER, `${head}\n${SHADERS.march}\n${SHADERS[name]}`]];
+      [gl.FRAGMENT_SHADER, `${head}\n${SHADERS.march}\n${SHADERS.texture}\n${SHADERS[name]}`]];
     for (const [kind, source] of sources) {
       const shader = gl.createShader(kind);
       gl.shaderSource(shader, source);
@@ -150,8 +199,11 @@ class Renderer {
     return this.programs[key];
   }
 
-  /** Use a program with what all of them take. */
-  begin(name, step, defines) {
+  /**
+   * Use a program with what all of them take.
+   * @param {number} footprint Width of the detail that is wanted, in world units.
+   */
+  begin(name, step, footprint, defines) {
     const { gl } = this;
     const { program, at } = this.program(name, defines);
     gl.useProgram(program);
@@ -166,6 +218,14 @@ class Renderer {
     gl.uniform3fv(at("texel"), this.bricks.atlas.map((n) => 1 / n));
     gl.uniform1f(at("stepSize"), step);
     gl.uniform1f(at("stop"), 1e-3);
+    if (this.texture) {
+      const samplers = { cells: CELLS, charts: CHARTS, firstTexels: TEXELS, secondTexels: TEXELS + 1 };
+      for (const [sampler, unit] of Object.entries(samplers)) gl.uniform1i(at(sampler), unit);
+      const has = this.slots.map((set) => Number(set !== null && this.header.texture.sets[set]));
+      gl.uniform2iv(at("textured"), has);
+      gl.uniform1i(at("finest"), this.finest);
+      gl.uniform1i(at("level"), Math.max(this.texture.level(footprint), this.finest));
+    }
     return at;
   }
 
@@ -177,7 +237,10 @@ class Renderer {
    */
   view(camera, size, { step = 0.5, jitter = [0, 0], nudge = [0, 0], rows, count = false } = {}) {
     const { gl } = this;
-    const at = this.begin("view", step, count ? "#define COUNT" : "");
+    const away = Math.hypot(...camera.eye.map((value, axis) => value - this.header.center[axis]));
+    // Detail of two pixels: what is finer flickers when the head turns.
+    const footprint = 4 * away / (camera.lens[0] + camera.lens[1]);
+    const at = this.begin("view", step, footprint, count ? "#define COUNT" : "");
     gl.uniformMatrix3fv(at("turn"), false, camera.turn);
     gl.uniform3fv(at("eye"), camera.eye);
     gl.uniform4fv(at("lens"), camera.lens);

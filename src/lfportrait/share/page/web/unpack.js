@@ -35,10 +35,15 @@ class Lattice {
    * @returns {number} The number after the plane's last.
    */
   number(z, next, out) {
-    const size = this.height * this.width;
-    let bit = z * size;
-    for (let i = 0; i < size; i++, bit++) {
-      out[i] = this.mask[bit >> 3] & (128 >> (bit & 7)) ? next++ : -1;
+    const size = this.height * this.width, start = z * size;
+    out.fill(-1, 0, size);
+    // Most bytes of a mask are 0: nothing is there.
+    for (let byte = start >> 3; 8 * byte < start + size; byte++) {
+      const bits = this.mask[byte];
+      if (!bits) continue;
+      for (let i = 8 * byte - start, bit = 128; bit; i++, bit >>= 1) {
+        if (bits & bit && i >= 0 && i < size) out[i] = next++;
+      }
     }
     return next;
   }

@@ -18,7 +18,7 @@ void main() {
   vec3 along = direction * scale;
   float norm = length(along);
   float moved = fract(jitter.x + jitter.y * noise(gl_FragCoord.xy));
-  result = march(eye * scale + shift, along / norm, stepSize / norm, moved);
+  result = seenAlong(eye * scale + shift, along / norm, stepSize / norm, moved);
 #ifdef COUNT
   result = vec4(mod(fetches, 256.0) / 255.0, floor(fetches / 256.0) / 255.0, result.a, 1.0);
 #endif
