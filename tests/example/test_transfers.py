@@ -28,6 +28,10 @@ def photo(monkeypatch):
     monkeypatch.setattr(transfers, "face_landmarks", lambda image: face.landmarks)
     monkeypatch.setattr("lfportrait.face.detect_landmarks",
                         lambda image, **options: face.landmarks.copy())
+    monkeypatch.setattr("lfportrait.job.style_check.detect_faces",
+                        lambda image, near=None: [face.landmarks.copy()])
+    monkeypatch.setattr("lfportrait.cli.transfers.detect_landmarks",
+                        lambda image: face.landmarks.copy())
     return face
 
 
