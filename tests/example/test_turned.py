@@ -17,6 +17,7 @@ from lfportrait.example.turned import (
     frontalised,
     suited,
 )
+from lfportrait.example.turned.frontal import _normals, clearness
 from lfportrait.face import FacePose, face_pose
 from lfportrait.face.generic_head import GENERIC_LANDMARKS, MIRRORED, generic_depth
 
@@ -188,3 +189,23 @@ def test_frontal_faces_stay_as_they_are_and_profiles_are_told():
     profile.landmarks = posed(75.0).project(GENERIC_LANDMARKS)
     with pytest.raises(UserError, match=r"to the picture's right, 7\d degrees"):
         frontalised(profile)
+
+
+@pytest.mark.parametrize("yaw", [20.0, -40.0, 58.0])
+def test_what_a_painter_saw_is_what_rays_reach(yaw):
+    pose = posed(yaw, pitch=6.0)
+    x, y = np.meshgrid(np.arange(-0.44, 0.44, 0.015), np.arange(0.6, -0.62, -0.015))
+    points = np.stack([x, y, generic_depth(x, y)], axis=-1)
+    seen = clearness(points, pose) > 0
+    # A ray towards the painter meets the head where it runs below its surface.
+    reached = np.ones(x.shape, bool)
+    for step in np.linspace(0.003, 1.2, 300):
+        ahead = points + step * pose.rotation[2]
+        deep = generic_depth(ahead[..., 0], ahead[..., 1]) - ahead[..., 2]
+        within = (ahead[..., 0] / 0.47) ** 2 + ((ahead[..., 1] - 0.02) / 0.7) ** 2 < 1
+        reached &= ~((deep > 0.001) & within)
+    # Not on the outline itself, where rays graze.
+    grazing = np.abs(_normals(points) @ pose.rotation[2]) < 0.06
+    head = ((x / 0.42) ** 2 + ((y + 0.02) / 0.58) ** 2 < 1) & ~grazing
+    assert abs(yaw) < 30 or 0.05 < (~reached[head]).mean() < 0.6
+    assert (seen == reached)[head].mean() > 0.99

@@ -14,12 +14,14 @@ all are kept; the rest of the gaze is shifted, not mirrored, so that both eyes l
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
+from scipy.ndimage import map_coordinates
 
 from ...errors import UserError
 from ...face import GENERIC_LANDMARKS, FacePose, face_pose, generic_depth
@@ -53,6 +55,8 @@ SMALL = 8
 """Light changes slowly: it is looked at in pictures of this fraction of the size."""
 COARSE = 6
 """The maps are made every so many pixels."""
+RELIEF = 0.01
+"""Distance of the points of the relief that hides parts of the head, in its units."""
 
 
 @dataclass(frozen=True)
@@ -216,7 +220,7 @@ def painted_places(points: Float64, painted: Float64, pose: FacePose) -> Float64
 def clearness(points: Float64, pose: FacePose) -> Float64:
     """How clearly the painter saw points [h, w, 3]: cosine to his direction, 0 if hidden, [h, w].
 
-    The points are a height field, rows downwards, every `COARSE` pixels.
+    The points are a height field, rows downwards.
     """
     facing = np.asarray(_normals(points) @ pose.rotation[2], np.float64)
     facing[_hidden(points, pose)] = 0.0
@@ -231,14 +235,26 @@ def _normals(points: Float64) -> Float64:
 
 
 def _hidden(points: Float64, pose: FacePose) -> NDArray[np.bool_]:
-    """Which points [h, w, 3] the painter sees something else before, bool [h, w]."""
-    place = pose.project(points) / COARSE
-    depth = pose.depth(points)
-    corner = np.floor(place.min(axis=(0, 1))).astype(int)
-    cell = np.floor(place).astype(int) - corner
-    nearest = np.full(tuple(cell.max(axis=(0, 1))[::-1] + 2), -np.inf)
-    np.maximum.at(nearest, (cell[..., 1], cell[..., 0]), depth)
-    return np.asarray(nearest[cell[..., 1], cell[..., 0]] > depth + 0.06)
+    """Which points [h, w, 3] the painter sees something else before, bool [h, w].
+
+    A ray to him runs below the head's surface somewhere.
+    """
+    surface, low = _relief()
+    out = np.zeros(points.shape[:2], bool)
+    for along in np.arange(0.02, 1.2, 2 * RELIEF):
+        ahead = points + along * pose.rotation[2]
+        row, column = ((ahead[..., axis] - low[axis]) / RELIEF for axis in (1, 0))
+        deep = map_coordinates(surface, [row, column], order=1, cval=-np.inf) - ahead[..., 2]
+        out |= (deep > 0.005) & (_reach(ahead[..., 0], ahead[..., 1], 0.47, 0.02, 0.7) < 1)
+    return out
+
+
+@lru_cache(maxsize=1)
+def _relief() -> tuple[Float64, tuple[float, float]]:
+    """Depth of the generic head every `RELIEF` units, [y, x], and (x, y) of its first point."""
+    low = (-0.55, -0.8)
+    x, y = np.meshgrid(np.arange(low[0], 0.56, RELIEF), np.arange(low[1], 0.81, RELIEF))
+    return generic_depth(x, y), low
 
 
 def _needed(x: Float64, y: Float64) -> Float64:
@@ -255,8 +271,12 @@ def _needed(x: Float64, y: Float64) -> Float64:
 
 def _oval(x: Float64, y: Float64, wide: float, middle: float, high: float) -> Float64:
     """1 in an oval about the axis, 0 around it, soft between."""
-    reach = np.sqrt((x / wide) ** 2 + ((y - middle) / high) ** 2)
-    return np.asarray(np.clip((1.05 - reach) / 0.1, 0, 1), np.float64)
+    return np.asarray(np.clip((1.05 - _reach(x, y, wide, middle, high)) / 0.1, 0, 1), np.float64)
+
+
+def _reach(x: Float64, y: Float64, wide: float, middle: float, high: float) -> Float64:
+    """Distance from the middle of an oval about the axis, 1 on it."""
+    return np.asarray(np.sqrt((x / wide) ** 2 + ((y - middle) / high) ** 2), np.float64)
 
 
 def _mirror_image(image: NDArray[np.uint8], own: Float32, landmarks: Float64, scale: float,
