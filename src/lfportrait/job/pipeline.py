@@ -54,6 +54,7 @@ from .steps import (
     code_key,
     field_key,
     look_at,
+    painting_key,
     save_folder,
     source_key,
     style_key,
@@ -222,7 +223,7 @@ class _Job:
         config = self.config
         capture = capture_key(source_key(self.photos), config, self.seed)
         field = field_key(capture, config)
-        style = style_key(field, config, self.exemplar)
+        style = style_key(field, config, painting_key(self.exemplar))
         code = code_key(style, config, self.display)
         share = key_of("share", code, config.sweep_size, config.page)
         self.stages.run("capture", capture, ["capture"], self._capture)

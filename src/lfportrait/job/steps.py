@@ -8,12 +8,15 @@ keys of what it reads.
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
@@ -27,8 +30,9 @@ from ..share import PageConfig
 from ..stylize import StylizeConfig
 from .stages import fingerprint_files
 
-__all__ = ["MakeConfig", "capture_key", "code_key", "field_key", "look_at", "save_folder",
-           "source_files", "source_key", "style_key", "write_code", "write_field", "write_styled"]
+__all__ = ["MakeConfig", "capture_key", "code_key", "field_key", "look_at",
+           "painting_key", "save_folder", "source_files", "source_key", "style_key", "write_code",
+           "write_field", "write_styled"]
 
 
 @dataclass(frozen=True)
@@ -75,9 +79,16 @@ def field_key(capture: str, config: MakeConfig) -> str:
     return key_of("reconstruct", capture, config.reconstruct)
 
 
-def style_key(field: str, config: MakeConfig, exemplar: Exemplar) -> str:
-    """Key of the field with the key ``field`` in the manner of an exemplar."""
-    return key_of("stylize", field, config.stylize, exemplar.image, exemplar.landmarks)
+def painting_key(exemplar: Exemplar) -> tuple[str, str]:
+    """Hashes of an exemplar's picture and landmarks, taken once for all who sit for it."""
+    image, landmarks = (hashlib.sha256(np.ascontiguousarray(part).tobytes()).hexdigest()
+                        for part in (exemplar.image, exemplar.landmarks))
+    return image, landmarks
+
+
+def style_key(field: str, config: MakeConfig, painting: tuple[str, str]) -> str:
+    """Key of the field with the key ``field`` in the manner of an exemplar (`painting_key`)."""
+    return key_of("stylize", field, config.stylize, *painting)
 
 
 def code_key(style: str, config: MakeConfig, display: Display) -> str:

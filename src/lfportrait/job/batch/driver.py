@@ -1,0 +1,371 @@
+"""A batch: the plan drawn, its tasks given out as what they need is done, the results told.
+
+There is no schedule but the graph. Of the tasks whose needs are done the first of the plan goes
+first; the plan has sitter after sitter, so that portraits are finished one by one and not all at
+the end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ...errors import UserError
+from ...example import Exemplar
+from ...files import atomic_write, write_json
+from ...lanes.compiling import compiling_progress
+from ...measure import free_disk_bytes
+from ..networks import get_networks
+from ..stages import check_writable
+from ..steps import painting_key, source_key
+from ..warmup import Warmup
+from .costs import Estimates, cores_of_a_task
+from .fingerprints import Fingerprints
+from .index import write_index
+from .jobs_file import Jobs, load_jobs
+from .journal import FOLDER, Journal, Watcher, locked
+from .plan import STAGES, Plan, Task, draw_plan, finished
+from .runners import LocalRunner, Runner, usable_cores
+from .work import Outcome
+
+__all__ = ["Batch", "BatchConfig", "batch", "dry_figures", "prepare_batch"]
+
+_KERNELS = ("reconstruct", "transfer", "stylize", "encode")
+
+
+@dataclass(frozen=True)
+class BatchConfig:
+    """Where and how a batch runs."""
+
+    on: str = "local"
+    """local: processes on this machine; ray: tasks on a Ray cluster, one that runs here or that
+    RAY_ADDRESS names, else one of this machine alone; ray://HOST:PORT: one elsewhere."""
+    workers: int = 0
+    """Tasks at once; 0: as many as cores and memory allow."""
+    cores: int = 0
+    """Cores of each task; 0: one, more where there are fewer sitters than cores. The last bits of
+    what is computed depend on it."""
+
+
+@dataclass
+class Batch:
+    """A file of jobs made ready: its plan, and what of it is done.
+
+    Attributes
+    ----------
+    jobs, plan
+        What is wanted, and the graph of it.
+    results
+        Folder of all results.
+    done
+        Names of the tasks that are done.
+    failed
+        Why tasks failed, by name.
+    lost
+        Tasks that can't be done as one before them failed: the name of that one.
+    estimates
+        What tasks take.
+    prints
+        Hashes of the photos, to be kept.
+    """
+
+    jobs: Jobs
+    plan: Plan
+    results: Path
+    done: set[str]
+    failed: dict[str, str] = field(default_factory=dict)
+    lost: dict[str, str] = field(default_factory=dict)
+    estimates: Estimates = field(default_factory=Estimates)
+    prints: Fingerprints | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """The figures for ``--json``: tasks by stage, and what they are taken to need."""
+        left = self.plan.to_do(self.done)
+        stages = {}
+        for stage in STAGES:
+            every = [task for task in self.plan.tasks.values() if task.stage == stage]
+            if every:
+                need = self.estimates.need(stage)
+                count = sum(task.stage == stage for task in left)
+                stages[stage] = {"tasks": len(every), "to_do": count,
+                                 "core_seconds": round(count * need.core_seconds, 1),
+                                 "memory_bytes": need.memory, "disk_bytes": count * need.disk}
+        return {"sitters": len(self.jobs.sitters), "styles": len(self.jobs.styles),
+                "displays": len(self.jobs.panels), "tasks": len(self.plan.tasks),
+                "to_do": len(left), "stages": stages,
+                "core_seconds": round(sum(one["core_seconds"] for one in stages.values()), 1),
+                "disk_bytes": sum(one["disk_bytes"] for one in stages.values()),
+                "refused": dict(self.plan.refused)}
+
+    def failures(self) -> dict[str, str]:
+        """Sitters and tasks that failed, and why."""
+        return {**self.plan.refused, **self.failed}
+
+    def jobs_table(self) -> list[dict[str, Any]]:
+        """What the user wanted, one entry each: where it is, or why it is not there."""
+        rows = []
+        for task in self.plan.wanted():
+            row = {"sitter": task.sitter, "style": task.folder.partition("/")[2],
+                   "output": task.label, "file": f"{task.folder}/{task.outputs[0]}"}
+            if task.name in self.done:
+                row["state"] = "done"
+            else:
+                cause = self.lost.get(task.name, task.name)
+                row["state"] = "failed" if cause in self.failed else "waiting"
+                row["why"] = self.failed.get(cause, "")
+            rows.append(row)
+        rows += [{"sitter": name, "style": "", "output": "", "file": "", "state": "failed",
+                  "why": why} for name, why in self.plan.refused.items()]
+        return rows
+
+
+def prepare_batch(path: Path, results: Path, *, offline: bool = False, quiet: bool = True) -> Batch:
+    """Read a file of jobs, draw the plan and see what of it is done; nothing is written.
+
+    Parameters
+    ----------
+    path
+        The file (`load_jobs`).
+    results
+        Folder for all results.
+    offline
+        Download no networks.
+    quiet
+        Print no progress.
+
+    Raises
+    ------
+    UserError
+        If the file, a painting or a display can't be used. A sitter's photos are another matter:
+        they are in ``plan.refused``.
+    """
+    jobs = load_jobs(path)
+    check_writable(results)
+    paintings = {}
+    for style in jobs.styles.values():
+        bare = Path(style.painting).is_file() and not Path(style.painting).with_suffix(
+            ".landmarks.txt").exists()
+        for sitter in jobs.sitters.values() if bare else ():
+            get_networks(sitter.source, Path(style.painting), True, offline=offline, quiet=quiet)
+            break
+        try:
+            paintings[style.name] = painting_key(Exemplar.load(style.painting))
+        except UserError as error:
+            raise UserError(f"{path}: style {style.name}: painting: {error}") from error
+    prints = Fingerprints(results / FOLDER / "photos.json", source_key)
+    plan = draw_plan(jobs, paintings, prints)
+    done = plan.done(results)
+    found = Batch(jobs, plan, results, done, prints=prints)
+    _ask_for_networks(found, offline, quiet)
+    for name in done:
+        found.estimates.learn(plan.tasks[name].stage, finished(plan.tasks[name], results) or {})
+    return found
+
+
+def _ask_for_networks(found: Batch, offline: bool, quiet: bool) -> None:
+    """The networks of all captures that are to be made, before the first long task."""
+    for task in found.plan.to_do(found.done):
+        if task.stage == "capture":
+            get_networks(Path(task.source), None, task.config.keep_background, offline=offline,
+                         quiet=quiet)
+
+
+def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offline: bool = False,
+          quiet: bool = True, watchers: list[Watcher] | None = None) -> dict[str, Any]:
+    """Make all portraits that a file asks for.
+
+    Worker processes import the main program, as Python's do: a script that calls this does so below
+    ``if __name__ == "__main__":``.
+
+    Parameters
+    ----------
+    path
+        The file of jobs (`load_jobs`).
+    results
+        Folder for all results. A batch that was interrupted goes on there, one that was changed
+        does what is new.
+    config
+        Where and how.
+    offline
+        Download no networks.
+    quiet
+        Print no progress of what comes before the first task.
+    watchers
+        Called with each event (`lfportrait.job.batch.journal`).
+
+    Returns
+    -------
+    figures
+        Tasks, what failed and why (``failed``), what was done in this run (``ran``), ``jobs``.
+    """
+    config = config or BatchConfig()
+    with locked(results):
+        found = prepare_batch(path, results, offline=offline, quiet=quiet)
+        return _Run(found, config, quiet, watchers or []).run()
+
+
+class _Left:
+    """The tasks that are left, those first whose needs are done, in the order of the plan."""
+
+    def __init__(self, tasks: list[Task]) -> None:
+        self._tasks = {task.name: task for task in tasks}
+        self._place = {task.name: place for place, task in enumerate(tasks)}
+        self._lacks = {task.name: {need for need in task.needs if need in self._tasks}
+                       for task in tasks}
+        self._followers: dict[str, list[str]] = {}
+        for task in tasks:
+            for need in self._lacks[task.name]:
+                self._followers.setdefault(need, []).append(task.name)
+        # In order, so a heap already.
+        self._ready = [place for place, task in enumerate(tasks) if not self._lacks[task.name]]
+        self._order = tasks
+
+    def __len__(self) -> int:
+        """Tasks that have not ended."""
+        return len(self._tasks)
+
+    def first(self) -> Task | None:
+        """The first task that can begin."""
+        while self._ready and self._order[self._ready[0]].name not in self._tasks:
+            heapq.heappop(self._ready)
+        return self._order[self._ready[0]] if self._ready else None
+
+    def take(self) -> None:
+        """The first task begins."""
+        heapq.heappop(self._ready)
+
+    def done(self, name: str) -> None:
+        """A task is done: others may be ready."""
+        del self._tasks[name]
+        for other in self._followers.get(name, ()):
+            self._lacks[other].discard(name)
+            if not self._lacks[other] and other in self._tasks:
+                heapq.heappush(self._ready, self._place[other])
+
+    def failed(self, name: str) -> list[str]:
+        """A task failed: those that wait for it, which can't be done now."""
+        del self._tasks[name]
+        lost, left = [], list(self._followers.get(name, ()))
+        while left:
+            other = left.pop()
+            if self._tasks.pop(other, None) is not None:
+                lost.append(other)
+                left += self._followers.get(other, ())
+        return lost
+
+
+class _Run:
+    """One run of a batch."""
+
+    def __init__(self, found: Batch, config: BatchConfig, quiet: bool,
+                 watchers: list[Watcher]) -> None:
+        self.batch, self.config, self.quiet = found, config, quiet
+        self.left = _Left(found.plan.to_do(found.done))
+        self.ran: Counter[str] = Counter()
+        self.journal = Journal(found.results, watchers)
+
+    def run(self) -> dict[str, Any]:
+        """Do all that is left."""
+        found = self.batch
+        write_json(found.results / FOLDER / "plan.json", _plan_rows(found.plan))
+        if found.prints is not None:
+            found.prints.keep()
+        with contextlib.ExitStack() as stack:
+            stack.callback(self.journal.close)
+            runner = None
+            if self.left:
+                runner = self._runner()
+                stack.callback(runner.close)
+            self.journal.tell("plan", **found.summary(), slots=runner.slots if runner else 0)
+            for name, why in found.plan.refused.items():
+                self.journal.tell("failed", task=name, why=why)
+            if runner is not None:
+                self._work(runner)
+            figures = self._figures()
+            self.journal.tell("end", done=len(found.done), failed=found.failures())
+        self._write(figures)
+        return figures
+
+    def _runner(self) -> Runner:
+        config, results = self.config, self.batch.results
+        if config.on != "local":
+            from .ray_runner import RayRunner
+
+            return RayRunner(config.on, results, config.cores, config.workers)
+        self._compile()
+        cores = config.cores or cores_of_a_task(self.batch.plan, usable_cores())
+        return LocalRunner(results, cores, config.workers, results / FOLDER / "workers.log")
+
+    def _compile(self) -> None:
+        """The kernels, once for all workers."""
+        with compiling_progress("kernels", enabled=not self.quiet) as progress, Warmup(
+                _KERNELS) as warmup:
+            warmup.wait(_KERNELS, progress)
+
+    def _work(self, runner: Runner) -> None:
+        """Give out tasks and take in outcomes until none is left."""
+        while self.left:
+            while (task := self.left.first()) is not None:
+                memory = self.batch.estimates.need(task.stage).memory
+                if not runner.fits(memory):
+                    break
+                self.left.take()
+                self.journal.tell("started", task=task.name, stage=task.stage)
+                runner.start(task, memory)
+            for outcome in runner.wait(0.5):
+                self._take(outcome)
+
+    def _take(self, outcome: Outcome) -> None:
+        """Note how a task ended."""
+        found, task = self.batch, self.batch.plan.tasks[outcome.task]
+        if not outcome.error:
+            figures = outcome.figures or {}
+            found.done.add(task.name)
+            self.left.done(task.name)
+            found.estimates.learn(task.stage, figures)
+            self.ran[task.stage] += not outcome.again
+            self.journal.tell("done", task=task.name, stage=task.stage, worker=outcome.worker,
+                              **figures.get("cost", {}), notes=figures.get("notes", []))
+            return
+        found.failed[task.name] = outcome.error
+        self.journal.tell("failed", task=task.name, stage=task.stage, why=outcome.error,
+                          worker=outcome.worker)
+        if outcome.fault:
+            with suppress(OSError), open(found.results / FOLDER / "faults.txt", "a") as stream:
+                stream.write(f"{task.name}\n{outcome.fault}\n")
+        found.lost |= dict.fromkeys(self.left.failed(task.name), task.name)
+
+    def _figures(self) -> dict[str, Any]:
+        found = self.batch
+        return {"tasks": len(found.plan.tasks), "done": len(found.done),
+                "ran": dict(self.ran), "failed": found.failures(), "jobs": found.jobs_table()}
+
+    def _write(self, figures: dict[str, Any]) -> None:
+        """``results.json`` and ``index.html``; a full disk is told and no more."""
+        try:
+            write_json(self.batch.results / "results.json", figures)
+            with atomic_write(self.batch.results / "index.html") as stream:
+                stream.write(write_index(self.batch).encode())
+        except UserError as error:
+            figures["failed"]["index.html"] = str(error)
+
+
+def _plan_rows(plan: Plan) -> dict[str, Any]:
+    """What ``lfportrait batch status`` must know of a plan."""
+    return {"refused": plan.refused, "tasks": [
+        {"name": task.name, "stage": task.stage, "folder": task.folder, "record": task.record,
+         "outputs": task.outputs, "key": task.key, "needs": task.needs}
+        for task in plan.tasks.values()]}
+
+
+def dry_figures(found: Batch) -> dict[str, Any]:
+    """What ``--dry-run`` tells: the summary, the graph, and the space there is."""
+    left = {task.name for task in found.plan.to_do(found.done)}
+    return {**found.summary(), "free_disk_bytes": free_disk_bytes(found.results),
+            "graph": [{"task": task.name, "stage": task.stage, "needs": list(task.needs),
+                       "to_do": task.name in left} for task in found.plan.tasks.values()]}
