@@ -30,12 +30,10 @@ from .index import write_index
 from .jobs_file import Jobs, load_jobs
 from .journal import FOLDER, Journal, Watcher, locked
 from .plan import STAGES, Plan, Task, draw_plan, finished
-from .runners import LocalRunner, Runner, usable_cores
+from .runners import KERNELS, LocalRunner, Runner, usable_cores
 from .work import Outcome
 
 __all__ = ["Batch", "BatchConfig", "batch", "dry_figures", "prepare_batch"]
-
-_KERNELS = ("reconstruct", "transfer", "stylize", "encode")
 
 
 @dataclass(frozen=True)
@@ -304,8 +302,8 @@ class _Run:
     def _compile(self) -> None:
         """The kernels, once for all workers."""
         with compiling_progress("kernels", enabled=not self.quiet) as progress, Warmup(
-                _KERNELS) as warmup:
-            warmup.wait(_KERNELS, progress)
+                KERNELS) as warmup:
+            warmup.wait(KERNELS, progress)
 
     def _work(self, runner: Runner) -> None:
         """Give out tasks and take in outcomes until none is left."""

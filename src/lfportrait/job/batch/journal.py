@@ -9,14 +9,15 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
 from ...errors import UserError
 
-__all__ = ["FOLDER", "Event", "Journal", "Watcher", "is_running", "locked", "read_events"]
+__all__ = ["FOLDER", "Event", "Journal", "Watcher", "is_running", "locked",
+           "locked_file", "read_events"]
 
 FOLDER = ".batch"
 """Folder in the results for the batch's own files."""
@@ -75,19 +76,29 @@ def read_events(results: Path) -> list[Event]:
     return events
 
 
-def _lock(stream: IO[bytes]) -> None:
-    """Lock a file for this process; `OSError` where another has it."""
+def _lock(stream: IO[bytes], wait: bool = False) -> None:
+    """Lock a file for this process; `OSError` where another has it and is not waited for."""
     try:
         import fcntl
     except ImportError:  # Windows
         import msvcrt
 
-        msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        how = msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK  # type: ignore[attr-defined]
+        msvcrt.locking(stream.fileno(), how, 1)  # type: ignore[attr-defined]
     else:
-        fcntl.flock(stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(stream.fileno(), fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
 
 
-class locked:
+@contextmanager
+def locked_file(path: Path) -> Iterator[None]:
+    """A block that one process of a machine is in at a time; others wait."""
+    with open(path, "ab") as stream:
+        _lock(stream, wait=True)
+        yield
+
+
+@contextmanager
+def locked(results: Path) -> Iterator[None]:
     """The results' folder for one batch at a time; the lock goes with the process.
 
     Raises
@@ -95,28 +106,19 @@ class locked:
     UserError
         If another batch writes there, or the folder can't be written to.
     """
-
-    def __init__(self, results: Path) -> None:
-        self._results = results
-        self._stream: IO[bytes] | None = None
-
-    def __enter__(self) -> None:
+    try:
+        (results / FOLDER).mkdir(parents=True, exist_ok=True)
+        stream = open(results / FOLDER / "lock", "ab")  # noqa: SIM115
+    except OSError as error:
+        raise UserError(f"can't write to {results}: {error.strerror}; choose another folder with "
+                        "--out") from error
+    with stream:
         try:
-            (self._results / FOLDER).mkdir(parents=True, exist_ok=True)
-            self._stream = open(self._results / FOLDER / "lock", "ab")
+            _lock(stream)
         except OSError as error:
-            raise UserError(f"can't write to {self._results}: {error.strerror}; choose another "
-                            "folder with --out") from error
-        try:
-            _lock(self._stream)
-        except OSError as error:
-            self._stream.close()
-            raise UserError(f"another batch is writing to {self._results}; wait for it, or choose "
+            raise UserError(f"another batch is writing to {results}; wait for it, or choose "
                             "another folder with --out") from error
-
-    def __exit__(self, *_: object) -> None:
-        assert self._stream is not None
-        self._stream.close()
+        yield
 
 
 def is_running(results: Path) -> bool:

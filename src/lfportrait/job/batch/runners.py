@@ -21,10 +21,12 @@ from ...measure import free_memory_bytes
 from .plan import Task
 from .work import Outcome, do_task
 
-__all__ = ["ATTEMPTS", "LocalRunner", "Runner", "thread_settings", "usable_cores"]
+__all__ = ["ATTEMPTS", "KERNELS", "LocalRunner", "Runner", "thread_settings", "usable_cores"]
 
 ATTEMPTS = 3
 """How often a task is given out whose worker dies."""
+KERNELS = ("reconstruct", "transfer", "stylize", "encode")
+"""What tasks need compiled."""
 _MEMORY_SHARE = 0.85
 """Part of the free memory that tasks may take together."""
 
