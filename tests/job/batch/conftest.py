@@ -81,6 +81,7 @@ def made(studio, tmp_path_factory):
     results = tmp_path_factory.mktemp("made") / "results"
     events = []
     figures = batch(studio / "jobs.toml", results, watchers=[events.append])
+    assert not figures["failed"], figures["failed"]
     return results, figures, events
 
 

@@ -66,7 +66,7 @@ def test_one_sitters_parameters_are_nobody_elses(studio, jobs_text):
 
 def test_photos_that_change_redo_their_sitter(studio, jobs_text):
     jobs = load_jobs(studio / "jobs.toml")
-    paintings = {name: ("a", "b") for name in jobs.styles}
+    paintings = dict.fromkeys(jobs.styles, ("a", "b"))
     one, two = (draw_plan(jobs, paintings, lambda path, version=version:
                           version if path.name == "bert" else "same") for version in "12")
     assert {name.partition("/")[0] for name in changed(one, two)} == {"bert"}

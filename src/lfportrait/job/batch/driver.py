@@ -177,9 +177,6 @@ def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offli
           quiet: bool = True, watchers: list[Watcher] | None = None) -> dict[str, Any]:
     """Make all portraits that a file asks for.
 
-    Worker processes import the main program, as Python's do: a script that calls this does so below
-    ``if __name__ == "__main__":``.
-
     Parameters
     ----------
     path

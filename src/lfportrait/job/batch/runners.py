@@ -7,19 +7,18 @@ given out again. When the batch itself is killed they end, too, wherever they ar
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import threading
-from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+import pickle
+import subprocess
+import sys
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
 from ...measure import free_memory_bytes
 from .plan import Task
-from .work import Outcome, do_task
+from .work import Outcome
 
 __all__ = ["ATTEMPTS", "KERNELS", "LocalRunner", "Runner", "thread_settings", "usable_cores"]
 
@@ -63,73 +62,65 @@ def thread_settings(cores: int) -> dict[str, str]:
     return dict.fromkeys(names, str(cores))
 
 
-@contextmanager
-def _environment(settings: dict[str, str]) -> Iterator[None]:
-    """Variables that processes which are started in the block inherit."""
-    before = {name: os.environ.get(name) for name in settings}
-    os.environ.update(settings)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-def _settle(log: str) -> None:
-    """In a new worker: its words go to a file, and it ends with the batch."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
-    with suppress(OSError):
-        descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
-        os.dup2(descriptor, 1)
-        os.dup2(descriptor, 2)
+class _Died(Exception):
+    """A worker ended before its task did."""
 
 
 class _Worker:
-    """A process that does one task at a time."""
+    """A process that does one task at a time, told and telling through its pipes."""
 
     def __init__(self, settings: dict[str, str], log: Path) -> None:
         self._settings, self._log = settings, log
+        self._process: subprocess.Popen[bytes] | None = None
+        # Waits for the process's answer.
+        self._thread = ThreadPoolExecutor(1)
         self.task: Task | None = None
         self.memory = 0
         self.attempts = 0
-        self._pool = self._new_pool()
-
-    def _new_pool(self) -> ProcessPoolExecutor:
-        # Not forked: a fork inherits locks that other threads hold at that moment.
-        return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _settle,
-                                   (str(self._log),))
 
     def submit(self, task: Task, results: Path) -> Future[Outcome]:
+        """Have a task done; a process that is not there, or died, is started first."""
         self.task = task
         self.attempts += 1
-        with _environment(self._settings):
-            try:
-                return self._pool.submit(do_task, task, results)
-            except BrokenProcessPool:  # it died between two tasks
-                self.replace()
-                return self._pool.submit(do_task, task, results)
+        if self._process is None or self._process.poll() is not None:
+            self.end()
+            with open(self._log, "ab") as log:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-c", "from lfportrait.job.batch.serving import serve; "
+                     "serve()"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log,
+                    env={**os.environ, **self._settings})
+        return self._thread.submit(self._exchange, self._process, task, results)
 
-    def replace(self) -> None:
-        """A new process in the place of one that died."""
-        self.end()
-        self._pool = self._new_pool()
+    def _exchange(self, process: subprocess.Popen[bytes], task: Task, results: Path) -> Outcome:
+        assert process.stdin is not None and process.stdout is not None
+        try:
+            pickle.dump((task, results), process.stdin)
+            process.stdin.flush()
+            outcome = pickle.load(process.stdout)
+        except (OSError, EOFError, pickle.UnpicklingError) as error:
+            process.kill()
+            process.wait()
+            raise _Died from error
+        assert isinstance(outcome, Outcome)
+        return outcome
 
     def end(self) -> None:
         """Kill the process, whatever it does."""
-        processes = list((self._pool._processes or {}).values())
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        for process in processes:
-            process.kill()
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            for pipe in (self._process.stdin, self._process.stdout):
+                assert pipe is not None
+                with suppress(OSError):
+                    pipe.close()
+            self._process = None
+
+    def close(self) -> None:
+        """End for good."""
+        if self._process is not None:
+            self._process.kill()
+        self._thread.shutdown()
+        self.end()
 
 
 class LocalRunner:
@@ -178,8 +169,7 @@ class LocalRunner:
             assert task is not None
             try:
                 outcome = future.result()
-            except BrokenProcessPool:
-                worker.replace()
+            except _Died:
                 if worker.attempts < ATTEMPTS:
                     self._busy[worker.submit(task, self._results)] = worker
                     continue
@@ -192,4 +182,4 @@ class LocalRunner:
     def close(self) -> None:
         """End all processes; what still runs is given up."""
         for worker in [*self._idle, *self._busy.values()]:
-            worker.end()
+            worker.close()
