@@ -8,7 +8,7 @@ import pytest
 
 from lfportrait.demo import PAINTED, SITTER, demo_capture, demo_exemplar
 from lfportrait.files import write_image
-from lfportrait.job.batch import batch
+from lfportrait.job.batch import BatchConfig, batch
 from lfportrait.lightfield import Display
 
 PANEL = Display(96, 64, views=9, pitch=6.3, slant=0.15, cone=40, quilt=(3, 2),
@@ -80,7 +80,8 @@ def made(studio, tmp_path_factory):
     """The studio's batch, undisturbed: its folder, figures and events."""
     results = tmp_path_factory.mktemp("made") / "results"
     events = []
-    figures = batch(studio / "jobs.toml", results, watchers=[events.append])
+    figures = batch(studio / "jobs.toml", results, BatchConfig(cores=1),
+                    watchers=[events.append])
     assert not figures["failed"], figures["failed"]
     return results, figures, events
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import types
 import typing
 from collections.abc import Mapping
@@ -70,6 +71,12 @@ def checked(value: Any, kind: Any, where: str) -> Any:
     return value
 
 
+@functools.cache
+def _types(kind: type) -> dict[str, Any]:
+    """The types of a data class's fields."""
+    return typing.get_type_hints(kind)
+
+
 def overlaid(config: _Config, table: Mapping[str, Any], where: str) -> _Config:
     """A data class of parameters with a table's entries in place of its own.
 
@@ -87,7 +94,9 @@ def overlaid(config: _Config, table: Mapping[str, Any], where: str) -> _Config:
     UserError
         If an entry is unknown or of the wrong type.
     """
-    hints = typing.get_type_hints(type(config), include_extras=False)
+    if not table:
+        return config
+    hints = _types(type(config))
     # A seed is the job's, not a stage's.
     known = [entry.name for entry in dataclasses.fields(config)  # type: ignore[arg-type]
              if entry.name != "seed"]
