@@ -72,7 +72,7 @@ def checked(value: Any, kind: Any, where: str) -> Any:
 
 
 @functools.cache
-def _types(kind: type) -> dict[str, Any]:
+def _types(kind: Any) -> dict[str, Any]:
     """The types of a data class's fields."""
     return typing.get_type_hints(kind)
 
@@ -96,7 +96,8 @@ def overlaid(config: _Config, table: Mapping[str, Any], where: str) -> _Config:
     """
     if not table:
         return config
-    hints = _types(type(config))
+    kind: Any = type(config)
+    hints = _types(kind)
     # A seed is the job's, not a stage's.
     known = [entry.name for entry in dataclasses.fields(config)  # type: ignore[arg-type]
              if entry.name != "seed"]
