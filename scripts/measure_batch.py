@@ -35,9 +35,10 @@ from lfportrait.demo import PAINTED, SITTER, HeadModel, demo_capture, demo_exemp
 from lfportrait.files import write_image
 from lfportrait.job.batch import BatchConfig, batch
 from lfportrait.job.batch.costs import Estimates
-from lfportrait.job.batch.driver import Batch, _Left
+from lfportrait.job.batch.driver import _Left
 from lfportrait.job.batch.jobs_file import Jobs, Panel, Sitter, Style
 from lfportrait.job.batch.plan import draw_plan
+from lfportrait.job.batch.state import Batch
 from lfportrait.job.steps import MakeConfig
 from lfportrait.lightfield import Display
 

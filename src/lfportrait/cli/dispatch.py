@@ -23,7 +23,7 @@ __all__ = ["COMMANDS", "main"]
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "demo": ("make", "Demo", "everything, on the embedded capture and exemplar"),
     "make": ("make", "Make", "photos and a painting in, a coded light field out"),
-    "batch": ("batches", "BatchCommand", "many portraits from one file, here or on a Ray cluster"),
+    "batch": ("make", "BatchCommand", "many portraits from one file, here or on a Ray cluster"),
     "capture-check": ("reconstruction", "CaptureCheck", "will these photos do? advice at once"),
     "calibrate": ("reconstruction", "Calibrate", "photos -> capture (cameras, mattes, landmarks)"),
     "reconstruct": ("reconstruction", "Reconstruct", "capture -> radiance field"),

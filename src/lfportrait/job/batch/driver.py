@@ -11,7 +11,7 @@ import contextlib
 import heapq
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,21 +19,21 @@ from ...errors import UserError
 from ...example import Exemplar
 from ...files import atomic_write, write_json
 from ...lanes.compiling import compiling_progress
-from ...measure import free_disk_bytes
 from ..networks import get_networks
 from ..stages import check_writable
 from ..steps import painting_key, source_key
 from ..warmup import Warmup
-from .costs import Estimates, cores_of_a_task
+from .costs import cores_of_a_task
 from .fingerprints import Fingerprints
 from .index import write_index
-from .jobs_file import Jobs, load_jobs
+from .jobs_file import load_jobs
 from .journal import FOLDER, Journal, Watcher, locked
-from .plan import STAGES, Plan, Task, draw_plan, finished
+from .plan import Plan, Task, draw_plan, finished
 from .runners import KERNELS, LocalRunner, Runner, usable_cores
+from .state import Batch
 from .work import Outcome
 
-__all__ = ["Batch", "BatchConfig", "batch", "dry_figures", "prepare_batch"]
+__all__ = ["BatchConfig", "batch", "prepare_batch"]
 
 
 @dataclass(frozen=True)
@@ -48,78 +48,6 @@ class BatchConfig:
     cores: int = 0
     """Cores of each task; 0: one, more where there are fewer sitters than cores. The last bits of
     what is computed depend on it."""
-
-
-@dataclass
-class Batch:
-    """A file of jobs made ready: its plan, and what of it is done.
-
-    Attributes
-    ----------
-    jobs, plan
-        What is wanted, and the graph of it.
-    results
-        Folder of all results.
-    done
-        Names of the tasks that are done.
-    failed
-        Why tasks failed, by name.
-    lost
-        Tasks that can't be done as one before them failed: the name of that one.
-    estimates
-        What tasks take.
-    prints
-        Hashes of the photos, to be kept.
-    """
-
-    jobs: Jobs
-    plan: Plan
-    results: Path
-    done: set[str]
-    failed: dict[str, str] = field(default_factory=dict)
-    lost: dict[str, str] = field(default_factory=dict)
-    estimates: Estimates = field(default_factory=Estimates)
-    prints: Fingerprints | None = None
-
-    def summary(self) -> dict[str, Any]:
-        """The figures for ``--json``: tasks by stage, and what they are taken to need."""
-        left = self.plan.to_do(self.done)
-        stages = {}
-        for stage in STAGES:
-            every = [task for task in self.plan.tasks.values() if task.stage == stage]
-            if every:
-                need = self.estimates.need(stage)
-                count = sum(task.stage == stage for task in left)
-                stages[stage] = {"tasks": len(every), "to_do": count,
-                                 "core_seconds": round(count * need.core_seconds, 1),
-                                 "memory_bytes": need.memory, "disk_bytes": count * need.disk}
-        return {"sitters": len(self.jobs.sitters), "styles": len(self.jobs.styles),
-                "displays": len(self.jobs.panels), "tasks": len(self.plan.tasks),
-                "to_do": len(left), "stages": stages,
-                "core_seconds": round(sum(one["core_seconds"] for one in stages.values()), 1),
-                "disk_bytes": sum(one["disk_bytes"] for one in stages.values()),
-                "refused": dict(self.plan.refused)}
-
-    def failures(self) -> dict[str, str]:
-        """Sitters and tasks that failed, and why."""
-        return {**self.plan.refused, **self.failed}
-
-    def jobs_table(self) -> list[dict[str, Any]]:
-        """What the user wanted, one entry each: where it is, or why it is not there."""
-        rows = []
-        for task in self.plan.wanted():
-            row = {"sitter": task.sitter, "style": task.folder.partition("/")[2],
-                   "output": task.label, "file": f"{task.folder}/{task.outputs[0]}"}
-            if task.name in self.done:
-                row["state"] = "done"
-            else:
-                cause = self.lost.get(task.name, task.name)
-                row["state"] = "failed" if cause in self.failed else "waiting"
-                row["why"] = self.failed.get(cause, "")
-            rows.append(row)
-        rows += [{"sitter": name, "style": "", "output": "", "file": "", "state": "failed",
-                  "why": why} for name, why in self.plan.refused.items()]
-        return rows
 
 
 def prepare_batch(path: Path, results: Path, *, offline: bool = False, quiet: bool = True) -> Batch:
@@ -356,11 +284,3 @@ def _plan_rows(plan: Plan) -> dict[str, Any]:
         {"name": task.name, "stage": task.stage, "folder": task.folder, "record": task.record,
          "outputs": task.outputs, "key": task.key, "needs": task.needs}
         for task in plan.tasks.values()]}
-
-
-def dry_figures(found: Batch) -> dict[str, Any]:
-    """What ``--dry-run`` tells: the summary, the graph, and the space there is."""
-    left = {task.name for task in found.plan.to_do(found.done)}
-    return {**found.summary(), "free_disk_bytes": free_disk_bytes(found.results),
-            "graph": [{"task": task.name, "stage": task.stage, "needs": list(task.needs),
-                       "to_do": task.name in left} for task in found.plan.tasks.values()]}

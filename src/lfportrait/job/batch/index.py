@@ -9,14 +9,12 @@ from __future__ import annotations
 import html
 from importlib import resources
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
 from ...version import __version__
 from .plan import Task, finished
-
-if TYPE_CHECKING:
-    from .driver import Batch
+from .state import Batch
 
 __all__ = ["write_index"]
 

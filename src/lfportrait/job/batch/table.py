@@ -143,7 +143,7 @@ def dry_table(figures: dict[str, Any], slots: int) -> str:
     Parameters
     ----------
     figures
-        Of `lfportrait.job.batch.driver.dry_figures`.
+        Of `lfportrait.job.batch.dry_figures`.
     slots
         Cores that work at once.
     """
