@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TypeVar
 
 __all__ = ["Cost", "cost_of", "free_disk_bytes", "free_memory_bytes", "machine", "memory_of",
-           "peak_memory_bytes"]
+           "peak_memory_bytes", "usable_cores"]
 
 _Result = TypeVar("_Result")
 
@@ -142,3 +142,10 @@ def machine() -> dict[str, str | int]:
         pass
     return {"processor": name, "cores": os.cpu_count() or 1, "system": platform.system(),
             "python": platform.python_version()}
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

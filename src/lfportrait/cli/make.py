@@ -23,8 +23,8 @@ from ..job.batch import (
     dry_figures,
     dry_table,
     prepare_batch,
-    usable_cores,
 )
+from ..measure import usable_cores
 from ..stylize import StylizeConfig
 from .common import Common
 

@@ -15,11 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ... import models
 from ...errors import UserError
 from ...example import Exemplar
 from ...files import atomic_write, write_json
 from ...lanes.compiling import compiling_progress
-from ..networks import get_networks
+from ...measure import usable_cores
+from ..networks import get_networks, networks_of
 from ..stages import check_writable
 from ..steps import painting_key, source_key
 from ..warmup import Warmup
@@ -29,7 +31,7 @@ from .index import write_index
 from .jobs_file import load_jobs
 from .journal import FOLDER, Journal, Watcher, locked
 from .plan import Plan, Task, draw_plan, finished
-from .runners import KERNELS, LocalRunner, Runner, usable_cores
+from .runners import KERNELS, LocalRunner, Runner
 from .state import Batch
 from .work import Outcome
 
@@ -74,11 +76,10 @@ def prepare_batch(path: Path, results: Path, *, offline: bool = False, quiet: bo
     check_writable(results)
     paintings = {}
     for style in jobs.styles.values():
-        bare = Path(style.painting).is_file() and not Path(style.painting).with_suffix(
-            ".landmarks.txt").exists()
-        for sitter in jobs.sitters.values() if bare else ():
-            get_networks(sitter.source, Path(style.painting), True, offline=offline, quiet=quiet)
-            break
+        picture = Path(style.painting)
+        if picture.is_file() and not picture.with_suffix(".landmarks.txt").exists():
+            models.require(["face-landmarker"], download=not offline, purpose=f"{picture}, which "
+                           "has no landmarks beside it", quiet=quiet)
         try:
             paintings[style.name] = painting_key(Exemplar.load(style.painting))
         except UserError as error:
@@ -97,8 +98,12 @@ def _ask_for_networks(found: Batch, offline: bool, quiet: bool) -> None:
     """The networks of all captures that are to be made, before the first long task."""
     for task in found.plan.to_do(found.done):
         if task.stage == "capture":
-            get_networks(Path(task.source), None, task.config.keep_background, offline=offline,
-                         quiet=quiet)
+            photos, keep = Path(task.source), task.config.keep_background
+            try:
+                networks_of(photos, None, keep)
+            except UserError:  # a file of this sitter's is damaged: the task will tell
+                continue
+            get_networks(photos, None, keep, offline=offline, quiet=quiet)
 
 
 def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offline: bool = False,
@@ -127,8 +132,8 @@ def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offli
         Tasks, what failed and why (``failed``), what was done in this run (``ran``), ``jobs``.
     """
     config = config or BatchConfig()
+    found = prepare_batch(path, results, offline=offline, quiet=quiet)
     with locked(results):
-        found = prepare_batch(path, results, offline=offline, quiet=quiet)
         return _Run(found, config, quiet, watchers or []).run()
 
 

@@ -15,6 +15,7 @@ that nothing else needs; a task before them is only done if one of them is not t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from typing import Any
 from ...errors import UserError
 from ...keys import key_of
 from ...lightfield import Display
+from ...measure import usable_cores
 from ..stages import finished_record
 from ..steps import MakeConfig, capture_key, code_key, field_key, look_at, source_key, style_key
 from .jobs_file import Jobs, Panel, Sitter
@@ -151,16 +153,22 @@ def draw_plan(jobs: Jobs, paintings: dict[str, tuple[str, str]],
     fingerprint
         Hash of a sitter's photos; raises `UserError` where they can't be read.
     """
-    plan = Plan()
-    for sitter in jobs.sitters.values():
+    def look(sitter: Sitter) -> str | UserError:
         try:
             look_at(sitter.source)
-            source = fingerprint(sitter.source)
+            return fingerprint(sitter.source)
         except UserError as error:
-            plan.refused[sitter.name] = str(error)
-            continue
-        for task in _Portraits(jobs, sitter, paintings, source).tasks():
-            plan.tasks[task.name] = task
+            return error
+
+    plan = Plan()
+    # Hashing waits for the disk and does without Python's lock.
+    with ThreadPoolExecutor(min(8, usable_cores())) as threads:
+        for sitter, source in zip(jobs.sitters.values(), threads.map(look, jobs.sitters.values())):
+            if isinstance(source, UserError):
+                plan.refused[sitter.name] = str(source)
+                continue
+            for task in _Portraits(jobs, sitter, paintings, source).tasks():
+                plan.tasks[task.name] = task
     return plan
 
 

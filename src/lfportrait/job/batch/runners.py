@@ -16,11 +16,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from ...measure import free_memory_bytes
+from ...measure import free_memory_bytes, usable_cores
 from .plan import Task
 from .work import Outcome
 
-__all__ = ["ATTEMPTS", "KERNELS", "LocalRunner", "Runner", "thread_settings", "usable_cores"]
+__all__ = ["ATTEMPTS", "KERNELS", "LocalRunner", "Runner", "thread_settings"]
 
 ATTEMPTS = 3
 """How often a task is given out whose worker dies."""
@@ -47,13 +47,6 @@ class Runner(Protocol):
 
     def close(self) -> None:
         """End: what still runs is given up."""
-
-
-def usable_cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def thread_settings(cores: int) -> dict[str, str]:
