@@ -26,6 +26,7 @@ from lfportrait.example import (
 )
 from lfportrait.field import ReconstructConfig
 from lfportrait.job import MakeConfig
+from lfportrait.job.batch import BatchConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
 from lfportrait.share import ExportConfig, PageConfig, SequenceConfig
 from lfportrait.stylize import MixConfig, StylizeConfig
@@ -55,6 +56,7 @@ SECTIONS = [
     ("Encode with motion", SequenceConfig, "`lfportrait encode --frames N`."),
     ("Interlace", InterlaceConfig, "`lfportrait interlace`."),
     ("Make", MakeConfig, "`lfportrait make`, besides the stages' own."),
+    ("Batch", BatchConfig, "`lfportrait batch`, besides its file's ([batches](batches.md))."),
 ]
 
 HEAD = """# Parameters

@@ -14,7 +14,8 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 TESTS = Path(__file__).resolve().parent
-FIRST = ("field/test_poses.py", "example/rivals/test_network.py",
+FIRST = ("field/test_poses.py", "example/rivals/test_network.py", "job/batch/test_batch.py",
+         "job/batch/test_ray.py",
          "field/test_raycast.py", "lightfield/test_slices.py",
          "field/test_cutout.py", "job/test_pipeline.py",
          "evaluate/test_bench.py", "capture/test_calibrate.py",

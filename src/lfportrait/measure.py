@@ -6,11 +6,15 @@ import os
 import platform
 import shutil
 import sys
+import time
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-__all__ = ["free_disk_bytes", "free_memory_bytes", "machine", "memory_of", "peak_memory_bytes"]
+__all__ = ["Cost", "cost_of", "free_disk_bytes", "free_memory_bytes", "machine", "memory_of",
+           "peak_memory_bytes", "usable_cores"]
 
 _Result = TypeVar("_Result")
 
@@ -62,6 +66,39 @@ def memory_of(function: Callable[[], _Result]) -> tuple[int, _Result]:
         return peak_memory_bytes() - before, result
 
 
+@dataclass(frozen=True)
+class Cost:
+    """What a call cost.
+
+    Attributes
+    ----------
+    seconds
+        Wall time.
+    cpu_seconds
+        Time on the cores, of all threads together.
+    peak_memory_bytes
+        Largest resident memory of the process meanwhile; since it began where only that is known.
+    """
+
+    seconds: float
+    cpu_seconds: float
+    peak_memory_bytes: int
+
+
+def cost_of(function: Callable[[], _Result]) -> tuple[Cost, _Result]:
+    """Call ``function``; what that cost, and its result."""
+    start, on_cores = time.perf_counter(), time.process_time()
+    with suppress(OSError), open("/proc/self/clear_refs", "w") as stream:
+        stream.write("5")  # forget the peak so far
+    result = function()
+    seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - on_cores
+    try:
+        peak = _status("VmHWM")
+    except OSError:
+        peak = peak_memory_bytes()
+    return Cost(round(seconds, 3), round(cpu_seconds, 3), peak), result
+
+
 def free_memory_bytes(system: Path = Path("/")) -> int | None:
     """Memory that a process can still get, in bytes; None where the system does not tell.
 
@@ -105,3 +142,10 @@ def machine() -> dict[str, str | int]:
         pass
     return {"processor": name, "cores": os.cpu_count() or 1, "system": platform.system(),
             "python": platform.python_version()}
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -42,3 +42,7 @@ class Common:
             What ``--json`` writes.
         """
         raise NotImplementedError
+
+    def exit_code(self, figures: dict[str, Any]) -> int:
+        """The exit code of a run that came to its end with these figures: 0."""
+        return 0

@@ -23,6 +23,7 @@ __all__ = ["COMMANDS", "main"]
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "demo": ("make", "Demo", "everything, on the embedded capture and exemplar"),
     "make": ("make", "Make", "photos and a painting in, a coded light field out"),
+    "batch": ("make", "BatchCommand", "many portraits from one file, here or on a Ray cluster"),
     "capture-check": ("reconstruction", "CaptureCheck", "will these photos do? advice at once"),
     "calibrate": ("reconstruction", "Calibrate", "photos -> capture (cameras, mattes, landmarks)"),
     "reconstruct": ("reconstruction", "Reconstruct", "capture -> radiance field"),
@@ -80,7 +81,7 @@ def _execute(name: str, arguments: list[str]) -> int:
         figures.setdefault("device", device)
         figures["version"] = __version__
         write_json(target, figures)
-    return 0
+    return int(command.exit_code(figures))
 
 
 def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
@@ -99,8 +100,9 @@ def main(arguments: list[str] | None = None) -> int:
     Returns
     -------
     code
-        0 done; 2 the user's mistake, told in one line on standard error; 1 our fault, with a
-        traceback to report; 130 interrupted (run the same command again to go on).
+        0 done; 2 the user's mistake, told in one line on standard error; 3 some jobs of a batch
+        failed and all others are done; 1 our fault, with a traceback to report; 130 interrupted
+        (run the same command again to go on).
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help", "help"):

@@ -1,9 +1,10 @@
 """The main job: all stages in order, from photos to a coded light field.
 
-`pipeline` joins them, `stages` sees that nothing finished is done twice, `person` cuts the person
-out of photos with a background, `summary` fills the report. `photo_check` looks at photos before
-any of that, `check_picture` draws what it found; `style_check` and `style_picture` do the same
-for a painting.
+`steps` has them as functions, `pipeline` joins them, `stages` sees that nothing finished is done
+twice, `person` cuts the person out of photos with a background, `summary` fills the report.
+`photo_check` looks at photos before any of that, `check_picture` draws what it found; `style_check`
+and `style_picture` do the same for a painting, `style_landmarks` keeps its landmarks. `batch` is a
+room of its own: many jobs at once.
 """
 
 from .check_picture import check_picture

@@ -17,13 +17,11 @@ share           all of them                     ``portrait.html``, ``sweep.mp4``
 
 from __future__ import annotations
 
-import shutil
 import sys
-import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,65 +31,41 @@ from ..capture import (
     PhotosError,
     calibrate,
     is_calibrated,
-    is_video,
-    picture_files,
     portrait_frame_from_landmarks,
 )
 from ..device import computing_device
 from ..errors import UserError
 from ..example import Exemplar
-from ..field import ReconstructConfig, VoxelField, reconstruct_with_figures
-from ..files import write_image, write_json
+from ..field import VoxelField
+from ..files import write_json
 from ..keys import key_of
 from ..lanes.compiling import compiling_progress
-from ..lightfield import (
-    Display,
-    EncodeConfig,
-    ViewMask,
-    encode_with_figures,
-    quilt_of,
-    write_coded,
-)
+from ..lightfield import Display
 from ..measure import machine, peak_memory_bytes
 from ..progress import Progress
-from ..share import PageConfig
-from ..stylize import StylizeConfig
 from ..version import __version__
 from .networks import get_networks
 from .person import cut_person
 from .photo_check import problem_sheet
-from .stages import StageFolder, check_writable, fingerprint_files
+from .stages import StageFolder, check_writable
+from .steps import (
+    MakeConfig,
+    capture_key,
+    code_key,
+    field_key,
+    look_at,
+    painting_key,
+    save_folder,
+    source_key,
+    style_key,
+    write_code,
+    write_field,
+    write_styled,
+)
 from .summary import share_job
 from .warmup import Warmup
 
 __all__ = ["MakeConfig", "make", "prepare_capture"]
-
-
-@dataclass(frozen=True)
-class MakeConfig:
-    """Parameters of every stage of the main job."""
-
-    calibrate: CalibrateConfig = field(default_factory=CalibrateConfig)
-    """Cameras from photos."""
-    reconstruct: ReconstructConfig = field(default_factory=ReconstructConfig)
-    """Radiance field."""
-    stylize: StylizeConfig = field(default_factory=StylizeConfig)
-    """Style transfer and the optimisation of the field."""
-    encode: EncodeConfig = field(default_factory=EncodeConfig)
-    """Light-field coding."""
-    page: PageConfig = field(default_factory=PageConfig)
-    """The page of the portrait, ``portrait.html``."""
-    keep_background: bool = False
-    """Do not cut the person out of photos that have no alpha channel."""
-    sweep_size: int = 512
-    """Height of the sweep video in pixels."""
-
-
-def _source_files(photos: Path) -> list[Path]:
-    """The files that a capture is made from, for its fingerprint."""
-    if photos.is_file():
-        return [photos]
-    return [path for path in photos.rglob("*") if path.is_file() and path.name[0] != "."]
 
 
 def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
@@ -165,27 +139,6 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     return capture, figures
 
 
-def _save_folder(write: Callable[[Path], None], target: Path) -> None:
-    """Let ``write`` fill a new folder that takes ``target``'s place only when it is complete."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as name:
-        fresh = Path(name) / target.name
-        write(fresh)
-        if target.exists():
-            shutil.rmtree(target)
-        fresh.rename(target)
-
-
-def _look_at(photos: Path) -> None:
-    """Raise `UserError` where plain photos are too few for anything."""
-    if is_calibrated(photos) or is_video(photos):
-        return
-    count = len(picture_files(photos))
-    if count < 3:
-        raise UserError(f"{count} photos in {photos} are too few to find the cameras; take 20 to "
-                        "100 of a person who holds still")
-
-
 def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
          display: str | Path | Display = "generic-4k", config: MakeConfig | None = None, *,
          device: str = "auto", seed: int = 0, quiet: bool = True, offline: bool = False,
@@ -234,7 +187,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
         style = Exemplar.load(style)  # a name: it needs no network
     check_writable(Path(out))
     if not isinstance(photos, Capture):
-        _look_at(Path(photos))
+        look_at(Path(photos))
         get_networks(Path(photos), None if isinstance(style, Exemplar) else Path(style),
                      config.keep_background, offline=offline, quiet=quiet)
     exemplar = style if isinstance(style, Exemplar) else Exemplar.load(style)
@@ -268,21 +221,16 @@ class _Job:
 
     def run(self) -> dict[str, Any]:
         config = self.config
-        if isinstance(self.photos, Capture):
-            source = key_of(self.photos.images, self.photos.alphas, self.photos.cameras.pose)
-        else:
-            source = fingerprint_files(_source_files(Path(self.photos)))
-        capture_key = key_of("capture", source, config.calibrate, config.keep_background, self.seed)
-        field_key = key_of("reconstruct", capture_key, config.reconstruct)
-        style_key = key_of("stylize", field_key, config.stylize, self.exemplar.image,
-                           self.exemplar.landmarks)
-        code_key = key_of("encode", style_key, config.encode, self.display)
-        share_key = key_of("share", code_key, config.sweep_size, config.page)
-        self.stages.run("capture", capture_key, ["capture"], self._capture)
-        self.stages.run("reconstruct", field_key, ["field.npz"], self._reconstruct)
-        self.stages.run("stylize", style_key, ["styled.npz"], self._stylize)
-        self.stages.run("encode", code_key, ["lightfield.png"], self._encode)
-        self.stages.run("share", share_key, ["portrait.html", "sweep.mp4", "report.html"],
+        capture = capture_key(source_key(self.photos), config, self.seed)
+        field = field_key(capture, config)
+        style = style_key(field, config, painting_key(self.exemplar))
+        code = code_key(style, config, self.display)
+        share = key_of("share", code, config.sweep_size, config.page)
+        self.stages.run("capture", capture, ["capture"], self._capture)
+        self.stages.run("reconstruct", field, ["field.npz"], self._reconstruct)
+        self.stages.run("stylize", style, ["styled.npz"], self._stylize)
+        self.stages.run("encode", code, ["lightfield.png"], self._encode)
+        self.stages.run("share", share, ["portrait.html", "sweep.mp4", "report.html"],
                         self._share)
         run = self._figures()
         write_json(self.out / "run.json", run)
@@ -307,47 +255,34 @@ class _Job:
                     Path(self.photos), replace(self.config.calibrate, seed=self.seed),
                     keep_background=self.config.keep_background, need_face=True,
                     progress=progress, sheet=self.out.with_name(f"{self.out.name}-photos.jpg"))
-        _save_folder(capture.save, self.out / "capture")
+        save_folder(capture.save, self.out / "capture")
         return figures
 
     def _reconstruct(self) -> dict[str, Any]:
         checkpoint = self.stages.scratch("reconstruct.npz")
-        config = replace(self.config.reconstruct, seed=self.seed)
-        if not config.finest:
-            # A display's views have a few hundred rows; all later stages pay for each voxel.
-            config = replace(config, finest=256)
         with self._progress("reconstruct", ("reconstruct",)) as progress:
-            result, figures = reconstruct_with_figures(
-                Capture.load(self.out / "capture"), config, progress, checkpoint=checkpoint)
-        result.save(self.out / "field.npz")
+            figures = write_field(self.out / "capture", self.out / "field.npz", self.config,
+                                  self.seed, progress, checkpoint)
         self.stages.remove_scratch("reconstruct.npz")
         return {**figures, "peak_memory_bytes": peak_memory_bytes()}
 
     def _stylize(self) -> dict[str, Any]:
-        from ..stylize import kept_skin, stylize_with_figures
+        from ..stylize import kept_skin
 
-        config = replace(self.config.stylize, seed=self.seed)
-        path = self.out / "field.npz"
+        config, path = self.config.stylize, self.out / "field.npz"
         with self._progress("stylize", ("transfer", "stylize")) as progress:
             field, capture = VoxelField.load(path), Capture.load(self.out / "capture")
             skin = kept_skin(path, field, capture, config.pixels) if config.on_skin else None
-            styled, figures = stylize_with_figures(field, capture, self.exemplar, config, progress,
-                                                   device=self.device, skin=skin)
-        styled.save(self.out / "styled.npz")
+            figures = write_styled(field, capture, self.exemplar, self.out / "styled.npz",
+                                   self.config, self.seed, progress, device=self.device, skin=skin)
         return {**figures, "peak_memory_bytes": peak_memory_bytes()}
 
     def _encode(self) -> dict[str, Any]:
         styled = VoxelField.load(self.out / "styled.npz")
         with self._progress("encode", ("encode",)):
-            mask = ViewMask.build(self.display)
-            image, figures = encode_with_figures(styled, self.display, self.config.encode,
-                                                 mask=mask, device=self.device)
-        write_coded(self.out / "lightfield.png", image, self.display)
-        picture, name = quilt_of(styled, self.display, self.config.encode)
-        for old in self.out.glob("quilt_*.png"):
-            old.unlink()
-        write_image(self.out / name, picture)
-        return {**figures, "quilt": name, "peak_memory_bytes": peak_memory_bytes()}
+            figures = write_code(styled, self.display, self.out, "lightfield.png", self.config,
+                                 device=self.device)
+        return {**figures, "peak_memory_bytes": peak_memory_bytes()}
 
     def _share(self) -> dict[str, Any]:
         with self._progress("share") as progress:

@@ -15,14 +15,16 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
 from ..files import read_json, write_json
 
-__all__ = ["StageFolder", "check_writable", "fingerprint_files"]
+__all__ = ["StageFolder", "check_writable", "fingerprint_files", "finished_record"]
+
+_RECORDS = ".stages"
 
 
 def fingerprint_files(paths: Iterable[Path]) -> str:
@@ -47,6 +49,25 @@ def check_writable(folder: Path) -> None:
                         "choose another folder with --out")
 
 
+def finished_record(folder: Path, name: str, key: str, outputs: Iterable[str],
+                    ) -> dict[str, Any] | None:
+    """The figures of a stage that was done from the same inputs; None where it is to be done.
+
+    Parameters
+    ----------
+    folder
+        Of the job.
+    name, key, outputs
+        As for `StageFolder.run`.
+    """
+    try:
+        data = json.loads((folder / _RECORDS / f"{name}.json").read_text())
+        figures, same = dict(data["figures"]), data["key"] == key
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return figures if same and all((folder / output).exists() for output in outputs) else None
+
+
 class StageFolder:
     """The folder of one job and the records of its finished stages.
 
@@ -68,7 +89,7 @@ class StageFolder:
 
     def __init__(self, folder: Path, report: Callable[[str], None] = lambda line: None) -> None:
         self.folder = Path(folder)
-        self.records = self.folder / ".stages"
+        self.records = self.folder / _RECORDS
         self.figures: dict[str, dict[str, Any]] = {}
         self.resumed: list[str] = []
         self._report = report
@@ -81,7 +102,7 @@ class StageFolder:
             raise UserError(f"can't write to {self.folder}: {error.strerror}; "
                             "choose another folder with --out") from error
 
-    def run(self, name: str, key: str, outputs: list[str],
+    def run(self, name: str, key: str, outputs: Sequence[str],
             function: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Do a stage, or nothing if it was done from the same inputs before.
 
@@ -97,7 +118,7 @@ class StageFolder:
             Writes the outputs and returns the stage's figures for ``--json``.
         """
         record = self.records / f"{name}.json"
-        done = self._finished(record, key, outputs)
+        done = finished_record(self.folder, name, key, outputs)
         if done is not None:
             self._report(f"{name}: done before, skipped")
             self.resumed.append(name)
@@ -107,23 +128,10 @@ class StageFolder:
         start = time.perf_counter()
         figures = dict(function())
         figures["stage_seconds"] = round(time.perf_counter() - start, 3)
-        write_json(record, {"key": key, "outputs": outputs, "figures": figures})
+        write_json(record, {"key": key, "outputs": list(outputs), "figures": figures})
         # Read back so that a resumed run sees exactly what this one does.
         self.figures[name] = read_json(record)["figures"]
         return self.figures[name]
-
-    def _finished(self, record: Path, key: str, outputs: list[str]) -> dict[str, Any] | None:
-        if not record.is_file():
-            return None
-        try:
-            data = json.loads(record.read_text())
-            figures = data["figures"]
-            same = data["key"] == key
-        except (ValueError, KeyError, TypeError):
-            return None
-        if same and all((self.folder / output).exists() for output in outputs):
-            return dict(figures)
-        return None
 
     def scratch(self, name: str) -> Path:
         """A path inside the record folder for a stage's checkpoints."""

@@ -51,4 +51,6 @@ def kept_skin(path: Path, field: VoxelField, capture: Capture, pixels: float) ->
         skin = Skin.of(field, capture.landmarks, capture.cameras, pixels)
         with suppress(OSError):
             save_skin(skin, beside, key)
+        # A file keeps rounded numbers: this run goes on with those that the next one will find.
+        skin = load_skin(beside, key) or skin
     return skin

@@ -1,0 +1,15 @@
+"""Many portraits: sitters x styles x displays from one file, on this machine or a Ray cluster.
+
+`jobs_file` reads what is wanted, `plan` draws the graph of stages that share work, `state` knows
+how far it is, `driver` gives the tasks out, `runners` and `ray_runner` are where they run, `work`
+does one; `journal`, `table` and `index` tell of it.
+"""
+
+from .driver import BatchConfig, batch, prepare_batch
+from .jobs_file import load_jobs
+from .journal import Watcher
+from .state import dry_figures
+from .table import BatchTable, JsonLines, batch_status, dry_table
+
+__all__ = ["BatchConfig", "BatchTable", "JsonLines", "Watcher", "batch", "batch_status",
+           "dry_figures", "dry_table", "load_jobs", "prepare_batch"]

@@ -1,0 +1,99 @@
+"""What a task takes: cores, memory, time and disk, before it has been run.
+
+The declared figures were measured (`docs/scale.md`); the tasks of a batch that are done correct
+them: what a stage took there, its next tasks are taken to need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from .plan import Plan
+
+__all__ = ["DECLARED", "Estimates", "Need", "cores_of_a_task"]
+
+
+@dataclass(frozen=True)
+class Need:
+    """What a task of a stage takes.
+
+    Attributes
+    ----------
+    core_seconds
+        Time on one core; a task on several is taken to be done sooner in proportion.
+    memory
+        Peak of its process in bytes.
+    disk
+        Bytes that it writes.
+    """
+
+    core_seconds: float
+    memory: int
+    disk: int
+
+
+_MB = 1_000_000
+
+DECLARED = {
+    "capture": Need(2.0, 300 * _MB, 7 * _MB),
+    "field": Need(68.0, 1200 * _MB, 67 * _MB),
+    "skin": Need(12.0, 1100 * _MB, 87 * _MB),
+    "stylize": Need(39.0, 2100 * _MB, 26 * _MB),
+    "encode": Need(12.0, 1600 * _MB, 6 * _MB),
+    "page": Need(6.0, 1600 * _MB, 5 * _MB),
+    "sweep": Need(29.0, 1600 * _MB, 1 * _MB),
+}
+"""Measured on one core on the demo's head at its full size, on a 4K panel, and rounded up."""
+
+_SLACK = 1.2
+"""Memory of a task over the largest that was measured of its stage in this batch."""
+
+
+@dataclass
+class _Measured:
+    """Tasks of a stage that are done: how many, their times and files together, the most memory."""
+
+    count: int = 0
+    core_seconds: float = 0.0
+    memory: int = 0
+    disk: int = 0
+
+
+class Estimates:
+    """What the stages of a batch take, by what was declared and what was measured since."""
+
+    def __init__(self, figures: Iterable[tuple[str, dict[str, Any]]] = ()) -> None:
+        self._found: dict[str, _Measured] = {}
+        for stage, found in figures:
+            self.learn(stage, found)
+
+    def learn(self, stage: str, figures: dict[str, Any]) -> None:
+        """Take the figures of a task that is done into account."""
+        if "cost" in figures:
+            found = self._found.setdefault(stage, _Measured())
+            found.count += 1
+            found.core_seconds += figures["cost"]["cpu_seconds"]
+            found.disk += figures["cost"]["bytes"]
+            found.memory = max(found.memory, figures["cost"]["peak_memory_bytes"])
+
+    def need(self, stage: str) -> Need:
+        """What the next task of a stage is taken to need."""
+        found = self._found.get(stage)
+        if found is None:
+            return DECLARED[stage]
+        return Need(found.core_seconds / found.count, int(_SLACK * found.memory),
+                    round(found.disk / found.count))
+
+
+def cores_of_a_task(plan: Plan, cores: int) -> int:
+    """Cores for each task where none are asked for.
+
+    Tasks beside each other on a core each waste least, so they get more only where there are fewer
+    sitters than cores. It follows from the whole plan, not from what is left of it: what is
+    computed depends on the number of threads in its last bits, and a batch that goes on must end
+    with the same files.
+    """
+    sitters = len({task.sitter for task in plan.tasks.values()})
+    return max(1, min(8, cores // max(1, sitters)))

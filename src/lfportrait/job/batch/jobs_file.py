@@ -1,0 +1,296 @@
+"""The file that says what is wanted: sitters, styles, displays, and what differs from the defaults.
+
+::
+
+    [defaults]
+    sweeps = true                # also a video for each portrait
+    [defaults.reconstruct]
+    max_voxels = 2
+
+    [[sitter]]                   # every folder and video here is a sitter, named after it
+    photos = "monday/*"
+    [[sitter]]
+    name = "anna"
+    video = "anna.mp4"
+    styles = ["ken"]             # only these
+    [sitter.stylize]
+    strength = 0.8
+
+    [[style]]
+    painting = "paintings/ken.png"
+    [[display]]
+    panel = "generic-4k"
+
+Paths are relative to the file. Parameters are those of `lfportrait make`; where several tables name
+one, a sitter's goes before a style's or a display's, and these before the defaults.
+"""
+
+from __future__ import annotations
+
+import glob
+import tomllib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...capture import is_video
+from ...errors import UserError
+from ...lightfield import Display
+from ..steps import MakeConfig
+from .settings import checked, overlaid, unknown_key
+
+__all__ = ["Jobs", "Panel", "Sitter", "Style", "load_jobs"]
+
+_SECTIONS = ("calibrate", "reconstruct", "stylize", "encode", "page", "keep_background",
+             "sweep_size")
+_SWITCHES = {"pages": bool, "sweeps": bool, "seed": int}
+_SOURCES = ("photos", "video", "capture")
+_STYLE_SECTIONS = ("stylize", "encode", "page", "sweep_size")
+_TAKEN = ("capture", "pages", "sweeps", "portrait", "sweep", "styled", "thumbnail", "photo",
+          "index.html", "results.json")
+"""Names of files and folders that a job writes itself."""
+
+
+@dataclass(frozen=True)
+class Sitter:
+    """Who is portrayed.
+
+    Attributes
+    ----------
+    name
+        Also the folder of the results.
+    source
+        Folder of photos, video or calibrated data set.
+    styles, displays
+        Names of those that are wanted.
+    pages, sweeps
+        Whether each portrait gets a page, and a video.
+    seed
+        Of all random choices.
+    parameters
+        What differs from the defaults, by section.
+    """
+
+    name: str
+    source: Path
+    styles: tuple[str, ...]
+    displays: tuple[str, ...]
+    pages: bool
+    sweeps: bool
+    seed: int
+    parameters: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Style:
+    """A painting, as a path or the name of one that is built in, and its parameters."""
+
+    name: str
+    painting: str
+    parameters: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A display that is coded for, and its parameters."""
+
+    name: str
+    display: Display
+    parameters: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Jobs:
+    """What a file asks for.
+
+    Attributes
+    ----------
+    path
+        The file, for messages.
+    sitters, styles, panels
+        In the order of the file, by name.
+    config
+        The parameters without overrides.
+    """
+
+    path: Path
+    sitters: dict[str, Sitter]
+    styles: dict[str, Style]
+    panels: dict[str, Panel]
+    config: MakeConfig
+
+    def parameters(self, sitter: str, style: str = "", panel: str = "") -> MakeConfig:
+        """The parameters of a sitter's stages, in a style and for a display where they count."""
+        config = self.config
+        if style:
+            config = overlaid(config, self.styles[style].parameters, f"{self.path}: {style}")
+        if panel:
+            config = overlaid(config, self.panels[panel].parameters, f"{self.path}: {panel}")
+        return overlaid(config, self.sitters[sitter].parameters, f"{self.path}: {sitter}")
+
+
+def load_jobs(path: Path) -> Jobs:
+    """Read a file of jobs.
+
+    Raises
+    ------
+    UserError
+        If it is missing, no TOML, or asks for what does not exist: one line with file and entry.
+    """
+    try:
+        data = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"can't read the jobs {path}: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{path} is not valid TOML: {error}") from error
+    known = ("defaults", "sitter", "style", "display")
+    for key in data:
+        if key not in known:
+            raise unknown_key(str(path), key, known)
+    return _Reader(path, data).jobs()
+
+
+class _Reader:
+    """One file being read."""
+
+    def __init__(self, path: Path, data: dict[str, Any]) -> None:
+        self.path, self.data = path, data
+
+    def jobs(self) -> Jobs:
+        defaults = self.data.get("defaults", {})
+        where = f"{self.path}: [defaults]"
+        if not isinstance(defaults, dict):
+            raise UserError(f"{self.path}: defaults is not a table")
+        self._known(defaults, (*_SECTIONS, *_SWITCHES), where)
+        config = overlaid(MakeConfig(), self._sections(defaults), where)
+        styles = self._named(self._style(*entry) for entry in self._entries("style"))
+        panels = self._named(self._panel(*entry) for entry in self._entries("display"))
+        switches = self._switches(defaults, where)
+        if not (panels or switches.get("pages", True) or switches.get("sweeps", False)):
+            raise UserError(f"{self.path}: nothing is to be made; add a [[display]], or set pages "
+                            "or sweeps to true")
+        sitters = self._named(sitter for entry in self._entries("sitter")
+                              for sitter in self._sitters(*entry, styles, panels, switches))
+        jobs = Jobs(self.path, sitters, styles, panels, config)
+        self._try(jobs)
+        return jobs
+
+    def _try(self, jobs: Jobs) -> None:
+        """Lay all tables over the defaults once, so that what is wrong is told now."""
+        for kind, things in (("style", jobs.styles), ("display", jobs.panels),
+                             ("sitter", jobs.sitters)):
+            for name, thing in things.items():
+                overlaid(jobs.config, thing.parameters, f"{self.path}: {kind} {name}")
+
+    def _entries(self, kind: str) -> Iterator[tuple[dict[str, Any], str]]:
+        """The tables ``[[kind]]`` and where they stand."""
+        tables = self.data.get(kind, [])
+        if not isinstance(tables, list) or not all(isinstance(one, dict) for one in tables):
+            raise UserError(f"{self.path}: write [[{kind}]] in double brackets, one for each")
+        if not tables and kind != "display":
+            raise UserError(f"{self.path}: there is no [[{kind}]]; name at least one")
+        for number, table in enumerate(tables, 1):
+            name = table.get("name", "")
+            yield table, f"{self.path}: {kind} {number}" + (f" ({name})" if name else "")
+
+    def _known(self, table: dict[str, Any], names: Iterable[str], where: str) -> None:
+        for key in table:
+            if key not in (known := tuple(names)):
+                raise unknown_key(where, key, known)
+
+    def _sections(self, table: dict[str, Any]) -> dict[str, Any]:
+        return {key: value for key, value in table.items() if key in _SECTIONS}
+
+    def _switches(self, table: dict[str, Any], where: str) -> dict[str, Any]:
+        return {key: checked(table[key], kind, f"{where}: {key}")
+                for key, kind in _SWITCHES.items() if key in table}
+
+    def _text(self, table: dict[str, Any], key: str, where: str) -> str:
+        if key not in table:
+            raise UserError(f"{where} lacks {key}")
+        return str(checked(table[key], str, f"{where}: {key}"))
+
+    def _here(self, name: str) -> Path:
+        """A path of the file, which is relative to where the file lies."""
+        return (self.path.parent / Path(name).expanduser()).absolute()
+
+    def _style(self, table: dict[str, Any], where: str) -> Style:
+        self._known(table, ("name", "painting", *_STYLE_SECTIONS), where)
+        painting = self._text(table, "painting", where)
+        if self._here(painting).is_file():
+            painting = str(self._here(painting))
+        name = table.get("name", Path(painting).stem)
+        return Style(self._name(name, where), painting, self._sections(table))
+
+    def _panel(self, table: dict[str, Any], where: str) -> Panel:
+        self._known(table, ("name", "panel", "encode"), where)
+        panel = self._text(table, "panel", where)
+        file = self._here(panel)
+        try:
+            display = Display.resolve(file if file.is_file() else panel)
+        except UserError as error:
+            raise UserError(f"{where}: panel: {error}") from error
+        return Panel(self._name(table.get("name", Path(panel).stem), where), display,
+                     self._sections(table))
+
+    def _sitters(self, table: dict[str, Any], where: str, styles: dict[str, Style],
+                 panels: dict[str, Panel], switches: dict[str, Any]) -> Iterator[Sitter]:
+        self._known(table, ("name", *_SOURCES, "styles", "displays", *_SWITCHES, *_SECTIONS), where)
+        given = [key for key in _SOURCES if key in table]
+        if len(given) != 1:
+            raise UserError(f"{where} takes one of photos, video and capture, not "
+                            f"{' and '.join(given) or 'none'}")
+        source = self._text(table, given[0], where)
+        own: dict[str, Any] = {"pages": True, "sweeps": False, "seed": 0, **switches,
+               **self._switches(table, where)}
+        own |= {key: self._choice(table, key, known, where)
+                for key, known in (("styles", styles), ("displays", panels))}
+        several = glob.has_magic(source) and not self._here(source).exists()
+        if several and "name" in table:
+            raise UserError(f"{where}: sitters of a pattern are named after their folders; leave "
+                            "out name")
+        found = self._matches(source, where) if several else [self._here(source)]
+        for path in found:
+            if not path.exists():
+                raise UserError(f"{where}: {given[0]}: there is no folder or file {path}")
+            name = self._name(table.get("name", path.stem if path.is_file() else path.name), where)
+            yield Sitter(name=name, source=path, parameters=self._sections(table), **own)
+
+    def _matches(self, pattern: str, where: str) -> list[Path]:
+        """The folders and videos that a pattern names."""
+        paths = sorted(map(Path, glob.glob(str(self._here(pattern)))))
+        paths = [path for path in paths if path.is_dir() or is_video(path)]
+        if not paths:
+            raise UserError(f"{where}: no folder and no video is named like {pattern}")
+        return paths
+
+    def _choice(self, table: dict[str, Any], key: str, known: dict[str, Any], where: str,
+                ) -> tuple[str, ...]:
+        """Names of styles or displays, all of them by default."""
+        if key not in table:
+            return tuple(known)
+        names: tuple[str, ...] = checked(table[key], tuple[str, ...], f"{where}: {key}")
+        for name in names:
+            if name not in known:
+                raise unknown_key(f"{where}: {key}", name, known)
+        return names
+
+    def _name(self, name: Any, where: str) -> str:
+        """A name that is a folder's, too."""
+        text = str(checked(name, str, f"{where}: name"))
+        if not text or text[0] == "." or any(sign in text for sign in '/\\:*?"<>|\0'):
+            raise UserError(f"{where}: name = {text!r} can't be a folder's name")
+        if text in _TAKEN or text.startswith("quilt_"):
+            raise UserError(f"{where}: name = {text!r} is taken by the batch's own files")
+        return text
+
+    def _named(self, things: Iterable[Any]) -> dict[str, Any]:
+        """Things by their names, each of which is there once."""
+        found: dict[str, Any] = {}
+        for thing in things:
+            if thing.name in found:
+                raise UserError(f"{self.path}: there are two of the name {thing.name}; give them "
+                                "different names")
+            found[thing.name] = thing
+        return found

@@ -1,0 +1,145 @@
+"""Tasks on a Ray cluster: the same graph, given out to the cores of many machines.
+
+Ray places tasks by the cores and the memory that they declare, and gives them out again where a
+process or a machine dies. Files are not its business: all machines see the results and the photos
+under the same paths (NFS or another shared folder). A machine needs the package and nothing else.
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from pathlib import Path
+from typing import Any
+
+from ...errors import UserError
+from ..warmup import Warmup
+from .journal import locked_file
+from .plan import Task, finished
+from .runners import ATTEMPTS, KERNELS, thread_settings
+from .work import Outcome, do_task
+
+__all__ = ["RayRunner"]
+
+_QUEUED = 2
+"""Tasks that Ray has for each core: one that runs and one that can follow at once."""
+_PATIENCE = 10.0
+"""Seconds until files that another machine wrote must be seen here."""
+
+
+@functools.cache
+def _compile_once() -> None:
+    """The kernels of this machine, compiled by the first process that needs them."""
+    from ...lanes.compiling import cache_folder
+
+    cache_folder().mkdir(parents=True, exist_ok=True)
+    with locked_file(cache_folder() / "warm.lock"), Warmup(KERNELS) as warmup:
+        warmup.wait(KERNELS)
+
+
+def _do_remotely(task: Task, results: Path) -> Outcome:
+    """A task, on whatever machine."""
+    _compile_once()
+    return do_task(task, results)
+
+
+def _joined(address: str) -> Any:
+    """Ray, as a part of the cluster."""
+    if address != "ray" and not address.startswith("ray://"):
+        raise UserError(f"--on takes local, ray or ray://HOST:PORT, not {address!r}")
+    try:
+        import ray
+    except ImportError as error:
+        raise UserError("--on ray needs Ray: pip install 'lfportrait[ray]'") from error
+    if not ray.is_initialized():
+        try:
+            ray.init(None if address == "ray" else address, log_to_driver=False,
+                     logging_level="ERROR")
+        except Exception as error:  # as many kinds as there are ways to a cluster
+            reason = " ".join(str(error).split())[:200]
+            raise UserError(f"can't join the Ray cluster {address}: {reason}") from error
+    return ray
+
+
+class RayRunner:
+    """A Ray cluster.
+
+    Parameters
+    ----------
+    address
+        ``ray``: the cluster that runs here or that ``RAY_ADDRESS`` names, else one of this machine;
+        ``ray://HOST:PORT``: one elsewhere.
+    results
+        Folder of all results, the same on all machines.
+    cores
+        Of each task; 0: one.
+    workers
+        Tasks at once; 0: as many as there are cores for.
+    """
+
+    def __init__(self, address: str, results: Path, cores: int, workers: int) -> None:
+        self._ray = _joined(address)
+        self._results, self._cores, self._workers = results.absolute(), cores or 1, workers
+        self._running: dict[Any, Task] = {}
+        self._function = self._ray.remote(_do_remotely)
+        # An environment of the task's own: a cluster that is joined already has its own.
+        self._options: dict[str, Any] = {
+            "num_cpus": self._cores, "max_retries": ATTEMPTS - 1,
+            "runtime_env": {"env_vars": thread_settings(self._cores)}}
+        self.slots = workers or self._slots()
+
+    def _slots(self) -> int:
+        """Tasks for which the cluster has cores now."""
+        return max(1, int(self._ray.cluster_resources().get("CPU", 1)) // self._cores)
+
+    def fits(self, memory: int) -> bool:
+        """Whether Ray has few enough tasks; it looks after memory itself."""
+        if len(self._running) >= _QUEUED * self.slots:
+            # Machines come and go.
+            self.slots = self._workers or self._slots()
+        return len(self._running) < (self._workers or _QUEUED * self.slots)
+
+    def start(self, task: Task, memory: int) -> None:
+        """Give out a task."""
+        most = max((node["Resources"].get("memory", 0) for node in self._ray.nodes()
+                    if node["Alive"]), default=0)
+        function = self._function.options(memory=int(min(memory, most)), **self._options)
+        self._running[function.remote(task, self._results)] = task
+
+    def wait(self, seconds: float) -> list[Outcome]:
+        """Outcomes of tasks that have ended, after ``seconds`` at most."""
+        if not self._running:
+            return []
+        ready, left = self._ray.wait(list(self._running), timeout=seconds)
+        if left:
+            ready += self._ray.wait(left, num_returns=len(left), timeout=0)[0]
+        return [self._outcome(reference) for reference in ready]
+
+    def _outcome(self, reference: Any) -> Outcome:
+        task = self._running.pop(reference)
+        try:
+            outcome: Outcome = self._ray.get(reference)
+        except self._ray.exceptions.RayError as error:
+            reason = " ".join(str(error).split())[:200]
+            return Outcome(task.name, f"its process died {ATTEMPTS} times, or Ray could not run "
+                           f"it: {reason}")
+        if not outcome.error and not self._seen(task):
+            return Outcome(task.name, f"it was done on {outcome.worker}, but its files are not in "
+                           f"{self._results} here: --out must be a folder that all machines of "
+                           "the cluster share")
+        return outcome
+
+    def _seen(self, task: Task) -> bool:
+        """Whether a task's files are here; a network's folder may show them late."""
+        end = time.monotonic() + _PATIENCE
+        while finished(task, self._results) is None:
+            if time.monotonic() > end:
+                return False
+            time.sleep(0.2)
+        return True
+
+    def close(self) -> None:
+        """Leave the cluster: what still runs is given up."""
+        for reference in self._running:
+            self._ray.cancel(reference, force=True)
+        self._ray.shutdown()

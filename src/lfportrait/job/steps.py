@@ -1,0 +1,177 @@
+"""The stages of a job, each as a function from files to files, and the keys of what they make.
+
+A stage is pure: what it writes follows from the files it reads, its parameters and the seed. `make`
+runs the stages one after the other in one folder, a batch runs those of many jobs at once; both
+know by the same keys what is done. A key is a hash of the version, the stage's parameters and the
+keys of what it reads.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..capture import CalibrateConfig, Capture
+from ..errors import UserError
+from ..example import Exemplar, Skin
+from ..field import ReconstructConfig, VoxelField, reconstruct_with_figures
+from ..files import write_image
+from ..keys import key_of
+from ..lightfield import Display, EncodeConfig, ViewMask, encode_with_figures, quilt_of, write_coded
+from ..progress import Progress
+from ..share import PageConfig
+from ..stylize import StylizeConfig
+from .stages import fingerprint_files
+
+__all__ = ["MakeConfig", "capture_key", "code_key", "field_key", "look_at",
+           "painting_key", "save_folder", "source_files", "source_key", "style_key", "write_code",
+           "write_field", "write_styled"]
+
+
+@dataclass(frozen=True)
+class MakeConfig:
+    """Parameters of every stage of the main job."""
+
+    calibrate: CalibrateConfig = field(default_factory=CalibrateConfig)
+    """Cameras from photos."""
+    reconstruct: ReconstructConfig = field(default_factory=ReconstructConfig)
+    """Radiance field."""
+    stylize: StylizeConfig = field(default_factory=StylizeConfig)
+    """Style transfer and the optimisation of the field."""
+    encode: EncodeConfig = field(default_factory=EncodeConfig)
+    """Light-field coding."""
+    page: PageConfig = field(default_factory=PageConfig)
+    """The page of the portrait, ``portrait.html``."""
+    keep_background: bool = False
+    """Do not cut the person out of photos that have no alpha channel."""
+    sweep_size: int = 512
+    """Height of the sweep video in pixels."""
+
+
+def source_files(photos: Path) -> list[Path]:
+    """The files that a capture is made from, for its fingerprint."""
+    if photos.is_file():
+        return [photos]
+    return [path for path in photos.rglob("*") if path.is_file() and path.name[0] != "."]
+
+
+def source_key(photos: Path | Capture) -> str:
+    """Hash of photos' names and contents, or of a capture in memory."""
+    if isinstance(photos, Capture):
+        return key_of(photos.images, photos.alphas, photos.cameras.pose)
+    return fingerprint_files(source_files(Path(photos)))
+
+
+def capture_key(source: str, config: MakeConfig, seed: int) -> str:
+    """Key of a capture made from files with the hash ``source``."""
+    return key_of("capture", source, config.calibrate, config.keep_background, seed)
+
+
+def field_key(capture: str, config: MakeConfig) -> str:
+    """Key of the field of a capture with the key ``capture``."""
+    return key_of("reconstruct", capture, config.reconstruct)
+
+
+def painting_key(exemplar: Exemplar) -> tuple[str, str]:
+    """Hashes of an exemplar's picture and landmarks, taken once for all who sit for it."""
+    image, landmarks = (hashlib.sha256(np.ascontiguousarray(part).tobytes()).hexdigest()
+                        for part in (exemplar.image, exemplar.landmarks))
+    return image, landmarks
+
+
+def style_key(field: str, config: MakeConfig, painting: tuple[str, str]) -> str:
+    """Key of the field with the key ``field`` in the manner of an exemplar (`painting_key`)."""
+    return key_of("stylize", field, config.stylize, *painting)
+
+
+def code_key(style: str, config: MakeConfig, display: Display) -> str:
+    """Key of the styled field with the key ``style``, coded for a display."""
+    return key_of("encode", style, config.encode, display)
+
+
+def look_at(photos: Path) -> None:
+    """Raise `UserError` where plain photos are too few for anything."""
+    from ..capture import is_calibrated, is_video, picture_files
+
+    if is_calibrated(photos) or is_video(photos):
+        return
+    count = len(picture_files(photos))
+    if count < 3:
+        raise UserError(f"{count} photos in {photos} are too few to find the cameras; take 20 to "
+                        "100 of a person who holds still")
+
+
+def save_folder(write: Callable[[Path], None], target: Path) -> None:
+    """Let ``write`` fill a new folder that takes ``target``'s place only when it is complete."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as name:
+        fresh = Path(name) / target.name
+        write(fresh)
+        if target.exists():
+            shutil.rmtree(target)
+        fresh.rename(target)
+
+
+def write_field(capture: Path, target: Path, config: MakeConfig, seed: int,
+                progress: Progress | None, checkpoint: Path | None = None) -> dict[str, Any]:
+    """Reconstruct the field of the capture in a folder; its figures."""
+    settings = replace(config.reconstruct, seed=seed)
+    if not settings.finest:
+        # A display's views have a few hundred rows; all later stages pay for each voxel.
+        settings = replace(settings, finest=256)
+    result, figures = reconstruct_with_figures(Capture.load(capture), settings, progress,
+                                               checkpoint=checkpoint)
+    result.save(target)
+    return figures
+
+
+def write_styled(field: VoxelField, capture: Capture, exemplar: Exemplar, target: Path,
+                 config: MakeConfig, seed: int, progress: Progress | None, *, device: str = "auto",
+                 skin: Skin | None = None) -> dict[str, Any]:
+    """Give a field the manner of an exemplar; the figures."""
+    from ..stylize import stylize_with_figures
+
+    styled, figures = stylize_with_figures(field, capture, exemplar,
+                                           replace(config.stylize, seed=seed), progress,
+                                           device=device, skin=skin)
+    styled.save(target)
+    return figures
+
+
+def write_code(styled: VoxelField, display: Display, folder: Path, name: str, config: MakeConfig,
+               *, prefix: str = "", device: str = "auto") -> dict[str, Any]:
+    """Code a styled field for a display, and as a quilt.
+
+    Parameters
+    ----------
+    styled, display
+        What is coded, for what.
+    folder, name
+        Where the coded picture goes.
+    config
+        Parameters.
+    prefix
+        Begins the quilt's name; quilts of that prefix from before are removed.
+    device
+        Where to compute.
+
+    Returns
+    -------
+    figures
+        Of the coding; ``quilt`` is the quilt's file name.
+    """
+    image, figures = encode_with_figures(styled, display, config.encode,
+                                         mask=ViewMask.build(display), device=device)
+    write_coded(folder / name, image, display)
+    picture, quilt = quilt_of(styled, display, config.encode)
+    for old in folder.glob(f"{prefix}quilt_*.png"):
+        old.unlink()
+    write_image(folder / f"{prefix}{quilt}", picture)
+    return {**figures, "quilt": f"{prefix}{quilt}"}

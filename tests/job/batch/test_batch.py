@@ -1,0 +1,306 @@
+"""A batch on this machine: shared, resumed, killed, with bad sitters and a full disk."""
+
+import errno
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfportrait.cli import main
+from lfportrait.errors import UserError
+from lfportrait.files import write_image
+from lfportrait.job.batch import batch, batch_status
+from lfportrait.job.batch import driver as driver_module
+from lfportrait.job.batch.runners import thread_settings
+from lfportrait.job.batch.work import do_task
+
+from .conftest import digests
+
+STAGES = {"capture": 2, "field": 2, "skin": 2, "stylize": 4, "encode": 8, "page": 4}
+
+
+class Inline:
+    """A runner without processes: tasks are done when they are waited for."""
+
+    slots = 1
+
+    def __init__(self, results, *_):
+        self.results, self.task = results, None
+
+    def fits(self, memory):
+        return self.task is None
+
+    def start(self, task, memory):
+        self.task = task
+
+    def wait(self, seconds):
+        task, self.task = self.task, None
+        return [do_task(task, self.results)]
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def inline(monkeypatch):
+    monkeypatch.setattr(driver_module, "LocalRunner", Inline)
+
+
+def started(events):
+    return [event["task"] for event in events if event["event"] == "started"]
+
+
+def test_each_stage_is_done_once_and_all_files_are_there(made):
+    results, figures, events = made
+    assert figures["ran"] == STAGES and not figures["failed"]
+    assert Counter(started(events)) == Counter(dict.fromkeys(started(events), 1))
+    for sitter in ("anna", "bert"):
+        for style in ("ken", "chalk"):
+            for name in ("desk.png", "wall.png", "desk_quilt_qs3x2a1.5.png", "portrait.html",
+                         "styled.npz", "thumbnail.jpg"):
+                assert (results / sitter / style / name).is_file(), name
+    assert json.loads((results / "results.json").read_text()) == figures
+    assert [row["state"] for row in figures["jobs"]] == ["done"] * 12
+
+
+MAKE = """
+import sys
+from pathlib import Path
+from lfportrait.job.batch import load_jobs
+from lfportrait.job.pipeline import make
+studio, out = map(Path, sys.argv[1:])
+config = load_jobs(studio / "jobs.toml").parameters("anna", "ken", "desk")
+make(studio / "sittings" / "anna", studio / "ken.png", out, studio / "tiny.toml", config)
+"""
+
+
+def test_the_files_are_those_of_make(made, studio, tmp_path):
+    # The last bits depend on the threads: a task here has one.
+    subprocess.run([sys.executable, "-c", MAKE, studio, tmp_path / "out"], check=True,
+                   env={**os.environ, **thread_settings(1)})
+    for one, other in (("field.npz", "field.npz"), ("styled.npz", "ken/styled.npz"),
+                       ("lightfield.png", "ken/desk.png"), ("portrait.html", "ken/portrait.html")):
+        assert (tmp_path / "out" / one).read_bytes() == (
+            made[0] / "anna" / other).read_bytes(), one
+    keys = [json.loads(path.read_text())["key"] for path in (
+        tmp_path / "out/.stages/encode.json", made[0] / "anna/ken/.stages/display-desk.json")]
+    assert keys[0] == keys[1]
+
+
+def test_a_second_run_does_nothing(made, studio, copy):
+    events = []
+    before = {path: path.stat().st_mtime_ns for path in copy.rglob("*.np*")}
+    figures = batch(studio / "jobs.toml", copy, watchers=[events.append])
+    assert not started(events) and figures["ran"] == {} and figures["done"] == 22
+    assert before == {path: path.stat().st_mtime_ns for path in copy.rglob("*.np*")}
+    assert digests(copy) == digests(made[0])
+
+
+def command(*words):
+    return subprocess.Popen([sys.executable, "-m", "lfportrait", "batch", *map(str, words)],
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def journal(results):
+    path = results / ".batch" / "journal.jsonl"
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
+
+
+def children(process):
+    listed = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    return [int(word) for word in listed.read_text().split()]
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_for(condition, seconds=120):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it takes too long"
+        time.sleep(0.02)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_driver_and_workers_killed_it_ends_with_the_same_files(made, studio, tmp_path):
+    results = tmp_path / "results"
+    words = (studio / "jobs.toml", "--out", results, "--quiet", "--workers", 2)
+    with command(*words) as process:
+        wait_for(lambda: sum(entry["event"] == "done" for entry in journal(results)) >= 5)
+        workers = children(process)
+        assert len(workers) >= 2
+        process.kill()
+    # Nobody goes on writing when the batch is gone.
+    wait_for(lambda: not any(map(alive, workers)), 20)
+    before = {entry["task"] for entry in journal(results) if entry["event"] == "done"}
+    assert 5 <= len(before) < 22
+    status = batch_status(results)[1]
+    assert not status["running"] and sum(row["done"] for row in status["stages"].values()
+                                         if "done" in row) >= len(before)
+    with command(*words, "--json-lines") as process:
+        killed = 0
+        again = []
+        for line in process.stdout:
+            again.append(json.loads(line))
+            if again[-1]["event"] == "started" and again[-1]["stage"] == "stylize" and killed < 2:
+                time.sleep(0.3)
+                for worker in children(process):
+                    os.kill(worker, signal.SIGKILL)
+                killed += 1
+        assert process.wait() == 0, process.stderr.read()
+    assert killed == 2
+    # Nothing is done twice that was done, and what was lost is given out again.
+    assert not before & set(started(again))
+    assert digests(results) == digests(made[0])
+
+
+@pytest.fixture
+def bad_studio(studio, tmp_path, monkeypatch):
+    """The studio, and sitters that can't be portrayed."""
+    monkeypatch.setattr(driver_module, "get_networks", lambda *_, **__: None)
+    folder = shutil.copytree(studio, tmp_path / "studio")
+    random = np.random.default_rng(0)
+    for number in range(4):
+        write_image(folder / "sittings" / "noise" / f"{number}.png",
+                    random.integers(0, 256, (96, 128, 3), dtype=np.uint8))
+    write_image(folder / "sittings" / "two" / "1.png", np.zeros((8, 8, 3)))
+    torn = shutil.copytree(folder / "sittings" / "anna", folder / "sittings" / "torn")
+    picture = sorted(torn.rglob("view_003*.png"))[0]
+    picture.write_bytes(picture.read_bytes()[:200])
+    (folder / "sittings" / "vague").mkdir()
+    (folder / "sittings" / "vague" / "transforms.json").write_text("{")
+    return folder
+
+
+def test_bad_sitters_stop_nobody_else(made, bad_studio, copy, inline):
+    shutil.rmtree(copy / "bert" / "chalk")
+    events = []
+    figures = batch(bad_studio / "jobs.toml", copy, watchers=[events.append])
+    assert set(figures["failed"]) == {"noise/capture", "torn/capture", "two",
+                                      "vague/capture"}
+    assert "overlap" in figures["failed"]["noise/capture"]
+    assert "view_003" in figures["failed"]["torn/capture"]
+    assert "too few" in figures["failed"]["two"]
+    assert "not valid JSON" in figures["failed"]["vague/capture"]
+    assert digests(copy).items() >= digests(made[0]).items()
+    states = Counter((row["sitter"], row["state"]) for row in figures["jobs"])
+    assert states == {("anna", "done"): 6, ("bert", "done"): 6, ("noise", "failed"): 6,
+                      ("torn", "failed"): 6, ("two", "failed"): 1, ("vague", "failed"): 6}
+    page = (copy / "index.html").read_text()
+    assert "noise/capture" in page and "too few" in page
+    assert batch_status(copy)[1]["failed"] == figures["failed"]
+    # They are tried again, and only they.
+    again = []
+    batch(bad_studio / "jobs.toml", copy, watchers=[again.append])
+    assert set(started(again)) == {"noise/capture", "torn/capture", "vague/capture"}
+
+
+def test_no_face_is_told_of_its_sitter(made, studio, copy, inline, shared_weights, monkeypatch,
+                                       tmp_path):
+    from dataclasses import replace
+
+    from lfportrait.capture import Capture
+
+    monkeypatch.setenv("LFPORTRAIT_MODELS", str(shared_weights))
+    folder = shutil.copytree(studio, tmp_path / "studio")
+    capture = Capture.load(folder / "sittings" / "anna")
+    grey = [np.full_like(image, 128) for image in capture.images]
+    replace(capture, images=grey, landmarks=None).save(folder / "sittings" / "vase")
+    figures = batch(folder / "jobs.toml", copy)
+    assert list(figures["failed"]) == ["vase/capture"]
+    assert "no face was found" in figures["failed"]["vase/capture"]
+
+
+class FullDisk(io.BytesIO):
+    """A file on a disk without space."""
+
+    def write(self, data):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def full_for(word):
+    """`open` on a disk that has no space for files with this word in their names."""
+    def opened(path, mode="r", **options):
+        full = word in Path(path).name and "w" in mode
+        return FullDisk() if full else open(path, mode, **options)
+
+    return opened
+
+
+def test_a_full_disk_fails_what_is_written_then_and_the_rest_is_made_later(
+        made, studio, copy, inline, monkeypatch):
+    shutil.rmtree(copy / "bert" / "ken")
+    (copy / "anna/ken/portrait.html").unlink()
+    monkeypatch.setattr("lfportrait.files.open", full_for("styled"), raising=False)
+    figures = batch(studio / "jobs.toml", copy)
+    assert list(figures["failed"]) == ["bert/ken/styled"]
+    assert "No space left" in figures["failed"]["bert/ken/styled"]
+    assert (copy / "anna/ken/portrait.html").is_file()
+    assert not list((copy / "bert" / "ken").glob("*styled*"))
+    monkeypatch.delattr("lfportrait.files.open")
+    assert not batch(studio / "jobs.toml", copy)["failed"]
+    assert digests(copy) == digests(made[0])
+
+
+def test_a_fault_of_ours_is_a_failure_with_a_traceback_kept(studio, copy, inline, monkeypatch):
+    (copy / "anna/ken/portrait.html").unlink()
+    (copy / "bert/ken/portrait.html").unlink()
+    monkeypatch.setattr("lfportrait.job.batch.work.write_page", lambda *_: {}["nothing"])
+    figures = batch(studio / "jobs.toml", copy)
+    assert set(figures["failed"]) == {"anna/ken/page", "bert/ken/page"}
+    assert "a fault of ours: KeyError: 'nothing'" in figures["failed"]["anna/ken/page"]
+    assert "Traceback" in (copy / ".batch" / "faults.txt").read_text()
+
+
+def test_one_batch_at_a_time(studio, copy):
+    from lfportrait.job.batch.journal import locked
+
+    with locked(copy), pytest.raises(UserError, match="another batch is writing"):
+        batch(studio / "jobs.toml", copy)
+
+
+def test_a_painting_that_is_missing_is_told_before_anything_is_made(studio, tmp_path, capsys):
+    text = (studio / "jobs.toml").read_text().replace("ken.png", "nobody.png")
+    (studio / "wrong.toml").write_text(text)
+    assert main(["batch", str(studio / "wrong.toml"), "--out", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert "wrong.toml: style nobody: painting" in told
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_tells_of_failures_by_its_exit_code(studio, copy, inline, monkeypatch, capsys,
+                                                        tmp_path):
+    words = ["batch", str(studio / "jobs.toml"), "--out", str(copy), "--quiet"]
+    assert main([*words, "--json", str(tmp_path / "run.json")]) == 0
+    assert json.loads((tmp_path / "run.json").read_text())["done"] == 22
+    (copy / "anna/ken/portrait.html").unlink()
+    monkeypatch.setattr("lfportrait.job.batch.work.write_page", lambda *_: {}["nothing"])
+    assert main(words) == 3
+    assert "failed: anna/ken/page" in capsys.readouterr().out
+    assert main(["batch", "status", str(copy)]) == 0
+    assert "3 done, 1 failed" in capsys.readouterr().out
+    assert main(["batch", str(studio / "jobs.toml")]) == 2
+    assert main(["batch", "status", str(tmp_path / "nothing")]) == 2
+
+
+def test_a_dry_run_writes_nothing(studio, tmp_path, capsys):
+    assert main(["batch", str(studio / "jobs.toml"), "--out", str(tmp_path / "out"),
+                 "--dry-run", "--json", str(tmp_path / "plan.json")]) == 0
+    told = capsys.readouterr().out
+    assert "22 tasks, 22 to do" in told and "anna/ken/styled" in told
+    assert not (tmp_path / "out").exists()
+    plan = json.loads((tmp_path / "plan.json").read_text())
+    assert len(plan["graph"]) == 22 and plan["core_seconds"] > 0 and plan["disk_bytes"] > 0

@@ -1,0 +1,162 @@
+"""The graph: work is shared, a change redoes what depends on it, and nothing more is wanted."""
+
+import shutil
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from lfportrait.files import write_image
+from lfportrait.job.batch import load_jobs, prepare_batch
+from lfportrait.job.batch.costs import DECLARED, Estimates, cores_of_a_task
+from lfportrait.job.batch.driver import _Left
+from lfportrait.job.batch.fingerprints import Fingerprints
+from lfportrait.job.batch.plan import STAGES, draw_plan
+from lfportrait.job.steps import source_key
+
+
+def planned(folder, text, name="changed.toml"):
+    (folder / name).write_text(text)
+    jobs = load_jobs(folder / name)
+    return draw_plan(jobs, {style: (style, "points") for style in jobs.styles})
+
+
+@pytest.fixture
+def jobs_text(studio):
+    return (studio / "jobs.toml").read_text()
+
+
+def changed(before, after):
+    """Names of the tasks whose keys are not the same."""
+    return {name for name, task in after.tasks.items()
+            if name not in before.tasks or before.tasks[name].key != task.key}
+
+
+def test_one_capture_field_and_skin_serve_all_styles(studio, jobs_text):
+    plan = planned(studio, jobs_text)
+    assert Counter(task.stage for task in plan.tasks.values()) == {
+        "capture": 2, "field": 2, "skin": 2, "stylize": 4, "encode": 8, "page": 4}
+    seen = set()
+    for task in plan.tasks.values():
+        assert set(task.needs) <= seen, "a task comes after those that it needs"
+        seen.add(task.name)
+    assert {task.stage for task in plan.wanted()} == {"encode", "page"}
+    assert plan.before(["anna/ken/page"]) == {
+        "anna/ken/page", "anna/ken/styled", "anna/skin-48", "anna/field", "anna/capture"}
+
+
+@pytest.mark.parametrize("old, new, stages", [
+    ('steps = 1', 'steps = 2', {"stylize", "encode", "page"}),
+    ('encode.size = 0.6', 'encode.size = 0.7', {"encode"}),
+    ('sh_degree = 0', 'sh_degree = 1', set(STAGES) - {"capture", "sweep"}),
+    ('[defaults]', '[defaults]\npage.title = "She"', {"page"}),
+    ('pixels = 48.0', 'pixels = 40.0', {"skin", "stylize", "encode", "page"})])
+def test_a_change_redoes_what_depends_on_it(studio, jobs_text, old, new, stages):
+    before, after = planned(studio, jobs_text), planned(studio, jobs_text.replace(old, new))
+    assert {after.tasks[name].stage for name in changed(before, after)} == stages
+
+
+def test_one_sitters_parameters_are_nobody_elses(studio, jobs_text):
+    text = jobs_text.replace('photos = "sittings/*"', 'photos = "sittings/anna"\n'
+                             'reconstruct.sh_degree = 1\n[[sitter]]\nphotos = "sittings/bert"')
+    found = changed(planned(studio, jobs_text), planned(studio, text))
+    assert found and all(name.startswith("anna/") for name in found)
+    assert "anna/capture" not in found
+
+
+def test_photos_that_change_redo_their_sitter(studio, jobs_text):
+    jobs = load_jobs(studio / "jobs.toml")
+    paintings = dict.fromkeys(jobs.styles, ("a", "b"))
+    one, two = (draw_plan(jobs, paintings, lambda path, version=version:
+                          version if path.name == "bert" else "same") for version in "12")
+    assert {name.partition("/")[0] for name in changed(one, two)} == {"bert"}
+
+
+def test_pages_and_sweeps_are_made_where_wanted(studio, jobs_text):
+    text = jobs_text.replace("[defaults]", "[defaults]\npages = false\nsweeps = true")
+    assert {task.stage for task in planned(studio, text).wanted()} == {"encode", "sweep"}
+
+
+def test_methods_without_skin_need_none(studio, jobs_text):
+    text = jobs_text.replace('painting = "chalk.png"',
+                             'painting = "chalk.png"\nstylize.method = "arf"')
+    plan = planned(studio, text)
+    assert plan.tasks["anna/chalk/styled"].needs == ("anna/capture", "anna/field")
+    assert "anna/skin-48" in plan.tasks["anna/ken/styled"].needs
+
+
+def test_too_few_photos_refuse_their_sitter_alone(studio, jobs_text, tmp_path):
+    folder = shutil.copytree(studio, tmp_path / "studio")
+    write_image(folder / "sittings" / "cora" / "1.png", np.zeros((8, 8, 3)))
+    plan = planned(folder, jobs_text)
+    assert list(plan.refused) == ["cora"] and "too few" in plan.refused["cora"]
+    assert len(plan.tasks) == 22
+
+
+def test_only_what_leads_to_something_missing_is_done(made, studio, copy):
+    found = prepare_batch(studio / "jobs.toml", copy)
+    assert not found.plan.to_do(found.done)
+    # What is only on the way may be thrown away.
+    for name in ("field.npz", "skin-48.npz", "ken/styled.npz"):
+        (copy / "anna" / name).unlink()
+    found = prepare_batch(studio / "jobs.toml", copy)
+    assert not found.plan.to_do(found.done)
+    (copy / "anna/ken/desk.png").unlink()
+    found = prepare_batch(studio / "jobs.toml", copy)
+    assert [task.name for task in found.plan.to_do(found.done)] == [
+        "anna/field", "anna/skin-48", "anna/ken/styled", "anna/ken/display-desk"]
+
+
+def test_tasks_wait_for_what_they_need(studio, jobs_text):
+    left = _Left(list(planned(studio, jobs_text).tasks.values()))
+    started = []
+
+    def start():
+        while (task := left.first()) is not None:
+            left.take()
+            started.append(task.name)
+
+    start()
+    assert started == ["anna/capture", "bert/capture"]
+    left.done("bert/capture")
+    start()
+    assert started[2:] == ["bert/field"]
+    assert set(left.failed("bert/field")) == {
+        name for name in planned(studio, jobs_text).tasks if name.startswith("bert/")} - {
+        "bert/capture", "bert/field"}
+    left.done("anna/capture")
+    start()
+    assert started[3:] == ["anna/field"] and len(left) == 10
+
+
+def test_photos_are_read_once(tmp_path):
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "one.jpg").write_bytes(b"one")
+    read = []
+
+    def compute(path):
+        read.append(path)
+        return source_key(path)
+
+    prints = Fingerprints(tmp_path / "kept.json", compute)
+    first = prints(tmp_path / "photos")
+    prints.keep()
+    again = Fingerprints(tmp_path / "kept.json", compute)
+    assert again(tmp_path / "photos") == first and len(read) == 1
+    (tmp_path / "photos" / "one.jpg").write_bytes(b"other")
+    assert again(tmp_path / "photos") != first and len(read) == 2
+
+
+def test_estimates_follow_what_was_measured():
+    estimates = Estimates()
+    assert estimates.need("field") == DECLARED["field"] and set(DECLARED) == set(STAGES)
+    for seconds, memory in ((2.0, 100), (4.0, 300)):
+        estimates.learn("field", {"cost": {"cpu_seconds": seconds, "bytes": 10,
+                                           "peak_memory_bytes": memory}})
+    need = estimates.need("field")
+    assert (need.core_seconds, need.memory, need.disk) == (3.0, 360, 10)
+
+
+@pytest.mark.parametrize("cores, each", [(1, 1), (2, 1), (4, 2), (64, 8)])
+def test_few_sitters_get_more_cores_each(studio, jobs_text, cores, each):
+    assert cores_of_a_task(planned(studio, jobs_text), cores) == each

@@ -1,0 +1,97 @@
+"""A batch on a Ray cluster of two nodes on this machine: the same files, nodes and workers die."""
+
+import importlib.util
+import os
+import shutil
+import signal
+
+import pytest
+
+from lfportrait.errors import UserError
+from lfportrait.job.batch import BatchConfig, batch
+
+from .conftest import digests
+
+RAY = BatchConfig(on="ray")
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two nodes of one core; skipped where there is no Ray, unless one is required."""
+    if importlib.util.find_spec("ray") is None:
+        if os.environ.get("LFPORTRAIT_REQUIRE_RAY") == "1":
+            pytest.fail("Ray is not installed, and LFPORTRAIT_REQUIRE_RAY=1 asks for it")
+        pytest.skip("Ray is not installed (pip install 'lfportrait[ray]')")
+    from ray.cluster_utils import Cluster
+
+    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    made.add_node(num_cpus=1)
+    yield made
+    made.shutdown()
+
+
+@pytest.fixture
+def joined(cluster):
+    """This process as a part of the cluster, until the batch leaves it."""
+    import ray
+
+    ray.init(address=cluster.address, log_to_driver=False, logging_level="ERROR")
+    yield cluster
+    ray.shutdown()
+
+
+def test_a_cluster_gives_the_same_files(made, studio, joined, tmp_path):
+    events = []
+    figures = batch(studio / "jobs.toml", tmp_path / "results", RAY, watchers=[events.append])
+    assert not figures["failed"] and figures["ran"] == made[1]["ran"]
+    assert digests(tmp_path / "results") == digests(made[0])
+    assert len({event["worker"] for event in events if event["event"] == "done"}) >= 2
+
+
+def test_a_node_and_a_worker_that_die_are_made_up_for(made, studio, joined, copy):
+    for sitter in ("anna", "bert"):
+        shutil.rmtree(copy / sitter / "chalk")
+    node = joined.add_node(num_cpus=1)
+    did = []
+
+    def kill(event):
+        if event["event"] == "done":
+            did.append(event["task"])
+            if len(did) == 1:
+                joined.remove_node(node, allow_graceful=False)
+                os.kill(int(event["worker"].rpartition(":")[2]), signal.SIGKILL)
+
+    figures = batch(studio / "jobs.toml", copy, RAY, watchers=[kill])
+    assert not figures["failed"] and figures["ran"] == {"stylize": 2, "encode": 4, "page": 2}
+    assert digests(copy) == digests(made[0])
+
+
+def test_failures_are_the_same(studio, joined, copy):
+    (copy / "anna/ken/portrait.html").unlink()
+    text = (studio / "jobs.toml").read_text().replace("[defaults]",
+                                                      "[defaults]\npage.max_size = 0")
+    (studio / "small.toml").write_text(text)
+    figures = batch(studio / "small.toml", copy, RAY)
+    assert len(figures["failed"]) == 4
+    assert all("--max-size" in why for why in figures["failed"].values())
+
+
+def test_a_folder_that_is_not_shared_is_told(studio, joined, copy, monkeypatch):
+    (copy / "anna/ken/portrait.html").unlink()
+    monkeypatch.setattr("lfportrait.job.batch.ray_runner._PATIENCE", 0.0)
+    monkeypatch.setattr("lfportrait.job.batch.ray_runner.finished", lambda *_: None)
+    figures = batch(studio / "jobs.toml", copy, RAY)
+    assert "that all machines of the cluster share" in figures["failed"]["anna/ken/page"]
+
+
+def test_wrong_addresses(studio, copy):
+    (copy / "anna/ken/portrait.html").unlink()
+    with pytest.raises(UserError, match="--on takes local, ray or"):
+        batch(studio / "jobs.toml", copy, BatchConfig(on="rey"))
+
+
+def test_without_ray_it_tells_what_to_install(studio, copy, monkeypatch):
+    (copy / "anna/ken/portrait.html").unlink()
+    monkeypatch.setitem(__import__("sys").modules, "ray", None)
+    with pytest.raises(UserError, match=r"lfportrait\[ray\]"):
+        batch(studio / "jobs.toml", copy, RAY)

@@ -1,0 +1,77 @@
+"""What a batch tells: the table, JSON lines, the index."""
+
+import io
+import json
+from html.parser import HTMLParser
+from urllib.parse import unquote
+
+from rich.console import Console
+
+from lfportrait.job.batch import BatchTable, JsonLines
+from lfportrait.job.batch.journal import read_events
+from lfportrait.job.batch.table import duration
+
+
+def test_durations():
+    assert [duration(seconds) for seconds in (4.2, 200, 7500)] == ["4 s", "3 min 20 s", "2 h 5 min"]
+
+
+def test_the_table_counts_down(made):
+    table = BatchTable(io.StringIO())
+    left = []
+    for event in made[2]:
+        table(event)
+        if event["event"] != "end":
+            left.append(table.seconds_left())
+    assert left[0] > left[len(left) // 2] > left[-1] == 0
+    text = io.StringIO()
+    Console(file=text, width=100).print(table._table())
+    assert "stylize" in text.getvalue() and "4 of 4" in text.getvalue()
+
+
+def test_failures_are_told_at_once():
+    stream = io.StringIO()
+    table = BatchTable(stream)
+    table({"event": "plan", "slots": 1, "stages": {"field": {
+        "tasks": 1, "to_do": 1, "core_seconds": 3}}})
+    table({"event": "failed", "task": "anna/field", "stage": "field", "why": "no [light]"})
+    assert "failed: anna/field: no [light]" in stream.getvalue()
+    assert table.seconds_left() == 0
+
+
+def test_events_are_lines_of_json_and_kept(made):
+    stream = io.StringIO()
+    lines = JsonLines(stream)
+    for event in made[2]:
+        lines(event)
+    assert [json.loads(line) for line in stream.getvalue().splitlines()] == made[2]
+    assert read_events(made[0]) == made[2]
+    done = [event for event in made[2] if event["event"] == "done"]
+    assert all(event["cpu_seconds"] >= 0 and event["peak_memory_bytes"] > 1e7 for event in done)
+    assert all(event["bytes"] > 0 for event in done)
+
+
+def test_a_torn_journal_is_read_as_far_as_it_goes(copy):
+    with open(copy / ".batch" / "journal.jsonl", "a") as stream:
+        stream.write('{"event": "plan", "time": 1}\n{"event": "started", "ta')
+    assert [event["event"] for event in read_events(copy)] == ["plan"]
+
+
+class Page(HTMLParser):
+    """Addresses on a page."""
+
+    def __init__(self):
+        super().__init__()
+        self.addresses = []
+
+    def handle_starttag(self, tag, attributes):
+        self.addresses += [value for name, value in attributes if name in ("href", "src")]
+
+
+def test_the_index_shows_all_and_leads_somewhere(made):
+    page = Page()
+    page.feed((made[0] / "index.html").read_text())
+    assert len(page.addresses) == len({*page.addresses}) + 4  # a page is linked twice
+    for address in page.addresses:
+        assert (made[0] / unquote(address)).is_file(), address
+    assert {"anna/ken/portrait.html", "bert/chalk/wall.png", "bert/photo.jpg"} <= {*page.addresses}
