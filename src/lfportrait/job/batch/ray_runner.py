@@ -8,6 +8,7 @@ under the same paths (NFS or another shared folder). A machine needs the package
 from __future__ import annotations
 
 import functools
+import logging
 import time
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,7 @@ def _joined(address: str) -> Any:
     if not ray.is_initialized():
         try:
             ray.init(None if address == "ray" else address, log_to_driver=False,
-                     logging_level="ERROR")
+                     logging_level=logging.ERROR)
         except Exception as error:  # as many kinds as there are ways to a cluster
             reason = " ".join(str(error).split())[:200]
             raise UserError(f"can't join the Ray cluster {address}: {reason}") from error
