@@ -93,6 +93,9 @@ class ReconstructConfig:
     or more; held-out photos are compared at their corrected cameras."""
     sweep: bool = True
     """Start a room from the surfaces that a plane sweep of small photos finds, not from haze."""
+    trim: bool = True
+    """Cut a bust's frayed lower end by a plane, and drop crumbs, once it has been tested; for
+    persons that are cut out and have landmarks."""
     time_budget: float = 0.0
     """Seconds that the reconstruction takes; 0 follows the rays. The learning rates fall so that
     they arrive with the time."""

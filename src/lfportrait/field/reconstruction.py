@@ -30,6 +30,7 @@ from .training.casting_cost import casting_figures
 from .training.event_log import EventLog
 from .training.meter import Meter
 from .training.trainer import Trainer
+from .trimming import find_cut, trim
 
 __all__ = ["ReconstructConfig", "reconstruct", "reconstruct_with_figures"]
 
@@ -67,9 +68,10 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     -------
     field, figures
         The field and the figures for ``--json``: ``test.psnr`` (dB) and ``test.ssim`` over the
-        held-out views, ``train.rays``, ``train.rays_per_second``, ``voxels``, ``seconds``; with
-        ``measure_every`` also ``curve``, a list of `CurvePoint`; with ``refine_poses`` also
-        ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB).
+        held-out views, ``train.rays``, ``train.rays_per_second``, ``voxels``, ``seconds``;
+        ``trimmed`` (rows dropped and the plane's height) where a frayed end was cut off after the
+        test; with ``measure_every`` also ``curve``, a list of `CurvePoint`; with ``refine_poses``
+        also ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB).
 
     Raises
     ------
@@ -134,6 +136,13 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
         figures["train"]["casting"] = casting_figures(trainer)
     figures["seconds"] = {"train": round(trained, 3),
                           "test": round(time.perf_counter() - begun, 3)}
+    if config.trim and capture.alphas is not None and capture.landmarks is not None:
+        cut = find_cut(field, capture.landmarks)
+        if cut is not None:
+            field = trim(field, cut)
+            figures["trimmed"] = {"voxels": figures["voxels"] - len(field.density),
+                                  "height": round(cut.height, 4)}
+            figures["voxels"] = len(field.density)
     if progress is not None and "test" in figures:
         progress.update(progress.total, f"held-out views {figures['test']['psnr']:.2f} dB")
     return field, figures

@@ -1,0 +1,167 @@
+"""A clean lower end for a bust: where the photos fray out, a plane cuts.
+
+Below the chest photos end one after the other, and what the last of them saw ends in rags and
+crumbs. The lowest surface on each side of the body tells where: a plane through those ends, raised
+until hardly anything frays above it, is where the bust is cut, softly over two voxels. Busts that
+end evenly are left alone, and so is all that hangs together with the head above the plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from .grid import VoxelField
+
+__all__ = ["Cut", "find_cut", "trim"]
+
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+SIDES = 72
+"""Directions around the body in which its lower end is looked for."""
+OPAQUE = 8.0
+"""Density per voxel from which on a point is surface."""
+FRAYED = 2.5
+"""Voxels by which the ends' heights deviate from a plane (standard deviation) in a frayed bust."""
+CLEAN = 92.0
+"""Per cent of the ends that lie below the cut."""
+CHIN = 0.35
+"""The cut stays further below the chin than this part of the face's height (brows to chin)."""
+CRUMB = 0.02
+"""Pieces smaller than this part of the largest are crumbs."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A plane: what lies below it goes.
+
+    Attributes
+    ----------
+    normal
+        float64 [3], unit, upwards.
+    height
+        Its distance from the origin along the normal, world units.
+    """
+
+    normal: Float64
+    height: float
+
+    def above(self, points: NDArray[np.floating]) -> Float64:
+        """How far points [..., 3] lie above the plane, [...]."""
+        return np.asarray(points @ self.normal - self.height, np.float64)
+
+
+def find_cut(field: VoxelField, landmarks: NDArray[np.floating]) -> Cut | None:
+    """Where a bust is to be cut, or None where it ends evenly, or not far enough below the face.
+
+    Parameters
+    ----------
+    field
+        In the portrait frame.
+    landmarks
+        [68, 3], iBUG order, of its face.
+    """
+    voxel = float((2.0 * field.radius / np.array(field.links.shape[::-1])).mean())
+    points = field.lattice_points()[field.density > OPAQUE]
+    chin = float(landmarks[8, 1])
+    tall = float(landmarks[17:27, 1].mean() - chin)
+    points = points[points[:, 1] < chin]
+    if not np.isfinite(tall) or len(points) < 20 * SIDES:
+        return None
+    ends = _ends(points)
+    if len(ends) < SIDES // 2:
+        return None
+    plane = _plane(ends)
+    left = ends[:, 1] - _at(plane, ends)
+    if left.std() < FRAYED * voxel:
+        return None
+    normal = np.array([-plane[0], 1.0, -plane[1]])
+    length = float(np.linalg.norm(normal))
+    cut = Cut(normal / length, (plane[2] + float(np.percentile(left, CLEAN))) / length)
+    face = np.asarray(landmarks)[np.isfinite(landmarks).all(axis=1)]
+    if cut.above(face).min() < CHIN * tall:
+        return None
+    return cut
+
+
+def _ends(points: Float64) -> Float64:
+    """The lowest surface points of the body by direction around its middle, [K, 3]."""
+    middle = np.median(points[:, [0, 2]], axis=0)
+    angle = np.arctan2(points[:, 2] - middle[1], points[:, 0] - middle[0])
+    side = ((angle / (2 * np.pi) + 0.5) * SIDES).astype(int) % SIDES
+    found = []
+    for number in range(SIDES):
+        here = points[side == number]
+        if len(here) >= 8:
+            found.append(here[np.argmin(here[:, 1])])
+    return np.asarray(found, np.float64).reshape(-1, 3)
+
+
+def _plane(ends: Float64) -> Float64:
+    """Height a x + b z + c through points by their median deviation, [3]: (a, b, c)."""
+    design = np.column_stack([ends[:, 0], ends[:, 2], np.ones(len(ends))])
+    weights = np.ones(len(ends))
+    plane: Float64 = np.zeros(3)
+    for _ in range(12):  # reweighted least squares: the least sum of deviations
+        scaled = design * weights[:, None]
+        # A leaning cut looks like a mistake: slopes are held back.
+        ridge = np.diag([0.05 * weights.sum(), 0.05 * weights.sum(), 0.0])
+        plane = np.asarray(np.linalg.solve(scaled.T @ design + ridge, scaled.T @ ends[:, 1]),
+                           np.float64)
+        weights = 1.0 / np.maximum(np.abs(ends[:, 1] - design @ plane), 1e-3)
+    return np.asarray(plane, np.float64)
+
+
+def _at(plane: Float64, points: Float64) -> Float64:
+    return np.asarray(plane[0] * points[:, 0] + plane[1] * points[:, 2] + plane[2], np.float64)
+
+
+def trim(field: VoxelField, cut: Cut) -> VoxelField:
+    """A field without what lies below a plane, and without crumbs.
+
+    Parameters
+    ----------
+    field
+        Without a texture.
+    cut
+        Of `find_cut`.
+
+    Returns
+    -------
+    field
+        Fewer rows; densities within two voxels of the plane fade.
+    """
+    voxel = float((2.0 * field.radius / np.array(field.links.shape[::-1])).mean())
+    above = cut.above(field.lattice_points()) / (2 * voxel)
+    share = np.clip(above, 0, 1)
+    density = field.density * (share * share * (3 - 2 * share)).astype(np.float32)
+    density[_crumbs(field, density)] = 0
+    filled = field.links >= 0
+    solid = np.zeros(filled.shape, bool)
+    solid[filled] = density[field.links[filled]] > 0
+    # With one clear layer around: beyond it there are no colours to mix.
+    kept = filled & ndimage.binary_dilation(solid, np.ones((3, 3, 3), bool))
+    rows = field.links[kept]
+    links = np.full(field.links.shape, -1, np.int32)
+    links[kept] = np.arange(len(rows), dtype=np.int32)
+    return VoxelField(links, density[rows], field.sh[rows], field.center, field.radius, field.frame,
+                      field.background)
+
+
+def _crumbs(field: VoxelField, density: NDArray[np.float32]) -> NDArray[np.int32]:
+    """Rows of pieces that do not hang together with any large one."""
+    filled = field.links >= 0
+    thick = np.zeros(filled.shape, np.float32)
+    thick[filled] = density[field.links[filled]]
+    pieces, count = ndimage.label(thick > 0.25 * OPAQUE, np.ones((3, 3, 3), np.int8))
+    if count < 2:
+        return np.empty(0, np.int32)
+    sizes = np.bincount(pieces.ravel())
+    sizes[0] = 0
+    small = np.flatnonzero((sizes < CRUMB * sizes.max()) & (sizes > 0))
+    gone = np.isin(pieces, small) & filled
+    return np.asarray(field.links[gone], np.int32)

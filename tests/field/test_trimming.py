@@ -1,0 +1,92 @@
+"""Frayed busts get a clean lower end; others are left alone."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from lfportrait.field import VoxelField
+from lfportrait.field.trimming import find_cut, trim
+from tests.fields import head_field
+from tests.portraits import HEAD_LANDMARKS
+
+SIZE = 64
+VOXEL = 2 / SIZE
+END = -0.97
+RAGS = 16.0
+FACE = HEAD_LANDMARKS + np.array([0.0, 0.25, 0.0])
+CRUMB = np.array([0.75, 0.75, 0.0])
+
+
+def bust(fray, lean=0.0, seed=0, crumb=False):
+    """The head of the tests; its end frays by so many voxels, and leans."""
+    head = head_field(SIZE)
+    links = np.arange(SIZE ** 3, dtype=np.int32).reshape((SIZE,) * 3)
+    full = VoxelField(links, np.zeros(SIZE ** 3, np.float32),
+                      np.zeros((SIZE ** 3, 3, 1), np.float32))
+    points = full.lattice_points()
+    there = head.links.ravel() >= 0
+    full.density[there], full.sh[there] = (values[head.links.ravel()[there]]
+                                           for values in (head.density, head.sh))
+    angle = np.arctan2(points[:, 2], points[:, 0])
+    rags = np.random.default_rng(seed).uniform(0, 1, 48)
+    rag = rags[((angle / (2 * np.pi) + 0.5) * 48).astype(int) % 48]
+    full.density[points[:, 1] < END + lean * points[:, 0] + fray * VOXEL * rag] = 0
+    if crumb:
+        full.density[np.linalg.norm(points - CRUMB, axis=1) < 2.2 * VOXEL] = 80
+    return full
+
+
+def surface(field):
+    return field.lattice_points()[field.density > 8]
+
+
+def test_an_even_end_is_left_alone():
+    assert find_cut(bust(0.0), FACE) is None
+    assert find_cut(bust(1.5), FACE) is None
+
+
+@settings(max_examples=8, deadline=None)
+@given(some.integers(0, 10 ** 6), some.floats(-0.08, 0.08))
+def test_rags_are_cut_off_and_nothing_else(seed, lean):
+    field = bust(RAGS, lean, seed)
+    cut = find_cut(field, FACE)
+    assert cut is not None and cut.normal[1] > 0.97
+    # Not far above the rags' ends, and above nearly all of them.
+    assert END < cut.height < END + (RAGS + 2) * VOXEL
+    done = trim(field, cut)
+    assert cut.above(surface(done)).min() > -VOXEL
+    kept = cut.above(surface(field)) > 2 * VOXEL
+    assert (cut.above(surface(done)) > 2 * VOXEL).sum() == kept.sum()
+    # What is left ends evenly: there is nothing more to cut.
+    assert find_cut(done, FACE) is None
+
+
+def test_rows_that_stay_keep_their_values():
+    field = bust(RAGS)
+    cut = find_cut(field, FACE)
+    done = trim(field, cut)
+    assert len(done.density) < len(field.density)
+    both = (done.links >= 0) & (field.links >= 0)
+    assert (both == (done.links >= 0)).all()
+    assert np.array_equal(done.sh[done.links[both]], field.sh[field.links[both]])
+    places = cut.above(done.lattice_points()) > 2 * VOXEL
+    mine = done.density[places]
+    index = np.argwhere(done.links >= 0)
+    order = done.links[done.links >= 0]
+    theirs = field.density[field.links[tuple(index[np.argsort(order)].T)]][places]
+    assert np.array_equal(mine, theirs)
+
+
+def test_crumbs_go_with_the_rags():
+    field = bust(RAGS, crumb=True)
+    assert (np.linalg.norm(surface(field) - CRUMB, axis=1) < 3 * VOXEL).any()
+    done = trim(field, find_cut(field, FACE))
+    assert not (np.linalg.norm(surface(done) - CRUMB, axis=1) < 3 * VOXEL).any()
+    assert len(surface(done)) > 0.6 * len(surface(field))
+
+
+@pytest.mark.parametrize("landmarks", [
+    FACE - [0.0, 0.5, 0.0], np.full((68, 3), np.nan)])
+def test_a_face_near_the_end_and_no_face_leave_the_bust_alone(landmarks):
+    assert find_cut(bust(RAGS), landmarks) is None
