@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ..capture import Camera
-from ..field import VoxelField
+from ..field import C0, VoxelField
 from .head_model import HeadModel
 from .people import SITTER
 from .studio import EXTENT, Picture, demo_cameras, distances, photograph
@@ -22,7 +22,6 @@ __all__ = ["head_field"]
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
-_C0 = 0.28209479177387814
 _INSIDE, _OUTSIDE = 3.5, 2.0
 """Layers of points that are kept behind the surface and before it."""
 _OPAQUE = 80.0
@@ -59,7 +58,7 @@ def head_field(model: HeadModel = SITTER, step: int = 2, cameras: Camera | None 
     on = points - grid[filled][:, None] * normals
     density = (_OPAQUE * np.clip(0.5 - away[filled], 0, 1)).astype(np.float32)
     color = _colors(model, on, normals, 2 * cell, cameras or demo_cameras(224, 12))
-    return VoxelField(links, density, ((color - 0.5) / _C0)[:, :, None].astype(np.float32),
+    return VoxelField(links, density, ((color - 0.5) / C0)[:, :, None].astype(np.float32),
                       np.zeros(3), np.full(3, count * cell / 2))
 
 

@@ -19,7 +19,7 @@ from scipy import ndimage
 
 from ..capture import Camera
 from ..example import LABELS, Exemplar, find_regions
-from ..field import VoxelField
+from ..field import C0, VoxelField
 from .repeats import Repeat, over_exemplar, strongest_repeat
 from .views import arc_cameras, face_unit
 
@@ -34,7 +34,6 @@ LEAST_AREA = 1.0
 MARGIN = 0.05
 """Units that regions are eroded by: what lies at their borders is neither's paint."""
 
-_C0 = 0.28209479177387814
 BODY = ("neck", "clothes")
 """Parts of what an exemplar's labels call the body."""
 
@@ -100,7 +99,7 @@ class RowLabels:
             colours = np.zeros((len(self.weights), 3, 1), np.float32)
             for channel, name in enumerate(three):
                 colours[:, channel, 0] = self.weights[:, self.names.index(name)] / np.float32(255)
-            shown = field.with_sh((colours - 0.5) / _C0)
+            shown = field.with_sh((colours - 0.5) / C0)
             for view, masks in enumerate(out):
                 shot = shown.render(cameras, view, background=0.0)
                 opaque = shot.alpha > 0.5

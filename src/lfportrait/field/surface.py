@@ -11,6 +11,7 @@ from scipy import ndimage, sparse
 
 from ..errors import UserError
 from .grid import VoxelField
+from .harmonics import C0
 from .kernels.march import lattice_of_world
 from .kernels.surface import depth_from_outside, seen_colors, sh_bases
 
@@ -18,7 +19,6 @@ __all__ = ["Mesh", "PointCloud", "field_mesh", "field_points"]
 
 Float = NDArray[np.float32]
 
-_C0 = 0.28209479177387814
 _FRONT = np.array([0.0, 0.0, 1.0])
 
 
@@ -114,7 +114,7 @@ def field_points(field: VoxelField, opacity: float = 0.1, color: str = "mean") -
     positions = field.center + field.radius * (2.0 * (place + 0.5) / size - 1.0)
     normals = _unit(-slope, _unit(positions - field.center, _FRONT))
     if color == "mean":
-        shown = _C0 * field.sh[rows, :, 0] + 0.5
+        shown = C0 * field.sh[rows, :, 0] + 0.5
     else:
         bases = np.empty((len(rows), field.basis), np.float32)
         sh_bases(_gaze(normals), bases)

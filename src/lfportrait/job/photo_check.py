@@ -28,6 +28,7 @@ from ..capture import (
     read_video,
     relative_sharpness,
 )
+from ..colour import linear_light
 from ..face import detect_landmarks, face_pose
 from ..files import write_image
 from ..progress import Progress
@@ -107,12 +108,6 @@ class PhotoCheck:
                 "photos": [asdict(one) for one in self.photos]}
 
 
-def _linear(image: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Light from sRGB values, float64 of the same shape."""
-    value = image.astype(np.float64) / 255.0
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-
-
 def _upright(points: NDArray[np.float64], size: tuple[int, int],
              turn: int) -> NDArray[np.float64]:
     """Points [68, 2] of a picture of ``size`` turned counter-clockwise by quarter turns."""
@@ -141,7 +136,7 @@ def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.
         face = np.asarray(cv2.fillConvexPoly(np.zeros_like(seen), hull, 1.0), np.uint8)
         seen = face if face.any() else seen
     part = image[seen > 0]
-    color = _linear(part[::4]).mean(0)
+    color = linear_light(part[::4] / 255.0).mean(0)
     facts.brightness = float(color.mean())
     return facts, color, float((part.min(-1) >= 254).mean())
 

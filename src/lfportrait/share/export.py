@@ -15,6 +15,7 @@ from typing import Any, BinaryIO, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..colour import linear_light
 from ..errors import UserError
 from ..field import Mesh, PointCloud, VoxelField, field_mesh, field_points, save_checkpoint
 from ..files import atomic_write
@@ -153,9 +154,7 @@ def _write_obj(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np
 
 def _linear(color: NDArray[np.uint8]) -> NDArray[np.uint16]:
     """SRGB bytes as linear light in 16 bits, with a fourth channel of ones."""
-    value = np.arange(256) / 255.0
-    light = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    table = (light * 65535.0 + 0.5).astype(np.uint16)
+    table = (linear_light(np.arange(256) / 255.0) * 65535.0 + 0.5).astype(np.uint16)
     return np.column_stack([table[color], np.full(len(color), 65535, np.uint16)])
 
 

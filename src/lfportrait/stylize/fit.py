@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..field import VoxelField
+from ..field import C0, VoxelField
 from ..progress import Progress
 from .kernels.linear import gather_colors, scatter_colors
 from .views import StyleView
@@ -19,7 +19,6 @@ from .views import StyleView
 __all__ = ["ColorModel", "affine_color_map"]
 
 Float32 = NDArray[np.float32]
-_C0 = 0.28209479177387814
 
 
 class ColorModel:
@@ -35,7 +34,7 @@ class ColorModel:
 
     def __init__(self, field: VoxelField, background: float) -> None:
         self.background = background
-        self.original = np.clip(_C0 * field.sh[:, :, 0] + 0.5, 0.0, 1.0).astype(np.float32)
+        self.original = np.clip(C0 * field.sh[:, :, 0] + 0.5, 0.0, 1.0).astype(np.float32)
         self.colors = self.original.copy()
         self.seen = np.zeros(len(self.colors), np.float32)
 
@@ -89,7 +88,7 @@ class ColorModel:
     def shown(self, field: VoxelField) -> VoxelField:
         """A field of the same rows in these colours, without a texture."""
         colors = np.clip(self.colors, 0.0, 1.0)
-        return field.with_sh((colors[:, :, None] - np.float32(0.5)) * np.float32(1 / _C0))
+        return field.with_sh((colors[:, :, None] - np.float32(0.5)) * np.float32(1 / C0))
 
     def fill_unseen(self) -> float:
         """Colour rows that no view sees by the affine map that the seen ones underwent.

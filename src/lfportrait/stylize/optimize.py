@@ -13,7 +13,7 @@ from ..capture import Capture
 from ..device import computing_device
 from ..errors import UserError
 from ..example import LABELS, Exemplar, Skin
-from ..field import SurfaceTexture, VoxelField
+from ..field import C0, SurfaceTexture, VoxelField
 from ..progress import Progress
 from .config import StylizeConfig
 from .mixing import StyledField
@@ -24,7 +24,6 @@ from .skin_texture import texel_rows
 
 __all__ = ["StylizeConfig", "stylize", "stylize_with_figures"]
 
-_C0 = 0.28209479177387814
 
 
 def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[Exemplar],
@@ -113,7 +112,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
         found = {**rows[0], **({"styles": rows} if len(rows) > 1 else {})}
     figures.update(found)
     figures["notices"] = notices(capture, exemplars, config)
-    photo = np.clip(_C0 * field.sh[:, :, 0] + 0.5, 0.0, 1.0).astype(np.float32)
+    photo = np.clip(C0 * field.sh[:, :, 0] + 0.5, 0.0, 1.0).astype(np.float32)
     styled = StyledField.of(field, np.stack(colors), [one.name for one in exemplars], photo,
                             labels, regions, textures, blocks)
     if config.strength != 1.0 or config.keep:

@@ -18,13 +18,13 @@ from scipy import ndimage
 
 from ...capture import Camera, Capture
 from ..grid import camera_row
+from ..harmonics import C0
 from ..kernels.depth_votes import fuse_depth
 from ..training.lattice import box_shape
 
 __all__ = ["DepthMap", "Surfaces", "fuse", "scene_box", "small_view", "sweep_depth"]
 
 _SIZE, _PLANES, _NEIGHBOURS, _WINDOW = 192, 64, 4, 7
-_C0 = 0.28209479177387814
 
 
 @dataclass(frozen=True)
@@ -257,5 +257,5 @@ def fuse(maps: list[DepthMap], resolution: int, center: NDArray[np.float64],
     likely = (solid + unsure >= 2) & (solid + unsure >= empty)
     keep = ndimage.binary_dilation(surface, np.ones((3, 3, 3), bool)) | likely
     mean = color / np.maximum(solid, 1)[..., None]
-    harmonic = np.where(surface[..., None], (mean - 0.5) / _C0, 0.0).astype(np.float32)
+    harmonic = np.where(surface[..., None], (mean - 0.5) / C0, 0.0).astype(np.float32)
     return Surfaces(keep, surface, harmonic)

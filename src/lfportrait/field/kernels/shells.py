@@ -19,10 +19,11 @@ import numpy as np
 from ...lanes.cache_keys import identified
 from ...lanes.decorators import kernel, lean, lean_kernel
 from ...lanes.threads import shared
+from ..harmonics import C0
 
 __all__ = ["shells_backward", "shells_forward", "shells_mark", "shells_step"]
 
-_C0 = np.float32(0.28209479177387814)
+_C0 = np.float32(C0)
 
 
 @identified("shells meet")

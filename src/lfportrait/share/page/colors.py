@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from ...field import VoxelField
+from ...field import C0, VoxelField
 from ...stylize import StyledField
 
 __all__ = ["ColorSet", "color_sets"]
 
-_C0 = 0.28209479177387814
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class ColorSet:
 
 def _plain(colors: NDArray[np.float32]) -> NDArray[np.float32]:
     """Colours [N, 3] as coefficients of degree 0, float32 [N, 3, 1]."""
-    return ((colors - np.float32(0.5)) * np.float32(1 / _C0))[:, :, None]
+    return ((colors - np.float32(0.5)) * np.float32(1 / C0))[:, :, None]
 
 
 def color_sets(voxels: VoxelField, degree: int = 0) -> list[ColorSet]:

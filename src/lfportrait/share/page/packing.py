@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...errors import UserError
+from ...field import C0
 from .colors import ColorSet
 from .kernels.residuals import code_rows
 
 __all__ = ["Lattice", "Packed", "code_values", "pack"]
 
-_C0 = 0.28209479177387814
 _FAINTEST = 1e-2
 """Density up to which the renderer skips a sample: points near which there is no more are left
 out."""
@@ -177,7 +177,7 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
             streams[f"set{number}.{band}"], back = code_values(
                 filled, levels.astype(np.uint8), slack)
             # Colours are told as they are shown, coefficients as they are.
-            scale, shift = (_C0, 0.5) if band == 0 else (1.0, 0.0)
+            scale, shift = (C0, 0.5) if band == 0 else (1.0, 0.0)
             bands.append({"low": low * scale + shift, "high": high * scale + shift})
             read[:, (1, 0, 2), band] = back / np.float32(255.0) * (high - low) + low
         heads.append({"name": colors.name, "kind": colors.kind, "bands": bands})
@@ -199,4 +199,4 @@ def _range(values: NDArray[np.float32], taken: NDArray[np.float32], band: int,
         most = max(abs(low), abs(high), 1e-3)
         return -most, most
     # Black to white at the least, so that a painting's colours are the same in all sets.
-    return min(low, -0.5 / _C0), max(high, 0.5 / _C0)
+    return min(low, -0.5 / C0), max(high, 0.5 / C0)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ...errors import UserError
 from ...example import RegionStyle
-from ...field import SurfaceTexture, VoxelField, read_arrays, save_field
+from ...field import C0, SurfaceTexture, VoxelField, read_arrays, save_field
 from .options import RegionValue, known, number, plain, read_value
 from .texels import mixed_texels
 from .tones import BINS, colored, luma, matching_curve, tone_histogram, toned
@@ -32,7 +32,6 @@ __all__ = ["StyledField", "load_styled"]
 
 Float32 = NDArray[np.float32]
 
-_C0 = 0.28209479177387814
 _BLOCK = 32768
 """Rows mixed at a time: few enough that all that is computed for them stays in the cache."""
 _KEYS = ("style_names", "painted", "photo", "labels", "region_names", "mix")
@@ -204,7 +203,7 @@ class StyledField(VoxelField):
             np.clip(mixed, 0, 1, out=mixed)
             if keep_colors:
                 mixed = colored(luma(mixed), photo - luma(photo))
-            coefficients[rows, :, 0] = ((mixed - np.float32(0.5)) * np.float32(1 / _C0)).T
+            coefficients[rows, :, 0] = ((mixed - np.float32(0.5)) * np.float32(1 / C0)).T
         return replace(self, sh=coefficients, mixture=mixture, texture=self._mixed_texture(
             self._amounts(slice(None), wanted, style, strength), identity, keep_colors))
 
