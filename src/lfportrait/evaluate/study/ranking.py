@@ -36,7 +36,8 @@ class Ranking:
 
 
 def bradley_terry(wins: NDArray[np.floating], compared: NDArray[np.bool_] | None = None,
-                  steps: int = 20000, tolerance: float = 1e-9) -> NDArray[np.float64]:
+                  prior: float = 0.5, steps: int = 20000,
+                  tolerance: float = 1e-9) -> NDArray[np.float64]:
     """Strengths of the highest likelihood.
 
     Parameters
@@ -47,6 +48,9 @@ def bradley_terry(wins: NDArray[np.floating], compared: NDArray[np.bool_] | None
     compared
         [methods, methods] which are taken to have met once more, undecided; by default all that
         have met in any of ``wins``.
+    prior
+        Wins that each of two that were compared gets on top; 0 for the plain model, in which
+        a method that always wins, or never does, has no finite strength.
     steps, tolerance
         Largest number of steps, and the change of a logarithm that ends them.
 
@@ -65,9 +69,9 @@ def bradley_terry(wins: NDArray[np.floating], compared: NDArray[np.bool_] | None
         compared = np.logical_or.reduce(met.reshape(-1, *met.shape[-2:]), axis=0)
     if connected_components(compared, directed=False, return_labels=False) > 1:
         raise ValueError("some methods were never compared, not even by way of others")
-    prior = 0.5 * np.asarray(compared, float)
-    games = wins + np.swapaxes(wins, -1, -2) + 2 * prior
-    total = (wins + prior).sum(axis=-1)
+    more = prior * np.asarray(compared, float)
+    games = wins + np.swapaxes(wins, -1, -2) + 2 * more
+    total = (wins + more).sum(axis=-1)
     strength = np.zeros(total.shape)
     for _ in range(steps):
         p = np.exp(strength)
