@@ -23,3 +23,11 @@ def study(videos, tmp_path_factory):
 @pytest.fixture(scope="session")
 def design(study):
     return read_json(study / "study.json")
+
+
+@pytest.fixture(scope="session")
+def short(videos, tmp_path_factory):
+    """A study of three pairs, as its page takes time to click through."""
+    folder = tmp_path_factory.mktemp("short") / "study"
+    write_study([str(video) for video in videos[:3]], folder, StudyConfig())
+    return folder
