@@ -21,7 +21,7 @@ def collection(folder, methods=METHODS, sitters=("anna", "ben"), styles=("ink", 
             for three, method in enumerate(methods):
                 frames = np.full((20, 48, 48, 3), 40, np.uint8)
                 for time, frame in enumerate(frames):
-                    frame[10:30, 2 * time:2 * time + 6, three] = 200
+                    frame[10:30, 2 * time:2 * time + 6, three % 3] = 200 - 30 * (three // 3)
                     frame[40:, :, one] = 90 + 100 * two
                 write_video(place / f"{method}.mp4", frames, 10, preset="superfast")
                 videos.append(place / f"{method}.mp4")

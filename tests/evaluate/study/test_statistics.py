@@ -5,6 +5,7 @@ import pytest
 
 from lfportrait.evaluate.study import (
     bradley_terry,
+    effective_answers,
     fleiss_kappa,
     holm,
     kendall_agreement,
@@ -22,6 +23,32 @@ def test_wilson_as_in_newcombe_1998(count, total, low, high):
     share = wilson(count, total)
     assert (share.low, share.high) == pytest.approx((low, high), abs=5e-5)
     assert share.share == count / total
+
+
+def test_answers_of_people_with_tastes_are_worth_less():
+    alike = np.array([[4, 0], [0, 4]] * 10)  # each person always gives the same answer
+    assert effective_answers(alike) == pytest.approx(20 * 19 / 20)
+    assert effective_answers(np.array([[2, 2]] * 9)) == 36  # more even than chance: no reward
+    assert effective_answers(np.array([[3, 0]] * 9)) == 27
+    assert effective_answers(np.array([[3, 1]])) == 4
+    worth = wilson(40, 80, effective_answers(alike))
+    plain = wilson(40, 80)
+    assert worth.share == plain.share
+    assert worth.high - worth.low == pytest.approx(2 * (plain.high - plain.low), rel=0.06)
+
+
+def test_intervals_hold_what_they_promise_where_people_differ():
+    generator = np.random.default_rng(0)
+    hits = plain_hits = 0
+    for _ in range(400):
+        tastes = 1 / (1 + np.exp(-generator.normal(0, 1.5, 50)))
+        first = generator.binomial(4, tastes)
+        counts = np.stack([first, 4 - first], axis=1)
+        share = wilson(int(first.sum()), 200, effective_answers(counts))
+        plain = wilson(int(first.sum()), 200)
+        hits += share.low < 0.5 < share.high
+        plain_hits += plain.low < 0.5 < plain.high
+    assert 0.92 < hits / 400 < 0.98 and plain_hits / 400 < 0.86
 
 
 def test_the_sign_test_counts_both_tails():

@@ -16,6 +16,7 @@ from .ranking import Ranking, bradley_terry, rank
 from .results import write_results
 from .statistics import (
     Share,
+    effective_answers,
     fleiss_kappa,
     holm,
     kendall_agreement,
@@ -25,7 +26,7 @@ from .statistics import (
 )
 
 __all__ = ["QUESTIONS", "Answers", "Entry", "Pair", "Question", "Ranking", "Row", "Share", "Sheet",
-           "StudyConfig", "Trial", "analyse", "bradley_terry", "entries_of", "fleiss_kappa", "holm",
-           "interval_chart", "kendall_agreement", "krippendorff_alpha", "pairs_of", "questions_of",
-           "rank", "read_answers", "sheets_of", "sign_test", "study_script", "wilson",
-           "write_results", "write_study"]
+           "StudyConfig", "Trial", "analyse", "bradley_terry", "effective_answers", "entries_of",
+           "fleiss_kappa", "holm", "interval_chart", "kendall_agreement", "krippendorff_alpha", "pairs_of",
+           "questions_of", "rank", "read_answers", "sheets_of", "sign_test", "study_script",
+           "wilson", "write_results", "write_study"]

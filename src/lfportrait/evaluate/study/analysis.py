@@ -10,10 +10,12 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .answers import Answers, Trial
 from .ranking import rank
 from .statistics import (
+    effective_answers,
     fleiss_kappa,
     holm,
     kendall_agreement,
@@ -34,6 +36,13 @@ def _share(count: int, total: int) -> dict[str, Any]:
     return asdict(wilson(count, total))
 
 
+def _share_of_people(counts: NDArray[np.integer]) -> dict[str, Any]:
+    """The share of the first kind in [people, 2] answers; its interval knows of people's tastes."""
+    effective = effective_answers(counts)
+    return {**asdict(wilson(int(counts[:, 0].sum()), int(counts.sum()), effective)),
+            "effective": round(effective, 1)}
+
+
 def _preferences(shown: Shown, questions: Sequence[str]) -> list[dict[str, Any]]:
     """Each question and pair of methods: the preferred one first."""
     rows: list[dict[str, Any]] = []
@@ -50,8 +59,10 @@ def _preferences(shown: Shown, questions: Sequence[str]) -> list[dict[str, Any]]
                 first, second, counts = second, first, counts[:, ::-1]
             plus = int((counts[:, 0] > counts[:, 1]).sum())
             minus = int((counts[:, 0] < counts[:, 1]).sum())
+            plain = _share(int(counts[:, 0].sum()), int(counts.sum()))
             rows.append({"question": question, "first": first, "second": second,
-                         **_share(int(counts[:, 0].sum()), int(counts.sum())),
+                         **_share_of_people(counts),
+                         "wilson_low": plain["low"], "wilson_high": plain["high"],
                          "people_for": plus, "people_against": minus,
                          "people_undecided": len(counts) - plus - minus,
                          "p": sign_test(plus, minus)})
@@ -107,8 +118,9 @@ def _with_oneself(people: Sequence[Answers], question: str) -> dict[str, Any]:
 
 def _sides(people: Sequence[Answers], question: str) -> dict[str, Any]:
     """How often the left one was chosen."""
-    sides = [trial.choices[question] for answers in people for trial in answers.trials]
-    return {"question": question, **_share(sides.count("left"), len(sides))}
+    sides = [[trial.choices[question] for trial in answers.trials] for answers in people]
+    return {"question": question, **_share_of_people(np.array(
+        [[each.count("left"), each.count("right")] for each in sides]))}
 
 
 def analyse(people: Sequence[Answers], seed: int = 0) -> dict[str, Any]:
@@ -126,7 +138,8 @@ def analyse(people: Sequence[Answers], seed: int = 0) -> dict[str, Any]:
     -------
     figures
         ``study``, ``people``, ``answers``, ``questions``, ``methods``; ``preferences`` for each
-        question and two methods (the share of the first with its Wilson interval; for how many
+        question and two methods (the share of the first with its Wilson interval, by the number of
+        ``effective`` answers, and by all as ``wilson_low`` and ``wilson_high``; for how many
         people it was the one they chose more often, the sign test's ``p`` of that and ``p_holm``,
         corrected for the number of tests); ``ranking`` by question (None if some methods have never
         met); ``agreement``, ``self_agreement`` and ``left`` by question; ``not_compared``, methods

@@ -34,8 +34,8 @@ class Row:
 
 
 def _ticks(low: float, high: float) -> list[float]:
-    """About six round numbers from ``low`` to ``high``."""
-    raw = max(high - low, 1e-9) / 6
+    """About eight round numbers from ``low`` to ``high``."""
+    raw = max(high - low, 1e-9) / 8
     unit = 10.0 ** math.floor(math.log10(raw))
     step = next(unit * size for size in (1, 2, 2.5, 5, 10) if unit * size >= raw * (1 - 1e-9))
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
@@ -74,10 +74,14 @@ def interval_chart(groups: Sequence[tuple[str, Sequence[Row]]], *, title: str, a
         The drawing as text.
     """
     rows = [row for _, members in groups for row in members]
-    low, high = span or (min(reference, *(row.low for row in rows)),
-                         max(reference, *(row.high for row in rows)))
+    if span is None:
+        low = min(reference, *(row.low for row in rows))
+        high = max(reference, *(row.high for row in rows))
+        low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
+    else:
+        low, high = span
     left = 24 + _LETTER * max(len(row.label) for row in rows)
-    right = width - 24 - _LETTER * max(len(row.note) for row in rows)
+    right = width - 40 - _LETTER * max(len(row.note) for row in rows)
     bottom = 56 + _ROW * (len(rows) + sum(1.5 if name else 0.5 for name, _ in groups))
 
     def place(value: float) -> float:

@@ -17,7 +17,8 @@ __all__ = ["write_results"]
 
 _COLUMNS = {
     "preferences.csv": ("question", "first", "second", "count", "total", "share", "low", "high",
-                        "people_for", "people_against", "people_undecided", "p", "p_holm"),
+                        "effective", "wilson_low", "wilson_high", "people_for", "people_against",
+                        "people_undecided", "p", "p_holm"),
     "ranking.csv": ("question", "method", "strength", "low", "high", "expected_share", "wins",
                     "answers"),
 }
@@ -93,9 +94,9 @@ def _markdown(figures: dict[str, Any]) -> str:
         asked,
         "## Preferences", "![Shares with their intervals](preferences.svg)",
         _preferences(figures),
-        "Intervals are Wilson's, over answers. The p-values are those of the sign test over "
-        "people: each counts once, for the method that they chose more often. Holm's correction "
-        "is for all rows together.",
+        "Intervals are Wilson's, of as many answers as these are worth: those of one person are "
+        "alike. The p-values are those of the sign test over people: each counts once, for the "
+        "method that they chose more often. Holm's correction is for all rows together.",
         "## Ranking",
         *(["![Strengths with their intervals](ranking.svg)"]
           if any(figures["ranking"].values()) else []),
@@ -118,7 +119,7 @@ def _chart_files(figures: dict[str, Any]) -> dict[str, str]:
     found = {"preferences.svg": interval_chart(
         [(name, group([row for row in figures["preferences"] if row["question"] == name]))
          for name in names], title="Which portrait people preferred",
-        across="share of answers in %, 95 % intervals (Wilson)", reference=50.0,
+        across="share of answers in %, 95 % intervals", reference=50.0,
         span=(0.0, 100.0))}
     ranked = [(name, [Row(row["method"], row["strength"], row["low"], row["high"],
                           f"{row['strength']:+.2f}") for row in figures["ranking"][name]])

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
+from scipy.stats import binomtest, norm
 
-__all__ = ["Share", "fleiss_kappa", "holm", "kendall_agreement", "krippendorff_alpha",
-           "sign_test", "wilson"]
+__all__ = ["Share", "effective_answers", "fleiss_kappa", "holm", "kendall_agreement",
+           "krippendorff_alpha", "sign_test", "wilson"]
+
+_Z = float(norm.ppf(0.975))
 
 
 @dataclass(frozen=True)
@@ -32,18 +35,47 @@ class Share:
     high: float
 
 
-def wilson(count: int, total: int, level: float = 0.95) -> Share:
-    """The score interval of a share (Wilson 1927), without continuity correction.
+def wilson(count: int, total: int, effective: float | None = None) -> Share:
+    """The 95 % score interval of a share (Wilson 1927), without continuity correction.
 
     Parameters
     ----------
     count, total
         How many of how many; ``total`` is at least 1.
-    level
-        Confidence of the interval.
+    effective
+        How many independent answers these are worth; ``total`` by default.
     """
-    interval = binomtest(count, total).proportion_ci(level, method="wilson")
-    return Share(count, total, count / total, float(interval.low), float(interval.high))
+    n = float(total if effective is None else effective)
+    share = count / total
+    middle = (share + _Z ** 2 / (2 * n)) / (1 + _Z ** 2 / n)
+    half = _Z / (1 + _Z ** 2 / n) * math.sqrt(share * (1 - share) / n + (_Z / (2 * n)) ** 2)
+    return Share(count, total, share, max(0.0, middle - half), min(1.0, middle + half))
+
+
+def effective_answers(counts: NDArray[np.integer]) -> float:
+    """How many independent answers the answers of people are worth, who each gave several.
+
+    People have tastes: their answers are more alike than chance, and a share then varies more from
+    study to study than Wilson's interval thinks. The number of answers is divided by how much more
+    it varies (the design effect, here of a ratio over people; Korn & Graubard 1998).
+
+    Parameters
+    ----------
+    counts
+        [people, 2] answers of each kind.
+
+    Returns
+    -------
+    number
+        Never more than the answers.
+    """
+    each = counts.sum(axis=1)
+    people, total = len(counts), int(each.sum())
+    share = counts[:, 0].sum() / total
+    if people < 2 or not 0 < share < 1:
+        return float(total)
+    variance = people / (people - 1) * ((counts[:, 0] - share * each) ** 2).sum() / total ** 2
+    return float(total / max(1.0, variance * total / (share * (1 - share))))
 
 
 def sign_test(plus: int, minus: int) -> float:
