@@ -27,6 +27,6 @@ from .statistics import (
 
 __all__ = ["QUESTIONS", "Answers", "Entry", "Pair", "Question", "Ranking", "Row", "Share", "Sheet",
            "StudyConfig", "Trial", "analyse", "bradley_terry", "effective_answers", "entries_of",
-           "fleiss_kappa", "holm", "interval_chart", "kendall_agreement", "krippendorff_alpha", "pairs_of",
-           "questions_of", "rank", "read_answers", "sheets_of", "sign_test", "study_script",
-           "wilson", "write_results", "write_study"]
+           "fleiss_kappa", "holm", "interval_chart", "kendall_agreement", "krippendorff_alpha",
+           "pairs_of", "questions_of", "rank", "read_answers", "sheets_of", "sign_test",
+           "study_script", "wilson", "write_results", "write_study"]
