@@ -101,8 +101,8 @@ class Study(Common):
         out = self.out or Path("study")
         with self.progress("study", len(self.jobs)) as progress:
             figures = write_study(self.jobs, out, self.config, seed=self.seed, progress=progress)
-        print(f"{out / 'index.html'}: {figures['pairs']} pairs of {len(figures['methods'])} "
-              f"methods, {figures['answers_per_person']} answers a person")
+        print(f"{out / 'index.html'}: {', '.join(figures['methods'])}; pairs: "
+              f"{figures['pairs']}, answers of each person: {figures['answers_per_person']}")
         return figures
 
     def _results(self) -> dict[str, Any]:
@@ -117,7 +117,8 @@ class Study(Common):
                   f"{100 * row['share']:.1f} % of {row['total']} "
                   f"({100 * row['low']:.1f} to {100 * row['high']:.1f} %), "
                   f"p = {row['p_holm']:.2g}")
-        print(f"{out / 'results.md'}: {figures['people']} people")
+        print(f"{out / 'results.md'}: people: {figures['people']}, "
+              f"answers: {figures['answers']}")
         return figures
 
 

@@ -59,7 +59,7 @@ class StudyConfig:
     themselves?"""
     max_embedded: float = 60.0
     """Up to this many MB (of 1,000,000 bytes), videos are put into the page, which then is one
-    file; more of them lie beside it in `media/`."""
+    file; more of them lie beside it in a folder `media`."""
     pictures: tuple[Path, ...] = ()
     """Paintings and photos of sitters that the jobs don't bring; a file is named like the style or
     the sitter."""
