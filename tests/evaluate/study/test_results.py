@@ -43,7 +43,7 @@ def test_preferences_of_made_up_people_are_found(figures):
         assert ranking[0]["low"] > ranking[1]["high"]
     assert all(0 < row["kendall_u"] < 0.6 for row in found["agreement"])
     assert all(abs(row["share"] - 0.5) < 0.1 for row in found["left"])
-    assert found["not_compared"] == [] and found["seconds"] == 2
+    assert found["not_compared"] == [] and found["seconds_per_answer"] == 2
 
 
 def test_files_to_read_and_to_compute_with(figures):
@@ -92,7 +92,7 @@ def test_repeats_count_for_self_agreement_alone():
     assert found["preferences"][0]["total"] == 2 and found["preferences"][0]["share"] == 1
     assert (found["self_agreement"][0]["count"], found["self_agreement"][0]["total"]) == (1, 2)
     assert found["agreement"][0]["kendall_u"] == 1 and found["agreement"][0]["fleiss_kappa"] is None
-    assert found["left"][0]["count"] == 1 and found["seconds"] is None
+    assert found["left"][0]["count"] == 1 and found["seconds_per_answer"] is None
 
 
 def test_a_person_counts_once_in_the_test():

@@ -143,7 +143,7 @@ def analyse(people: Sequence[Answers], seed: int = 0) -> dict[str, Any]:
         people it was the one they chose more often, the sign test's ``p`` of that and ``p_holm``,
         corrected for the number of tests); ``ranking`` by question (None if some methods have never
         met); ``agreement``, ``self_agreement`` and ``left`` by question; ``not_compared``, methods
-        that no pair shows; the median ``seconds`` of an answer.
+        that no pair shows; ``seconds_per_answer``, the median.
     """
     shown = [(answers, trial) for answers in people for trial in answers.trials
              if not trial.repeat]
@@ -165,4 +165,4 @@ def analyse(people: Sequence[Answers], seed: int = 0) -> dict[str, Any]:
         "left": [_sides(people, name) for name in names],
         "not_compared": [list(pair) for pair in combinations(methods, 2)
                          if frozenset(pair) not in met],
-        "seconds": round(median(times), 2) if times else None}
+        "seconds_per_answer": round(median(times), 2) if times else None}

@@ -52,8 +52,8 @@ class StudyConfig:
     """Which questions: all (style, structure, quality), paper (style alone, as in Shen et al.), or
     a text file with one question a line, as `name: text`."""
     pairs_per_person: int = 0
-    """Pairs that one person sees, besides the repeated ones; 0 for all. With fewer, each pair is
-    shown equally often over the people."""
+    """Pairs that one person sees, besides the repeated ones; 0 for all. With fewer, the
+    sheets that people get show each pair equally often."""
     repeats: int = 1
     """Pairs that come again at the end with their sides swapped: does a person agree with
     themselves?"""

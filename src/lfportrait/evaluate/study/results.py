@@ -84,7 +84,7 @@ def _markdown(figures: dict[str, Any]) -> str:
     asked = "\n".join(f"- **{question['name']}**: {question['text']}"
                       for question in figures["questions"])
     left_out = "\n".join(f"- {entry['file']}: {entry['reason']}" for entry in figures["left_out"])
-    seconds = figures["seconds"]
+    seconds = figures["seconds_per_answer"]
     count = figures["people"]
     return "\n\n".join([
         "# Results of a user study",
