@@ -1,7 +1,7 @@
-"""Check the page's script and style with Biome: undeclared and unused names, slips, old ways.
+"""Check the pages' scripts and styles with Biome: undeclared and unused names, slips, old ways.
 
-The files in `share/page/web/` are one script in the page, so they are checked joined as there: a
-name that one file uses must be in another.
+The files in `share/page/web/` and those in `evaluate/study/web/` are one script in their page, so
+they are checked joined as there: a name that one file uses must be in another.
 
 Run: python scripts/lint_page.py            exit code 1 if there is anything to mend
 """
@@ -13,9 +13,20 @@ import tempfile
 from importlib import resources
 from pathlib import Path
 
+from lfportrait.evaluate.study import study_script
 from lfportrait.share import page_script
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def _style(package: str, name: str) -> str:
+    return (resources.files(package) / "web" / name).read_text(encoding="utf-8")
+
+
+def pages() -> dict[str, tuple[str, str]]:
+    """Script and style of each page."""
+    return {"portrait": (page_script(), _style("lfportrait.share.page", "page.css")),
+            "study": (study_script(), _style("lfportrait.evaluate.study", "study.css"))}
 
 
 def lint(script: str, style: str = "") -> tuple[bool, str]:
@@ -35,10 +46,12 @@ def lint(script: str, style: str = "") -> tuple[bool, str]:
 
 
 def main() -> int:
-    web = resources.files("lfportrait.share.page") / "web"
-    well, told = lint(page_script(), (web / "page.css").read_text(encoding="utf-8"))
-    print(told)
-    return 0 if well else 1
+    all_well = True
+    for name, (script, style) in pages().items():
+        well, told = lint(script, style)
+        print(f"{name}: {told}")
+        all_well &= well
+    return 0 if all_well else 1
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import textwrap
 from pathlib import Path
 
 from lfportrait.capture import CalibrateConfig
+from lfportrait.evaluate.study import StudyConfig
 from lfportrait.example import (
     BlitConfig,
     FaceBlitConfig,
@@ -55,6 +56,7 @@ SECTIONS = [
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
     ("Encode with motion", SequenceConfig, "`lfportrait encode --frames N`."),
     ("Interlace", InterlaceConfig, "`lfportrait interlace`."),
+    ("User study", StudyConfig, "`lfportrait study` ([how](user-study.md))."),
     ("Make", MakeConfig, "`lfportrait make`, besides the stages' own."),
     ("Batch", BatchConfig, "`lfportrait batch`, besides its file's ([batches](batches.md))."),
 ]
@@ -100,7 +102,7 @@ def attribute_docs(owner: type) -> dict[str, str]:
 def shown(value: object) -> str:
     """A default as one writes it on the command line."""
     if isinstance(value, (tuple, list)):
-        return " ".join(map(shown, value))
+        return " ".join(map(shown, value)) or "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:g}" if isinstance(value, float) else str(value) or '""'

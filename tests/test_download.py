@@ -12,7 +12,7 @@ import pytest
 
 from lfportrait import download as downloads
 from lfportrait import models
-from lfportrait.cli.tools import Models
+from lfportrait.cli.doctor import Models
 from lfportrait.errors import UserError
 from lfportrait.models import ModelFile
 

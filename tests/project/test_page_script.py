@@ -1,16 +1,13 @@
-"""The page's script is clean, and what checks it finds what is not."""
+"""The pages' scripts are clean, and what checks it finds what is not."""
 
 import pytest
 
-from lfportrait.share import page_script
-from lint_page import lint
+from lint_page import lint, pages
 
 
-def test_the_script_and_the_style_are_clean():
-    from importlib import resources
-
-    style = resources.files("lfportrait.share.page") / "web" / "page.css"
-    well, told = lint(page_script(), style.read_text("utf-8"))
+@pytest.mark.parametrize("name", ["portrait", "study"])
+def test_the_script_and_the_style_are_clean(name):
+    well, told = lint(*pages()[name])
     assert well, told
 
 

@@ -43,8 +43,9 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "display": ("displays", "DisplayCommand", "list, show and import displays; test patterns"),
     "evaluate": ("tools", "Evaluate", "metrics of a finished job or of two folders of pictures"),
     "bench": ("tools", "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),
+    "study": ("tools", "Study", "a page on which people compare portraits, and its results"),
     "doctor": ("doctor", "Doctor", "what works on this machine, and how to mend what does not"),
-    "models": ("tools", "Models", "list, fetch and add pretrained networks"),
+    "models": ("doctor", "Models", "list, fetch and add pretrained networks"),
 }
 
 

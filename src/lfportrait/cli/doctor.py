@@ -1,16 +1,20 @@
-"""The command ``doctor``: what works on this machine, one line a fact."""
+"""Commands of upkeep: ``doctor`` (what works on this machine, one line a fact), ``models``."""
 
 from __future__ import annotations
 
 import os
 import sys
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
+import tyro
+
+from ..errors import UserError
 from ..health import Fact, examine
 from .common import Common
 
-__all__ = ["Doctor"]
+__all__ = ["Doctor", "Models"]
 
 _MARKS = {"good": ("✓", "+", "32"), "optional": ("·", "-", "33"), "bad": ("✗", "!", "31;1")}
 """Mark of each state, the same in ASCII, and its colour in a terminal."""
@@ -29,6 +33,32 @@ class Doctor(Common):
             print("\n" + ("All is well." if not bad else
                           f"{bad} {'things need' if bad > 1 else 'thing needs'} mending."))
         return {"facts": [fact._asdict() for fact in facts], "problems": bad}
+
+
+@dataclass
+class Models(Common):
+    """List, fetch and add the pretrained networks."""
+
+    action: tyro.conf.Positional[Literal["list", "fetch", "add"]] = "list"
+    """What to do."""
+    names: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Networks or groups to fetch (portrait by default, those of the main job), or files to add."""
+
+    def run(self) -> dict[str, Any]:
+        """Do what ``action`` says."""
+        from .. import models
+
+        if self.action == "list":
+            print("\n".join(models.listing()))
+        elif self.action == "fetch":
+            for name in models.expand(self.names or ("portrait",)):
+                print(f"{name}: {models.fetch(name, quiet=self.quiet)}")
+        else:
+            if not self.names:
+                raise UserError("name the file to add: lfportrait models add FILE")
+            for name in self.names:
+                print(f"{name}: {models.add(Path(name))}")
+        return {"models": {name: models.available(name) for name in models.registry()}}
 
 
 def _coloured() -> bool:

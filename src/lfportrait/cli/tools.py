@@ -1,17 +1,20 @@
-"""Commands of measurement and upkeep: ``evaluate``, ``bench``, ``models``."""
+"""Commands of measurement: ``evaluate``, ``bench``, ``study``."""
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
+from dataclasses import field as option
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
 from ..errors import UserError
+from ..evaluate.study import StudyConfig
 from .common import Common
 
-__all__ = ["Bench", "Evaluate", "Models"]
+__all__ = ["Bench", "Evaluate", "Study"]
 
 
 @dataclass
@@ -68,29 +71,55 @@ class Bench(Common):
 
 
 @dataclass
-class Models(Common):
-    """List, fetch and add the pretrained networks."""
+class Study(Common):
+    """A user study: a page on which people choose between portraits, and what they chose.
 
-    action: tyro.conf.Positional[Literal["list", "fetch", "add"]] = "list"
-    """What to do."""
-    names: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Networks or groups to fetch (portrait by default, those of the main job), or files to add."""
+    `lfportrait study JOB JOB ...` writes the page; `lfportrait study results FILE ...` evaluates
+    the answer files that people hand over.
+    """
+
+    jobs: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Folders of jobs, or videos SITTER/STYLE/METHOD.mp4; METHOD=PATH or METHOD:SITTER:STYLE=PATH
+    names them. Or the word results, and answer files."""
+    out: Path | None = None
+    """Folder for the page, by default study; for the results, by default study-results."""
+    study: Path | None = None
+    """results: the study.json of the study, or its folder, to check the answers against."""
+    config: Annotated[StudyConfig, tyro.conf.arg(name="")] = option(default_factory=StudyConfig)
+    """Questions, pairs and looks."""
 
     def run(self) -> dict[str, Any]:
-        """Do what ``action`` says."""
-        from .. import models
+        """Write the page, or evaluate."""
+        if not self.jobs:
+            raise UserError("name the portraits to compare: lfportrait study JOB JOB ...; or "
+                            "evaluate: lfportrait study results answers/*.json")
+        return self._results() if self.jobs[0] == "results" else self._page()
 
-        if self.action == "list":
-            print("\n".join(models.listing()))
-        elif self.action == "fetch":
-            for name in models.expand(self.names or ("portrait",)):
-                print(f"{name}: {models.fetch(name, quiet=self.quiet)}")
-        else:
-            if not self.names:
-                raise UserError("name the file to add: lfportrait models add FILE")
-            for name in self.names:
-                print(f"{name}: {models.add(Path(name))}")
-        return {"models": {name: models.available(name) for name in models.registry()}}
+    def _page(self) -> dict[str, Any]:
+        from ..evaluate.study import write_study
+
+        out = self.out or Path("study")
+        with self.progress("study", len(self.jobs)) as progress:
+            figures = write_study(self.jobs, out, self.config, seed=self.seed, progress=progress)
+        print(f"{out / 'index.html'}: {', '.join(figures['methods'])}; pairs: "
+              f"{figures['pairs']}, answers of each person: {figures['answers_per_person']}")
+        return figures
+
+    def _results(self) -> dict[str, Any]:
+        from ..evaluate.study import write_results
+
+        out = self.out or Path("study-results")
+        figures = write_results(self.jobs[1:], out, study=self.study, seed=self.seed)
+        for entry in figures["left_out"]:
+            print(f"left out: {entry['file']}: {entry['reason']}", file=sys.stderr)
+        for row in figures["preferences"]:
+            print(f"{row['question']:<12} {row['first']} over {row['second']}: "
+                  f"{100 * row['share']:.1f} % of {row['total']} "
+                  f"({100 * row['low']:.1f} to {100 * row['high']:.1f} %), "
+                  f"p = {row['p_holm']:.2g}")
+        print(f"{out / 'results.md'}: people: {figures['people']}, "
+              f"answers: {figures['answers']}")
+        return figures
 
 
 def _flat(figures: dict[str, Any], prefix: str = "") -> dict[str, Any]:

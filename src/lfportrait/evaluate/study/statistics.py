@@ -1,0 +1,160 @@
+"""Statistics of choices between two: intervals, tests, and how far people agree."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest, norm
+
+__all__ = ["Share", "effective_answers", "fleiss_kappa", "holm", "kendall_agreement",
+           "krippendorff_alpha", "sign_test", "wilson"]
+
+_Z = float(norm.ppf(0.975))
+
+
+@dataclass(frozen=True)
+class Share:
+    """A share with its 95 % interval.
+
+    Attributes
+    ----------
+    count, total
+        How many of how many.
+    share, low, high
+        The share and the ends of its interval.
+    """
+
+    count: int
+    total: int
+    share: float
+    low: float
+    high: float
+
+
+def wilson(count: int, total: int, effective: float | None = None) -> Share:
+    """The 95 % score interval of a share (Wilson 1927), without continuity correction.
+
+    Parameters
+    ----------
+    count, total
+        How many of how many; ``total`` is at least 1.
+    effective
+        How many independent answers these are worth; ``total`` by default.
+    """
+    n = float(total if effective is None else effective)
+    share = count / total
+    middle = (share + _Z ** 2 / (2 * n)) / (1 + _Z ** 2 / n)
+    half = _Z / (1 + _Z ** 2 / n) * math.sqrt(share * (1 - share) / n + (_Z / (2 * n)) ** 2)
+    return Share(count, total, share, max(0.0, middle - half), min(1.0, middle + half))
+
+
+def effective_answers(counts: NDArray[np.integer]) -> float:
+    """How many independent answers the answers of people are worth, who each gave several.
+
+    People have tastes: their answers are more alike than chance, and a share then varies more from
+    study to study than Wilson's interval thinks. The number of answers is divided by how much more
+    it varies (the design effect, here of a ratio over people; Korn & Graubard 1998).
+
+    Parameters
+    ----------
+    counts
+        [people, 2] answers of each kind.
+
+    Returns
+    -------
+    number
+        Never more than the answers.
+    """
+    each = counts.sum(axis=1)
+    people, total = len(counts), int(each.sum())
+    share = counts[:, 0].sum() / total
+    if people < 2 or not 0 < share < 1:
+        return float(total)
+    variance = people / (people - 1) * ((counts[:, 0] - share * each) ** 2).sum() / total ** 2
+    return float(total / max(1.0, variance * total / (share * (1 - share))))
+
+
+def sign_test(plus: int, minus: int) -> float:
+    """Two-sided p-value of so many signs of each kind if both were equally likely; 1 for none."""
+    return float(binomtest(plus, plus + minus).pvalue) if plus + minus else 1.0
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P-values corrected for being so many (Holm 1979), in the same order."""
+    adjusted = [1.0] * len(p_values)
+    highest = 0.0
+    for rank, place in enumerate(sorted(range(len(p_values)), key=lambda each: p_values[each])):
+        highest = max(highest, min(1.0, (len(p_values) - rank) * p_values[place]))
+        adjusted[place] = highest
+    return adjusted
+
+
+def kendall_agreement(counts: NDArray[np.integer]) -> float:
+    """How far people agree, +1 for all alike, 0 for as by chance (Kendall & Babington Smith 1940).
+
+    Their coefficient u: of all couples of answers to the same pair by different people, twice the
+    share that are alike, less 1.
+
+    Parameters
+    ----------
+    counts
+        [items, 2] answers of each kind; items with fewer than two answers don't count.
+
+    Returns
+    -------
+    u
+        NaN if no item has two answers.
+    """
+    n = counts.sum(axis=1)
+    couples = (n * (n - 1)).sum()
+    return float(2 * (counts * (counts - 1)).sum() / couples - 1) if couples else float("nan")
+
+
+def fleiss_kappa(counts: NDArray[np.integer]) -> float:
+    """Agreement beyond chance of as many people on each item (Fleiss 1971).
+
+    Parameters
+    ----------
+    counts
+        [items, kinds] answers of each kind; each item has as many.
+
+    Returns
+    -------
+    kappa
+        NaN if the items have fewer than two answers, or not as many each, or all are of one kind.
+    """
+    people = counts.sum(axis=1)
+    if not len(counts) or people.min() != people.max() or people[0] < 2:
+        return float("nan")
+    n = int(people[0])
+    observed = ((counts * (counts - 1)).sum(axis=1) / (n * (n - 1))).mean()
+    chance = ((counts.sum(axis=0) / counts.sum()) ** 2).sum()
+    return float((observed - chance) / (1 - chance)) if chance < 1 else float("nan")
+
+
+def krippendorff_alpha(counts: NDArray[np.integer]) -> float:
+    """Agreement beyond chance where not everybody answers everything (Krippendorff, nominal).
+
+    Parameters
+    ----------
+    counts
+        [items, kinds] answers of each kind; items with fewer than two answers don't count.
+
+    Returns
+    -------
+    alpha
+        NaN if nothing can be compared, or all answers are of one kind.
+    """
+    counts = counts[counts.sum(axis=1) > 1]
+    n = counts.sum(axis=1, keepdims=True)
+    kinds = counts.sum(axis=0)
+    total = int(kinds.sum())
+    chance = total * total - (kinds ** 2).sum()
+    if not chance:
+        return float("nan")
+    differing = ((n ** 2 - (counts ** 2).sum(axis=1, keepdims=True)) / (n - 1)).sum()
+    return float(1 - (total - 1) * differing / chance)
