@@ -151,3 +151,14 @@ def test_a_style_is_added_and_corrected(tmp_path, photo, capsys):
     assert not np.array_equal(first, read_image(tmp_path / "own.landmarks.png"))
     assert main(["styles", "add", str(tmp_path / "none.png"), "--quiet"]) == 2
     assert main(["styles", "add"]) == 2
+
+
+def test_a_photo_from_the_side_is_told(tmp_path, photo, style, monkeypatch, capsys):
+    write_image(tmp_path / "in.png", photo.image)
+    call = ["transfer", str(tmp_path / "in.png"), "--style", str(style), "--out",
+            str(tmp_path / "out.png"), "--quiet"]
+    assert main(call) == 0
+    assert "degrees" not in capsys.readouterr().err
+    monkeypatch.setattr(transfers, "DOUBTFUL", -1.0)
+    assert main(call) == 0
+    assert "landmarks of its far side are guesses" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice
@@ -24,11 +25,15 @@ from ..example import (
     prepare,
     suited,
 )
-from ..face import detect_landmarks
+from ..face import detect_landmarks, face_pose
 from ..files import read_image, write_image
 from ..progress import Progress
 
 __all__ = ["transfer_folder", "transfer_photo", "transfer_video"]
+
+DOUBTFUL = 50.0
+"""Degrees beyond which the landmarks of a turned photo are often wrong."""
+
 
 class _Painter:
     """Exemplars prepared when they are first needed, and used for all photos."""
@@ -49,9 +54,9 @@ class _Painter:
             self.prepared[key] = prepare(chosen, self.config, own=[(photo, points)])
         return self.prepared[key].apply(photo, points)
 
-    def paint(self, photo: NDArray[np.uint8]) -> tuple[NDArray[np.float32], Any]:
-        """The picture, float32 [H, W, 3], and the result for the whole."""
-        points = np.asarray(face_landmarks(photo), np.float64)
+    def paint(self, photo: NDArray[np.uint8], points: NDArray[np.float64],
+              ) -> tuple[NDArray[np.float32], Any]:
+        """The picture of a photo with landmarks, float32 [H, W, 3], and the result as a whole."""
         result = self._apply("", photo, points)
         if not self.choices:
             return result.image, result
@@ -63,8 +68,13 @@ def transfer_photo(path: Path, out: Path, exemplar: Exemplar, config: MethodConf
                    choices: Sequence[RegionStyle], dump: Path | None) -> dict[str, Any]:
     """Paint one photo; returns the seconds of the steps."""
     photo = read_image(path)[..., :3]
-    image, result = _Painter(exemplar, config, choices).paint(photo)
+    points = np.asarray(face_landmarks(photo), np.float64)
+    image, result = _Painter(exemplar, config, choices).paint(photo, points)
     write_image(out, image)
+    turned = abs(face_pose(points).yaw)
+    if turned > DOUBTFUL:
+        print(f"note: the face in {path.name} is turned by {turned:.0f} degrees: landmarks of its "
+              f"far side are guesses; up to {DOUBTFUL:.0f} degrees they hold", file=sys.stderr)
     if dump is not None:
         result.dump(dump)
     return dict(result.seconds)
@@ -83,7 +93,7 @@ def transfer_folder(folder: Path, out: Path, exemplar: Exemplar, config: MethodC
         raise UserError(f"{folder} is a folder: name a folder with --out, not {out}")
     pictures = sorted(path for path in folder.iterdir() if path.suffix.lower() in
                       (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-                      and not path.name.endswith((".mask.png", ".landmarks.png")))
+                      and not path.name.endswith((".mask.png", ".landmarks.png", ".check.png")))
     if not pictures:
         raise UserError(f"there are no pictures in {folder}")
     painter = _Painter(exemplar, config, choices)
@@ -91,7 +101,8 @@ def transfer_folder(folder: Path, out: Path, exemplar: Exemplar, config: MethodC
     for number, path in enumerate(pictures):
         progress.update(number, path.name)
         try:
-            image, _ = painter.paint(read_image(path)[..., :3])
+            photo = read_image(path)[..., :3]
+            image, _ = painter.paint(photo, np.asarray(face_landmarks(photo), np.float64))
         except UserError as error:
             skipped[path.name] = str(error)
             continue
