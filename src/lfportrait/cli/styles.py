@@ -76,7 +76,7 @@ class Styles(Common):
             progress.update(0, f"paint the embedded head after {image.stem}")
             check = check_style(image, self.face, self.at)
         # A built-in exemplar has no folder: its page goes into this one.
-        out = self.out or Path(image.with_suffix(".check.png"))
+        out = self.out or image.with_suffix(".check.png")
         write_image(out, style_picture(check))
         print("\n".join(text for _, text in check.facts))
         print(f"wrote {out}")

@@ -137,6 +137,11 @@ class VoxelField:
         return np.stack([self.center - self.radius, self.center + self.radius])
 
     @property
+    def spacing(self) -> NDArray[np.float64]:
+        """float64 [3], world units between lattice points along x, y and z."""
+        return np.asarray(2.0 * self.radius / np.array(self.links.shape[::-1]), np.float64)
+
+    @property
     def bricks(self) -> Bricks:
         """The layout for casting, built on first use."""
         if self._bricks is None:

@@ -65,7 +65,7 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating]) -> Cut | None:
     landmarks
         [68, 3], iBUG order, of its face.
     """
-    voxel = float((2.0 * field.radius / np.array(field.links.shape[::-1])).mean())
+    voxel = float(field.spacing.mean())
     points = field.lattice_points()[field.density > OPAQUE]
     chin = float(landmarks[8, 1])
     tall = float(landmarks[17:27, 1].mean() - chin)
@@ -117,6 +117,7 @@ def _plane(ends: Float64) -> Float64:
 
 
 def _at(plane: Float64, points: Float64) -> Float64:
+    """Height [K] of the plane at points [K, 3]."""
     return np.asarray(plane[0] * points[:, 0] + plane[1] * points[:, 2] + plane[2], np.float64)
 
 
@@ -135,7 +136,7 @@ def trim(field: VoxelField, cut: Cut) -> VoxelField:
     field
         Fewer rows; densities within two voxels of the plane fade.
     """
-    voxel = float((2.0 * field.radius / np.array(field.links.shape[::-1])).mean())
+    voxel = float(field.spacing.mean())
     above = cut.above(field.lattice_points()) / (2 * voxel)
     share = np.clip(above, 0, 1)
     density = field.density * (share * share * (3 - 2 * share)).astype(np.float32)

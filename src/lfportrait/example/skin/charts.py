@@ -186,7 +186,7 @@ def draw_atlas(field: VoxelField, pixels: float) -> Atlas:
     shape = _large_shape(field, charts)
     whole = [(0, 0, chart.depth.shape[1], chart.depth.shape[0]) for chart in charts]
     first = _packed(charts, whole, shape)
-    spacing = 2.0 * field.radius / np.array(field.links.shape[::-1])
+    spacing = field.spacing
     owner = _owners(first, 2.5 * float(spacing.mean()))
     used = [_used(owner, box) for box in first.boxes]
     kept = [n for n, part in enumerate(used) if part is not None]

@@ -172,7 +172,7 @@ class Skin:
 def _row_places(field: VoxelField, atlas: Atlas) -> Float32:
     """Place in the atlas of each lattice row, float32 [R, 2]; NaN where there is none."""
     points = np.asarray(field.lattice_points(), np.float32)
-    voxel = float((2.0 * field.radius / np.array(field.links.shape[::-1])).mean())
+    voxel = float(field.spacing.mean())
     return atlas.locate(points, BEFORE * voxel, BEHIND * voxel)[0]
 
 
