@@ -1,5 +1,6 @@
 """A job's stages: done once, done again when an input changes, and never half done."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,6 +96,13 @@ def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(tmp_path):
         assert temporary.suffix == ".txt"
         temporary.write_text("new")
     assert target.read_text() == "new"
+
+
+def test_tasks_may_begin_in_one_folder_at_the_same_moment(tmp_path):
+    folder = tmp_path / "job"
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda _: [StageFolder(folder) for _ in range(100)], range(8)))
+    assert [path.name for path in folder.rglob("*")] == [".stages"]
 
 
 def test_unwritable_places_are_the_users_mistake(tmp_path):

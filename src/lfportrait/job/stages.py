@@ -14,6 +14,7 @@ import hashlib
 import json
 import os
 import shutil
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -95,9 +96,9 @@ class StageFolder:
         self._report = report
         try:
             self.records.mkdir(parents=True, exist_ok=True)
-            probe = self.records / ".probe"
-            probe.write_bytes(b"x")
-            probe.unlink()
+            # Without a name of its own: others may begin in the same folder at this moment.
+            with tempfile.TemporaryFile(dir=self.records) as probe:
+                probe.write(b"x")
         except OSError as error:
             raise UserError(f"can't write to {self.folder}: {error.strerror}; "
                             "choose another folder with --out") from error

@@ -160,7 +160,8 @@ def test_driver_and_workers_killed_it_ends_with_the_same_files(made, studio, tmp
                 for worker in children(process):
                     os.kill(worker, signal.SIGKILL)
                 killed += 1
-        assert process.wait() == 0, process.stderr.read()
+        failed = [event for event in again if event["event"] == "failed"]
+        assert process.wait() == 0, (failed, process.stderr.read())
     assert killed == 2
     # Nothing is done twice that was done, and what was lost is given out again.
     assert not before & set(started(again))
