@@ -44,6 +44,8 @@ DEPTH = 0.2
 """Well inside is this far from the edge, over the face's size, or most of the way there is."""
 LEAST = 0.004
 """A material that covers less of the exemplar than this is not there."""
+SHARP = 8.0
+"""How much narrower skin's way into neck is than the guide makes it."""
 STAND_INS = ((CLOTHES, NECK), (NECK, SKIN), (HAIR, SKIN))
 """What stands in for a material that the exemplar does not show, in this order."""
 
@@ -207,11 +209,24 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.boo
     shares[:, NECK] += shares[:, GROUND]
     shares[:, GROUND] = 0
     shares /= np.maximum(shares.sum(axis=-1, keepdims=True), np.float32(1e-3))
+    _parted(shares, SKIN, NECK)
     for material, stand_in in STAND_INS:
         if not present[material]:
             shares[:, stand_in] += shares[:, material]
             shares[:, material] = 0
     return shares
+
+
+def _parted(shares: Float32, one: int, other: int) -> None:
+    """Let one material end where another begins, in place.
+
+    A guide that is stretched makes a broad band of half one and half the other. The exemplar has
+    such places along a line alone, and patches would repeat that line.
+    """
+    both = shares[:, one] + shares[:, other]
+    part = shares[:, one] / np.maximum(both, np.float32(1e-6))
+    shares[:, one] = both * np.clip(SHARP * (part - np.float32(0.5)) + np.float32(0.5), 0, 1)
+    shares[:, other] = both - shares[:, one]
 
 
 def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tuple[Float32, Float32]:

@@ -18,6 +18,7 @@ from scipy.ndimage import gaussian_filter
 
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
+from ..guides.blurs import broad_blur
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
@@ -32,6 +33,7 @@ from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, Transfer, TransferConfig
 from ..turned import frontalised
 from .canvas import Canvas, canvas_of
+from .ears import shade_ears
 from .materials import (
     LEAST,
     MATERIALS,
@@ -56,6 +58,11 @@ COVERED = 0.3
 """Share of hair in the exemplar's face from which on it is not copied onto a bare one."""
 NODES = 0.03
 """Nodes of the guide are so far apart, over the exemplar's face size."""
+DRAWN_OUT = 0.28
+"""Nor is the face's paint copied where the guide changes this slowly: beyond the jaw a strip of it
+would be drawn out to the neck's back."""
+STEADY = 0.02
+"""Sigma of the blur that this is told by, over the face's size."""
 STRETCHED = 0.7
 """A guide that changes more slowly than this against the surface would stretch its paint."""
 
@@ -168,6 +175,8 @@ class SkinPainter:
             # Hair that hangs over the exemplar's cheek is nothing for a bare one.
             bare = 1 if places.hair is None else 1 - places.hair
             core = (face[:, 0] > 0.5) & places.outwards & (face[:, 2] * bare < COVERED)
+            core &= self._steady(
+                canvas, ratio, places.pixels / guide.scale / canvas.step) > DRAWN_OUT
         color = self._paint_face(places, guide, canvas, position, anchor, ratio, core)
         clock.lap("face")
         if not self.config.agree:
@@ -177,6 +186,7 @@ class SkinPainter:
                                       face[:, 1], core, color)
         clock.lap("targets")
         color, _ = synthesise_patches(target, source, self.config.patches, self.seed)
+        shade_ears(places, canvas, color)
         exchange(canvas.owner, color)
         clock.lap("patches")
         return Painting(skin, color, step, clock.seconds)
@@ -189,6 +199,17 @@ class SkinPainter:
         out = np.empty((len(skin.flat), 3), np.float32)
         sample_nodes(nodes, low, spacing, skin.flat, out)
         return np.ascontiguousarray(out[:, :2]), out[:, 2]
+
+    def _steady(self, canvas: Canvas, ratio: Float32, size: float) -> Float32:
+        """How slowly the guide changes [N], without the speckles of its folds."""
+        own = canvas.own
+        sigma = STEADY * self.exemplar.size * size
+        planes = canvas.spread(np.stack([np.minimum(ratio, 1), np.ones_like(ratio)], axis=1))
+        values, known = (broad_blur(np.ascontiguousarray(planes[..., n] * own), sigma)
+                         for n in range(2))
+        out = np.array(ratio)
+        out[canvas.slots[own]] = values[own] / np.maximum(known[own], np.float32(1e-3))
+        return out
 
     def _paint_face(self, skin: Skin, guide: SurfaceGuide, canvas: Canvas, position: Float32,
                     anchor: Float32, ratio: Float32, core: NDArray[np.bool_]) -> Float32:
