@@ -9,7 +9,7 @@ from safetensors.torch import save_file
 
 from lfportrait import models
 from lfportrait.errors import UserError
-from lfportrait.evaluate import features, inception_features, lpips
+from lfportrait.evaluate import inception, inception_features, lpips, perceptual
 from lfportrait.models import ModelFile
 
 
@@ -61,7 +61,7 @@ def official_state(convolutions, seed=0):
 
 def test_batch_norm_is_folded_into_convolutions():
     state = official_state([("first", 3, 3, 3), ("Mixed_5b.branch1x1", 5, 1, 1)])
-    folded = features._folded(state)
+    folded = inception._folded(state)
     for name, width in (("first", 3), ("Mixed_5b.branch1x1", 5)):
         x = torch.randn(1, width, 7, 7, generator=torch.Generator().manual_seed(1))
         plain = torch.nn.functional.conv2d(x, state[f"{name}.conv.weight"])
@@ -72,7 +72,7 @@ def test_batch_norm_is_folded_into_convolutions():
         assert found.numpy() == pytest.approx(expected.numpy(), abs=1e-4)
     assert not any(key.endswith((".conv.weight", ".running_var")) for key in folded)
     packed = {"first.weight": torch.ones(1), "first.bias": torch.ones(1)}
-    assert features._folded(packed) == packed
+    assert inception._folded(packed) == packed
 
 
 def test_the_official_file_gives_the_features_of_the_folded_one(shelf):
@@ -158,4 +158,4 @@ def test_the_packed_part_of_vgg16_is_not_enough_for_lpips(shelf):
     folder, _ = shelf
     (folder / models.registry()["vgg16"][0].file).write_bytes(b"")
     assert models.available("vgg16")
-    assert models.missing(features.LPIPS_NETWORKS) == ["lpips", "vgg16-torchvision"]
+    assert models.missing(perceptual.LPIPS_NETWORKS["vgg"]) == ["lpips", "vgg16-torchvision"]

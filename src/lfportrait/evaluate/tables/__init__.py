@@ -1,0 +1,21 @@
+"""The paper's comparisons: every method on the same fields and views, every figure in one table.
+
+`run` does the work cell by cell (a sitter in a style by a method) and resumes; `sitters` and
+`methods` say who is painted and how, `painting` makes a cell's views, `figures` and `photos`
+measure them, `speed` is Table 1 and Fig. 6; `summary`, `documents` and `page` write it down.
+"""
+
+from .config import Sizes, TablesConfig
+from .documents import BEGIN, END, fill_document
+from .figures import Target, agreement, measure, missing_networks
+from .methods import METHODS, MethodEntry
+from .painting import Views, paint_views
+from .photos import photo_agreement, photo_pairs
+from .run import write_tables
+from .sitters import Sitter, Source, sources_of
+from .summary import COLUMNS, Cell, Spread, spreads
+
+__all__ = ["BEGIN", "COLUMNS", "END", "METHODS", "Cell", "MethodEntry", "Sitter", "Sizes", "Source",
+           "Spread", "TablesConfig", "Target", "Views", "agreement", "fill_document", "measure",
+           "missing_networks", "paint_views", "photo_agreement", "photo_pairs", "sources_of",
+           "spreads", "write_tables"]
