@@ -66,12 +66,14 @@ class Tables(Common):
     def run(self) -> dict[str, Any]:
         """Measure and write."""
         from ..capture import CalibrateConfig
-        from ..evaluate.tables import fill_document, sources_of, write_tables
+        from ..evaluate.tables import fill_document, place_in, sources_of, write_tables
         from ..example import Exemplar
         from ..job import prepare_capture
 
         sources = sources_of(self.capture, self.field)
         exemplars = [Exemplar.load(style) for style in self.styles]
+        if self.document is not None:
+            place_in(self.document)
         with self.progress("tables") as progress:
             figures = write_tables(
                 sources, exemplars, self.out, self.config, seed=self.seed, progress=progress,

@@ -1,9 +1,10 @@
 """How good a result is, and how fast it came: figures of a finished job.
 
 `consistency` tells whether views agree, `likeness` whether the head is still the person, `features`
-(and `perceptual`, LPIPS) and `patches` how near the style is, `repeats`, by the head's `regions`, and `sharpness` what became
-of its paint; `views` are what is measured; `transfer_quality` and `strokes` measure the transfer
-alone; `bench` measures speed, `tables` sets the paper's methods side by side.
+(and `perceptual`, LPIPS) and `patches` how near the style is, `repeats`, by the head's `regions`,
+and `sharpness` what became of its paint; `views` are what is measured; `transfer_quality` and
+`strokes` measure the transfer alone; `bench` measures speed, `tables` sets the paper's methods side
+by side.
 """
 
 from .consistency import consistency, pair_error, view_pairs, warp

@@ -6,10 +6,10 @@ measure them, `speed` is Table 1 and Fig. 6; `summary`, `documents` and `page` w
 """
 
 from .config import Sizes, TablesConfig
-from .documents import BEGIN, END, fill_document
+from .documents import BEGIN, END, fill_document, place_in
 from .figures import Target, agreement, measure, missing_networks
 from .methods import METHODS, MethodEntry
-from .painting import Views, paint_views
+from .painting import Views, paint_views, real_views
 from .photos import photo_agreement, photo_pairs
 from .run import write_tables
 from .sitters import Sitter, Source, sources_of
@@ -17,5 +17,5 @@ from .summary import COLUMNS, Cell, Spread, spreads
 
 __all__ = ["BEGIN", "COLUMNS", "END", "METHODS", "Cell", "MethodEntry", "Sitter", "Sizes", "Source",
            "Spread", "TablesConfig", "Target", "Views", "agreement", "fill_document", "measure",
-           "missing_networks", "paint_views", "photo_agreement", "photo_pairs", "sources_of",
-           "spreads", "write_tables"]
+           "missing_networks", "paint_views", "photo_agreement", "photo_pairs", "place_in",
+           "real_views", "sources_of", "spreads", "write_tables"]

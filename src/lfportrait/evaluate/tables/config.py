@@ -42,7 +42,7 @@ class Sizes:
     network_seconds: float
 
 
-QUICK = Sizes(192.0, 256, 384, 256, 7, 20, 24, 15.0)
+QUICK = Sizes(256.0, 256, 384, 256, 7, 20, 24, 15.0)
 FULL = Sizes(384.0, 384, 768, 576, 15, 90, 48, 240.0)
 
 
@@ -55,7 +55,7 @@ class TablesConfig:
     size: Literal["quick", "full"] = "quick"
     """quick: about a minute a portrait and method; full: the methods' own sizes, many minutes."""
     pixels: float = 0.0
-    """Pixels of the skin per world unit; 0: 192 (quick), 384 (full)."""
+    """Pixels of the skin per world unit; 0: 256 (quick), 384 (full)."""
     render_size: int = 0
     """Width and height in pixels of the views on the arc; 0: 256 (quick), 384 (full)."""
     close_size: int = 0
@@ -113,5 +113,8 @@ class TablesConfig:
             if getattr(sizes, name) < 32:
                 raise UserError(f"--{name.replace('_', '-')} must be 32 pixels or more, "
                                 f"not {getattr(sizes, name)}")
+        if self.study is not None and not (self.study / "results.json").is_file():
+            raise UserError(f"there are no results of a study in {self.study}; write them with "
+                            "`lfportrait study results`")
         if sizes.crops < 2:
             raise UserError(f"--crops must be 2 or more, not {sizes.crops}")

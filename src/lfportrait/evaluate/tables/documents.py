@@ -17,7 +17,7 @@ from ...files import atomic_write, write_json
 from .page import write_tables_page
 from .summary import COLUMNS, FLOORS, GROUPS, Cell, Spread, best, spreads
 
-__all__ = ["BEGIN", "END", "fill_document", "markdown_tables", "write_documents"]
+__all__ = ["BEGIN", "END", "fill_document", "markdown_tables", "place_in", "write_documents"]
 
 BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 """Lines of a Markdown file between which the tables are put."""
@@ -238,13 +238,13 @@ def _csv(cells: Sequence[Cell], floors: dict[str, dict[str, Any]]) -> str:
     return stream.getvalue()
 
 
-def fill_document(path: Path, tables: str) -> None:
-    """Put tables into a Markdown file, between the lines `BEGIN` and `END`.
+def place_in(path: Path) -> tuple[str, str]:
+    """What stands before and behind the tables in a Markdown file.
 
     Raises
     ------
     UserError
-        If the file can't be read, or has no such lines.
+        If the file can't be read, or has no lines `BEGIN` and `END`.
     """
     try:
         text = path.read_text("utf-8")
@@ -253,6 +253,11 @@ def fill_document(path: Path, tables: str) -> None:
     first, last = text.find(BEGIN), text.find(END)
     if first < 0 or last < first:
         raise UserError(f"{path} has no place for the tables: it needs the lines {BEGIN} and {END}")
-    filled = f"{text[:first]}{BEGIN}\n\n{tables.strip()}\n\n{text[last:]}"
+    return text[:first], text[last:]
+
+
+def fill_document(path: Path, tables: str) -> None:
+    """Put tables into a Markdown file, between the lines `BEGIN` and `END` (`place_in`)."""
+    before, behind = place_in(path)
     with atomic_write(path) as stream:
-        stream.write(filled.encode())
+        stream.write(f"{before}{BEGIN}\n\n{tables.strip()}\n\n{behind}".encode())
