@@ -21,7 +21,10 @@ from .weights import read_weights
 
 __all__ = ["LPIPS_NETWORKS", "lpips"]
 
-LPIPS_NETWORKS = {"vgg": ("lpips", "vgg16-torchvision"), "alex": ("lpips-alex", "alexnet")}
+Backbone = Literal["vgg", "alex"]
+
+LPIPS_NETWORKS: dict[Backbone, tuple[str, ...]] = {
+    "vgg": ("lpips", "vgg16-torchvision"), "alex": ("lpips-alex", "alexnet")}
 """What `lpips` needs by backbone, names of the registry."""
 
 Weights = dict[str, Any]
@@ -73,11 +76,12 @@ def _alex_maps(weights: Weights, x: Any) -> list[Any]:
     return maps
 
 
-_BACKBONES: dict[str, Callable[[Weights, Any], list[Any]]] = {"vgg": _vgg_maps, "alex": _alex_maps}
+_BACKBONES: dict[Backbone, Callable[[Weights, Any], list[Any]]] = {
+    "vgg": _vgg_maps, "alex": _alex_maps}
 
 
 def lpips(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = None, *,
-          network: Literal["vgg", "alex"] = "vgg") -> float:
+          network: Backbone = "vgg") -> float:
     """LPIPS v0.1 of two pictures.
 
     Parameters
@@ -114,8 +118,9 @@ def lpips(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = Non
         if mask is None:
             return float(sum(layer.mean() for layer in layers))
         inside = torch.from_numpy(np.asarray(mask, bool))
-        whole = sum(torch.nn.functional.interpolate(layer, size=inside.shape, mode="bilinear",
-                                                    align_corners=False) for layer in layers)
+        whole = torch.stack([torch.nn.functional.interpolate(
+            layer, size=inside.shape, mode="bilinear", align_corners=False)
+            for layer in layers]).sum(0)
         return float(whole[0, 0][inside].mean())
 
 

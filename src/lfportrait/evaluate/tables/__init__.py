@@ -5,7 +5,7 @@
 measure them, `speed` is Table 1 and Fig. 6; `summary`, `documents` and `page` write it down.
 """
 
-from .config import Sizes, TablesConfig
+from .config import TablesConfig
 from .documents import BEGIN, END, fill_document, place_in
 from .figures import Target, agreement, measure, missing_networks
 from .methods import METHODS, MethodEntry
@@ -13,6 +13,7 @@ from .painting import Views, paint_views, real_views
 from .photos import photo_agreement, photo_pairs
 from .run import write_tables
 from .sitters import Sitter, Source, sources_of
+from .sizes import Sizes
 from .summary import COLUMNS, Cell, Spread, spreads
 
 __all__ = ["BEGIN", "COLUMNS", "END", "METHODS", "Cell", "MethodEntry", "Sitter", "Sizes", "Source",

@@ -73,7 +73,7 @@ def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
     if pictures:
         tables = [(title, *table) for title, table in _grids(rows, base, facts).items()]
         write_tables_page(out, facts, cells, rows, base, tables + _speed_grids(speed),
-                          _notes(cells, failures, missing), paintings)
+                          _notes(facts, cells, failures, missing), paintings)
     return figures
 
 
@@ -153,7 +153,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]], winners: Sequence
     return "\n".join([line(head), line(["---"] * len(head)), *map(line, shown)])
 
 
-def _notes(cells: Sequence[Cell], failures: Sequence[dict[str, str]],
+def _notes(facts: dict[str, Any], cells: Sequence[Cell], failures: Sequence[dict[str, str]],
            missing: dict[str, list[str]]) -> list[str]:
     """What was not measured, and which networks the methods had."""
     titles = {"fid": "FID", "kid": "KID", "fid_2048": "FID-2048", "lpips_alex": "LPIPS (alex)",
@@ -173,6 +173,7 @@ def _notes(cells: Sequence[Cell], failures: Sequence[dict[str, str]],
         if networks:
             used[cell.method] = (", ".join(f"{term} {name}" for term, name in networks.items())
                                  if isinstance(networks, dict) else str(networks))
+    notes.append(f"content: features of the network {facts['content_network']}.")
     return notes + [f"{method}: networks: {text}." for method, text in used.items()]
 
 
@@ -200,7 +201,7 @@ def markdown_tables(facts: dict[str, Any], rows: Rows, base: Rows, cells: Sequen
         parts += [f"### {title}", _table(head, lines)]
     if study is not None:
         parts += ["### User study", _study(study)]
-    notes = _notes(cells, failures, missing)
+    notes = _notes(facts, cells, failures, missing)
     if notes:
         parts += ["### Not measured, and with which networks",
                   "\n".join(f"- {note}" for note in notes)]

@@ -8,7 +8,7 @@ cut out by the field's opacity: what is compared is the paint, not the cutting.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, get_args, get_type_hints
+from typing import Any, Literal, get_args, get_type_hints
 
 from ...example import (
     FaceBlitConfig,
@@ -18,9 +18,7 @@ from ...example import (
     TransferConfig,
 )
 from ...stylize import StylizeConfig
-
-if TYPE_CHECKING:
-    from .config import Sizes
+from .sizes import Sizes
 
 __all__ = ["METHODS", "MethodEntry", "field_config", "view_config"]
 
@@ -71,7 +69,7 @@ METHODS: dict[str, MethodEntry] = {
 
 def field_config(name: str, base: StylizeConfig, sizes: Sizes, seed: int) -> StylizeConfig:
     """Parameters of a method that colours a field."""
-    method = {"surface": "paper"}.get(name, name)
+    method: Any = {"surface": "paper"}.get(name, name)
     if method == "skin":
         return replace(base, method="skin", pixels=sizes.pixels, seed=seed)
     return replace(base, method=method, guide="surface" if name == "surface" else "view",

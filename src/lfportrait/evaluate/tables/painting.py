@@ -17,9 +17,9 @@ from ...files import atomic_write
 from ...measure import cost_of
 from ...progress import Progress
 from ...stylize import StylizeConfig, stylize_with_figures
-from .config import Sizes
 from .methods import METHODS, field_config, view_config
 from .sitters import Sitter, bytes_of, landmarks_in
+from .sizes import Sizes
 
 __all__ = ["Views", "paint_views", "real_views"]
 

@@ -194,7 +194,8 @@ class _Run:
             return {"field": _plain(agreement(real, one)),
                     "photos": photo_agreement(one.field, one.capture, {
                         "short": step, "long": 7 * step}, self.sizes.render_size),
-                    "skin_seconds": seconds, "skin_pixels": len(skin.index)}
+                    "content_network": "vgg16" if models.available("vgg16") else "embedded",
+                 "skin_seconds": seconds, "skin_pixels": len(skin.index)}
 
         key = key_of("tables-floor", self._base(source), _networks(self.measuring))
         return self.folder.run(f"floor.{source.name}", key, [f"pictures/{source.name}/photo.png"],
@@ -204,24 +205,21 @@ class _Run:
                methods: Sequence[str]) -> list[Cell]:
         """All methods for one sitter in one style."""
         target = _Lazily(lambda: Target(sitter.get(), exemplar, self.sizes.crops, self.seed))
-        painted = {}
+        cells = {}
         # The other reference of Table 2 comes first.
+        example = False
         for method in sorted(methods, key=lambda name: name != "views"):
             facts = self._attempt(source, exemplar, method, functools.partial(
                 self._painted, source, sitter, exemplar, method))
-            if facts is not None:
-                painted[method] = facts
-        cells = []
-        for method in methods:
-            if method not in painted:
-                continue
-            figures = self._attempt(source, exemplar, method, functools.partial(
-                self._measured, source, exemplar, method, target, "views" in painted))
-            if figures is not None:
-                cells.append(_cell(source, exemplar, method, figures, painted[method]))
+            example = example or (method == "views" and facts is not None)
+            figures = None if facts is None else self._attempt(
+                source, exemplar, method, functools.partial(
+                    self._measured, source, exemplar, method, target, example))
+            if facts is not None and figures is not None:
+                cells[method] = _cell(source, exemplar, method, figures, facts)
                 self.teller.done((source.name, exemplar.name, method),
-                                 painted[method]["stage_seconds"] + figures["stage_seconds"])
-        return cells
+                                 facts["stage_seconds"] + figures["stage_seconds"])
+        return [cells[method] for method in methods if method in cells]
 
     def _attempt(self, source: Source, exemplar: Exemplar, method: str,
                  function: Callable[[], dict[str, Any]]) -> dict[str, Any] | None:
@@ -288,6 +286,7 @@ class _Run:
                  "cone": self.config.cone, "sitters": [source.name for source in self.sources],
                  "styles": [exemplar.name for exemplar in self.exemplars],
                  "methods": {name: METHODS[name].what for name in self.config.chosen()},
+                 "content_network": "vgg16" if models.available("vgg16") else "embedded",
                  "skin_seconds": {name: row["skin_seconds"] for name, row in floors.items()}}
         study = None
         if self.config.study is not None and pictures:

@@ -8,8 +8,8 @@ from ...example import METHODS as TRANSFERS
 from ...example import Exemplar, NetworkConfig
 from ...progress import Progress
 from ..bench import bench_masks, bench_transfer
-from .config import Sizes
 from .sitters import Sitter
+from .sizes import Sizes
 
 __all__ = ["speed_tables"]
 

@@ -27,13 +27,17 @@ class Teller:
         self._progress, self._waiting = progress, list(waiting)
         self._total = len(self._waiting)
         self._took: dict[str, list[float]] = {}
-        if progress is not None:
-            progress.total = self._total
 
     def say(self, text: str) -> None:
-        """Show what is being done."""
+        """Show what is being done, behind what is left."""
         if self._progress is not None:
-            self._progress.update(self._progress.done, text)
+            self._progress.update(0, "; ".join(filter(None, [self._left(), text])))
+
+    def _left(self) -> str:
+        """How much is done and, as soon as it can be told, how long the rest takes."""
+        done, seconds = self._total - len(self._waiting), self.seconds_left()
+        rest = f", about {max(seconds / 60, 1):.0f} min left" if seconds else ""
+        return f"{done} of {self._total}{rest}" if self._total else ""
 
     def inside(self, title: str) -> Progress:
         """A progress line for a part: what it shows stands behind ``title`` on this one."""
@@ -53,11 +57,7 @@ class Teller:
     def _finish(self, cell: CellName, text: str) -> None:
         self._waiting.remove(cell)
         if self._progress is not None:
-            left = self.seconds_left()
-            rest = f", about {left / 60:.0f} min left" if self._waiting and left else ""
-            self._progress.say(f"{', '.join(cell)}: {text}; "
-                               f"{self._total - len(self._waiting)} of {self._total}{rest}")
-            self._progress.step(", ".join(cell))
+            self._progress.say(f"{', '.join(cell)}: {text}; {self._left()}")
 
     def seconds_left(self) -> float:
         """What the waiting cells will take: by the mean of their method, else of all."""
