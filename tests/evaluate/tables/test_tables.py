@@ -19,6 +19,7 @@ from lfportrait.evaluate.tables import (
     Views,
     real_views,
     sources_of,
+    speed,
     write_tables,
 )
 from lfportrait.evaluate.tables import run as running
@@ -274,3 +275,39 @@ def test_sizes_are_the_given_ones_else_the_presets():
     sizes = TablesConfig(size="full", pixels=100.0, painted_steps=0).sizes()
     assert sizes.pixels == 100 and sizes.painted_steps == 0 and sizes.painted_size == 576
     assert np.isclose(TablesConfig().sizes().network_seconds, 15)
+
+
+def test_speed_is_told_as_the_paper_tells_it(files, tmp_path, brush, monkeypatch):
+    """Times of the parts, and of all views that a field is fitted to."""
+    transfers = {name: {"precalculation_seconds": 2.0, "guides_seconds": 0.25,
+                        "synthesis_seconds": 0.5, "patch_fidelity": 3.0}
+                 for name in ("styleblit", "faceblit", "facestyle", "network")}
+    transfers["faceblit"]["published_table_seconds"] = 70.0
+    asked = {}
+
+    def transfer(**options):
+        asked.update(options)
+        return transfers
+
+    mask = {"resolution": "1k", "with_seconds": 0.5, "without_seconds": 0.75,
+            "build_seconds": 0.3, "load_seconds": 0.01, "bytes": 2 ** 21, "memory_bytes": 2 ** 22}
+    monkeypatch.setattr(speed, "bench_masks", lambda *_, **__: [mask])
+    monkeypatch.setattr(speed, "bench_transfer", transfer)
+    figures = compare(files, tmp_path, replace(SMALL, speed=True, methods=("views",)))
+    assert figures["fig_6_views"] == 6 and asked["network"].budget == 15
+    rows = figures["fig_6"]
+    assert rows["styleblit"]["whole_seconds"] == pytest.approx(2 + 6 * 0.75)
+    assert rows["faceblit"]["whole_seconds"] == pytest.approx(70 + 6 * 0.75)
+    text = (tmp_path / "tables.md").read_text("utf-8")
+    assert "| 1k | 0.500 | 0.750 | 0.300 | 0.010 | 2.0 | 4.0 |" in text
+    assert "| faceblit | 2.000 | 70.0 | 0.750 | 74.5 | 3.00 |" in text
+
+
+def test_a_study_stands_beside_the_figures(files, tmp_path, brush):
+    row = {"question": "style", "first": "skin", "second": "paper", "share": 0.75, "low": 0.6,
+           "high": 0.86, "total": 40}
+    (tmp_path / "results.json").write_text(json.dumps({"preferences": [row]}))
+    out = tmp_path / "out"
+    compare(files, out, replace(SMALL, methods=("views",), study=tmp_path))
+    assert ("| style | skin | paper | 75.0 % | 60.0 to 86.0 % | 40 |"
+            in (out / "tables.md").read_text("utf-8"))

@@ -98,7 +98,8 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
     seconds = _alternating(field, displays, config, repeats)
     figures["views"] = {str(n): seconds[f"views {n}"] for n in MANY_VIEWS}
     figures["cones"] = {f"{c:g}": seconds[f"cone {c:g}"] for c in WIDE_CONES}
-    figures["mask"] = bench_masks(field, masks, repeats=repeats, config=config, progress=progress)
+    figures["mask"] = (bench_masks(field, masks, repeats=repeats, config=config, progress=progress)
+                       if masks else [])
     return figures
 
 
@@ -112,7 +113,7 @@ def bench_masks(field: VoxelField, sizes: tuple[str, ...] = tuple(MASKS), *, rep
     field
         The field to code.
     sizes
-        Of `MASKS`.
+        Of `MASKS`, at least one.
     repeats, config, progress
         As for `bench_encode`.
 
@@ -121,11 +122,13 @@ def bench_masks(field: VoxelField, sizes: tuple[str, ...] = tuple(MASKS), *, rep
     rows
         ``resolution``, and the figures of ``mask`` in `bench_encode`.
     """
+    config = config or EncodeConfig()
+    # A small picture compiles the kernels before the clock starts.
+    encode_with_figures(field, replace(_display(MASKS[sizes[0]]), width=64, height=8), config)
     rows = []
     for size in sizes:
         say(progress, f"mask guide, {size}")
-        rows.append({"resolution": size, **_mask(field, _display(MASKS[size]),
-                                                 config or EncodeConfig(), repeats)})
+        rows.append({"resolution": size, **_mask(field, _display(MASKS[size]), config, repeats)})
     return rows
 
 

@@ -37,8 +37,10 @@ class TablesConfig:
     """Refinement steps on those; -1: 20 (quick), 90 (full)."""
     crops: int = 0
     """Crops of renders and of the exemplar, for the distances of features; 0: 24 (quick), 48."""
+    network_pairs: int = 0
+    """Examples that the network that paints single views learns from; 0: 6 (quick), 24 (full)."""
     network_seconds: float = 0.0
-    """Training of the network that paints single views; 0: 15 (quick), 240 (full)."""
+    """Seconds of its training; 0: 15 (quick), 240 (full)."""
     views: int = 16
     """Views on the arc."""
     cone: float = 40.0

@@ -84,6 +84,6 @@ def view_config(name: str, sizes: Sizes, seed: int) -> MethodConfig:
     if name == "facestyle":
         return FaceStyleConfig(seed=seed)
     if name == "network":
-        return NetworkConfig(budget=sizes.network_seconds, size=sizes.render_size, pairs=12,
-                             seed=seed)
+        return NetworkConfig(budget=sizes.network_seconds, size=sizes.render_size,
+                             pairs=sizes.network_pairs, seed=seed)
     return TransferConfig(seed=seed)

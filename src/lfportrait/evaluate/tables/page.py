@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from ...share import Picture, Report, Section, Table, write_report
 from ..study import Row, interval_chart
@@ -63,8 +64,10 @@ def write_tables_page(out: Path, facts: dict[str, Any], cells: Sequence[Cell], r
         else cell for column, cell in enumerate(line)] for line in lines], head)])
         for title, head, lines, winners in tables]
     drawings = [chart for name in _PLOTS if (chart := _chart(name, rows, base)) is not None]
-    sections.append(Section("Plots", "Mean and standard deviation over sitters and styles.",
-                            drawings=drawings))
+    sections.append(Section(
+        "Plots", "Mean and standard deviation over sitters and styles. The dashed line is the "
+        "field before style where it has the figure, 1 where 1 is best, else the first method.",
+        drawings=drawings))
     if notes:
         sections.append(Section("Not measured, and with which networks", "\n\n".join(notes)))
     for sitter in facts["sitters"]:
@@ -75,7 +78,8 @@ def write_tables_page(out: Path, facts: dict[str, Any], cells: Sequence[Cell], r
     sizes = facts["sizes"]
     write_report(out / "index.html", Report(
         "Methods side by side",
-        f"{len(facts['sitters'])} sitters, {len(facts['styles'])} styles, seed {facts['seed']}; "
+        f"Sitters: {', '.join(facts['sitters'])}; styles: {', '.join(facts['styles'])}; seed "
+        f"{facts['seed']}; "
         f"{facts['size']}: views of {sizes.render_size} and {sizes.close_size} pixels; lfportrait "
         f"{facts['version']}", sections=sections))
 
@@ -84,9 +88,18 @@ def _pictures(out: Path, sitter: str, style: str, cells: Sequence[Cell],
               painting: NDArray[np.uint8]) -> Section:
     """All methods for one sitter in one style, at -45, 0 and 45 degrees."""
     folder = out / "pictures" / sitter
-    pictures = [Picture(painting, f"{style}, the painting", width=320),
+    pictures = [Picture(_on_strip(painting), f"{style}, the painting", width=768),
                 Picture(folder / "photo.png", "the field before style", width=768)]
     pictures += [Picture(folder / style / f"{cell.method}.png", cell.method, width=768)
                  for cell in cells]
     return Section(f"{sitter} in the manner of {style}",
                    "At -45, 0 and 45 degrees.", pictures, layout="grid")
+
+
+def _on_strip(painting: NDArray[np.uint8], height: int = 256) -> NDArray[np.uint8]:
+    """A painting in the middle of a white strip, three times as wide as high like all others."""
+    picture = Image.fromarray(painting)
+    picture.thumbnail((3 * height, height), Image.Resampling.LANCZOS)
+    strip = Image.new("RGB", (3 * height, height), "white")
+    strip.paste(picture, ((strip.width - picture.width) // 2, 0))
+    return np.asarray(strip)

@@ -22,8 +22,8 @@ class Sizes:
         each of three arcs, refinement steps.
     crops
         Of renders and of the exemplar, for the distances of features.
-    network_seconds
-        Training of the network that paints single views.
+    network_pairs, network_seconds
+        Training of the network that paints single views: its examples, and seconds.
     """
 
     pixels: float
@@ -33,10 +33,11 @@ class Sizes:
     painted_views: int
     painted_steps: int
     crops: int
+    network_pairs: int
     network_seconds: float
 
 
-QUICK = Sizes(256.0, 256, 384, 256, 7, 20, 24, 15.0)
+QUICK = Sizes(256.0, 256, 384, 256, 7, 20, 24, 6, 15.0)
 """About a minute a portrait and method."""
-FULL = Sizes(384.0, 384, 768, 576, 15, 90, 48, 240.0)
+FULL = Sizes(384.0, 384, 768, 576, 15, 90, 48, 24, 240.0)
 """The methods' own sizes."""
