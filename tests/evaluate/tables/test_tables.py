@@ -2,7 +2,7 @@
 
 import csv
 import json
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -52,32 +52,33 @@ def finished(tmp_path_factory, files):
 FACTS = {"seconds": {"once": 1.0, "view": 0.1}, "peak_memory_bytes": 2 ** 30}
 
 
-@pytest.fixture
-def brush(monkeypatch):
-    """A quick painter that tints the real views instead of the methods, and what it painted.
+@dataclass
+class Brush:
+    """A quick painter that tints the real views, what it painted, and where it fails."""
 
-    ``brush.falls`` makes it fail at a method.
-    """
-    class Brush:
-        painted: list[tuple[str, str]] = []
-        falls: dict[str, BaseException] = {}
+    painted: list[tuple[str, str]] = field(default_factory=list)
+    falls: dict[str, BaseException] = field(default_factory=dict)
 
-    def paint(method, sitter, exemplar, *_):
-        if method in Brush.falls:
-            raise Brush.falls[method]
-        Brush.painted.append((exemplar.name, method))
+    def paint(self, method, sitter, exemplar, *_):
+        if method in self.falls:
+            raise self.falls[method]
+        self.painted.append((exemplar.name, method))
         real = real_views(sitter)
         tint = 0.5 + 0.01 * len(method)
         return Views(*([np.uint8(tint * picture) for picture in pictures]
                        for pictures in (real.arc, real.close))), FACTS
 
-    Brush.painted, Brush.falls = [], {}
-    monkeypatch.setattr(running, "paint_views", paint)
-    return Brush
+
+@pytest.fixture
+def brush(monkeypatch) -> Brush:
+    """Paints instead of the methods."""
+    made = Brush()
+    monkeypatch.setattr(running, "paint_views", made.paint)
+    return made
 
 
 def test_the_tables_hold_what_was_measured(finished):
-    out, figures = finished
+    _, figures = finished
     cells = {(cell["sitter"], cell["style"], cell["method"]): cell["figures"]
              for cell in figures["cells"]}
     assert set(cells) == {("ann", "warm", "skin"), ("ann", "warm", "views")}
@@ -147,6 +148,15 @@ def test_figures_come_with_their_spread(files, tmp_path, brush):
     assert spread["deviation"] == pytest.approx(abs(values[0] - values[1]) / np.sqrt(2))
     assert f"{spread['mean']:.2f} ± {spread['deviation']:.2f}" in (
         tmp_path / "tables.md").read_text("utf-8")
+
+
+def test_a_methods_parameters_change_that_method_alone(files, tmp_path, brush):
+    config = replace(SMALL, methods=("skin", "surface", "views"))
+    compare(files, tmp_path, config)
+    first = len(brush.painted)
+    other = replace(config.stylize, skin=replace(config.stylize.skin, agree=False))
+    compare(files, tmp_path, replace(config, stylize=other))
+    assert brush.painted[first:] == [("warm", "skin")]
 
 
 def test_a_killed_run_goes_on(files, tmp_path, brush):

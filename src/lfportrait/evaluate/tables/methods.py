@@ -7,7 +7,7 @@ cut out by the field's opacity: what is compared is the paint, not the cutting.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, Literal, get_args, get_type_hints
 
 from ...example import (
@@ -20,7 +20,7 @@ from ...example import (
 from ...stylize import StylizeConfig
 from .sizes import Sizes
 
-__all__ = ["METHODS", "MethodEntry", "field_config", "view_config"]
+__all__ = ["METHODS", "MethodEntry", "field_config", "own_parameters", "view_config"]
 
 
 @dataclass(frozen=True)
@@ -87,3 +87,11 @@ def view_config(name: str, sizes: Sizes, seed: int) -> MethodConfig:
         return NetworkConfig(budget=sizes.network_seconds, size=sizes.render_size,
                              pairs=sizes.network_pairs, seed=seed)
     return TransferConfig(seed=seed)
+
+
+def own_parameters(name: str, config: StylizeConfig) -> dict[str, Any]:
+    """Parameters that a method's result depends on: without those of other methods alone."""
+    others = {method.replace("-", "_") for method in METHODS} - {name.replace("-", "_")}
+    values = {one.name: getattr(config, one.name) for one in fields(config)}
+    return {key: value for key, value in values.items()
+            if not (key in others and is_dataclass(value))}

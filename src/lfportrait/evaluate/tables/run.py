@@ -30,7 +30,7 @@ from ...version import __version__
 from .config import TablesConfig
 from .documents import write_documents
 from .figures import Target, agreement, measure, missing_networks
-from .methods import METHODS, field_config, view_config
+from .methods import METHODS, field_config, own_parameters, view_config
 from .painting import Views, paint_views, real_views
 from .photos import photo_agreement
 from .sitters import SHOWN, Opener, Sitter, Source, field_of, linked
@@ -136,7 +136,8 @@ class _Run:
                       self.sizes.close_size, self.config.views, self.config.cone, self.seed)
 
     def _paint_key(self, source: Source, exemplar: Exemplar, method: str) -> str:
-        chosen = (field_config(method, self.config.stylize, self.sizes, self.seed)
+        chosen = (own_parameters(method, field_config(method, self.config.stylize, self.sizes,
+                                                      self.seed))
                   if METHODS[method].kind == "field"
                   else view_config(method, self.sizes, self.seed))
         others = [name for name in models.registry() if name not in self.measuring]
