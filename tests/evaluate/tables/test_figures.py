@@ -1,8 +1,11 @@
 """The figures of a cell against known answers; the consistency against a plain loop."""
 
+import hashlib
+
 import numpy as np
 import pytest
 
+from lfportrait import models
 from lfportrait.capture import Camera
 from lfportrait.evaluate.tables import (
     Spread,
@@ -10,13 +13,17 @@ from lfportrait.evaluate.tables import (
     Views,
     agreement,
     measure,
+    missing_networks,
+    photo_agreement,
     photo_pairs,
     real_views,
     sources_of,
 )
 from lfportrait.evaluate.tables.summary import COLUMNS, GROUPS, best
 from lfportrait.evaluate.tables.tellers import Teller
+from lfportrait.models import ModelFile
 from lfportrait.progress import Progress
+from tests.evaluate.test_features import random_alex
 
 
 def flat(sitter, *grey: int) -> Views:
@@ -143,3 +150,19 @@ def test_the_time_left_is_that_of_the_methods(capsys):
     lines = capsys.readouterr().err
     assert "a, s, quick: 10 s; 2 of 4, about 2 min left" in lines
     assert "b, s, slow: not measured: no weights; 3 of 4" in lines
+
+
+def test_lpips_joins_the_figures_where_its_weights_are(sitter, style, tmp_path, monkeypatch):
+    folder = tmp_path / "models"
+    folder.mkdir()
+    random_alex(folder)
+    for name, file in (("alexnet", "alexnet.pth"), ("lpips-alex", "alex.pth")):
+        digest = hashlib.sha256((folder / file).read_bytes()).hexdigest()
+        monkeypatch.setitem(models._REGISTRY, name, (ModelFile(file, digest, "", ""),))
+    assert "lpips_alex" not in missing_networks() and "lpips_vgg" in missing_networks()
+    changing = measure(flat(sitter, 100, 151), Target(sitter, style, 4, 0))
+    assert changing["short_lpips_alex"] > 0.001
+    assert agreement(flat(sitter, 120), sitter)["short_lpips_alex"] == pytest.approx(0, abs=1e-6)
+    assert changing["lpips_alex_content"] > changing["short_lpips_alex"]
+    photos = photo_agreement(sitter.field, sitter.capture, {"long": 24.0}, 64)
+    assert 0 < photos["long_lpips_alex"] < changing["lpips_alex_content"]
