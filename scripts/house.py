@@ -18,7 +18,7 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
           "evaluate", "job", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
 GROUND = ("colour", "device", "download", "errors", "files", "health", "keys", "lanes", "lazy",
-          "measure", "metrics", "models", "progress", "version")
+          "measure", "metrics", "models", "progress", "stages", "version")
 """Carries all stages and knows none."""
 
 Graph = dict[str, set[str]]

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from lfportrait.capture import CalibrateConfig
 from lfportrait.evaluate.study import StudyConfig
+from lfportrait.evaluate.tables import TablesConfig
 from lfportrait.example import (
     BlitConfig,
     FaceBlitConfig,
@@ -56,6 +57,7 @@ SECTIONS = [
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
     ("Encode with motion", SequenceConfig, "`lfportrait encode --frames N`."),
     ("Interlace", InterlaceConfig, "`lfportrait interlace`."),
+    ("Tables", TablesConfig, "`lfportrait evaluate tables` ([what and how](comparisons.md))."),
     ("User study", StudyConfig, "`lfportrait study` ([how](user-study.md))."),
     ("Make", MakeConfig, "`lfportrait make`, besides the stages' own."),
     ("Batch", BatchConfig, "`lfportrait batch`, besides its file's ([batches](batches.md))."),

@@ -61,6 +61,13 @@ _ASSETS = "https://storage.googleapis.com/mediapipe-assets/"
 _VGG16 = ModelFile("vgg16-397923af.pth", "397923af", "torchvision VGG-16, ImageNet", "BSD-3-Clause",
                    _TORCH + "vgg16-397923af.pth", 553433881)
 
+_INCEPTION = ModelFile("pt_inception-2015-12-05-6726825d.pth", "6726825d",
+                       "Inception-v3 of 2015-12-05 (pytorch-fid)", "Apache-2.0",
+                       "https://github.com/mseitzer/pytorch-fid/releases/download/fid_weights/"
+                       "pt_inception-2015-12-05-6726825d.pth", 95628359)
+_LPIPS = ("https://raw.githubusercontent.com/richzhang/PerceptualSimilarity/"
+          "082bb24f84c091ea94de2867d34c4544f68e0963/lpips/weights/v0.1/")
+
 _REGISTRY: dict[str, tuple[ModelFile, ...]] = {
     "face-landmarker": (
         ModelFile("face_landmarker.task",
@@ -103,16 +110,22 @@ _REGISTRY: dict[str, tuple[ModelFile, ...]] = {
                   "43d4d5f9f32b410d67bf21aadafdbc4009c4a0143c04c1f8b7431c3269aa710a",
                   "Inception-v3 of 2015-12-05 (FID), to Mixed_7a, repacked", "Apache-2.0",
                   size=21342744),
-        ModelFile("pt_inception-2015-12-05-6726825d.pth", "6726825d",
-                  "Inception-v3 of 2015-12-05 (pytorch-fid)", "Apache-2.0",
-                  "https://github.com/mseitzer/pytorch-fid/releases/download/fid_weights/"
-                  "pt_inception-2015-12-05-6726825d.pth", 95628359)),
+        _INCEPTION),
+    # The last blocks are in the official file alone.
+    "inception-2048": (_INCEPTION,),
     "lpips": (
         ModelFile("lpips_v0.1_vgg.pth",
                   "a78928a0af1e5f0fcb1f3b9e8f8c3a2a5a3de244d830ad5c1feddc79b8432868",
                   "LPIPS v0.1, linear layers for VGG-16", "BSD-2-Clause",
-                  "https://raw.githubusercontent.com/richzhang/PerceptualSimilarity/"
-                  "082bb24f84c091ea94de2867d34c4544f68e0963/lpips/weights/v0.1/vgg.pth", 7289),),
+                  _LPIPS + "vgg.pth", 7289),),
+    "lpips-alex": (
+        ModelFile("lpips_v0.1_alex.pth",
+                  "df73285e35b22355a2df87cdb6b70b343713b667eddbda73e1977e0c860835c0",
+                  "LPIPS v0.1, linear layers for AlexNet", "BSD-2-Clause",
+                  _LPIPS + "alex.pth", 6009),),
+    "alexnet": (
+        ModelFile("alexnet-owt-7be5be79.pth", "7be5be79", "torchvision AlexNet, ImageNet",
+                  "BSD-3-Clause", _TORCH + "alexnet-owt-7be5be79.pth", 244408911),),
     # LPIPS needs all of VGG-16, which only the official file has.
     "vgg16-torchvision": (_VGG16,),
     "vgg19-se": (
@@ -133,7 +146,8 @@ _REGISTRY: dict[str, tuple[ModelFile, ...]] = {
 GROUPS: dict[str, tuple[str, ...]] = {
     "portrait": ("face-landmarker", "person-segmentation", "hair-segmentation"),
     "paper": ("vgg16", "resnet50"),
-    "evaluate": ("inception", "lpips", "vgg16-torchvision"),
+    "evaluate": ("inception", "inception-2048", "lpips", "vgg16-torchvision", "lpips-alex",
+                 "alexnet"),
 }
 """Networks that are wanted together: by the main job, by the paper's losses, by `evaluate`."""
 
@@ -147,6 +161,9 @@ PURPOSES: dict[str, str] = {
     "inception": "evaluate: FID, the distance to the style",
     "lpips": "evaluate: LPIPS, with vgg16-torchvision",
     "vgg16-torchvision": "evaluate: LPIPS, with lpips",
+    "lpips-alex": "evaluate tables: LPIPS with AlexNet, with alexnet",
+    "alexnet": "evaluate tables: LPIPS with AlexNet, with lpips-alex",
+    "inception-2048": "evaluate tables: the usual FID of 2048 dimensions",
     "vgg19-se": "stylize --style-network vgg19-se",
     "face-landmarks-68": "landmarks in paintings, where the first network fails",
     "face-detector": "faces in paintings, where the first network fails",

@@ -9,7 +9,7 @@ from safetensors.torch import save_file
 
 from lfportrait import models
 from lfportrait.errors import UserError
-from lfportrait.evaluate import features, inception_features, lpips
+from lfportrait.evaluate import inception, inception_features, lpips, perceptual
 from lfportrait.models import ModelFile
 
 
@@ -61,7 +61,7 @@ def official_state(convolutions, seed=0):
 
 def test_batch_norm_is_folded_into_convolutions():
     state = official_state([("first", 3, 3, 3), ("Mixed_5b.branch1x1", 5, 1, 1)])
-    folded = features._folded(state)
+    folded = inception._folded(state)
     for name, width in (("first", 3), ("Mixed_5b.branch1x1", 5)):
         x = torch.randn(1, width, 7, 7, generator=torch.Generator().manual_seed(1))
         plain = torch.nn.functional.conv2d(x, state[f"{name}.conv.weight"])
@@ -72,7 +72,7 @@ def test_batch_norm_is_folded_into_convolutions():
         assert found.numpy() == pytest.approx(expected.numpy(), abs=1e-4)
     assert not any(key.endswith((".conv.weight", ".running_var")) for key in folded)
     packed = {"first.weight": torch.ones(1), "first.bias": torch.ones(1)}
-    assert features._folded(packed) == packed
+    assert inception._folded(packed) == packed
 
 
 def test_the_official_file_gives_the_features_of_the_folded_one(shelf):
@@ -158,4 +158,162 @@ def test_the_packed_part_of_vgg16_is_not_enough_for_lpips(shelf):
     folder, _ = shelf
     (folder / models.registry()["vgg16"][0].file).write_bytes(b"")
     assert models.available("vgg16")
-    assert models.missing(features.LPIPS_NETWORKS) == ["lpips", "vgg16-torchvision"]
+    assert models.missing(perceptual.LPIPS_NETWORKS["vgg"]) == ["lpips", "vgg16-torchvision"]
+
+
+ALEX = {0: (3, 64, 11, 4, 2), 3: (64, 192, 5, 1, 2), 6: (192, 384, 3, 1, 1),
+        8: (384, 256, 3, 1, 1), 10: (256, 256, 3, 1, 1)}
+"""AlexNet's convolutions: channels in and out, size, stride, padding."""
+
+
+def random_alex(folder):
+    """The two files that LPIPS with AlexNet needs, with random values."""
+    generator = torch.Generator().manual_seed(3)
+    alex = {}
+    for number, (into, out, size, *_) in ALEX.items():
+        alex[f"features.{number}.weight"] = torch.randn(
+            out, into, size, size, generator=generator) * (2 / (size * size * into)) ** 0.5
+        alex[f"features.{number}.bias"] = 0.1 * torch.randn(out, generator=generator)
+    linear = {f"lin{layer}.model.1.weight": torch.rand(1, out, 1, 1, generator=generator)
+              for layer, (_, out, *_) in enumerate(ALEX.values())}
+    torch.save(alex, folder / "alexnet.pth")
+    torch.save(linear, folder / "alex.pth")
+    return alex, linear
+
+
+def plain_alex_maps(alex, image):
+    """Unit-length features [H, W, C] of AlexNet's five layers in NumPy, patch by patch."""
+    x = (2 * image.astype(np.float64) - 1 - [-0.030, -0.088, -0.188]) / [0.458, 0.448, 0.450]
+    for number, (_, _, size, stride, padding) in ALEX.items():
+        if number in (3, 6):
+            windows = np.lib.stride_tricks.sliding_window_view(x, (3, 3), (0, 1))[::2, ::2]
+            x = windows.max((-2, -1))
+        around = np.pad(x, ((padding, padding), (padding, padding), (0, 0)))
+        windows = np.lib.stride_tricks.sliding_window_view(around, (size, size), (0, 1))
+        x = np.einsum("hwcij,ocij->hwo", windows[::stride, ::stride],
+                      alex[f"features.{number}.weight"].numpy(), optimize=True)
+        x = np.maximum(x + alex[f"features.{number}.bias"].numpy(), 0)
+        yield x / np.sqrt((x ** 2).sum(-1, keepdims=True))
+
+
+@pytest.fixture
+def alex(shelf):
+    folder, enter = shelf
+    weights = random_alex(folder)
+    enter("alexnet", folder / "alexnet.pth")
+    enter("lpips-alex", folder / "alex.pth")
+    return weights
+
+
+def alex_layers(weights, a, b):
+    """Weighted squared differences [H, W] of each layer."""
+    backbone, linear = weights
+    return [(x - y) ** 2 @ linear[f"lin{layer}.model.1.weight"].numpy().reshape(-1)
+            for layer, (x, y) in enumerate(zip(plain_alex_maps(backbone, a),
+                                               plain_alex_maps(backbone, b)))]
+
+
+def test_lpips_with_alexnet_is_its_formula(alex):
+    random = np.random.default_rng(0)
+    a, b = (random.random((64, 80, 3)).astype(np.float32) for _ in range(2))
+    expected = sum(layer.mean() for layer in alex_layers(alex, a, b))
+    assert lpips(a, b, network="alex") == pytest.approx(expected, rel=1e-4)
+    assert lpips(a, a, network="alex") == 0
+
+
+def enlarged(layer, shape):
+    """Bilinear with pixel centres at +0.5, as torch does it, in NumPy."""
+    def weights(small, large):
+        at = np.clip((np.arange(large) + 0.5) * small / large - 0.5, 0, small - 1)
+        low = np.minimum(np.floor(at).astype(int), small - 1)
+        matrix = np.zeros((large, small))
+        matrix[np.arange(large), low] += 1 - (at - low)
+        matrix[np.arange(large), np.minimum(low + 1, small - 1)] += at - low
+        return matrix
+
+    return weights(layer.shape[0], shape[0]) @ layer @ weights(layer.shape[1], shape[1]).T
+
+
+def test_lpips_over_a_mask_is_the_mean_of_its_map_there(alex):
+    random = np.random.default_rng(1)
+    a, b = (random.random((64, 80, 3)).astype(np.float32) for _ in range(2))
+    mask = np.zeros((64, 80), bool)
+    mask[10:50, 20:70] = True
+    layers = alex_layers(alex, a * mask[..., None], b * mask[..., None])
+    expected = sum(enlarged(layer, mask.shape) for layer in layers)[mask].mean()
+    assert lpips(a, b, mask, network="alex") == pytest.approx(expected, rel=1e-4)
+    outside = np.where(mask[..., None], a, 1 - a)
+    assert lpips(a, outside, mask, network="alex") == 0  # what is outside does not count
+    assert np.isnan(lpips(a, b, np.zeros_like(mask), network="alex"))
+
+
+def last_convolutions():
+    """Mixed_7a to Mixed_7c, 4 channels each: (name, in, rows, columns)."""
+    for branch, count in (("branch3x3", 2), ("branch7x7x3", 4)):
+        sizes = {1: (1, 1), 2: (3, 3) if count == 2 else (1, 7), 3: (7, 1), 4: (3, 3)}
+        yield from ((f"Mixed_7a.{branch}_{n}", 16 if n == 1 else 4, *sizes[n])
+                    for n in range(1, count + 1))
+    for block, width in (("Mixed_7b", 24), ("Mixed_7c", 24)):
+        yield from ((f"{block}.{name}", width, 1, 1) for name in (
+            "branch1x1", "branch3x3_1", "branch3x3dbl_1", "branch_pool"))
+        yield f"{block}.branch3x3dbl_2", 4, 3, 3
+        yield from ((f"{block}.{name}{end}", 4, *size) for name in ("branch3x3_2", "branch3x3dbl_3")
+                    for end, size in (("a", (1, 3)), ("b", (3, 1))))
+
+
+class PlainBlocks:
+    """The last blocks as pytorch-fid writes them: convolution, batch norm, ReLU, one by one."""
+
+    def __init__(self, state):
+        self.state = state
+
+    def unit(self, x, name, stride=1):
+        weight = self.state[f"{name}.conv.weight"]
+        same = stride == 1
+        padding = (weight.shape[2] // 2, weight.shape[3] // 2) if same else 0
+        x = torch.nn.functional.conv2d(x, weight, None, stride, padding)
+        return torch.relu(torch.nn.functional.batch_norm(x, *(
+            self.state[f"{name}.bn.{part}"] for part in (
+                "running_mean", "running_var", "weight", "bias")), eps=1e-3))
+
+    def a(self, x):
+        three = self.unit(self.unit(x, "Mixed_7a.branch3x3_1"), "Mixed_7a.branch3x3_2", 2)
+        seven = x
+        for n in (1, 2, 3):
+            seven = self.unit(seven, f"Mixed_7a.branch7x7x3_{n}")
+        seven = self.unit(seven, "Mixed_7a.branch7x7x3_4", 2)
+        return torch.cat([three, seven, torch.max_pool2d(x, 3, 2)], 1)
+
+    def e(self, x, name, pooled):
+        one = self.unit(x, f"{name}.branch1x1")
+        three = self.unit(x, f"{name}.branch3x3_1")
+        three = torch.cat([self.unit(three, f"{name}.branch3x3_2a"),
+                           self.unit(three, f"{name}.branch3x3_2b")], 1)
+        double = self.unit(self.unit(x, f"{name}.branch3x3dbl_1"), f"{name}.branch3x3dbl_2")
+        double = torch.cat([self.unit(double, f"{name}.branch3x3dbl_3a"),
+                            self.unit(double, f"{name}.branch3x3dbl_3b")], 1)
+        return torch.cat([one, three, double, self.unit(pooled, f"{name}.branch_pool")], 1)
+
+
+def test_the_last_blocks_are_those_of_pytorch_fid(shelf):
+    state = official_state(last_convolutions(), seed=2)
+    x = torch.rand(2, 16, 9, 9, generator=torch.Generator().manual_seed(4))
+    plain = PlainBlocks(state)
+    y = plain.a(x)
+    y = plain.e(y, "Mixed_7b", torch.nn.functional.avg_pool2d(
+        y, 3, 1, 1, count_include_pad=False))
+    expected = plain.e(y, "Mixed_7c", torch.nn.functional.max_pool2d(y, 3, 1, 1))
+    found = inception._Inception(inception._folded(state)).last(x)
+    assert found.shape == expected.shape == (2, 24, 4, 4)
+    assert found.numpy() == pytest.approx(expected.numpy(), rel=1e-3, abs=1e-4)
+
+
+def test_the_usual_fid_takes_the_official_file(shelf):
+    folder, enter = shelf
+    state = official_state(narrow_inception()) | official_state(last_convolutions(), seed=2)
+    torch.save(state, folder / "official.pth")
+    enter("inception-2048", folder / "official.pth")
+    picture = np.random.default_rng(0).integers(0, 256, (299, 299, 3), dtype=np.uint8)
+    found = inception_features([picture, picture[::-1]], full=True)
+    assert set(found) == {"64", "192", "768", "2048"}
+    assert found["2048"].shape == (2, 24) and found["2048"].std() > 0  # of 4 channels a branch

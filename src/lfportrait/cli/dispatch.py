@@ -42,6 +42,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "show": ("devices", "Show", "show a coded picture full screen on an attached panel, unscaled"),
     "display": ("displays", "DisplayCommand", "list, show and import displays; test patterns"),
     "evaluate": ("tools", "Evaluate", "metrics of a finished job or of two folders of pictures"),
+    "evaluate tables": ("tools", "Tables", "the paper's comparisons: methods side by side"),
     "bench": ("tools", "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),
     "study": ("tools", "Study", "a page on which people compare portraits, and its results"),
     "doctor": ("doctor", "Doctor", "what works on this machine, and how to mend what does not"),
@@ -112,6 +113,8 @@ def main(arguments: list[str] | None = None) -> int:
     if words[0] in ("--version", "version"):
         print(__version__)
         return 0
+    if " ".join(words[:2]) in COMMANDS:  # a command of two words
+        words[:2] = [" ".join(words[:2])]
     if words[0] not in COMMANDS:
         print(f"lfportrait: there is no command {words[0]!r}; the commands are "
               f"{', '.join(COMMANDS)}", file=sys.stderr)

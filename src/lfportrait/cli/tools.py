@@ -1,4 +1,4 @@
-"""Commands of measurement: ``evaluate``, ``bench``, ``study``."""
+"""Commands of measurement: ``evaluate``, ``evaluate tables``, ``bench``, ``study``."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import tyro
 
 from ..errors import UserError
 from ..evaluate.study import StudyConfig
+from ..evaluate.tables import TablesConfig
 from .common import Common
 
-__all__ = ["Bench", "Evaluate", "Study"]
+__all__ = ["Bench", "Evaluate", "Study", "Tables"]
 
 
 @dataclass
@@ -36,6 +37,53 @@ class Evaluate(Common):
             figures = evaluate_job(self.job, exemplar, progress=progress)
         for name, value in sorted(_flat(figures).items()):
             print(f"{name:<44} {value:.4g}" if isinstance(value, float) else f"{name:<44} {value}")
+        return figures
+
+
+@dataclass
+class Tables(Common):
+    """Compare methods as the paper does: the same sitters, styles and views, every figure.
+
+    Writes tables.md, tables.csv, tables.json and index.html. It takes about a minute for each
+    sitter, style and method, and goes on where it was stopped.
+    """
+
+    capture: tuple[str, ...] = ()
+    """Sitters: CAPTURE, NAME=CAPTURE or NAME=CAPTURE:FIELD each. Without a field, one is
+    reconstructed and kept."""
+    styles: tuple[str, ...] = ()
+    """Exemplars: pictures, or names from `lfportrait styles`."""
+    field: tuple[str, ...] = ()
+    """Field files, in the order of the captures."""
+    out: Path = Path("tables")
+    """Folder for the tables, and for all that is computed on the way."""
+    document: Path | None = None
+    """Markdown file in which the tables are put, between the lines <!-- tables: begin --> and
+    <!-- tables: end -->."""
+    config: Annotated[TablesConfig, tyro.conf.arg(name="")] = option(default_factory=TablesConfig)
+    """What is compared, and how large."""
+
+    def run(self) -> dict[str, Any]:
+        """Measure and write."""
+        from ..capture import CalibrateConfig
+        from ..evaluate.tables import fill_document, place_in, sources_of, write_tables
+        from ..example import Exemplar
+        from ..job import prepare_capture
+
+        sources = sources_of(self.capture, self.field)
+        exemplars = [Exemplar.load(style) for style in self.styles]
+        if self.document is not None:
+            place_in(self.document)
+        with self.progress("tables") as progress:
+            figures = write_tables(
+                sources, exemplars, self.out, self.config, seed=self.seed, progress=progress,
+                open_capture=lambda path: prepare_capture(path, CalibrateConfig(seed=self.seed),
+                                                          need_face=True, progress=progress)[0])
+        text = (self.out / "tables.md").read_text("utf-8")
+        print(text)
+        if self.document is not None:
+            fill_document(self.document, text)
+        print(f"{self.out / 'index.html'}: {len(figures['cells'])} cells")
         return figures
 
 

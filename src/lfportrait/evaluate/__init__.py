@@ -1,23 +1,24 @@
 """How good a result is, and how fast it came: figures of a finished job.
 
 `consistency` tells whether views agree, `likeness` whether the head is still the person, `features`
-and `patches` how near the style is, `repeats`, by the head's `regions`, and `sharpness` what became
-of its paint; `views` are what is measured; `transfer_quality` and `strokes` measure the transfer
-alone; `bench` measures speed.
+(and `perceptual`, LPIPS) and `patches` how near the style is, `repeats`, by the head's `regions`,
+and `sharpness` what became of its paint; `views` are what is measured; `transfer_quality` and
+`strokes` measure the transfer alone; `bench` measures speed, `tables` sets the paper's methods side
+by side.
 """
 
 from .consistency import consistency, pair_error, view_pairs, warp
 from .features import (
     feature_distance,
     frechet_distance,
-    inception_features,
     kernel_distance,
-    lpips,
     style_distance,
 )
+from .inception import inception_features
 from .job import evaluate_field, evaluate_job, landmarks_kept, without_nan
 from .likeness import contour_correlation, identity, landmark_error
 from .patches import PatchIndex, patch_fidelity
+from .perceptual import lpips
 from .regions import RowLabels, exemplar_regions, region_repeats
 from .repeats import Repeat, repeat_ratio, repeats, strongest_repeat
 from .sharpness import gradient_energy, sharpness

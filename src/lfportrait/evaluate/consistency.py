@@ -15,7 +15,7 @@ method that is compared.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,10 @@ from scipy import ndimage
 from ..capture import Camera
 from ..field import Rendering
 
-__all__ = ["consistency", "pair_error", "view_pairs", "warp"]
+__all__ = ["Comparison", "consistency", "pair_error", "view_pairs", "warp"]
+
+Comparison = Callable[[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]], float]
+"""Two pictures [H, W, 3], and the pixels that count -> a distance of them there, such as LPIPS."""
 
 _TOLERANCE = 0.01
 
@@ -117,7 +120,8 @@ def view_pairs(count: int, gap: int) -> list[tuple[int, int]]:
 
 
 def consistency(stylised: Sequence[NDArray[Any]], renderings: Sequence[Rendering],
-                cameras: Camera, gaps: Iterable[int] = (1, 7, 10)) -> dict[str, Any]:
+                cameras: Camera, gaps: Iterable[int] = (1, 7, 10),
+                compare: Mapping[str, Comparison] | None = None) -> dict[str, Any]:
     """Consistency of stylised views along a path, over short and long gaps.
 
     Parameters
@@ -131,13 +135,15 @@ def consistency(stylised: Sequence[NDArray[Any]], renderings: Sequence[Rendering
     gaps
         Distances between the views of a pair; those that are too long are left out. The two
         outermost views are always compared, as ``extremes``.
+    compare
+        Further distances by name, of a stylised view and the other one warped into it.
 
     Returns
     -------
     figures
         For ``gap_1``, ``gap_7``, ..., ``extremes``: ``rmse``, ``floor_rmse`` (the real field),
         ``normalised``, ``floor_normalised``, ``valid`` (share of the surface's pixels that count),
-        ``pairs``; means over the pairs.
+        ``pairs``, and those of ``compare``; means over the pairs.
     """
     count = len(stylised)
     if not (len(renderings) == len(cameras) == count):
@@ -145,11 +151,13 @@ def consistency(stylised: Sequence[NDArray[Any]], renderings: Sequence[Rendering
     groups = {f"gap_{gap}": view_pairs(count, gap) for gap in gaps if 0 < gap < count}
     if count > 1:
         groups["extremes"] = [(0, count - 1)]
-    return {name: _group(pairs, stylised, renderings, cameras) for name, pairs in groups.items()}
+    return {name: _group(pairs, stylised, renderings, cameras, compare or {})
+            for name, pairs in groups.items()}
 
 
 def _group(pairs: list[tuple[int, int]], stylised: Sequence[NDArray[Any]],
-           renderings: Sequence[Rendering], cameras: Camera) -> dict[str, float]:
+           renderings: Sequence[Rendering], cameras: Camera,
+           compare: Mapping[str, Comparison]) -> dict[str, float]:
     """Means over the pairs of one gap."""
     rows = []
     for first, second in pairs:
@@ -159,11 +167,13 @@ def _group(pairs: list[tuple[int, int]], stylised: Sequence[NDArray[Any]],
         surface = max(int(np.isfinite(target.depth).sum()), 1)
         rows.append((*pair_error(np.asarray(stylised[first]), warped[..., :3], valid),
                      *pair_error(np.clip(target.color, 0, 1), warped[..., 3:], valid),
-                     float(valid.sum()) / surface))
+                     float(valid.sum()) / surface,
+                     *(distance(np.asarray(stylised[first], np.float32), warped[..., :3], valid)
+                       if valid.any() else float("nan") for distance in compare.values())))
     # Pairs without a common surface count for nothing.
     table = np.array(rows)
     known = np.isfinite(table)
     totals = np.where(known, table, 0.0).sum(axis=0)
     means = np.where(known.any(axis=0), totals / np.maximum(known.sum(axis=0), 1), np.nan)
-    names = ("rmse", "normalised", "floor_rmse", "floor_normalised", "valid")
+    names = ("rmse", "normalised", "floor_rmse", "floor_normalised", "valid", *compare)
     return {**dict(zip(names, map(float, means))), "pairs": len(pairs)}

@@ -15,9 +15,11 @@ from ..errors import UserError
 from ..example import Exemplar
 from ..field import VoxelField, held_out_quality
 from ..progress import Progress
-from .features import LPIPS_NETWORKS, feature_distance, lpips, style_distance
+from .crops import spread_crops
+from .features import feature_distance, style_distance
 from .likeness import identity
 from .patches import patch_fidelity
+from .perceptual import LPIPS_NETWORKS, lpips
 from .regions import RowLabels, region_repeats
 from .sharpness import sharpness
 from .views import Arc, Pictures, arc_cameras
@@ -37,25 +39,6 @@ def without_nan(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: without_nan(item) for name, item in value.items()}
     return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-def _crops(pictures: list[NDArray[np.uint8]], masks: list[NDArray[np.bool_]], size: int,
-           count: int, seed: int) -> list[NDArray[np.uint8]]:
-    """Square crops whose middles lie where the masks are set, spread evenly over the pictures."""
-    generator = np.random.default_rng(seed)
-    crops = []
-    for index in range(count):
-        picture, mask = pictures[index % len(pictures)], masks[index % len(pictures)]
-        height, width = picture.shape[:2]
-        side = min(size, height, width)
-        rows, columns = np.nonzero(mask)
-        if not len(rows):
-            continue
-        pick = generator.integers(len(rows))
-        y = int(np.clip(rows[pick] - side // 2, 0, height - side))
-        x = int(np.clip(columns[pick] - side // 2, 0, width - side))
-        crops.append(picture[y:y + side, x:x + side])
-    return crops
 
 
 def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | None = None, *,
@@ -117,7 +100,7 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
     photo = np.clip(arc.real[middle].color, 0, 1)
     figures["content"] = {
         "feature_distance": feature_distance(painted[middle], photo, arc.masks[middle])}
-    if not models.missing(LPIPS_NETWORKS):
+    if not models.missing(LPIPS_NETWORKS["vgg"]):
         figures["content"]["lpips"] = lpips(painted[middle], photo)
     if models.available("face-landmarker"):
         say("identity")
@@ -194,8 +177,8 @@ def _style(painted: Pictures, masks: list[NDArray[np.bool_]], exemplar: Exemplar
         ours = max(painted[middle].shape[0] // 4, 16)
         theirs = max(int(0.6 * float(np.ptp(exemplar.landmarks[:, 0]))), 16)
         figures.update(style_distance(
-            _crops([_bytes(image) for image in painted], masks, ours, crops, seed),
-            _crops([exemplar.image], [mask], theirs, crops, seed + 1)))
+            spread_crops([_bytes(image) for image in painted], masks, ours, crops, seed),
+            spread_crops([exemplar.image], [mask], theirs, crops, seed + 1)))
     return figures
 
 

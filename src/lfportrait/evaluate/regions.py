@@ -60,6 +60,11 @@ class RowLabels:
         return None if weights is None else _with_body(weights, tuple(names))
 
     @staticmethod
+    def joined(weights: NDArray[np.uint8], names: Sequence[str]) -> RowLabels:
+        """Of labels that tell the body's parts apart: with the body as one region, too."""
+        return _with_body(weights, tuple(names))
+
+    @staticmethod
     def read(path: str | Path) -> RowLabels | None:
         """Those that lie beside the field in its file, or None."""
         with np.load(path, allow_pickle=False) as arrays:

@@ -1,7 +1,7 @@
 """The main job: photos and one painting in, a coded light field out, each stage resumable.
 
 The stages in order, each of which writes its files into the job's folder and is skipped when they
-are there from the same inputs (`lfportrait.job.stages`):
+are there from the same inputs (`lfportrait.stages`):
 
 ==============  ==============================  ===================================
 stage           reads                           writes
@@ -43,11 +43,11 @@ from ..lanes.compiling import compiling_progress
 from ..lightfield import Display
 from ..measure import machine, peak_memory_bytes
 from ..progress import Progress
+from ..stages import StageFolder, check_writable
 from ..version import __version__
 from .networks import get_networks
 from .person import cut_person
 from .photo_check import problem_sheet
-from .stages import StageFolder, check_writable
 from .steps import (
     MakeConfig,
     capture_key,

@@ -27,8 +27,8 @@ from ..keys import key_of
 from ..lightfield import Display, EncodeConfig, ViewMask, encode_with_figures, quilt_of, write_coded
 from ..progress import Progress
 from ..share import PageConfig
+from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
-from .stages import fingerprint_files
 
 __all__ = ["MakeConfig", "capture_key", "code_key", "field_key", "look_at",
            "painting_key", "save_folder", "source_files", "source_key", "style_key", "write_code",

@@ -90,11 +90,14 @@ class Section:
     layout: Literal["strip", "grid", "wide"] = "grid"
     video: str | Path | None = None
     """A video file, embedded; left out if it does not exist."""
+    drawings: Sequence[str] = ()
+    """Drawings as SVG elements, made by us: they are put in as they are."""
 
     def empty(self) -> bool:
         """Whether there is nothing to show."""
         film = self.video is not None and Path(self.video).is_file()
-        return not (self.text or _present(self.pictures) or self.tables or film)
+        return not (self.text or _present(self.pictures) or self.tables or self.drawings
+                    or film)
 
 
 @dataclass
@@ -222,6 +225,7 @@ def _section(section: Section) -> str:
         columns = min((4, 3), key=lambda number: -len(pictures) % number)
         parts.append(f'<div class="{section.layout}" style="--columns:{columns}">{figures}</div>')
     parts.extend(map(_table, section.tables))
+    parts.extend(f'<div class="drawing">{drawing}</div>' for drawing in section.drawings)
     return "".join(parts) + "</section>"
 
 

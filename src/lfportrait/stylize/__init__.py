@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from .optimize import stylize, stylize_with_figures
     from .rehearsal import rehearse
     from .skin_files import kept_skin
+    from .skin_fit import row_labels
 
 __all__ = ["MixConfig", "StyledField", "StylizeConfig", "kept_skin", "load_network", "load_styled",
-           "paint", "rehearse", "stylize", "stylize_with_figures"]
+           "paint", "rehearse", "row_labels", "stylize", "stylize_with_figures"]
 
 __getattr__, __dir__ = attach(__name__, __file__)
 

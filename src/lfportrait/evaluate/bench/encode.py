@@ -25,7 +25,7 @@ from ...metrics import psnr
 from ...progress import Progress
 from .transfer import say, timed
 
-__all__ = ["bench_encode"]
+__all__ = ["bench_encode", "bench_masks"]
 
 PANELS = {"1080p": "generic-1080p", "4k": "generic-4k", "8k": "generic-8k"}
 """Sizes of ``bench encode`` and the presets that have them."""
@@ -98,12 +98,38 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
     seconds = _alternating(field, displays, config, repeats)
     figures["views"] = {str(n): seconds[f"views {n}"] for n in MANY_VIEWS}
     figures["cones"] = {f"{c:g}": seconds[f"cone {c:g}"] for c in WIDE_CONES}
-    figures["mask"] = []
-    for size in masks:
-        say(progress, f"mask guide, {size}")
-        figures["mask"].append({"resolution": size, **_mask(
-            field, _display(MASKS[size]), config, repeats)})
+    figures["mask"] = (bench_masks(field, masks, repeats=repeats, config=config, progress=progress)
+                       if masks else [])
     return figures
+
+
+def bench_masks(field: VoxelField, sizes: tuple[str, ...] = tuple(MASKS), *, repeats: int = 3,
+                config: EncodeConfig | None = None,
+                progress: Progress | None = None) -> list[dict[str, Any]]:
+    """Table 1 of Shen et al. (2023): time and memory with and without the stored mask guide.
+
+    Parameters
+    ----------
+    field
+        The field to code.
+    sizes
+        Of `MASKS`, at least one.
+    repeats, config, progress
+        As for `bench_encode`.
+
+    Returns
+    -------
+    rows
+        ``resolution``, and the figures of ``mask`` in `bench_encode`.
+    """
+    config = config or EncodeConfig()
+    # A small picture compiles the kernels before the clock starts.
+    encode_with_figures(field, replace(_display(MASKS[sizes[0]]), width=64, height=8), config)
+    rows = []
+    for size in sizes:
+        say(progress, f"mask guide, {size}")
+        rows.append({"resolution": size, **_mask(field, _display(MASKS[size]), config, repeats)})
+    return rows
 
 
 def _alternating(field: VoxelField, displays: dict[str, Display], config: EncodeConfig,

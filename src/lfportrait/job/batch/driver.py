@@ -21,8 +21,8 @@ from ...example import Exemplar
 from ...files import atomic_write, write_json
 from ...lanes.compiling import compiling_progress
 from ...measure import usable_cores
+from ...stages import check_writable
 from ..networks import get_networks, networks_of
-from ..stages import check_writable
 from ..steps import painting_key, source_key
 from ..warmup import Warmup
 from .costs import cores_of_a_task

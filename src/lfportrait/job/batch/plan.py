@@ -24,7 +24,7 @@ from ...errors import UserError
 from ...keys import key_of
 from ...lightfield import Display
 from ...measure import usable_cores
-from ..stages import finished_record
+from ...stages import finished_record
 from ..steps import MakeConfig, capture_key, code_key, field_key, look_at, source_key, style_key
 from .jobs_file import Jobs, Panel, Sitter
 

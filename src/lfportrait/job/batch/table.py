@@ -15,7 +15,7 @@ from rich.table import Table
 
 from ...errors import UserError
 from ...files import read_json
-from ..stages import finished_record
+from ...stages import finished_record
 from .costs import DECLARED, Estimates
 from .journal import FOLDER, Event, is_running, read_events
 from .plan import STAGES

@@ -20,8 +20,8 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import UserError
-from ..files import read_json, write_json
+from .errors import UserError
+from .files import read_json, write_json
 
 __all__ = ["StageFolder", "check_writable", "fingerprint_files", "finished_record"]
 

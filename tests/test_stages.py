@@ -9,8 +9,8 @@ import pytest
 
 from lfportrait.errors import UserError
 from lfportrait.files import atomic_path, atomic_write, read_image, write_exr, write_image
-from lfportrait.job.stages import StageFolder, fingerprint_files
 from lfportrait.keys import key_of
+from lfportrait.stages import StageFolder, fingerprint_files
 
 
 @dataclass
