@@ -10,6 +10,7 @@ import tyro
 from ..errors import UserError
 from ..example import SkinConfig, TransferConfig
 from ..example.skin import PIXELS
+from .rivals.config import ArfConfig, StylizedNerfConfig
 
 __all__ = ["StylizeConfig", "check_pixels"]
 
@@ -20,9 +21,11 @@ Network = Literal["auto", "vgg16", "resnet50", "vgg19-se", "embedded"]
 class StylizeConfig:
     """Parameters of the stylisation."""
 
-    method: Literal["skin", "paper", "arf"] = "skin"
+    method: Literal["skin", "paper", "arf", "stylized-nerf"] = "skin"
     """skin: painted once on the head's surface, then fitted and refined; paper: views painted one
-    by one (Shen et al. 2023), then the losses; arf: nearest-neighbour features, no examples."""
+    by one (Shen et al. 2023), then the losses; the others are rivals on the same field, with
+    parameters of their own. arf: nearest-neighbour features (Zhang et al. 2022);
+    stylized-nerf: a painting network and the field teach each other (Huang et al. 2022)."""
     preview: bool = False
     """On the skin: half the resolution, no fit and no refinement; seconds."""
     pixels: float = PIXELS
@@ -74,6 +77,10 @@ class StylizeConfig:
     """Painting on the skin."""
     transfer: TransferConfig = field(default_factory=TransferConfig)
     """Example-based transfer of faces and views."""
+    arf: ArfConfig = field(default_factory=ArfConfig)
+    """ARF."""
+    stylized_nerf: StylizedNerfConfig = field(default_factory=StylizedNerfConfig)
+    """StylizedNeRF."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the views and of the chunks."""
 
@@ -90,6 +97,16 @@ class StylizeConfig:
     def on_skin(self) -> bool:
         """Whether the head is painted on its surface."""
         return self.method == "skin"
+
+    @property
+    def rival(self) -> bool:
+        """Whether the method is one of those of `rivals`."""
+        return self.method not in ("skin", "paper")
+
+    @property
+    def needs_face(self) -> bool:
+        """Whether the method asks for the capture's landmarks."""
+        return self.method not in ("arf", "stylized-nerf")
 
     @property
     def painting(self) -> SkinConfig:
