@@ -10,7 +10,7 @@ import tyro
 from ..errors import UserError
 from ..example import SkinConfig, TransferConfig
 from ..example.skin import PIXELS
-from .rivals.config import ArfConfig, StylizedNerfConfig
+from .rivals.config import ArfConfig, RefNprConfig, StylizedNerfConfig
 
 __all__ = ["StylizeConfig", "check_pixels"]
 
@@ -21,11 +21,12 @@ Network = Literal["auto", "vgg16", "resnet50", "vgg19-se", "embedded"]
 class StylizeConfig:
     """Parameters of the stylisation."""
 
-    method: Literal["skin", "paper", "arf", "stylized-nerf"] = "skin"
+    method: Literal["skin", "paper", "arf", "stylized-nerf", "ref-npr"] = "skin"
     """skin: painted once on the head's surface, then fitted and refined; paper: views painted one
     by one (Shen et al. 2023), then the losses; the others are rivals on the same field, with
     parameters of their own. arf: nearest-neighbour features (Zhang et al. 2022);
-    stylized-nerf: a painting network and the field teach each other (Huang et al. 2022)."""
+    stylized-nerf: a painting network and the field teach each other (Huang et al. 2022);
+    ref-npr: one view, painted by example, registered to the field (Zhang et al. 2023)."""
     preview: bool = False
     """On the skin: half the resolution, no fit and no refinement; seconds."""
     pixels: float = PIXELS
@@ -81,6 +82,8 @@ class StylizeConfig:
     """ARF."""
     stylized_nerf: StylizedNerfConfig = field(default_factory=StylizedNerfConfig)
     """StylizedNeRF."""
+    ref_npr: RefNprConfig = field(default_factory=RefNprConfig)
+    """Ref-NPR."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the views and of the chunks."""
 

@@ -126,7 +126,8 @@ def _by_views(field: VoxelField, capture: Capture, exemplars: list[Exemplar],
     colors, rows = [], []
     for one in exemplars:
         if config.rival:
-            task = RivalTask(field, capture, one, config.background, config.seed, progress, dump)
+            task = RivalTask(field, capture, one, config.background, config.seed, progress, dump,
+                             config.transfer)
             painted, row = stylize_as_rival(task, getattr(config, config.method.replace("-", "_")))
         else:
             painted, row = stylize_views(field, capture, one, config, progress, dump)

@@ -160,4 +160,4 @@ def test_the_published_decoder_makes_the_picture_again(shared_data, shared_weigh
     network = load_adain()
     with torch.no_grad():
         again = network.decode(network.encode(tensor(picture))[-1])[0].permute(1, 2, 0).numpy()
-    assert psnr(np.clip(again, 0, 1), picture) == pytest.approx(28.4, abs=0.2)
+    assert psnr(np.clip(again, 0, 1), picture) > 28

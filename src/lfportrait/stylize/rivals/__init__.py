@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from ...lazy import attach
 
 if TYPE_CHECKING:
-    from .config import ArfConfig, StylizedNerfConfig
+    from .config import ArfConfig, RefNprConfig, StylizedNerfConfig
     from .methods import stylize_as_rival
     from .photo_views import RivalTask
 
-__all__ = ["ArfConfig", "RivalTask", "StylizedNerfConfig", "stylize_as_rival"]
+__all__ = ["ArfConfig", "RefNprConfig", "RivalTask", "StylizedNerfConfig", "stylize_as_rival"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -31,18 +31,17 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch.nn import functional
 
-from ... import models
 from ..fit import ColorModel
 from ..losses import content_loss, nearest_neighbour_loss, stacked, total_variation
-from ..networks import FeatureNetwork, load_network
+from ..networks import FeatureNetwork
 from .color_match import ColorMap, painted_pixels, person_pixels
 from .config import ArfConfig
 from .descent import ColorDescent
+from .features import best_network, half_sized, head_places, style_features
 from .photo_views import PhotoView, RivalTask, dump_views, photo_views, tensor
 
-__all__ = ["best_network", "half_sized", "head_places", "paint_by_features", "style_features"]
+__all__ = ["paint_by_features"]
 
 Float32 = NDArray[np.float32]
 Terms = dict[str, torch.Tensor]
@@ -101,13 +100,6 @@ def paint_by_features(task: RivalTask, config: ArfConfig) -> tuple[Float32, dict
         "seconds": {"views": round(prepared - start, 3), "fit": round(fitted - prepared, 3),
                     "refine": round(stepped - fitted, 3),
                     "refit": round(time.perf_counter() - stepped, 3)}}
-
-
-def best_network(name: str) -> tuple[str, FeatureNetwork]:
-    """A feature network and its name; ``"auto"`` is VGG-16, or the embedded one without it."""
-    if name == "auto":
-        name = "vgg16" if models.available("vgg16") else "embedded"
-    return name, load_network(name)
 
 
 def _recoloured(model: ColorModel, task: RivalTask, views: list[PhotoView],
@@ -176,24 +168,3 @@ class _Losses:
                 "gradient_norms": {
                     name: float(torch.autograd.grad(value, image, retain_graph=True)[0].norm())
                     for name, value in terms.items()}}
-
-
-def half_sized(image: torch.Tensor) -> torch.Tensor:
-    """A picture [1, 3, h, w] at half its size, bilinear: the mean of two by two pixels."""
-    return functional.avg_pool2d(image, 2)
-
-
-def style_features(network: FeatureNetwork, task: RivalTask, side: int) -> torch.Tensor:
-    """Features of the painting, its longer side of ``side`` pixels, [M, C]."""
-    picture = tensor(task.exemplar.image.astype(np.float32) / np.float32(255))
-    small = functional.interpolate(picture, scale_factor=side / max(picture.shape[-2:]),
-                                   mode="bilinear", antialias=True)
-    with torch.no_grad():
-        return stacked(network(small)).flatten(1).T
-
-
-def head_places(view: PhotoView, features: torch.Tensor) -> torch.Tensor:
-    """Places of a feature map [C, h, w] that show the head, bool [h, w]."""
-    share = functional.interpolate(torch.from_numpy(view.alpha)[None, None],
-                                   size=features.shape[-2:], mode="area")
-    return share[0, 0] > 0.3

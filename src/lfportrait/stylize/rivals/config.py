@@ -7,7 +7,7 @@ from typing import Literal
 
 from ...errors import UserError
 
-__all__ = ["ArfConfig", "StylizedNerfConfig", "check_views"]
+__all__ = ["ArfConfig", "RefNprConfig", "StylizedNerfConfig", "check_views"]
 
 Network = Literal["auto", "vgg16", "vgg19-se", "embedded"]
 
@@ -60,7 +60,7 @@ class ArfConfig:
 class StylizedNerfConfig:
     """StylizedNeRF (Huang et al. 2022): a painting network and the field teach each other."""
 
-    size: int = 320
+    size: int = 256
     """Longer side of the views in pixels."""
     views: int = 24
     """Photos of the capture that are used, evenly spread around the head."""
@@ -76,9 +76,8 @@ class StylizedNerfConfig:
     """Adam's step for the decoder; at the published 0.0001 the small decoder draws stripes."""
     content_weight: float = 1.0
     """Weight of the decoder's content loss."""
-    style_weight: float = 0.1
-    """Weight of its style loss; at the published 1 it would be nine tenths of the sum, as shallow
-    features of the small encoder are large."""
+    style_weight: float = 1.0
+    """Weight of its style loss."""
     agreement_weight: float = 50.0
     """Weight of the agreement of neighbouring views, warped by the field's depth."""
     field_weight: float = 10.0
@@ -95,3 +94,44 @@ class StylizedNerfConfig:
             raise UserError(f"--stylized-nerf.rounds must be at least 1, not {self.rounds}")
         if self.latent < 0:
             raise UserError(f"--stylized-nerf.latent must not be negative, but is {self.latent}")
+
+
+@dataclass(frozen=True)
+class RefNprConfig:
+    """Ref-NPR (Zhang et al. 2023): one painted view registered to the field."""
+
+    size: int = 256
+    """Longer side of the views in pixels."""
+    views: int = 24
+    """Photos of the capture that are used, evenly spread around the head."""
+    fit_iterations: int = 8
+    """Iterations of the fit to the painted view and to what others see of it, before the steps."""
+    steps: int = 180
+    """Steps of the losses, one whole view and the painted one each."""
+    learning_rate: float = 0.1
+    """Step of RMSProp in units of the field's coefficients (0.28 of a colour's)."""
+    painted_weight: float = 30.0
+    """Weight of the squared error to the painted view, and of that to what others see of it; at the
+    published 1 the steps leave the painting."""
+    match_weight: float = 1.0
+    """Weight of the painted features at the places whose photographed features match best."""
+    color_weight: float = 5.0
+    """Weight of the painted colours of coarse patches that match in the same way."""
+    content_weight: float = 0.2
+    """Weight of the content loss, on features with a mean square of 1; the original's 0.005 is for
+    features that are about six times larger."""
+    image_smoothness: float = 1.0
+    """Weight of the total variation of the rendered view."""
+    color_smoothness: float = 0.005
+    """Weight of the total variation of the voxels' colours."""
+    smoothed_share: float = 0.01
+    """Share of the voxels that a step smooths."""
+    network: Network = "auto"
+    """Features of matches and content; auto: vgg16 if its weights are at hand, else embedded."""
+
+    def check(self) -> None:
+        """Raise `UserError` where parameters are out of range."""
+        check_views(self.size, self.views)
+        if not 0.0 < self.smoothed_share <= 1.0:
+            raise UserError("--ref-npr.smoothed-share must lie between 0 and 1, not at "
+                            f"{self.smoothed_share:g}")

@@ -8,6 +8,7 @@ field cannot show (a wall, a chair) would only disturb the losses.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import field as option
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from PIL import Image
 
 from ...capture import Camera, Capture
 from ...errors import UserError
-from ...example import Exemplar
+from ...example import Exemplar, TransferConfig
 from ...field import VoxelField
 from ...files import write_image
 from ...progress import Progress
@@ -50,6 +51,8 @@ class RivalTask:
         Progress line.
     dump
         Folder for pictures of intermediates; None writes none.
+    transfer
+        How a view is painted by example, where a method starts from one.
     """
 
     field: VoxelField
@@ -59,6 +62,7 @@ class RivalTask:
     seed: int = 0
     progress: Progress | None = None
     dump: Path | None = None
+    transfer: TransferConfig = option(default_factory=TransferConfig)
 
     def tell(self, note: str, steps: int = 0) -> None:
         """Count ``steps`` finished steps on the progress line and show ``note``."""

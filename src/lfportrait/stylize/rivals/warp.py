@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 from torch.nn import functional
 
 from .photo_views import PhotoView
@@ -46,7 +47,7 @@ def seen_from(view: PhotoView, other: PhotoView, tolerance: float = TOLERANCE) -
     """Where ``other`` sees what ``view`` shows.
 
     Visibility is tested by depth: the surface's point, projected into the other view, must lie as
-    far away as what that view shows there.
+    far away as what that view shows there, at that pixel or between it and the next ones.
     """
     height, width = view.shape
     points = np.nan_to_num(view.points.reshape(-1, 3))
@@ -56,13 +57,21 @@ def seen_from(view: PhotoView, other: PhotoView, tolerance: float = TOLERANCE) -
     rows = np.clip(np.floor(y), 0, other.shape[0] - 1).astype(int)
     columns = np.clip(np.floor(x), 0, other.shape[1] - 1).astype(int)
     within = (x > 0) & (y > 0) & (x < other.shape[1]) & (y < other.shape[0])
-    with np.errstate(invalid="ignore"):
-        same = np.abs(other.depth[rows, columns] - away[0]) < tolerance
+    nearest, farthest = _depths_around(other)
+    same = ((away[0] > nearest[rows, columns] - tolerance)
+            & (away[0] < farthest[rows, columns] + tolerance))
     visible = known & (within & same & other.inside[rows, columns]).reshape(height, width)
     grid = np.stack([2 * x / other.shape[1] - 1, 2 * y / other.shape[0] - 1], -1)
     grid = np.clip(grid, -2, 2).reshape(1, height, width, 2).astype(np.float32)
     return Correspondence(torch.from_numpy(grid), torch.from_numpy(visible),
                           _cosine(points, view, other).reshape(height, width))
+
+
+def _depths_around(view: PhotoView) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Least and largest depth of a pixel and its eight neighbours, places without one left out."""
+    known = np.isfinite(view.depth)
+    return (minimum_filter(np.where(known, view.depth, np.inf), 3),
+            maximum_filter(np.where(known, view.depth, -np.inf), 3))
 
 
 def _cosine(points: NDArray[np.float64], view: PhotoView, other: PhotoView,
