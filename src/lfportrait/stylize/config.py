@@ -112,6 +112,11 @@ class StylizeConfig:
         return self.method not in ("arf", "stylized-nerf")
 
     @property
+    def networks(self) -> tuple[str, ...]:
+        """Networks of the registry that the method can't do without."""
+        return ("adain",) if self.method == "stylized-nerf" else ()
+
+    @property
     def painting(self) -> SkinConfig:
         """Parameters of the painting on the skin, hasty ones for a preview."""
         if not self.preview:
