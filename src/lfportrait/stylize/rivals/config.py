@@ -80,9 +80,9 @@ class StylizedNerfConfig:
     """Weight of its style loss."""
     agreement_weight: float = 50.0
     """Weight of the agreement of neighbouring views, warped by the field's depth."""
-    field_weight: float = 10.0
+    field_weight: float = 50.0
     """Weight of the agreement with what the field shows."""
-    latent: int = 3
+    latent: int = 2
     """Length of a view's latent code; 0: none."""
     latent_weight: float = 0.0001
     """Weight of a code's squared length beside the mean squared error of its view."""
@@ -108,15 +108,17 @@ class RefNprConfig:
     """Iterations of the fit to the painted view and to what others see of it, before the steps."""
     steps: int = 180
     """Steps of the losses, one whole view and the painted one each."""
-    learning_rate: float = 0.1
-    """Step of RMSProp in units of the field's coefficients (0.28 of a colour's)."""
+    learning_rate: float = 0.03
+    """Step of RMSProp in units of the field's coefficients (0.28 of a colour's); the original's 0.1
+    leaves coloured speckles where views are small."""
     painted_weight: float = 30.0
     """Weight of the squared error to the painted view, and of that to what others see of it; at the
     published 1 the steps leave the painting."""
     match_weight: float = 1.0
     """Weight of the painted features at the places whose photographed features match best."""
-    color_weight: float = 5.0
-    """Weight of the painted colours of coarse patches that match in the same way."""
+    color_weight: float = 15.0
+    """Weight of the painted colours of coarse patches that match in the same way; the original has
+    5, ReGS 15."""
     content_weight: float = 0.2
     """Weight of the content loss, on features with a mean square of 1; the original's 0.005 is for
     features that are about six times larger."""

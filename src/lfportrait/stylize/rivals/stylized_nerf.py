@@ -125,6 +125,9 @@ class PaintingTeacher:
         self._inside = [[_reduced(view.alpha, 2 ** level) for level in range(4)] for view in views]
         with torch.no_grad():
             self.style = self._style_statistics()
+            # As published the encoder's mean activation is 1 in each layer; that of the small one
+            # is up to 15, and losses would not have the weights they are said to have.
+            self._scale = [float(mean.mean().clamp_min(1e-3)) ** -2 for mean, _ in self.style]
             self.wanted = [normalised_to(network.encode(tensor(view.content))[-1], inside[-1],
                                          self.style[-1])
                            for view, inside in zip(views, self._inside)]
@@ -186,11 +189,12 @@ class PaintingTeacher:
         config, inside = self.config, self._inside[index]
         painted = self.network.decode(self.wanted[index])
         features = self.network.encode(painted)
-        loss = config.content_weight * _mean_inside(features[-1] - self.wanted[index], inside[-1])
-        for found, mask, (mean, spread) in zip(features, inside, self.style):
+        loss = config.content_weight * self._scale[-1] * _mean_inside(
+            features[-1] - self.wanted[index], inside[-1])
+        for found, mask, (mean, spread), scale in zip(features, inside, self.style, self._scale):
             own_mean, own_spread = statistics_of(found, mask)
-            loss = loss + config.style_weight * ((own_mean - mean).square().mean()
-                                                 + (own_spread - spread).square().mean())
+            loss = loss + config.style_weight * scale * ((own_mean - mean).square().mean()
+                                                         + (own_spread - spread).square().mean())
         near = [other for other in range(index - NEIGHBOURS, index + NEIGHBOURS + 1)
                 if other != index and 0 <= other < len(self.views)]
         if near and config.agreement_weight > 0:
