@@ -79,11 +79,11 @@ class StylizeConfig:
     transfer: TransferConfig = field(default_factory=TransferConfig)
     """Example-based transfer of faces and views."""
     arf: ArfConfig = field(default_factory=ArfConfig)
-    """ARF."""
+    """Parameters of ARF."""
     stylized_nerf: StylizedNerfConfig = field(default_factory=StylizedNerfConfig)
-    """StylizedNeRF."""
+    """Parameters of StylizedNeRF."""
     ref_npr: RefNprConfig = field(default_factory=RefNprConfig)
-    """Ref-NPR."""
+    """Parameters of Ref-NPR."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the views and of the chunks."""
 
