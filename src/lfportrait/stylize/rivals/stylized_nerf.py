@@ -13,7 +13,8 @@ What differs from the original:
   simultaneous iterations.
 - The decoder is taught by the field as the paper says; the published program has that half switched
   off.
-- Encoder and decoder are 16 times smaller (`adain`). The codes have a few numbers, set by least
+- Encoder and decoder are 16 times smaller (`adain`), and features in the losses are scaled to the
+  published encoder's mean activation of 1. The codes have a few numbers, set by least
   squares and normalised, instead of 32 from an autoencoder over many styles.
 - Statistics of features are those of the person alone, in photos and painting.
 - Whole small views instead of patches of 512 pixels, and fewer steps.
@@ -126,7 +127,7 @@ class PaintingTeacher:
         with torch.no_grad():
             self.style = self._style_statistics()
             # As published the encoder's mean activation is 1 in each layer; that of the small one
-            # is up to 15, and losses would not have the weights they are said to have.
+            # is 3 to 10, and losses would not have the weights they are said to have.
             self._scale = [float(mean.mean().clamp_min(1e-3)) ** -2 for mean, _ in self.style]
             self.wanted = [normalised_to(network.encode(tensor(view.content))[-1], inside[-1],
                                          self.style[-1])
