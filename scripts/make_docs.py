@@ -32,6 +32,7 @@ from lfportrait.job.batch import BatchConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
 from lfportrait.share import ExportConfig, PageConfig, SequenceConfig
 from lfportrait.stylize import MixConfig, StylizeConfig
+from lfportrait.stylize.rivals import ArfConfig, RefNprConfig, StylizedNerfConfig
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "parameters.md"
 
@@ -42,6 +43,10 @@ SECTIONS = [
     ("Stylize", StylizeConfig, "`lfportrait stylize`; in `make`: `--stylize.NAME`."),
     ("Painting on the skin", SkinConfig, "`lfportrait stylize`: `--skin.NAME`."),
     ("Patches that agree", PatchConfig, "`lfportrait stylize`: `--skin.patches.NAME`."),
+    ("ARF", ArfConfig, "`lfportrait stylize --method arf`: `--arf.NAME`."),
+    ("StylizedNeRF", StylizedNerfConfig,
+     "`lfportrait stylize --method stylized-nerf`: `--stylized-nerf.NAME`."),
+    ("Ref-NPR", RefNprConfig, "`lfportrait stylize --method ref-npr`: `--ref-npr.NAME`."),
     ("Restyle", MixConfig, "`lfportrait restyle`."),
     ("Transfer by example", TransferConfig,
      "`lfportrait transfer`; in `stylize`: `--transfer.NAME`; in `make`: "

@@ -133,6 +133,12 @@ _REGISTRY: dict[str, tuple[ModelFile, ...]] = {
                   "62c16cf6c53f9ef13e66ca4bcc3528434f8c1cf12f92bb4f04521fef831d0a0a",
                   "Collaborative-Distillation, 16x smaller VGG-19, repacked", "MIT",
                   size=3859800),),
+    "adain": (
+        ModelFile("wct_se_16x_relu4_1.safetensors",
+                  "94899afa11cae8c0a9826a57be483d52ed0cc418f6450cdfab5e6089c989e1f7",
+                  "Collaborative-Distillation (github.com/MingSun-Tse), models wct_se_16x_new "
+                  "and wct_se_16x_new_sd, 16x smaller VGG-19 and decoders, repacked", "MIT",
+                  size=2044184),),
     "face-landmarks-68": (
         ModelFile("faceapi_landmark68.safetensors",
                   "e6853f4a5d12cdb5de80dcb3f3691a690281cfa88bad0a674067345a92f7be3e",
@@ -165,6 +171,7 @@ PURPOSES: dict[str, str] = {
     "alexnet": "evaluate tables: LPIPS with AlexNet, with lpips-alex",
     "inception-2048": "evaluate tables: the usual FID of 2048 dimensions",
     "vgg19-se": "stylize --style-network vgg19-se",
+    "adain": "stylize --method stylized-nerf",
     "face-landmarks-68": "landmarks in paintings, where the first network fails",
     "face-detector": "faces in paintings, where the first network fails",
 }

@@ -95,6 +95,15 @@ def test_what_only_makes_it_better_is_done_without_and_told(tmp_path, painting, 
     assert capsys.readouterr().err == ""
 
 
+def test_the_networks_of_a_method_are_asked_for_first(tmp_path, painting, empty, capsys):
+    ball_capture().save(tmp_path / "capture")
+    code = main(["make", str(tmp_path / "capture"), "--style", str(painting), "--out",
+                 str(tmp_path / "out"), "--offline", "--stylize.method", "stylized-nerf"])
+    said = capsys.readouterr().err
+    assert code == 2 and "models fetch adain" in said and said.count("\n") == 1
+    assert not (tmp_path / "out" / "field.npz").exists()
+
+
 def test_make_asks_before_anything_is_made(tmp_path, painting, empty, capsys):
     folder = photos(tmp_path / "photos", 3)
     code = main(["make", str(folder), "--style", str(painting), "--out", str(tmp_path / "out"),

@@ -227,18 +227,6 @@ def test_a_head_takes_on_the_exemplar(job):
     assert np.array_equal(again.sh, styled.sh)
 
 
-def test_the_rivals_method_runs_on_the_same_field(job):
-    from dataclasses import replace
-
-    field, capture, exemplar = job
-    styled, figures = stylize_with_figures(field, capture, exemplar,
-                                           replace(SMALL, method="arf", steps=6))
-    assert figures["method"] == "arf"
-    before, after = (figures["refinement"][k]["losses"]["style"] for k in ("before", "after"))
-    assert after < before
-    assert np.isfinite(styled.sh).all()
-
-
 def test_a_capture_without_landmarks_is_told(job):
     from dataclasses import replace
 

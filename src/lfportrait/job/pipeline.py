@@ -25,6 +25,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from .. import models
 from ..capture import (
     CalibrateConfig,
     Capture,
@@ -186,6 +187,8 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     if not isinstance(style, Exemplar) and not Path(style).is_file():
         style = Exemplar.load(style)  # a name: it needs no network
     check_writable(Path(out))
+    models.require(config.stylize.networks, download=not offline, quiet=quiet,
+                   purpose=f"--method {config.stylize.method}")
     if not isinstance(photos, Capture):
         look_at(Path(photos))
         get_networks(Path(photos), None if isinstance(style, Exemplar) else Path(style),

@@ -10,6 +10,7 @@ import tyro
 from ..errors import UserError
 from ..example import SkinConfig, TransferConfig
 from ..example.skin import PIXELS
+from .rivals.config import ArfConfig, RefNprConfig, StylizedNerfConfig
 
 __all__ = ["StylizeConfig", "check_pixels"]
 
@@ -20,9 +21,12 @@ Network = Literal["auto", "vgg16", "resnet50", "vgg19-se", "embedded"]
 class StylizeConfig:
     """Parameters of the stylisation."""
 
-    method: Literal["skin", "paper", "arf"] = "skin"
+    method: Literal["skin", "paper", "arf", "stylized-nerf", "ref-npr"] = "skin"
     """skin: painted once on the head's surface, then fitted and refined; paper: views painted one
-    by one (Shen et al. 2023), then the losses; arf: nearest-neighbour features, no examples."""
+    by one (Shen et al. 2023), then the losses; the others are rivals on the same field, with
+    parameters of their own. arf: nearest-neighbour features (Zhang et al. 2022);
+    stylized-nerf: a painting network and the field teach each other (Huang et al. 2022);
+    ref-npr: one view, painted by example, registered to the field (Zhang et al. 2023)."""
     preview: bool = False
     """On the skin: half the resolution, no fit and no refinement; seconds."""
     pixels: float = PIXELS
@@ -74,6 +78,12 @@ class StylizeConfig:
     """Painting on the skin."""
     transfer: TransferConfig = field(default_factory=TransferConfig)
     """Example-based transfer of faces and views."""
+    arf: ArfConfig = field(default_factory=ArfConfig)
+    """Parameters of ARF."""
+    stylized_nerf: StylizedNerfConfig = field(default_factory=StylizedNerfConfig)
+    """Parameters of StylizedNeRF."""
+    ref_npr: RefNprConfig = field(default_factory=RefNprConfig)
+    """Parameters of Ref-NPR."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the views and of the chunks."""
 
@@ -90,6 +100,21 @@ class StylizeConfig:
     def on_skin(self) -> bool:
         """Whether the head is painted on its surface."""
         return self.method == "skin"
+
+    @property
+    def rival(self) -> bool:
+        """Whether the method is one of those of `rivals`."""
+        return self.method not in ("skin", "paper")
+
+    @property
+    def needs_face(self) -> bool:
+        """Whether the method asks for the capture's landmarks."""
+        return self.method not in ("arf", "stylized-nerf")
+
+    @property
+    def networks(self) -> tuple[str, ...]:
+        """Networks of the registry that the method can't do without."""
+        return ("adain",) if self.method == "stylized-nerf" else ()
 
     @property
     def painting(self) -> SkinConfig:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import torch
 from torch.nn import functional
 
-__all__ = ["content_loss", "laplacian", "laplacian_loss", "nearest_neighbour_loss", "stacked"]
+__all__ = ["content_loss", "laplacian", "laplacian_loss", "nearest_neighbour_loss", "stacked",
+           "total_variation"]
 
 
 def stacked(maps: list[torch.Tensor]) -> torch.Tensor:
@@ -74,3 +75,9 @@ def laplacian_loss(image: torch.Tensor, wanted: torch.Tensor, *, pool: int = 1,
     """
     squared = (laplacian(image, pool) - laplacian(wanted, pool)).square()
     return squared.sum() if reduction == "sum" else squared.mean()
+
+
+def total_variation(image: torch.Tensor) -> torch.Tensor:
+    """Half the mean squared difference of neighbours across plus that down, [1, 3, H, W] (ARF)."""
+    across, down = image.diff(dim=-1), image.diff(dim=-2)
+    return 0.5 * (across.square().mean() + down.square().mean())

@@ -6,6 +6,7 @@ name           network                                       maps               
 ``vgg16``      VGG-16, ReLU outputs of the third block       conv3_1, 3_2, 3_3       4, 4, 4
 ``resnet50``   ResNet-50, outputs of the first two stages    layer1, layer2          4, 8
 ``vgg19-se``   16x smaller distilled VGG-19, third block     conv3_1 ... conv3_4     4, 4, 4, 4
+``…-deep``     the same, to the fifth block                  conv5_1                 16
 ``embedded``   our own small network, trained to reproduce   conv3_1, conv3_4        4, 4
                ``vgg19-se`` (scripts/train_embedded_features.py); ships with the package
 =============  ============================================  ======================  =============
@@ -105,21 +106,28 @@ def _resnet50(weights: Weights) -> FeatureNetwork:
     return run
 
 
-def _vgg19_se(weights: Weights) -> FeatureNetwork:
+def _vgg19_se(weights: Weights, layers: str = "11 12 21 22 31 32 33 34",
+              wanted: str = "3") -> FeatureNetwork:
     """The distilled VGG-19 to conv3_4; reflection padding, its colour transform is conv0."""
     def run(image: torch.Tensor) -> list[torch.Tensor]:
         x = functional.conv2d(image, weights["conv0.weight"], weights["conv0.bias"])
         maps = []
-        for name in ("1_1", "1_2", "2_1", "2_2", "3_1", "3_2", "3_3", "3_4"):
-            if name in ("2_1", "3_1"):
+        for name in layers.split():
+            block, number = name[0], name[1]
+            if block != "1" and number == "1":
                 x = functional.max_pool2d(x, 2)
             x = functional.pad(x, (1, 1, 1, 1), mode="reflect")
-            x = torch.relu(functional.conv2d(x, weights[f"conv{name}.weight"],
-                                             weights[f"conv{name}.bias"]))
-            if name.startswith("3"):
+            x = torch.relu(functional.conv2d(x, weights[f"conv{block}_{number}.weight"],
+                                             weights[f"conv{block}_{number}.bias"]))
+            if block == wanted:
                 maps.append(x)
         return maps
     return run
+
+
+def _vgg19_se_deep(weights: Weights) -> FeatureNetwork:
+    """The distilled VGG-19 to conv5_1; pictures of at least 32 pixels."""
+    return _vgg19_se(weights, "11 12 21 22 31 32 33 34 41 42 43 44 51", "5")
 
 
 def embedded_features(weights: Weights) -> FeatureNetwork:
@@ -139,7 +147,10 @@ def embedded_features(weights: Weights) -> FeatureNetwork:
 
 
 _BUILDERS: dict[str, Callable[[Weights], FeatureNetwork]] = {
-    "vgg16": _vgg16, "resnet50": _resnet50, "vgg19-se": _vgg19_se}
+    "vgg16": _vgg16, "resnet50": _resnet50, "vgg19-se": _vgg19_se,
+    "vgg19-se-deep": _vgg19_se_deep}
+_SHARED = {"vgg19-se-deep": "vgg19-se"}
+"""Networks whose weights are those of another."""
 
 
 def _normalised(network: FeatureNetwork) -> FeatureNetwork:
@@ -164,7 +175,7 @@ def load_network(name: str) -> FeatureNetwork:
     Parameters
     ----------
     name
-        ``"vgg16"``, ``"resnet50"``, ``"vgg19-se"`` or ``"embedded"``.
+        ``"vgg16"``, ``"resnet50"``, ``"vgg19-se"``, ``"vgg19-se-deep"`` or ``"embedded"``.
 
     Raises
     ------
@@ -178,4 +189,4 @@ def load_network(name: str) -> FeatureNetwork:
     if name not in _BUILDERS:
         raise UserError(f"there is no feature network {name!r}; choose vgg16, resnet50, vgg19-se "
                         "or embedded")
-    return _normalised(_BUILDERS[name](_read(models.fetch(name))))
+    return _normalised(_BUILDERS[name](_read(models.fetch(_SHARED.get(name, name)))))

@@ -108,7 +108,7 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
             from .refinement import Constants, Refinement
 
             constants = constants or Constants()
-            figures["refinement"] = Refinement(model, views.of(painting, 2), exemplar, config,
+            figures["refinement"] = Refinement(model, views.of(painting, 2), config,
                                                constants).run(progress)
         end = time.perf_counter()
         figures["seconds"] = {"paint": round(painted - clock, 3),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..capture import Capture
 from ..device import computing_device
@@ -24,6 +25,7 @@ from .skin_texture import texel_rows
 
 __all__ = ["StylizeConfig", "stylize", "stylize_with_figures"]
 
+Float32 = NDArray[np.float32]
 
 
 def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[Exemplar],
@@ -78,7 +80,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     if not exemplars:
         raise UserError("no style is given; name at least one painting")
     config.check()
-    if capture.landmarks is None and config.method != "arf":
+    if capture.landmarks is None and config.needs_face:
         raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on the "
                         "photos, or use --method arf")
     computes_on = computing_device(device)
@@ -101,15 +103,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
         if textures:
             blocks = texel_rows(skin, textures[0])
     else:
-        # Here: its losses need torch, which paints of a skin do without.
-        from .painted_views import stylize_views
-
-        colors, rows = [], []
-        for one in exemplars:
-            painted, row = stylize_views(field, capture, one, config, progress, dump)
-            colors.append(painted)
-            rows.append(row)
-        found = {**rows[0], **({"styles": rows} if len(rows) > 1 else {})}
+        colors, found = _by_views(field, capture, exemplars, config, progress, dump)
     figures.update(found)
     figures["notices"] = notices(capture, exemplars, config)
     photo = np.clip(C0 * field.sh[:, :, 0] + 0.5, 0.0, 1.0).astype(np.float32)
@@ -119,3 +113,24 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
         styled = styled.mix(strength=config.strength, keep=config.keep)
     figures["seconds"]["total"] = round(time.perf_counter() - start, 3)
     return styled, figures
+
+
+def _by_views(field: VoxelField, capture: Capture, exemplars: list[Exemplar],
+              config: StylizeConfig, progress: Progress | None, dump: Path | None,
+              ) -> tuple[list[Float32], dict[str, Any]]:
+    """Colours in the manner of each exemplar by the paper's method or a rival's, and figures."""
+    # Here: their losses need torch, which paints of a skin do without.
+    from .painted_views import stylize_views
+    from .rivals import RivalTask, stylize_as_rival
+
+    colors, rows = [], []
+    for one in exemplars:
+        if config.rival:
+            task = RivalTask(field, capture, one, config.background, config.seed, progress, dump,
+                             config.transfer)
+            painted, row = stylize_as_rival(task, getattr(config, config.method.replace("-", "_")))
+        else:
+            painted, row = stylize_views(field, capture, one, config, progress, dump)
+        colors.append(painted)
+        rows.append(row)
+    return colors, {**rows[0], **({"styles": rows} if len(rows) > 1 else {})}

@@ -1,4 +1,4 @@
-"""A field stylised by painted views: the paper's way, and ARF's (Shen et al. 2023, 2.2).
+"""A field stylised by painted views: the paper's way (Shen et al. 2023, 2.2).
 
 Views on arcs are rendered, each is painted by example, and the field's colours are fitted to all of
 them; `refinement` follows. Every view decides anew which chunks to take, and the fit averages what
@@ -39,14 +39,12 @@ def stylize_views(field: VoxelField, capture: Capture, exemplar: Exemplar, confi
     views, transfer_seconds = _prepare(field, capture, exemplar, config, progress, dump)
     prepared = time.perf_counter()
     model = ColorModel(field, config.background)
-    errors = model.fit(views, config.iterations, progress) if config.method == "paper" else []
-    if config.method == "arf":
-        _match_palette(model, views, exemplar)
+    errors = model.fit(views, config.iterations, progress)
     fitted = time.perf_counter()
     figures: dict[str, Any] = {"views": len(views), "transfer": transfer_seconds,
                                "fit": {"rmse": [round(float(np.sqrt(e)), 5) for e in errors]}}
     if config.refinements > 0:
-        figures["refinement"] = Refinement(model, views, exemplar, config).run(progress)
+        figures["refinement"] = Refinement(model, views, config).run(progress)
     refined = time.perf_counter()
     figures["unseen_share"] = round(model.fill_unseen(), 4)
     figures["seconds"] = {"views": round(prepared - start, 3), "fit": round(fitted - prepared, 3),
@@ -58,36 +56,16 @@ def stylize_views(field: VoxelField, capture: Capture, exemplar: Exemplar, confi
     return model.colors, figures
 
 
-def _match_palette(model: ColorModel, views: list[StyleView], exemplar: Exemplar) -> None:
-    """Colours moved so that mean and covariance are the exemplar's (ARF's colour transfer)."""
-    for view in views:
-        model.pulled_back(view, np.repeat(view.alpha[..., None], 3, 2), seen := np.zeros(
-            (3, len(model.colors)), np.float32))
-        model.seen += seen[0]
-    known = model.seen > 1e-2
-    source = model.colors[known].astype(np.float64)
-    target = exemplar.image.reshape(-1, 3).astype(np.float64) / 255.0
-
-    def root(pixels: NDArray[np.float64], inverse: bool) -> NDArray[np.float64]:
-        values, vectors = np.linalg.eigh(np.cov(pixels.T) + 1e-8 * np.eye(3))
-        return (vectors * (values ** (-0.5 if inverse else 0.5))) @ vectors.T
-
-    matrix = root(target, False) @ root(source, True)
-    moved = (model.colors - source.mean(0)) @ matrix.T + target.mean(0)
-    model.colors = np.clip(moved, 0.0, 1.0).astype(np.float32)
-
-
 def _prepare(field: VoxelField, capture: Capture, exemplar: Exemplar, config: StylizeConfig,
              progress: Progress | None, dump: Path | None,
              ) -> tuple[list[StyleView], dict[str, float]]:
     """Render and transfer all views."""
     cameras = style_cameras(field, config.size, config.arc, config.views, config.pitches)
-    transfer, guide = None, None
-    if config.method == "paper":
-        transfer = Transfer(exemplar, replace(config.transfer, seed=config.seed))
-        if config.guide == "surface":
-            assert capture.landmarks is not None
-            guide = SurfaceGuide(capture.landmarks, exemplar, transfer.regions)
+    transfer = Transfer(exemplar, replace(config.transfer, seed=config.seed))
+    guide = None
+    if config.guide == "surface":
+        assert capture.landmarks is not None
+        guide = SurfaceGuide(capture.landmarks, exemplar, transfer.regions)
     views: list[StyleView] = []
     seconds = {"table_seconds": 0.0, "guides_seconds": 0.0, "synthesis_seconds": 0.0}
     total = len(cameras) + config.refinements
@@ -109,5 +87,3 @@ def _prepare(field: VoxelField, capture: Capture, exemplar: Exemplar, config: St
     if not views:
         raise UserError("the field is empty: no view shows anything to stylise")
     return views, {name: round(value, 3) for name, value in seconds.items()}
-
-

@@ -15,7 +15,6 @@ import torch
 from numpy.typing import NDArray
 
 from .. import models
-from ..example import Exemplar
 from ..progress import Progress
 from .config import StylizeConfig
 from .fit import ColorModel
@@ -36,16 +35,14 @@ class Refinement:
         The colours; changed in place.
     views
         What they should show.
-    exemplar
-        The painting.
     config
         Weights, networks, steps.
     constants
         Content features by view of an earlier refinement of the same views (`Constants`).
     """
 
-    def __init__(self, model: ColorModel, views: list[StyleView], exemplar: Exemplar,
-                 config: StylizeConfig, constants: Constants | None = None) -> None:
+    def __init__(self, model: ColorModel, views: list[StyleView], config: StylizeConfig,
+                 constants: Constants | None = None) -> None:
         self.constants = constants if constants is not None else Constants()
         self._wanted: dict[int, torch.Tensor] = {}
         self.model, self.views, self.config = model, views, config
@@ -56,47 +53,31 @@ class Refinement:
                       for term, (chosen, paper) in names.items()}
         self.content: FeatureNetwork = load_network(self.names["content"])
         self.style: FeatureNetwork = load_network(self.names["style"])
-        self.exemplar = self._exemplar_features(exemplar) if config.method == "arf" else None
         self.scale: dict[str, float] = {}
-
-    def _exemplar_features(self, exemplar: Exemplar) -> torch.Tensor:
-        """Features of the whole exemplar at the views' stroke size."""
-        picture = torch.from_numpy(exemplar.image.astype(np.float32) / 255.0).permute(2, 0, 1)[None]
-        factor = self.config.size / max(picture.shape[-2:])
-        picture = torch.nn.functional.interpolate(picture, scale_factor=factor, mode="bilinear",
-                                                  antialias=True)
-        with torch.no_grad():
-            features = stacked(self.style(picture))
-        return features.flatten(1).T
 
     def _terms(self, view: StyleView, image: torch.Tensor) -> dict[str, torch.Tensor]:
         """The losses of one render [1, 3, h, w]."""
         def tensor(picture: NDArray[np.float32]) -> torch.Tensor:
             return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None]
 
-        wanted = tensor(view.example if self.exemplar is None else view.content)
+        wanted = tensor(view.example)
         content = tensor(view.content)
         content_features = self.constants.content(view, self.names["content"],
                                                   lambda: stacked(self.content(content)))
         features = stacked(self.style(image))
         inside = _inside(view, features)
-        bank = self.exemplar
-        if bank is None:
-            if id(view) not in self._wanted:
-                with torch.no_grad():
-                    self._wanted[id(view)] = stacked(self.style(wanted))[:, inside].T
-            bank = self._wanted[id(view)]
+        if id(view) not in self._wanted:
+            with torch.no_grad():
+                self._wanted[id(view)] = stacked(self.style(wanted))[:, inside].T
         found = stacked(self.content(image)) if self.content is not self.style else features
         inside_content = _inside(view, found)
-        terms = {
-            "style": nearest_neighbour_loss(features[:, inside].T, bank),
+        return {
+            "style": nearest_neighbour_loss(features[:, inside].T, self._wanted[id(view)]),
             "content": content_loss(found, content_features, inside_content),
             "laplacian": laplacian_loss(
                 image[0], wanted[0] if self.config.lap_reference == "example" else content[0],
-                pool=self.config.lap_pool)}
-        if self.exemplar is None:
-            terms["fit"] = (image - wanted).square().mean()
-        return terms
+                pool=self.config.lap_pool),
+            "fit": (image - wanted).square().mean()}
 
     def _shares(self) -> dict[str, float]:
         """Wanted gradient norm of each term, relative to the anchor's."""

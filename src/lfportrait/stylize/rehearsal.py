@@ -34,5 +34,5 @@ def rehearse(field: VoxelField, capture: Capture, exemplar: Exemplar) -> None:
     look_up_rows(model, painting)
     show_painting(views, painting, 1.0)
     model.fit(views, 1)
-    Refinement(model, views, exemplar, StylizeConfig(
+    Refinement(model, views, StylizeConfig(
         steps=1, content_network="embedded", style_network="embedded")).run(None)

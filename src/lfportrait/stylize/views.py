@@ -12,7 +12,7 @@ from ..capture import Camera
 from ..example import SurfaceGuide, Transfer
 from ..field import SampleWeights, VoxelField
 
-__all__ = ["StyleView", "prepare_view", "style_cameras"]
+__all__ = ["StyleView", "facing", "prepare_view", "style_cameras"]
 
 Float32 = NDArray[np.float32]
 
@@ -98,7 +98,7 @@ def _cropped(camera: Camera, alpha: Float32, margin: int = 12) -> Camera | None:
                   np.array([w]), np.array([h]))
 
 
-def _facing(points: NDArray[np.float64], position: NDArray[np.float64]) -> Float32:
+def facing(points: NDArray[np.float64], position: NDArray[np.float64]) -> Float32:
     """Cosine between the surface's normal and the direction to the camera, [h, w]; 0 if unknown."""
     across = np.gradient(points, axis=1)
     down = np.gradient(points, axis=0)
@@ -152,6 +152,6 @@ def prepare_view(field: VoxelField, cameras: Camera, view: int, transfer: Transf
         alpha = rendering.alpha[..., None]
         example = np.where(np.isfinite(points[..., :1]), result.image, content)
         example = (example * alpha + background * (1.0 - alpha)).astype(np.float32)
-    facing = _facing(points, camera.position[0])
-    return StyleView(content, example, rendering.alpha, facing, field.sample_weights(camera, 0),
+    return StyleView(content, example, rendering.alpha, facing(points, camera.position[0]),
+                     field.sample_weights(camera, 0),
                      result=result if keep else None)

@@ -6,6 +6,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from lfportrait import models
+from lfportrait.errors import UserError
 from lfportrait.files import write_image
 from lfportrait.job.batch import load_jobs, prepare_batch
 from lfportrait.job.batch.costs import DECLARED, Estimates, cores_of_a_task
@@ -160,3 +162,14 @@ def test_estimates_follow_what_was_measured():
 @pytest.mark.parametrize("cores, each", [(1, 1), (2, 1), (4, 2), (64, 8)])
 def test_few_sitters_get_more_cores_each(studio, jobs_text, cores, each):
     assert cores_of_a_task(planned(studio, jobs_text), cores) == each
+
+
+def test_the_networks_of_a_method_are_asked_for_before_the_first_task(studio, jobs_text, tmp_path,
+                                                                      monkeypatch):
+    monkeypatch.setenv("LFPORTRAIT_MODELS", str(tmp_path))
+    monkeypatch.setattr(models, "cache_folder", lambda: tmp_path)
+    text = jobs_text.replace('painting = "chalk.png"',
+                             'painting = "chalk.png"\nstylize.method = "stylized-nerf"')
+    (studio / "rival.toml").write_text(text)
+    with pytest.raises(UserError, match="wct_se_16x_relu4_1"):
+        prepare_batch(studio / "rival.toml", tmp_path / "results", offline=True)

@@ -95,8 +95,12 @@ def prepare_batch(path: Path, results: Path, *, offline: bool = False, quiet: bo
 
 
 def _ask_for_networks(found: Batch, offline: bool, quiet: bool) -> None:
-    """The networks of all captures that are to be made, before the first long task."""
+    """The networks of all captures and methods that are to be used, before the first long task."""
     for task in found.plan.to_do(found.done):
+        if task.stage == "stylize":
+            style = task.config.stylize
+            models.require(style.networks, download=not offline, quiet=quiet,
+                           purpose=f"--method {style.method}")
         if task.stage == "capture":
             photos, keep = Path(task.source), task.config.keep_background
             try:
