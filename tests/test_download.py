@@ -101,7 +101,7 @@ def shelf(server, tmp_path, monkeypatch):
     monkeypatch.delenv("LFPORTRAIT_MIRROR", raising=False)
     server.files["other.bin"] = CONTENT[:1000]
     other = hashlib.sha256(CONTENT[:1000]).hexdigest()
-    monkeypatch.setattr(models, "_REGISTRY", {
+    monkeypatch.setattr(models, "REGISTRY", {
         "net": (ModelFile("net.bin", DIGEST, "a test", "CC0", server.address + "/net.bin", 51200),),
         "other": (ModelFile("other.bin", other[:8], "a test", "CC0",
                             server.address + "/other.bin?generation=1", 1000),),

@@ -18,7 +18,7 @@ def shelf(tmp_path, monkeypatch):
     digest = hashlib.sha256(content).hexdigest()
     monkeypatch.setenv("LFPORTRAIT_MODELS", str(named))
     monkeypatch.setattr(models, "cache_folder", lambda: cache)
-    monkeypatch.setattr(models, "_REGISTRY", {
+    monkeypatch.setattr(models, "REGISTRY", {
         "tiny": (ModelFile("tiny.safetensors", digest, "a test", "CC0"),),
         "remote": (ModelFile("remote.bin", digest, "a test", "CC0",
                              "http://127.0.0.1:9/remote.bin"),)})
@@ -111,7 +111,7 @@ def test_a_damaged_file_is_refused_until_it_is_mended(shelf):
 def test_any_file_of_a_network_will_do(shelf, monkeypatch):
     named, _, content = shelf
     digest = hashlib.sha256(content).hexdigest()
-    monkeypatch.setitem(models._REGISTRY, "tiny", (
+    monkeypatch.setitem(models.REGISTRY, "tiny", (
         ModelFile("tiny.safetensors", "0" * 64, "a test", "CC0"),
         ModelFile("tiny.safetensors", digest, "a later test", "CC0"),
         ModelFile("tiny.pth", digest[:8], "a firm", "CC0")))

@@ -13,8 +13,10 @@ import functools
 import hashlib
 import os
 import shutil
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from urllib.parse import quote
 
@@ -25,7 +27,6 @@ from .files import atomic_path
 
 __all__ = ["GROUPS", "PURPOSES", "ModelFile", "add", "available", "cache_folder", "expand", "fetch",
            "fetchable", "listing", "missing", "registry", "require"]
-
 
 @dataclass(frozen=True)
 class ModelFile:
@@ -55,99 +56,13 @@ class ModelFile:
     size: int = 0
 
 
-_TORCH = "https://download.pytorch.org/models/"
-_MEDIAPIPE = "https://storage.googleapis.com/mediapipe-models/"
-_ASSETS = "https://storage.googleapis.com/mediapipe-assets/"
-_VGG16 = ModelFile("vgg16-397923af.pth", "397923af", "torchvision VGG-16, ImageNet", "BSD-3-Clause",
-                   _TORCH + "vgg16-397923af.pth", 553433881)
+def _read_registry() -> dict[str, tuple[ModelFile, ...]]:
+    """The networks of ``models.toml``."""
+    data = tomllib.loads(files(__package__).joinpath("models.toml").read_text("utf-8"))
+    return {name: tuple(ModelFile(**entry) for entry in entries) for name, entries in data.items()}
 
-_INCEPTION = ModelFile("pt_inception-2015-12-05-6726825d.pth", "6726825d",
-                       "Inception-v3 of 2015-12-05 (pytorch-fid)", "Apache-2.0",
-                       "https://github.com/mseitzer/pytorch-fid/releases/download/fid_weights/"
-                       "pt_inception-2015-12-05-6726825d.pth", 95628359)
-_LPIPS = ("https://raw.githubusercontent.com/richzhang/PerceptualSimilarity/"
-          "082bb24f84c091ea94de2867d34c4544f68e0963/lpips/weights/v0.1/")
 
-_REGISTRY: dict[str, tuple[ModelFile, ...]] = {
-    "face-landmarker": (
-        ModelFile("face_landmarker.task",
-                  "64184e229b263107bc2b804c6625db1341ff2bb731874b0bcc2fe6544e0bc9ff",
-                  "MediaPipe FaceLandmarker, 478 points", "Apache-2.0",
-                  _MEDIAPIPE + "face_landmarker/face_landmarker/float16/1/face_landmarker.task",
-                  3758596),),
-    "person-segmentation": (
-        ModelFile("selfie_segmentation.tflite",
-                  "8d13b7fae74af625c641226813616a2117bd6bca19eb3b75574621fc08557f27",
-                  "MediaPipe selfie segmentation", "Apache-2.0",
-                  _ASSETS + "selfie_segmentation.tflite?generation=1661875931201364", 249024),),
-    "hair-segmentation": (
-        ModelFile("hair_segmentation.tflite",
-                  "d2c940c4fd80edeaf38f5d7387d1b4235ee320ed120080df67c663e749e77633",
-                  "MediaPipe hair segmentation", "Apache-2.0",
-                  _ASSETS + "hair_segmentation.tflite?generation=1661875756623461", 780588),),
-    "multiclass-segmentation": (
-        ModelFile("selfie_multiclass_256x256.tflite",
-                  "c6748b1253a99067ef71f7e26ca71096cd449baefa8f101900ea23016507e0e0",
-                  "MediaPipe selfie segmentation of six parts", "Apache-2.0",
-                  _MEDIAPIPE + "image_segmenter/selfie_multiclass_256x256/float32/1/"
-                  "selfie_multiclass_256x256.tflite", 16371837),),
-    "vgg16": (
-        # This packing gives the reference activations of all seven layers.
-        ModelFile("vgg16_relu3_3.safetensors",
-                  "a6dc38d988541f6baecae52162af4691c6fa1c2b99a585a51c2a991a623ceb4e",
-                  "Oxford VGG-16 (Caffe), conv1_1 to conv3_3, repacked", "CC BY 4.0",
-                  size=6950504),
-        _VGG16),
-    "resnet50": (
-        ModelFile("resnet50_v1_folded_to_layer3.safetensors",
-                  "5dadf1896cc4174ebe5beaa04316528002cd3cc468a03e60219be848e2827582",
-                  "ResNet-50 v1, stem to layer3, batch norm folded, repacked", "MIT",
-                  size=17063952),
-        ModelFile("resnet50-0676ba61.pth", "0676ba61", "torchvision ResNet-50, ImageNet",
-                  "BSD-3-Clause", _TORCH + "resnet50-0676ba61.pth", 102530333)),
-    "inception": (
-        ModelFile("inception_v3_tf2015_to_mixed7a.safetensors",
-                  "43d4d5f9f32b410d67bf21aadafdbc4009c4a0143c04c1f8b7431c3269aa710a",
-                  "Inception-v3 of 2015-12-05 (FID), to Mixed_7a, repacked", "Apache-2.0",
-                  size=21342744),
-        _INCEPTION),
-    # The last blocks are in the official file alone.
-    "inception-2048": (_INCEPTION,),
-    "lpips": (
-        ModelFile("lpips_v0.1_vgg.pth",
-                  "a78928a0af1e5f0fcb1f3b9e8f8c3a2a5a3de244d830ad5c1feddc79b8432868",
-                  "LPIPS v0.1, linear layers for VGG-16", "BSD-2-Clause",
-                  _LPIPS + "vgg.pth", 7289),),
-    "lpips-alex": (
-        ModelFile("lpips_v0.1_alex.pth",
-                  "df73285e35b22355a2df87cdb6b70b343713b667eddbda73e1977e0c860835c0",
-                  "LPIPS v0.1, linear layers for AlexNet", "BSD-2-Clause",
-                  _LPIPS + "alex.pth", 6009),),
-    "alexnet": (
-        ModelFile("alexnet-owt-7be5be79.pth", "7be5be79", "torchvision AlexNet, ImageNet",
-                  "BSD-3-Clause", _TORCH + "alexnet-owt-7be5be79.pth", 244408911),),
-    # LPIPS needs all of VGG-16, which only the official file has.
-    "vgg16-torchvision": (_VGG16,),
-    "vgg19-se": (
-        ModelFile("vgg19_se16x_relu5_1.safetensors",
-                  "62c16cf6c53f9ef13e66ca4bcc3528434f8c1cf12f92bb4f04521fef831d0a0a",
-                  "Collaborative-Distillation, 16x smaller VGG-19, repacked", "MIT",
-                  size=3859800),),
-    "adain": (
-        ModelFile("wct_se_16x_relu4_1.safetensors",
-                  "94899afa11cae8c0a9826a57be483d52ed0cc418f6450cdfab5e6089c989e1f7",
-                  "Collaborative-Distillation (github.com/MingSun-Tse), models wct_se_16x_new "
-                  "and wct_se_16x_new_sd, 16x smaller VGG-19 and decoders, repacked", "MIT",
-                  size=2044184),),
-    "face-landmarks-68": (
-        ModelFile("faceapi_landmark68.safetensors",
-                  "e6853f4a5d12cdb5de80dcb3f3691a690281cfa88bad0a674067345a92f7be3e",
-                  "face-api.js 68-point landmarks, repacked", "MIT", size=1431816),),
-    "face-detector": (
-        ModelFile("faceapi_tiny_face_detector.safetensors",
-                  "30d5cb835996d667cc6e652957cb228331c23751d62768e24e001429f10e4262",
-                  "face-api.js tiny face detector, repacked", "MIT", size=774852),),
-}
+REGISTRY = _read_registry()
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "portrait": ("face-landmarker", "person-segmentation", "hair-segmentation"),
@@ -184,7 +99,7 @@ _STAND_INS = {"person-segmentation": "multiclass-segmentation",
 
 def registry() -> dict[str, tuple[ModelFile, ...]]:
     """All networks by name; the files of one name serve the same purpose, first choice first."""
-    return dict(_REGISTRY)
+    return dict(REGISTRY)
 
 
 def cache_folder() -> Path:
@@ -201,10 +116,10 @@ def _folders() -> list[Path]:
 
 def _entries(name: str) -> tuple[ModelFile, ...]:
     try:
-        return _REGISTRY[name]
+        return REGISTRY[name]
     except KeyError:
         raise UserError(f"there is no network or group {name!r}; the registry has "
-                        f"{', '.join([*GROUPS, *_REGISTRY])}") from None
+                        f"{', '.join([*GROUPS, *REGISTRY])}") from None
 
 
 def _local(name: str) -> tuple[Path, ModelFile] | None:
@@ -402,7 +317,7 @@ def add(path: str | Path) -> Path:
     path = Path(path)
     if not path.is_file():
         raise UserError(f"no such file: {path}")
-    for entries in _REGISTRY.values():
+    for entries in REGISTRY.values():
         for entry in entries:
             if _matches(path, entry):
                 target = cache_folder() / entry.file
@@ -416,7 +331,7 @@ def add(path: str | Path) -> Path:
 def listing() -> list[str]:
     """One line for each network: name, group, size, whether it is here, what it is, its address."""
     rows = []
-    for name in _REGISTRY:
+    for name in REGISTRY:
         found, remote = _local(name), _remote(name)
         entry = found[1] if found else remote[1] if remote else _entries(name)[0]
         group = next((group for group, members in GROUPS.items() if name in members), "-")

@@ -21,7 +21,7 @@ def shelf(tmp_path, monkeypatch):
 
     def enter(name, path):
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        monkeypatch.setitem(models._REGISTRY, name, (ModelFile(path.name, digest, "", ""),))
+        monkeypatch.setitem(models.REGISTRY, name, (ModelFile(path.name, digest, "", ""),))
     return tmp_path, enter
 
 

@@ -31,7 +31,7 @@ def shelf(tmp_path, monkeypatch):
         entry = REGISTRY[name][0]
         (tmp_path / entry.file).write_bytes(content)
         digest = hashlib.sha256(content).hexdigest()
-        monkeypatch.setitem(models._REGISTRY, name, (ModelFile(entry.file, digest, "", ""),))
+        monkeypatch.setitem(models.REGISTRY, name, (ModelFile(entry.file, digest, "", ""),))
     return put
 
 

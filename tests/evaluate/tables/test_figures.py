@@ -158,7 +158,7 @@ def test_lpips_joins_the_figures_where_its_weights_are(sitter, style, tmp_path, 
     random_alex(folder)
     for name, file in (("alexnet", "alexnet.pth"), ("lpips-alex", "alex.pth")):
         digest = hashlib.sha256((folder / file).read_bytes()).hexdigest()
-        monkeypatch.setitem(models._REGISTRY, name, (ModelFile(file, digest, "", ""),))
+        monkeypatch.setitem(models.REGISTRY, name, (ModelFile(file, digest, "", ""),))
     assert "lpips_alex" not in missing_networks() and "lpips_vgg" in missing_networks()
     changing = measure(flat(sitter, 100, 151), Target(sitter, style, 4, 0))
     assert changing["short_lpips_alex"] > 0.001
