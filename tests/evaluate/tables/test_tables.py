@@ -77,6 +77,17 @@ def brush(monkeypatch) -> Brush:
     return made
 
 
+def test_tables_of_what_is_done_start_nothing(brush, files, tmp_path):
+    compare(files, tmp_path / "out", replace(SMALL, methods=("views",)))
+    before = list(brush.painted)
+    figures = compare(files, tmp_path / "out", replace(SMALL, methods=("views", "skin"),
+                                                       done_only=True))
+    assert brush.painted == before
+    assert [cell["method"] for cell in figures["cells"]] == ["views"]
+    assert [(row["method"], row["reason"]) for row in figures["not_measured"]["cells"]] == [
+        ("skin", "not run yet")]
+
+
 def test_the_tables_hold_what_was_measured(finished):
     _, figures = finished
     cells = {(cell["sitter"], cell["style"], cell["method"]): cell["figures"]

@@ -47,6 +47,8 @@ class TablesConfig:
     """Width of the arc in degrees."""
     speed: bool = True
     """Also measure Table 1 (the mask guide) and Fig. 6 (speed of the transfers)."""
+    done_only: bool = False
+    """Start nothing new: write the tables of the cells that are done."""
     study: Path | None = None
     """Folder with the results of a user study (`lfportrait study results`), to be included."""
     stylize: StylizeConfig = field(default_factory=StylizeConfig)

@@ -114,7 +114,8 @@ class _Run:
         steps = [(source, exemplar) for source in self.sources for exemplar in self.exemplars]
         self.teller = Teller(self.progress, [
             (source.name, exemplar.name, method) for source, exemplar in steps
-            for method in methods if self._record(source, exemplar, method) is None])
+            for method in methods if not self.config.done_only
+            and self._record(source, exemplar, method) is None])
         floors: dict[str, dict[str, Any]] = {}
         cells: list[Cell] = []
         for source in self.sources:
@@ -210,6 +211,9 @@ class _Run:
         # The other reference of Table 2 comes first.
         example = False
         for method in sorted(methods, key=lambda name: name != "views"):
+            if self.config.done_only and self._record(source, exemplar, method) is None:
+                self._missing(source, exemplar, method, "not run yet")
+                continue
             facts = self._attempt(source, exemplar, method, functools.partial(
                 self._painted, source, sitter, exemplar, method))
             example = example or (method == "views" and facts is not None)
@@ -234,10 +238,13 @@ class _Run:
             # Hours of work don't end at one cell's fault; it is raised when all is written.
             self.fault = self.fault or error
             reason = f"failed: {type(error).__name__}: {' '.join(str(error).split())}"
-        self.failures.append({"sitter": source.name, "style": exemplar.name, "method": method,
-                              "reason": reason})
+        self._missing(source, exemplar, method, reason)
         self.teller.failed(cell, reason)
         return None
+
+    def _missing(self, source: Source, exemplar: Exemplar, method: str, reason: str) -> None:
+        self.failures.append({"sitter": source.name, "style": exemplar.name, "method": method,
+                              "reason": reason})
 
     def _painted(self, source: Source, sitter: _Lazily, exemplar: Exemplar,
                  method: str) -> dict[str, Any]:
