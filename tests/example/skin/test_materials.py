@@ -209,3 +209,16 @@ def test_tones_become_those_of_the_exemplars_material(painter, shares):
     # Of so few pixels nothing can be learnt.
     assert np.allclose(tone[3900:], sitter.tone[3900:])
     assert not detail[:100].any()
+
+
+def test_skin_ends_where_neck_begins():
+    share = np.linspace(0, 1, 101)
+    labels = np.zeros((101, len(LABELS)), np.uint8)
+    labels[:, LABELS.index("skin")] = np.round(255 * share)
+    labels[:, LABELS.index("body")] = 255 - labels[:, LABELS.index("skin")]
+    sitter = _like(_sitter(101), hair=np.zeros(101, np.float32), clothes=np.zeros(101, np.float32),
+                   ears=np.zeros(101, np.float32))
+    shares = sitter_shares(sitter, labels, ALL)
+    assert np.allclose(shares.sum(axis=1), 1, atol=1e-5)
+    mixed = (shares[:, SKIN] > 0.05) & (shares[:, NECK] > 0.05)
+    assert mixed.sum() < 15 and (np.diff(shares[:, SKIN]) >= -1e-6).all()
