@@ -23,7 +23,7 @@ DARKEST = 0.03
 """Added to luma before its logarithm."""
 FORCE = 1.0, 2.5
 """Bounds of how much stronger than the photos the painter models."""
-LIMIT = 0.8
+LIMIT = 0.6
 """Bound of what is added to the logarithm."""
 
 
