@@ -95,7 +95,7 @@ def paint_by_mutual_teaching(task: RivalTask, config: StylizedNerfConfig,
     unseen = model.fill_unseen()
     dump_views(task, model, views)
     return model.colors, {
-        "views": len(views),
+        "views": len(views), "networks": {"painting": "adain"},
         "fit": {"rmse": [[round(value, 5) for value in row] for row in errors]},
         "disagreement": {"before": round(untaught, 5), "after": round(teacher.disagreement(), 5)},
         "unseen_share": round(unseen, 4),
