@@ -103,6 +103,7 @@ def test_a_head_in_arfs_manner(small_head):
     assert np.array_equal(styled.density, field.density)
     assert figures["fit"]["rmse"][-1] < figures["fit"]["rmse"][0]
     before, after = (figures["refinement"][k]["losses"] for k in ("before", "after"))
+    assert figures["refinement"]["networks"]["features"] in ("vgg16", "embedded")
     assert after["style"] < before["style"]
     assert np.abs(styled.sh[..., 0] - field.sh[..., 0]).mean() > 0.1
     again, _ = stylize_with_figures(field, capture, exemplar, SMALL)

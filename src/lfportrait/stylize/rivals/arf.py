@@ -95,7 +95,8 @@ def paint_by_features(task: RivalTask, config: ArfConfig) -> tuple[Float32, dict
     dump_views(task, model, views)
     return model.colors, {
         "views": len(views), "fit": {"rmse": fit}, "refit": {"rmse": refit},
-        "refinement": {"networks": {"features": name}, "steps": config.steps, "before": before, "after": after},
+        "refinement": {"networks": {"features": name}, "steps": config.steps, "before": before,
+                       "after": after},
         "unseen_share": round(unseen, 4),
         "seconds": {"views": round(prepared - start, 3), "fit": round(fitted - prepared, 3),
                     "refine": round(stepped - fitted, 3),
