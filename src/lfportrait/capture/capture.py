@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..files import read_image, read_json, write_image, write_json
+from ..measure import usable_cores
 from .camera import Camera
 from .formats import load_views, transform_files
 
@@ -182,7 +184,10 @@ class Capture:
         data = read_json(folder / "transforms.json")
         try:
             frames = data["frames"]
-            pictures = [read_image(folder / frame["file_path"]) for frame in frames]
+            # Decoding leaves Python to others.
+            with ThreadPoolExecutor(usable_cores()) as pool:
+                pictures = list(pool.map(read_image, [folder / frame["file_path"]
+                                                      for frame in frames]))
             cameras = Camera(
                 np.array([frame["transform_matrix"] for frame in frames]) @ _TO_NERF,
                 np.array([[frame["fl_x"], frame["fl_y"]] for frame in frames]),
