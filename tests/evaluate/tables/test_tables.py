@@ -77,6 +77,12 @@ def brush(monkeypatch) -> Brush:
     return made
 
 
+def test_where_nothing_is_done_that_is_told(brush, files, tmp_path):
+    with pytest.raises(UserError, match="nothing of this comparison is done"):
+        compare(files, tmp_path / "out", replace(SMALL, done_only=True))
+    assert not brush.painted and not list((tmp_path / "out").rglob("*.npz"))
+
+
 def test_tables_of_what_is_done_start_nothing(brush, files, tmp_path):
     compare(files, tmp_path / "out", replace(SMALL, methods=("views",)))
     before = list(brush.painted)

@@ -112,6 +112,10 @@ class _Run:
         methods = self.config.chosen()
         self.keys = {source.name: source.key() for source in self.sources}
         steps = [(source, exemplar) for source in self.sources for exemplar in self.exemplars]
+        if self.config.done_only and not any(
+                self._record(*step, method) for step in steps for method in methods):
+            raise UserError(f"nothing of this comparison is done in {self.out}; run it without "
+                            "--done-only")
         self.teller = Teller(self.progress, [
             (source.name, exemplar.name, method) for source, exemplar in steps
             for method in methods if not self.config.done_only
@@ -120,7 +124,9 @@ class _Run:
         cells: list[Cell] = []
         for source in self.sources:
             sitter = _Lazily(functools.partial(self._sitter, source))
-            floors[source.name] = self._floor(source, sitter)
+            floor = self._floor(source, sitter)
+            if floor is not None:
+                floors[source.name] = floor
             for exemplar in self.exemplars:
                 cells += self._style(source, sitter, exemplar, methods)
                 # What is done so far can be read while the rest goes on.
@@ -182,8 +188,11 @@ class _Run:
         capture.save(target)
         return {"photos": len(capture)}
 
-    def _floor(self, source: Source, sitter: _Lazily) -> dict[str, Any]:
-        """What the real field and the photos reach by the measure of consistency."""
+    def _floor(self, source: Source, sitter: _Lazily) -> dict[str, Any] | None:
+        """What the real field and the photos reach by the measure of consistency.
+
+        None where that is not done and nothing new is to be started.
+        """
         def found() -> dict[str, Any]:
             one: Sitter = sitter.get()
             self.teller.say(f"{source.name}: the field before style, the photos")
@@ -200,8 +209,10 @@ class _Run:
                  "skin_seconds": seconds, "skin_pixels": len(skin.index)}
 
         key = key_of("tables-floor", self._base(source), _networks(self.measuring))
-        return self.folder.run(f"floor.{source.name}", key, [f"pictures/{source.name}/photo.png"],
-                               found)
+        name, picture = f"floor.{source.name}", f"pictures/{source.name}/photo.png"
+        if self.config.done_only:
+            return finished_record(self.out, name, key, [picture])
+        return self.folder.run(name, key, [picture], found)
 
     def _style(self, source: Source, sitter: _Lazily, exemplar: Exemplar,
                methods: Sequence[str]) -> list[Cell]:

@@ -37,7 +37,7 @@ def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
     canvas
         Of the painting.
     color
-        float32 [H, W, 3], the painting; what owners show is changed.
+        float32 [H, W, 3] in [0, 1], the painting; what owners show is changed.
     """
     weight = skin.ears * skin.seen
     if skin.hair is not None:
