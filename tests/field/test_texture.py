@@ -10,9 +10,10 @@ from scipy import ndimage
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.field import SurfaceTexture, VoxelField, save_checkpoint
+from lfportrait.field.grid import TEXEL
 from lfportrait.field.kernels.bricks import build_bricks
 from lfportrait.field.kernels.texture import NONE, cell_charts, halve
-from lfportrait.field.texture import FULL
+from lfportrait.field.texture import FULL, STEPS
 from lfportrait.lightfield import (
     Display,
     EncodeConfig,
@@ -69,9 +70,9 @@ def halved(texels):
 def looked_up(field, points, level=0):
     """What a texture says at world points [N, 3], float64 [N, 3]."""
     texture = field.texture
-    texels = texture.texels.astype(float)
-    for _ in range(level):
-        texels = halved(texels)
+    size = 2 ** (level / STEPS)
+    texels = np.ascontiguousarray(texture.words(level)).view(np.int8).reshape(
+        *texture.words(level).shape, 4)[..., :3].astype(float)
     scale, offset = field.lattice[3:6], field.lattice[6:9]
     cells = voted(field.links, texture.charts)
     out = np.zeros((len(points), 3))
@@ -81,7 +82,7 @@ def looked_up(field, points, level=0):
         if cells[z, y, x] < 0:
             continue
         u, v, w = texture.projections[cells[z, y, x]] @ np.append(point, 1)
-        u, v = u / w / 2 ** level - 0.5, v / w / 2 ** level - 0.5
+        u, v = u / w / size - 0.5, v / w / size - 0.5
         if not (0 <= u < texels.shape[1] - 1 and 0 <= v < texels.shape[0] - 1):
             continue
         i, j = int(u), int(v)
@@ -104,8 +105,8 @@ def test_a_view_shows_what_a_plain_look_up_finds(field, far):
     known = np.isfinite(points[:, 0])
     assert known.sum() > 20
     footprint = np.linalg.norm(camera.pose[0, :3, 3] - field.center) / camera.focal[0].mean()
-    level = field.texture.level(2 * footprint)
-    assert level == (2 if far == 1.0 else 3)
+    level = field.texture.level(TEXEL * footprint)
+    assert level == (5 if far == 1.0 else 12)
     share = np.clip(4 * plain.alpha.reshape(-1)[known] - 2, 0, 1)[:, None]
     wanted = plain.color.reshape(-1, 3).astype(float)
     wanted[known] += share * looked_up(field, points[known], level)
@@ -146,7 +147,56 @@ def test_a_level_of_the_pyramid_is_the_one_below_blurred():
 def test_levels_follow_the_distance_of_the_rays():
     texture = textured(shell_field(size=9), pixels=100.0).texture
     levels = [texture.level(footprint) for footprint in (1e-4, 0.01, 0.013, 0.015, 0.04, 10.0)]
-    assert levels == [0, 0, 0, 1, 2, 5]
+    assert levels == [0, 0, 2, 2, 8, 20]
+
+
+def cubic(t):
+    """Weights of four neighbours, -1 to 2, for a place ``t`` between the middle ones."""
+    near, far = np.array([t, 1 - t]), np.array([1 + t, 2 - t])
+    inner = 1.25 * near ** 3 - 2.25 * near ** 2 + 1
+    outer = -0.75 * (far ** 3 - 5 * far ** 2 + 8 * far - 4)
+    return np.array([outer[0], inner[0], inner[1], outer[1]])
+
+
+def coarser(texels, ratio):
+    """Texels [H, W, 3] blurred and taken at middles ``ratio`` apart."""
+    for axis in (0, 1):
+        texels = np.moveaxis(ndimage.gaussian_filter1d(
+            texels.astype(float), 0.5 * np.sqrt(ratio ** 2 - 1), axis, mode="mirror"), axis, 0)
+        rows = []
+        for n in range(int(len(texels) / ratio)):
+            place = (n + 0.5) * ratio - 0.5
+            first = int(np.floor(place))
+            four = texels[np.clip(np.arange(first - 1, first + 3), 0, len(texels) - 1)]
+            rows.append(np.tensordot(cubic(place - first), four, 1))
+        texels = np.moveaxis(np.array(rows), 0, axis)
+    return texels
+
+
+@pytest.mark.parametrize("part", [1, 2, 3])
+def test_levels_between_the_octaves_are_the_octave_resampled(part):
+    random = np.random.default_rng(part)
+    texels = random.integers(-127, 128, (37, 50, 3)).astype(np.int8)
+    texture = dataclasses.replace(textured(shell_field(size=9)).texture, texels=texels)
+    octave = halved(texels)
+    for base, level in ((texels, part), (octave, STEPS + part)):
+        ratio = 2 ** (part / STEPS)
+        words = texture.words(level)
+        found = np.ascontiguousarray(words).view(np.int8).reshape(*words.shape, 4)
+        wanted = coarser(base, ratio)
+        assert found.shape[:2] == wanted.shape[:2] and not found[..., 3].any()
+        away = np.abs(found[..., :3] - np.clip(wanted, -127, 127))
+        assert away.mean() < 1.5 and away.max() < 8
+        assert texture.words(level) is words
+
+
+def test_a_flat_texture_stays_flat_at_every_level():
+    texels = np.full((40, 60, 3), -93, np.int8)
+    texture = dataclasses.replace(textured(shell_field(size=9)).texture, texels=texels)
+    for level in (1, 2, 3):
+        words = texture.words(level)
+        found = np.ascontiguousarray(words).view(np.int8).reshape(*words.shape, 4)
+        assert (found[..., :3] == -93).all()
 
 
 def waving(pixels):

@@ -26,6 +26,10 @@ from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
 
 __all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row"]
 
+TEXEL = 1.6
+"""Width in pixels of the texture's texels in a view. A picture of the head that is filtered ideally
+has detail of about this width (a Gaussian with sigma 0.5); what is finer flickers when it turns."""
+
 
 @dataclass(frozen=True)
 class Rendering:
@@ -207,8 +211,7 @@ class VoxelField:
             camera_row(cameras, view), (width, height), step, threshold, stop, color, alpha, depth)
         if self.texture is not None:
             away = float(np.linalg.norm(cameras.pose[view, :3, 3] - self.center))
-            # Detail of two pixels: what is finer flickers when the head turns.
-            rows = self.texture_rows(2.0 * away / float(cameras.focal[view].mean()))
+            rows = self.texture_rows(TEXEL * away / float(cameras.focal[view].mean()))
             add_texture(bricks.table, *rows, self.lattice, camera_row(cameras, view),
                         (width, height), alpha, depth, color)
         image = color.reshape(height, width, 3)

@@ -7,8 +7,9 @@ transmittance passes one half, it has met the surface, and the texture's differe
 to its colour, by its opacity. The pictures are far and nearly parallel to the surface, so that a
 small error of the depth does not move a stroke.
 
-What looks from further away than the texture was painted for takes one of half, a quarter, ... of
-its resolution, as texture pyramids do (Williams 1983).
+What looks from further away than the texture was painted for takes a coarser one, as texture
+pyramids do (Williams 1983), in steps of a quarter of an octave: a step of a whole one would show
+some sizes of picture half as sharp as they could be.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,8 +28,10 @@ from .kernels.texture import NONE, cell_charts, halve
 
 __all__ = ["NO_TEXTURE", "SurfaceTexture", "TextureRows", "texture_cells"]
 
-LEVELS = 6
-"""Levels of the pyramid; at the last one a texel is as large as eight lattice points."""
+OCTAVES = 6
+"""Octaves of the pyramid; at the last one a texel is as large as eight lattice points."""
+STEPS = 4
+"""Levels in each octave."""
 FULL = 254.0
 """Texels per full scale: differences up to one half either way are kept exactly enough."""
 
@@ -89,22 +93,39 @@ class SurfaceTexture:
         return replace(self, texels=texels)
 
     @functools.cached_property
-    def _pyramid(self) -> list[NDArray[np.int32]]:
-        """Texels as the kernels take them, int32 [h, w], by level."""
+    def _octaves(self) -> list[NDArray[np.int32]]:
+        """Texels as the kernels take them, int32 [h, w], each half the size of the one before."""
         height, width = self.texels.shape[:2]
         first = np.zeros((height, width, 4), np.int8)
         first[..., :3] = self.texels
-        levels = [first]
-        while len(levels) < LEVELS and min(levels[-1].shape[:2]) >= 4:
-            height, width, _ = levels[-1].shape
-            levels.append(np.zeros((height // 2, width // 2, 4), np.int8))
-            halve(levels[-2], levels[-1])
-        return [level.view("<i4")[..., 0] for level in levels]
+        octaves = [first]
+        while len(octaves) < OCTAVES and min(octaves[-1].shape[:2]) >= 4:
+            height, width, _ = octaves[-1].shape
+            octaves.append(np.zeros((height // 2, width // 2, 4), np.int8))
+            halve(octaves[-2], octaves[-1])
+        return [octave.view("<i4")[..., 0] for octave in octaves]
+
+    @functools.cached_property
+    def _between(self) -> dict[int, NDArray[np.int32]]:
+        """Levels between the octaves that were asked for before."""
+        return {}
 
     def level(self, footprint: float) -> int:
-        """The level whose texels are nearest to ``footprint``, world units, in size."""
+        """The level whose texels are nearest to ``footprint``, world units, in size.
+
+        Texels of level n are 2^(n / `STEPS`) times as large as those of the texture.
+        """
         wanted = math.log2(max(footprint * self.pixels, 1e-9))
-        return min(max(round(wanted), 0), len(self._pyramid) - 1)
+        return min(max(round(wanted * STEPS), 0), (len(self._octaves) - 1) * STEPS)
+
+    def words(self, level: int) -> NDArray[np.int32]:
+        """Texels of a level as the kernels take them, int32 [h, w]; kept once they are made."""
+        octave, part = divmod(level, STEPS)
+        if part == 0:
+            return self._octaves[octave]
+        if level not in self._between:
+            self._between[level] = coarsened(self._octaves[octave], 2 ** (part / STEPS))
+        return self._between[level]
 
     def rows(self, cells: NDArray[np.int32], lattice: NDArray[np.float64],
              footprint: float) -> TextureRows:
@@ -124,8 +145,27 @@ class SurfaceTexture:
         world[:3, :3] = np.diag(1.0 / lattice[3:6])
         world[:3, 3] = -lattice[6:9] / lattice[3:6]
         maps = self.projections @ world
-        maps[:, :2] *= 0.5 ** level
-        return cells, np.ascontiguousarray(maps.reshape(-1, 12), np.float32), self._pyramid[level]
+        maps[:, :2] *= 0.5 ** (level / STEPS)
+        return cells, np.ascontiguousarray(maps.reshape(-1, 12), np.float32), self.words(level)
+
+
+def coarsened(words: NDArray[np.int32], ratio: float) -> NDArray[np.int32]:
+    """Texels [h, w] of another size: ``ratio``, 1 to 2, times as large. What is finer is blurred.
+
+    With a ratio of 2 the blur's variance is that of `halve`.
+    """
+    # OpenCV's fast paths are for unsigned bytes.
+    planes = np.ascontiguousarray(words).view(np.uint8).reshape(*words.shape, 4) ^ np.uint8(128)
+    soft = cv2.GaussianBlur(planes, (0, 0), 0.5 * math.sqrt(ratio ** 2 - 1))
+    height, width = (max(int(size / ratio), 1) for size in words.shape)
+    # Middles of texels: (x + 0.5) ratio - 0.5.
+    places = np.array([[ratio, 0, 0.5 * ratio - 0.5], [0, ratio, 0.5 * ratio - 0.5]])
+    small = cv2.warpAffine(soft, places, (width, height),
+                           flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
+                           borderMode=cv2.BORDER_REPLICATE)
+    out = np.ascontiguousarray(np.asarray(small, np.uint8) ^ np.uint8(128))
+    # -128 is no difference that a texture holds.
+    return np.maximum(out.view(np.int8), np.int8(-127)).view("<i4")[..., 0]
 
 
 def texture_cells(texture: SurfaceTexture, bricks: Bricks) -> NDArray[np.int32]:
