@@ -158,13 +158,16 @@ class VoxelField:
         scale, offset = lattice_of_world(self.center, self.radius, self.bricks.shape)
         return np.concatenate([np.array(self.links.shape[::-1], np.float64), scale, offset])
 
-    def texture_rows(self, footprint: float) -> TextureRows:
-        """The texture as kernels take it, with detail down to ``footprint`` world units."""
+    def texture_rows(self, footprint: float, whole: bool = False) -> TextureRows:
+        """The texture as kernels take it, with detail down to ``footprint`` world units.
+
+        ``whole``: of the nearest octave, which other renderers can look up exactly alike.
+        """
         if self.texture is None:
             return NO_TEXTURE
         if self._cells is None:
             self._cells = texture_cells(self.texture, self.bricks)
-        return self.texture.rows(self._cells, self.lattice, footprint)
+        return self.texture.rows(self._cells, self.lattice, footprint, whole)
 
     def lattice_points(self) -> NDArray[np.float64]:
         """World positions of the rows, float64 [N, 3]."""

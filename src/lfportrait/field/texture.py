@@ -110,25 +110,32 @@ class SurfaceTexture:
         """Levels between the octaves that were asked for before."""
         return {}
 
-    def level(self, footprint: float) -> int:
-        """The level whose texels are nearest to ``footprint``, world units, in size.
+    def level(self, footprint: float, whole: bool = False) -> int:
+        """The level whose detail is nearest to ``footprint``, world units, in width.
 
-        Texels of level n are 2^(n / `STEPS`) times as large as those of the texture.
+        In level n that is 2^(n / `STEPS`) texels of the texture; ``whole``: of those that are
+        octaves.
         """
         wanted = math.log2(max(footprint * self.pixels, 1e-9))
-        return min(max(round(wanted * STEPS), 0), (len(self._octaves) - 1) * STEPS)
+        level = STEPS * round(wanted) if whole else round(wanted * STEPS)
+        return min(max(level, 0), (len(self._octaves) - 1) * STEPS)
 
     def words(self, level: int) -> NDArray[np.int32]:
-        """Texels of a level as the kernels take them, int32 [h, w]; kept once they are made."""
+        """Texels of a level as the kernels take them, int32 [h, w] of its octave; kept once made.
+
+        Between two octaves they are the finer one's, and by the share of the way the coarser one's
+        looked up there: what looking up both would give (trilinear filtering), in one look-up.
+        """
         octave, part = divmod(level, STEPS)
         if part == 0:
             return self._octaves[octave]
         if level not in self._between:
-            self._between[level] = coarsened(self._octaves[octave], 2 ** (part / STEPS))
+            self._between[level] = _mixed(self._octaves[octave], self._octaves[octave + 1],
+                                          part / STEPS)
         return self._between[level]
 
     def rows(self, cells: NDArray[np.int32], lattice: NDArray[np.float64],
-             footprint: float) -> TextureRows:
+             footprint: float, whole: bool = False) -> TextureRows:
         """What kernels take.
 
         Parameters
@@ -139,33 +146,30 @@ class SurfaceTexture:
             `VoxelField.lattice`.
         footprint
             Width of the detail that is wanted, world units.
+        whole
+            Look up an octave.
         """
-        level = self.level(footprint)
+        level = self.level(footprint, whole)
         world = np.eye(4)
         world[:3, :3] = np.diag(1.0 / lattice[3:6])
         world[:3, 3] = -lattice[6:9] / lattice[3:6]
         maps = self.projections @ world
-        maps[:, :2] *= 0.5 ** (level / STEPS)
+        maps[:, :2] *= 0.5 ** (level // STEPS)
         return cells, np.ascontiguousarray(maps.reshape(-1, 12), np.float32), self.words(level)
 
 
-def coarsened(words: NDArray[np.int32], ratio: float) -> NDArray[np.int32]:
-    """Texels [h, w] of another size: ``ratio``, 1 to 2, times as large. What is finer is blurred.
-
-    With a ratio of 2 the blur's variance is that of `halve`.
-    """
+def _mixed(fine: NDArray[np.int32], coarse: NDArray[np.int32], share: float) -> NDArray[np.int32]:
+    """Texels of an octave [h, w] mixed with ``share`` of the next one's, looked up between them."""
     # OpenCV's fast paths are for unsigned bytes.
-    planes = np.ascontiguousarray(words).view(np.uint8).reshape(*words.shape, 4) ^ np.uint8(128)
-    soft = cv2.GaussianBlur(planes, (0, 0), 0.5 * math.sqrt(ratio ** 2 - 1))
-    height, width = (max(int(size / ratio), 1) for size in words.shape)
-    # Middles of texels: (x + 0.5) ratio - 0.5.
-    places = np.array([[ratio, 0, 0.5 * ratio - 0.5], [0, ratio, 0.5 * ratio - 0.5]])
-    small = cv2.warpAffine(soft, places, (width, height),
-                           flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
-                           borderMode=cv2.BORDER_REPLICATE)
-    out = np.ascontiguousarray(np.asarray(small, np.uint8) ^ np.uint8(128))
-    # -128 is no difference that a texture holds.
-    return np.maximum(out.view(np.int8), np.int8(-127)).view("<i4")[..., 0]
+    one, other = (np.ascontiguousarray(words).view(np.uint8).reshape(*words.shape, 4)
+                  ^ np.uint8(128) for words in (fine, coarse))
+    # Middles of texels: (x + 0.5) / 2 - 0.5.
+    places = np.array([[0.5, 0, -0.25], [0, 0.5, -0.25]])
+    wide = cv2.warpAffine(other, places, fine.shape[::-1],
+                          flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                          borderMode=cv2.BORDER_REPLICATE)
+    out = np.asarray(cv2.addWeighted(one, 1 - share, wide, share, 0), np.uint8) ^ np.uint8(128)
+    return np.ascontiguousarray(out).view("<i4")[..., 0]
 
 
 def texture_cells(texture: SurfaceTexture, bricks: Bricks) -> NDArray[np.int32]:

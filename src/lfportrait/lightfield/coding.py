@@ -116,7 +116,7 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     views = mask.reshape(display.height, display.width * 3).view()
     # Masks from the cache can't be written to; for all others kernels would be compiled once more.
     views.flags.writeable = False
-    texture = field.texture_rows(_footprint(display, placement))
+    texture = field.texture_rows(_footprint(display, placement), whole=True)
     if _method(field, display, config) == "slices":
         stride = 2 if config.draft else 1
         for own, out in zip(eyes, pictures, strict=True):

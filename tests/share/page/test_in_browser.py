@@ -83,9 +83,9 @@ def test_strokes_are_as_sharp_as_the_renderers(opened, head):
 
 
 def test_a_device_with_small_textures_shows_coarser_strokes(opened, head):
-    finest, levels = opened.run("() => [lfportrait.renderer.texture.finest(200),"
-                                " lfportrait.renderer.texture.levels]")
-    assert 1 <= finest < levels
+    finest, octaves = opened.run("() => [lfportrait.renderer.texture.finest(200),"
+                                " lfportrait.renderer.texture.octaves]")
+    assert 1 <= finest < octaves
     begin_with = """async (level) => {
       const { renderer } = lfportrait;
       renderer.slots = [null, null];

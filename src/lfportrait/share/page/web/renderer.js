@@ -20,6 +20,9 @@ function half(value) {
 /** Units of the textures of the surface; 4 and 5 are a panel's, 6 is drawn into. */
 const CELLS = 7, CHARTS = 8, TEXELS = 9;
 
+/** Width in pixels of the texture's detail in a view, as in field/grid.py. */
+const DETAIL = 1.6;
+
 class Renderer {
   /**
    * @param {HTMLCanvasElement} canvas
@@ -224,7 +227,7 @@ class Renderer {
       const has = this.slots.map((set) => Number(set !== null && this.header.texture.sets[set]));
       gl.uniform2iv(at("textured"), has);
       gl.uniform1i(at("finest"), this.finest);
-      gl.uniform1i(at("level"), Math.max(this.texture.level(footprint), this.finest));
+      gl.uniform1f(at("level"), Math.max(this.texture.level(footprint, name === "panel"), this.finest));
     }
     return at;
   }
@@ -238,8 +241,7 @@ class Renderer {
   view(camera, size, { step = 0.5, jitter = [0, 0], nudge = [0, 0], rows, count = false } = {}) {
     const { gl } = this;
     const away = Math.hypot(...camera.eye.map((value, axis) => value - this.header.center[axis]));
-    // Detail of two pixels: what is finer flickers when the head turns.
-    const footprint = 4 * away / (camera.lens[0] + camera.lens[1]);
+    const footprint = 2 * DETAIL * away / (camera.lens[0] + camera.lens[1]);
     const at = this.begin("view", step, footprint, count ? "#define COUNT" : "");
     gl.uniformMatrix3fv(at("turn"), false, camera.turn);
     gl.uniform3fv(at("eye"), camera.eye);

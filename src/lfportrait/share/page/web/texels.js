@@ -1,7 +1,8 @@
 // The texture of the surface: its charts by cells, and the pyramid of its texels.
 
 const NO_CHART = 255;
-const LEVELS = 6; // of the pyramid, as in field/texture.py
+const OCTAVES = 6; // of the pyramid, as in field/texture.py
+const STEPS = 4; // levels in each of them
 
 /** What all colour sets' textures share: the charts, which texels are kept, the level to look at. */
 class Texture {
@@ -15,23 +16,24 @@ class Texture {
     this.kept = new Lattice(this.header, mask);
     this.width = this.kept.width;
     this.height = this.kept.depth;
-    this.levels = 1;
-    for (let least = Math.min(this.width, this.height); least >= 4 && this.levels < LEVELS; least >>= 1) {
-      this.levels++;
+    this.octaves = 1;
+    for (let least = Math.min(this.width, this.height); least >= 4 && this.octaves < OCTAVES; least >>= 1) {
+      this.octaves++;
     }
   }
 
-  /** The first level that a device takes whose textures have at most `longest` texels along a side. */
+  /** The first octave that a device takes whose textures have at most `longest` texels along a side. */
   finest(longest) {
-    let level = 0;
-    while (Math.max(this.width, this.height) >> level > longest && level < this.levels - 1) level++;
-    return level;
+    let octave = 0;
+    while (Math.max(this.width, this.height) >> octave > longest && octave < this.octaves - 1) octave++;
+    return octave;
   }
 
-  /** The level whose texels are nearest in size to `footprint`, in world units. */
-  level(footprint) {
-    const wanted = Math.round(Math.log2(Math.max(footprint * this.header.pixels, 1e-9)));
-    return Math.min(Math.max(wanted, 0), this.levels - 1);
+  /** Octaves, in quarters or `whole`, to the detail nearest in width to `footprint`, in world units. */
+  level(footprint, whole) {
+    const wanted = Math.log2(Math.max(footprint * this.header.pixels, 1e-9));
+    const nearest = whole ? Math.round(wanted) : Math.round(wanted * STEPS) / STEPS;
+    return Math.min(Math.max(nearest, 0), this.octaves - 1);
   }
 
   /**
@@ -105,9 +107,9 @@ class Texture {
         texels[at + 2] = values[3 * row + 2];
       }
     }
-    const levels = [{ texels, width, height }];
-    while (levels.length < this.levels) levels.push(this.halved(levels[levels.length - 1]));
-    return levels;
+    const octaves = [{ texels, width, height }];
+    while (octaves.length < this.octaves) octaves.push(this.halved(octaves[octaves.length - 1]));
+    return octaves;
   }
 
   /** Every second texel, blurred by 1, 3, 3, 1 along both sides; beyond the border there is 128. */

@@ -9,15 +9,24 @@ uniform sampler2D charts;      // a row for each: the rows of its map from latti
 uniform sampler2D firstTexels; // differences of the two colour sets, 128/255 for none
 uniform sampler2D secondTexels;
 uniform bvec2 textured;        // whether the sets have any
-uniform int level;             // of the pyramid, from the texture's own resolution on
+uniform float level;           // octaves of the pyramid, from the texture's own resolution on
 uniform int finest;            // level that the device's texture begins with
 
-vec3 texels(sampler2D levels, vec2 place) {
-  vec2 size = vec2(textureSize(levels, level - finest));
-  if (any(lessThan(place, vec2(0.5))) || any(greaterThanEqual(place, size - 0.5))) return vec3(0.0);
+vec3 texels(sampler2D octaves, vec2 place, int octave) {
+  vec2 size = vec2(textureSize(octaves, octave - finest));
+  place = clamp(place * exp2(-float(octave)), vec2(0.5), size - 0.5) / size;
   fetches += 1.0;
-  vec3 stored = textureLod(levels, place / size, float(level - finest)).rgb;
-  return (255.0 * stored - 128.0) / 254.0;
+  return (255.0 * textureLod(octaves, place, float(octave - finest)).rgb - 128.0) / 254.0;
+}
+
+vec3 texels(sampler2D octaves, vec2 place) {
+  int octave = int(level);
+  vec2 there = place * exp2(-float(octave));
+  vec2 size = vec2(textureSize(octaves, octave - finest));
+  if (any(lessThan(there, vec2(0.5))) || any(greaterThanEqual(there, size - 0.5))) return vec3(0.0);
+  vec3 found = texels(octaves, place, octave);
+  float share = fract(level);
+  return share > 0.0 ? mix(found, texels(octaves, place, octave + 1), share) : found;
 }
 
 vec3 detail(vec3 here) {
@@ -29,7 +38,7 @@ vec3 detail(vec3 here) {
   vec4 from = vec4(here, 1.0);
   vec2 place = vec2(dot(texelFetch(charts, ivec2(0, chart), 0), from),
     dot(texelFetch(charts, ivec2(1, chart), 0), from));
-  place *= exp2(-float(level)) / dot(texelFetch(charts, ivec2(2, chart), 0), from);
+  place /= dot(texelFetch(charts, ivec2(2, chart), 0), from);
   fetches += 5.0;
   vec3 found = vec3(0.0);
   if (textured.x && blend < 1.0) found += (1.0 - blend) * texels(firstTexels, place);
