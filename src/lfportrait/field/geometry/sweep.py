@@ -9,9 +9,11 @@ Fused, they say where space is empty and where surfaces are, and in what colour.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -82,8 +84,9 @@ def sweep_depth(capture: Capture, views: NDArray[np.int64], reach: float = 0.0,
     inverse = np.linspace(1.0 / far, 1.0 / near, _PLANES, axis=1)
     neighbours = [_neighbours(view, position, forward) for view in range(len(small))]
     greys = [item.image.mean(axis=2) for item in small]
-    found = [_match(greys, cameras, view, neighbours[view], inverse[view])
-             for view in range(len(small))]
+    with ThreadPoolExecutor(numba.get_num_threads()) as workers:
+        found = list(workers.map(lambda view: _match(
+            greys, cameras, view, neighbours[view], inverse[view]), range(len(small))))
     steps = inverse[:, 1] - inverse[:, 0]
     return [DepthMap(item.camera, item.image,
                      _confirmed(view, found, cameras, neighbours[view], steps))
@@ -122,11 +125,13 @@ def _match(greys: list[NDArray[np.float32]], cameras: list[Camera], view: int,
     mean = cv2.boxFilter(reference, -1, window)
     variance = cv2.boxFilter(reference * reference, -1, window) - mean * mean
     scores = np.full((len(inverse), height, width), -1.0, np.float32)
-    matrix = _intrinsics(cameras[view])
+    far, slopes = zip(*[_homographies(cameras[view], cameras[other]) for other in neighbours])
+    # The better half: the others may look past an edge.
+    half = max(1, len(neighbours) // 2)
     for index, value in enumerate(inverse):
-        every = []
-        for other in neighbours:
-            warp = _homography(cameras[view], cameras[other], matrix, float(value))
+        best = np.full((half, height, width), -np.inf, np.float32)
+        for number, other in enumerate(neighbours):
+            warp = far[number] + float(value) * slopes[number]
             moved = cv2.warpPerspective(greys[other], warp, (width, height),
                                         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
                                         borderMode=cv2.BORDER_CONSTANT, borderValue=-10.0)
@@ -134,10 +139,13 @@ def _match(greys: list[NDArray[np.float32]], cameras: list[Camera], view: int,
             variance_moved = cv2.boxFilter(moved * moved, -1, window) - mean_moved * mean_moved
             together = cv2.boxFilter(reference * moved, -1, window) - mean * mean_moved
             score = together / np.sqrt(np.maximum(variance * variance_moved, 1e-8))
-            every.append(np.where(moved > -0.5, score, -1.0))
-        # The better half: the others may look past an edge.
-        best = np.sort(np.stack(every), axis=0)[-max(1, len(every) // 2):]
-        scores[index] = cv2.boxFilter(best.mean(axis=0).astype(np.float32), -1, (3, 3))
+            score[moved <= -0.5] = -1.0
+            for rank in range(min(half, number + 1)):
+                # Where it is better than the one of this rank, that one is handed down.
+                lower = np.minimum(best[rank], score)
+                np.maximum(best[rank], score, out=best[rank])
+                score = lower
+        scores[index] = cv2.boxFilter(best.mean(axis=0), -1, (3, 3))
     winner = scores.argmax(axis=0)
     top = np.take_along_axis(scores, winner[None], 0)[0]
     inside = np.clip(winner, 1, len(inverse) - 2)
@@ -155,13 +163,14 @@ def _intrinsics(camera: Camera) -> NDArray[np.float64]:
                      [0.0, camera.focal[0, 1], camera.center[0, 1] - 0.5], [0.0, 0.0, 1.0]])
 
 
-def _homography(reference: Camera, other: Camera, matrix: NDArray[np.float64],
-                inverse: float) -> NDArray[np.float64]:
-    """From the reference's pixels to the other's, for the plane at 1 / ``inverse``, [3, 3]."""
+def _homographies(reference: Camera, other: Camera,
+                  ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """From the reference's pixels to the other's, for planes at depth d: the sum of the first
+    matrix [3, 3] and of 1 / d times the second."""
     turn = other.pose[0, :3, :3].T @ reference.pose[0, :3, :3]
     shift = other.pose[0, :3, :3].T @ (reference.pose[0, :3, 3] - other.pose[0, :3, 3])
-    plane = turn + inverse * np.outer(shift, [0.0, 0.0, 1.0])
-    return np.asarray(_intrinsics(other) @ plane @ np.linalg.inv(matrix))
+    lens, back = _intrinsics(other), np.linalg.inv(_intrinsics(reference))
+    return lens @ turn @ back, lens @ np.outer(shift, [0.0, 0.0, 1.0]) @ back
 
 
 def _confirmed(view: int, found: list[NDArray[np.float32]], cameras: list[Camera],
