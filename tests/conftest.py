@@ -12,11 +12,12 @@ import pytest
 # what they get here are pictures of a few dozen pixels.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# No test asks the internet for networks; those of downloads have a server of their own.
+os.environ.setdefault("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
 
 TESTS = Path(__file__).resolve().parent
 FIRST = ("field/test_poses.py", "example/rivals/test_network.py", "job/batch/test_batch.py",
-         "job/batch/test_ray.py",
-         "field/test_raycast.py", "lightfield/test_slices.py",
+         "field/test_raycast.py", "job/batch/test_ray.py", "lightfield/test_slices.py",
          "field/test_cutout.py", "job/test_pipeline.py",
          "evaluate/test_bench.py", "capture/test_calibrate.py",
          "example/video/test_frames.py", "lightfield/test_lightfield.py",
@@ -31,6 +32,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the long files first (xdist hands out files in this order)."""
     place = {TESTS / name: number for number, name in enumerate(FIRST)}
     items.sort(key=lambda item: place.get(item.path, len(place)))
+
+
+@pytest.fixture(autouse=True, scope="session")
+def no_pauses():
+    """What is asked for in vain is asked again at once."""
+    from lfportrait import download
+
+    before, download.PAUSE = download.PAUSE, 0.0
+    yield
+    download.PAUSE = before
 
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from lfportrait.cli import COMMANDS, main
+from lfportrait.demo import demo_exemplar
 from lfportrait.files import write_image
 
 
@@ -56,7 +57,10 @@ def test_unknown_option_is_the_users_mistake():
 def style(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An exemplar with landmarks, good enough to pass the look at the inputs; painted once."""
     path = tmp_path_factory.mktemp("style") / "style.png"
-    assert run("styles", "--out", path, "--quiet") == 0
+    exemplar = demo_exemplar(width=288, height=384)
+    write_image(path, exemplar.image)
+    path.with_suffix(".landmarks.txt").write_text(
+        "\n".join(f"{x} {y}" for x, y in exemplar.landmarks))
     return path
 
 

@@ -160,7 +160,8 @@ def test_stylize_reports_its_parts():
     capture = ball_capture()
     head = np.asarray(landmarks(SITTER)) * 0.5
     figures = bench_stylize(ball(), replace(capture, landmarks=head),
-                            demo_exemplar(width=144, height=192), size=96, views=2, steps=2)
+                            demo_exemplar(width=144, height=192), size=96, views=2, steps=2,
+                            pixels=96.0)
     assert figures["views"]["views"] == 2 and figures["networks"]
     for name in ("skin_seconds", "exemplar_seconds", "preview_seconds", "again_seconds",
                  "paint_seconds", "fit_iteration_seconds", "step_seconds"):

@@ -26,7 +26,7 @@ def head():
 
 def painted(head, turn):
     field, capture, skin = head
-    exemplar = demo_exemplar(STYLE, 360, 480, turn=turn)
+    exemplar = demo_exemplar(STYLE, 288, 384, turn=turn)
     config = StylizeConfig(preview=True, pixels=192.0)
     return exemplar, stylize(field, capture, exemplar, config, skin=skin)
 

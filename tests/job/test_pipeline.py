@@ -2,9 +2,6 @@
 
 import hashlib
 import json
-import os
-import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -12,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import lfportrait
 from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.errors import UserError
 from lfportrait.field import ReconstructConfig
@@ -20,6 +16,7 @@ from lfportrait.files import read_image
 from lfportrait.job.pipeline import MakeConfig, make
 from lfportrait.lightfield import Display, deinterlace, render_view
 from lfportrait.stylize import StylizeConfig
+from tests.job.forking import Forker
 
 PANEL = Display(128, 96, views=16, pitch=7.3, slant=0.15, cone=40, quilt=(3, 2),
                 quilt_size=(192, 128), name="tiny")
@@ -45,7 +42,7 @@ def inputs(tmp_path_factory):
 def undisturbed(inputs, tmp_path_factory):
     out = tmp_path_factory.mktemp("job") / "out"
     run = make(inputs / "capture", demo_exemplar(width=180, height=240), out,
-               inputs / "tiny.toml", CONFIG)
+               inputs / "tiny.toml", CONFIG, offline=True)
     return out, run
 
 
@@ -91,46 +88,39 @@ def test_a_second_run_does_nothing_again(undisturbed, inputs):
     out, _ = undisturbed
     before = {path: path.stat().st_mtime_ns for path in out.iterdir() if path.name in FILES}
     run = make(inputs / "capture", demo_exemplar(width=180, height=240), out,
-               inputs / "tiny.toml", CONFIG)
+               inputs / "tiny.toml", CONFIG, offline=True)
     assert run["resumed"] == ["capture", "reconstruct", "stylize", "encode", "share"]
     assert before == {path: path.stat().st_mtime_ns for path in out.iterdir() if path.name in FILES}
 
 
-SCRIPT = """
-import sys
-from lfportrait.demo import demo_exemplar
-from lfportrait.job import make
-from tests.job.test_pipeline import CONFIG
-make(sys.argv[1] + "/capture", demo_exemplar(width=180, height=240), sys.argv[2],
-     sys.argv[1] + "/tiny.toml", CONFIG)
-"""
+def run_job(inputs: str, out: str) -> None:
+    """What the processes below do."""
+    make(Path(inputs) / "capture", demo_exemplar(width=180, height=240), Path(out),
+         Path(inputs) / "tiny.toml", CONFIG, offline=True)
 
 
-def start(inputs: Path, out: Path) -> subprocess.Popen:
-    root = Path(__file__).resolve().parents[2]
-    # The package that is tested here, wherever it lies: another's kernels would be compiled anew.
-    paths = os.pathsep.join([str(root), str(Path(lfportrait.__file__).parents[1])])
-    return subprocess.Popen([sys.executable, "-c", SCRIPT, str(inputs), str(out)], cwd=root,
-                            env={**os.environ, "PYTHONPATH": paths},
-                            stderr=subprocess.PIPE, text=True)
+@pytest.fixture
+def jobs():
+    forker = Forker("tests.job.test_pipeline", "run_job")
+    yield forker
+    forker.close()
 
 
-def test_killed_in_every_stage_it_ends_with_the_same_files(inputs, undisturbed, tmp_path):
+@pytest.mark.skipif(sys.platform != "linux", reason="forks, and reads /proc")
+def test_killed_in_every_stage_it_ends_with_the_same_files(inputs, undisturbed, jobs, tmp_path):
     out = tmp_path / "out"
     # Wait for a stage's record, then kill in the middle of the next stage.
     for stage in ("", "capture", "reconstruct", "stylize", "encode"):
-        process = start(inputs, out)
+        process = jobs.start(str(inputs), str(out))
         wanted = out / ".stages" / f"{stage}.json" if stage else out / ".stages"
         deadline = time.time() + 120
-        while not wanted.exists() and process.poll() is None and time.time() < deadline:
+        while not wanted.exists() and process.running() and time.time() < deadline:
             time.sleep(0.01)
-        if stage and process.poll() is None:
+        if stage and process.running():
             time.sleep(0.05)
-        process.send_signal(signal.SIGKILL)
+        process.kill()
         process.wait()
-    process = start(inputs, out)
-    _, errors = process.communicate(timeout=200)
-    assert process.returncode == 0, errors
+    assert jobs.start(str(inputs), str(out)).wait() == 0
     assert digests(out) == digests(undisturbed[0])
     run = json.loads((out / "run.json").read_text())
     assert "capture" in run["resumed"]
@@ -145,7 +135,7 @@ def test_another_style_keeps_capture_and_field(undisturbed, inputs, tmp_path):
     out = tmp_path / "out"
     shutil.copytree(undisturbed[0], out)
     run = make(inputs / "capture", demo_exemplar("charcoal", width=180, height=240), out,
-               inputs / "tiny.toml", CONFIG)
+               inputs / "tiny.toml", CONFIG, offline=True)
     assert run["resumed"] == ["capture", "reconstruct"]
     assert digests(out)["field.npz"] == digests(undisturbed[0])["field.npz"]
     assert digests(out)["styled.npz"] != digests(undisturbed[0])["styled.npz"]

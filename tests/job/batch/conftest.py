@@ -1,6 +1,9 @@
 """Tiny sittings, paintings and displays on the disk, and a small batch that was made of them."""
 
+import fcntl
 import hashlib
+import os
+import pickle
 import shutil
 from pathlib import Path
 
@@ -62,28 +65,48 @@ def digests(results: Path) -> dict[str, str]:
             and path.name not in ("index.html", "results.json")}
 
 
-@pytest.fixture(scope="session")
-def studio(tmp_path_factory):
+def write_studio(folder: Path) -> None:
     """A folder with two sittings, two paintings, a display and a file of jobs."""
-    folder = tmp_path_factory.mktemp("studio")
     for name, model in (("anna", SITTER), ("bert", PAINTED)):
         demo_capture(size=48, views=10, model=model).save(folder / "sittings" / name)
     write_painting(folder / "ken.png", "fauve")
     write_painting(folder / "chalk.png", "charcoal")
     PANEL.save(folder / "tiny.toml")
     (folder / "jobs.toml").write_text(JOBS)
-    return folder
 
 
 @pytest.fixture(scope="session")
-def made(studio, tmp_path_factory):
-    """The studio's batch, undisturbed: its folder, figures and events."""
-    results = tmp_path_factory.mktemp("made") / "results"
-    events = []
-    figures = batch(studio / "jobs.toml", results, BatchConfig(cores=1),
-                    watchers=[events.append])
-    assert not figures["failed"], figures["failed"]
-    return results, figures, events
+def made_once(tmp_path_factory):
+    """The studio, and its batch, undisturbed: made by the first test process that asks."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    folder /= "batch"
+    folder.mkdir(exist_ok=True)
+    with open(folder / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        kept = folder / "made.pickle"
+        if not kept.exists():
+            write_studio(folder / "studio")
+            events: list[dict] = []
+            figures = batch(folder / "studio" / "jobs.toml", folder / "results",
+                            BatchConfig(cores=1), watchers=[events.append])
+            assert not figures["failed"], figures["failed"]
+            kept.write_bytes(pickle.dumps((figures, events)))
+    return folder, *pickle.loads(kept.read_bytes())
+
+
+@pytest.fixture(scope="session")
+def studio(made_once):
+    """A folder with two sittings, two paintings, a display and a file of jobs."""
+    return made_once[0] / "studio"
+
+
+@pytest.fixture(scope="session")
+def made(made_once):
+    """The studio's batch, undisturbed: its folder, figures and events. Not to be changed."""
+    folder, figures, events = made_once
+    return folder / "results", figures, events
 
 
 @pytest.fixture

@@ -114,7 +114,8 @@ def _curve_plot(curve: list[dict[str, Any]]) -> NDArray[np.uint8]:
 
 def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None = None, *,
                   size: int = 320, views: int = 5, steps: int = 6,
-                  progress: Progress | None = None) -> dict[str, Any]:
+                  pixels: float | None = None, progress: Progress | None = None,
+                  ) -> dict[str, Any]:
     """Stylisation, its parts apart: on the skin, and by a few painted views beside it.
 
     Parameters
@@ -127,6 +128,8 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
         Size and number of the painted views.
     steps
         Refinement steps.
+    pixels
+        Of the skin per world unit; None: as by default.
     progress
         Progress line.
 
@@ -148,14 +151,16 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
         exemplar = demo_exemplar()
     assert capture.landmarks is not None
     config = StylizeConfig(steps=steps)
-    preview = StylizeConfig(preview=True)
+    if pixels is not None:
+        config = replace(config, pixels=pixels)
+    preview = replace(config, preview=True)
     by_views = StylizeConfig(method="paper", size=size, views=views, pitches=(8.0,), steps=steps)
     # Miniature runs compile the kernels and load the networks before the clock starts.
     stylize_with_figures(field, capture, exemplar, replace(config, pixels=96.0, steps=1))
     stylize_with_figures(field, capture, exemplar, replace(by_views, size=96, views=1, steps=1))
     say(progress, "skin")
     clock = [time.perf_counter()]
-    skin = Skin.of(field, capture.landmarks, capture.cameras)
+    skin = Skin.of(field, capture.landmarks, capture.cameras, config.pixels)
     clock.append(time.perf_counter())
     SkinPainter(exemplar)
     clock.append(time.perf_counter())

@@ -165,8 +165,10 @@ def _intrinsics(camera: Camera) -> NDArray[np.float64]:
 
 def _homographies(reference: Camera, other: Camera,
                   ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """From the reference's pixels to the other's, for planes at depth d: the sum of the first
-    matrix [3, 3] and of 1 / d times the second."""
+    """From the reference's pixels to the other's, for planes at depth d.
+
+    The first matrix [3, 3] plus 1 / d times the second.
+    """
     turn = other.pose[0, :3, :3].T @ reference.pose[0, :3, :3]
     shift = other.pose[0, :3, :3].T @ (reference.pose[0, :3, 3] - other.pose[0, :3, 3])
     lens, back = _intrinsics(other), np.linalg.inv(_intrinsics(reference))
