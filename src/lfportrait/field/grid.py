@@ -27,7 +27,7 @@ from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
 __all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row"]
 
 TEXEL = 1.6
-"""Width in pixels of the texture's texels in a view. A picture of the head that is filtered ideally
+"""Width in pixels of the texture's detail in a view. A picture of the head that is filtered ideally
 has detail of about this width (a Gaussian with sigma 0.5); what is finer flickers when it turns."""
 
 

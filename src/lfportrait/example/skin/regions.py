@@ -36,7 +36,10 @@ def hair_by_place(plane: HeadPlane, flat: Float32) -> Float32:
     up = -flat[:, 1] / plane.height
     angle = np.degrees(np.abs(flat[:, 0]) / plane.radius)
     above = np.clip((up - 0.55) / 0.15, 0, 1)
-    behind = np.clip((angle - 100) / 10, 0, 1) * np.clip((up + 0.75) / 0.1, 0, 1)
+    # From the ears' lobes down to the nape: a level line would show as one.
+    nape = np.clip((angle - 100) / 60, 0, 1)
+    end = 0.55 + 0.25 * nape * nape * (3 - 2 * nape)
+    behind = np.clip((angle - 100) / 10, 0, 1) * np.clip((up + end) / 0.1, 0, 1)
     return np.asarray(np.maximum(above, behind), np.float32)
 
 
