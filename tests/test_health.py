@@ -45,7 +45,8 @@ def test_nothing_slow_is_imported():
     assert found.stdout.strip() == "[]"
 
 
-def test_networks_tell_what_they_are_for_and_how_to_get_them(no_networks):
+def test_networks_tell_what_they_are_for_and_how_to_get_them(no_networks, monkeypatch):
+    monkeypatch.delenv("LFPORTRAIT_MIRROR", raising=False)
     facts = health._networks()
     assert [fact.name for fact in facts[:3]] == list(models.GROUPS["portrait"])
     assert [fact.state for fact in facts] == ["bad"] * 3 + ["optional"] * (len(facts) - 3)

@@ -17,6 +17,7 @@ def shelf(tmp_path, monkeypatch):
     content = b"weights"
     digest = hashlib.sha256(content).hexdigest()
     monkeypatch.setenv("LFPORTRAIT_MODELS", str(named))
+    monkeypatch.delenv("LFPORTRAIT_MIRROR", raising=False)
     monkeypatch.setattr(models, "cache_folder", lambda: cache)
     monkeypatch.setattr(models, "REGISTRY", {
         "tiny": (ModelFile("tiny.safetensors", digest, "a test", "CC0"),),

@@ -166,7 +166,7 @@ def test_few_sitters_get_more_cores_each(studio, jobs_text, cores, each):
 
 def test_the_networks_of_a_method_are_asked_for_before_the_first_task(studio, jobs_text, tmp_path,
                                                                       monkeypatch):
-    monkeypatch.delenv("LFPORTRAIT_MIRROR")
+    monkeypatch.delenv("LFPORTRAIT_MIRROR", raising=False)
     monkeypatch.setenv("LFPORTRAIT_MODELS", str(tmp_path))
     monkeypatch.setattr(models, "cache_folder", lambda: tmp_path)
     text = jobs_text.replace('painting = "chalk.png"',
