@@ -10,7 +10,7 @@ uniform sampler2D firstTexels; // differences of the two colour sets, 128/255 fo
 uniform sampler2D secondTexels;
 uniform bvec2 textured;        // whether the sets have any
 uniform float level;           // octaves of the pyramid, from the texture's own resolution on
-uniform int finest;            // level that the device's texture begins with
+uniform int finest;            // octave that the device's texture begins with
 
 vec3 texels(sampler2D octaves, vec2 place, int octave) {
   vec2 size = vec2(textureSize(octaves, octave - finest));
