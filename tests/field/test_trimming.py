@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
+from lfportrait.capture import Camera
 from lfportrait.field import VoxelField
 from lfportrait.field.trimming import find_cut, trim
 from tests.fields import head_field
@@ -90,3 +91,26 @@ def test_crumbs_go_with_the_rags():
     FACE - [0.0, 0.5, 0.0], np.full((68, 3), np.nan)])
 def test_a_face_near_the_end_and_no_face_leave_the_bust_alone(landmarks):
     assert find_cut(bust(RAGS), landmarks) is None
+
+
+def photos(low, count=9):
+    """Cameras far away on an arc, whose pictures end below at the height ``low``."""
+    side, half = 100, 0.5 * (1.3 - low)
+    return Camera.arc(np.linspace(-60, 60, count), distance=40.0, width=side, height=side,
+                      focal=40.0 * 0.5 * side / half, target=(0.0, low + half, 0.0))
+
+
+@pytest.mark.parametrize("fray", [0.0, RAGS])
+def test_a_bust_is_cut_where_most_photos_end(fray):
+    field = bust(fray)
+    low, high = photos(-0.8), photos(-0.45)
+    chosen = [(low, view) if view % 3 else (high, view) for view in range(9)]
+    cut = find_cut(field, FACE, Camera.concatenate([cameras[view] for cameras, view in chosen]))
+    assert cut is not None and cut.normal[1] > 0.99
+    assert abs(cut.height + 0.8) < 0.04
+
+
+def test_photos_that_show_all_of_a_bust_do_not_cut_it():
+    assert find_cut(bust(0.0), FACE, photos(-1.1)) is None
+    cut, other = find_cut(bust(RAGS), FACE, photos(-1.1)), find_cut(bust(RAGS), FACE)
+    assert cut is not None and other is not None and cut.height == other.height

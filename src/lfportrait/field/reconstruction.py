@@ -137,7 +137,7 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
     figures["seconds"] = {"train": round(trained, 3),
                           "test": round(time.perf_counter() - begun, 3)}
     if config.trim and capture.alphas is not None and capture.landmarks is not None:
-        cut = find_cut(field, capture.landmarks)
+        cut = find_cut(field, capture.landmarks, trainer.capture.cameras[trainer.views])
         if cut is not None:
             field = trim(field, cut)
             figures["trimmed"] = {"voxels": figures["voxels"] - len(field.density),

@@ -1,9 +1,11 @@
 """A clean lower end for a bust: where the photos fray out, a plane cuts.
 
 Below the chest photos end one after the other, and what the last of them saw ends in rags and
-crumbs. The lowest surface on each side of the body tells where: a plane through those ends, raised
-until hardly anything frays above it, is where the bust is cut, softly over two voxels. Busts that
-end evenly are left alone, and so is all that hangs together with the head above the plane.
+crumbs: there the mattes of a few photos alone say where the body ends and a floor or a chair
+begins. Where fewer than two fifths of the photos still show the body, a plane cuts it, softly over
+two voxels. Where they show it to its end, the lowest surface on each side tells: the plane goes
+through these ends, raised until hardly anything frays above it. Busts that end evenly are left
+alone, and so is all that hangs together with the head above the plane.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..capture import Camera
 from .grid import VoxelField
 
 __all__ = ["Cut", "find_cut", "trim"]
@@ -29,6 +32,12 @@ FRAYED = 2.5
 """Voxels by which the ends' heights deviate from a plane (standard deviation) in a frayed bust."""
 CLEAN = 92.0
 """Per cent of the ends that lie below the cut."""
+SHOWN = 0.4
+"""Share of the photos that still show the body where it is cut."""
+UNSEEN = 0.01
+"""Where a smaller share of the surface than this lies lower, the photos' end is not the body's."""
+SAMPLES = 20_000
+"""Points of the surface, at most, that are looked up in all photos."""
 CHIN = 0.35
 """The cut stays further below the chin than this part of the face's height (brows to chin)."""
 CRUMB = 0.02
@@ -55,7 +64,8 @@ class Cut:
         return np.asarray(points @ self.normal - self.height, np.float64)
 
 
-def find_cut(field: VoxelField, landmarks: NDArray[np.floating]) -> Cut | None:
+def find_cut(field: VoxelField, landmarks: NDArray[np.floating],
+             cameras: Camera | None = None) -> Cut | None:
     """Where a bust is to be cut, or None where it ends evenly, or not far enough below the face.
 
     Parameters
@@ -64,6 +74,8 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating]) -> Cut | None:
         In the portrait frame.
     landmarks
         [68, 3], iBUG order, of its face.
+    cameras
+        Of the photos that it was reconstructed from.
     """
     voxel = float(field.spacing.mean())
     points = field.lattice_points()[field.density > OPAQUE]
@@ -72,33 +84,85 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating]) -> Cut | None:
     points = points[points[:, 1] < chin]
     if not np.isfinite(tall) or len(points) < 20 * SIDES:
         return None
-    ends = _ends(points)
-    if len(ends) < SIDES // 2:
-        return None
-    plane = _plane(ends)
-    left = ends[:, 1] - _at(plane, ends)
-    if left.std() < FRAYED * voxel:
+    plane = _end_of_photos(points, chin, cameras) if cameras is not None else None
+    if plane is None:
+        plane = _end_of_body(points, FRAYED * voxel)
+    if plane is None:
         return None
     normal = np.array([-plane[0], 1.0, -plane[1]])
     length = float(np.linalg.norm(normal))
-    cut = Cut(normal / length, (plane[2] + float(np.percentile(left, CLEAN))) / length)
+    cut = Cut(normal / length, float(plane[2]) / length)
     face = np.asarray(landmarks)[np.isfinite(landmarks).all(axis=1)]
     if cut.above(face).min() < CHIN * tall:
         return None
     return cut
 
 
+def _end_of_photos(points: Float64, chin: float, cameras: Camera) -> Float64 | None:
+    """The plane on which `SHOWN` of the photos end, [3] as `_plane`; None where nothing is lower.
+
+    A photo counts for a point if it shows the place above it at the chin's height: one that passes
+    by on the other side says nothing of the lower end.
+    """
+    points = points[::max(1, len(points) // SAMPLES)]
+    level = points.copy()
+    level[:, 1] = chin
+    shown, asked = np.zeros((2, len(points)))
+    for view in range(len(cameras)):
+        above = _in_picture(cameras[view], level)
+        asked += above
+        shown += above & _in_picture(cameras[view], points)
+    known = asked > 0.25 * len(cameras)
+    points, enough = points[known], (shown >= SHOWN * asked)[known]
+    if not len(points) or (~enough).mean() < UNSEEN:
+        return None
+    border = [_border(points[here], enough[here]) for here in _sides(points)]
+    ends = np.array([point for point in border if point is not None]).reshape(-1, 3)
+    return _plane(ends) if len(ends) >= SIDES // 4 else None
+
+
+def _border(points: Float64, enough: Bools) -> Float64 | None:
+    """The point of a side that parts best, by height, those that are shown enough from the rest."""
+    order = np.argsort(points[:, 1])
+    lower = ~enough[order]
+    if not 0 < lower.sum() < len(lower):
+        return None
+    wrong = np.cumsum(~lower) + lower.sum() - np.cumsum(lower)
+    return np.asarray(points[order[np.argmin(wrong)]], np.float64)
+
+
+def _in_picture(camera: Camera, points: Float64) -> Bools:
+    """Whether one camera has points [K, 3] in its picture, [K]."""
+    pixels, depth = camera.project(points)
+    size = np.array([camera.width[0], camera.height[0]])
+    return np.asarray((depth[0] > 0) & ((pixels[0] >= 0) & (pixels[0] < size)).all(axis=1))
+
+
+def _end_of_body(points: Float64, frayed: float) -> Float64 | None:
+    """The plane above a body's rags, [3] as `_plane`; None if its ends are within ``frayed``."""
+    ends = _ends(points)
+    if len(ends) < SIDES // 2:
+        return None
+    plane = _plane(ends)
+    left = ends[:, 1] - _at(plane, ends)
+    if left.std() < frayed:
+        return None
+    plane[2] += float(np.percentile(left, CLEAN))
+    return plane
+
+
 def _ends(points: Float64) -> Float64:
     """The lowest surface points of the body by direction around its middle, [K, 3]."""
+    found = [points[here][np.argmin(points[here, 1])] for here in _sides(points)]
+    return np.asarray(found, np.float64).reshape(-1, 3)
+
+
+def _sides(points: Float64) -> list[Bools]:
+    """Which points lie in each direction around the body's middle, where eight or more do."""
     middle = np.median(points[:, [0, 2]], axis=0)
     angle = np.arctan2(points[:, 2] - middle[1], points[:, 0] - middle[0])
     side = ((angle / (2 * np.pi) + 0.5) * SIDES).astype(int) % SIDES
-    found = []
-    for number in range(SIDES):
-        here = points[side == number]
-        if len(here) >= 8:
-            found.append(here[np.argmin(here[:, 1])])
-    return np.asarray(found, np.float64).reshape(-1, 3)
+    return [side == number for number in range(SIDES) if (side == number).sum() >= 8]
 
 
 def _plane(ends: Float64) -> Float64:
