@@ -98,7 +98,7 @@ def test_seen_colors_equal_the_reference(basis):
             corners, weights = trilinear(place, field.links.shape)
             rows = field.links[tuple(corners.T)]
             weights = np.where(rows >= 0, weights, 0.0)
-            fade = np.exp(-0.07 * weights @ field.density[rows])
+            fade = np.exp(-0.07 * max(weights @ field.density[rows], 0.0))
             shade = np.einsum("n,ncb,b->c", weights, field.sh[rows],
                               sh_basis(directions[ray], basis))
             color += through * (1 - fade) * np.maximum(shade + 0.5, 0)

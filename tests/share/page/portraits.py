@@ -65,4 +65,4 @@ def pure_head(size=40):
     sh[:, 0, 3], sh[:, 2, 3] = -60, 60  # the harmonic is -0.49 x
     sh[:, 1, 0] = np.where(points[:, 1] > 0, 0.5, -0.5) / C0
     # No soft edges: every ray is stopped by the head, or meets nothing.
-    return type(field)(field.links, field.density * 40, sh)
+    return type(field)(field.links, np.maximum(field.density, 0) * 40, sh)

@@ -43,12 +43,14 @@ def test_streams_are_read_back_as_they_are_told(tolerance):
     filled = mask[:lattice.filled.size].reshape(lattice.filled.shape).astype(bool)
     assert (filled == lattice.filled).all()
     codes = restore(filled, zlib.decompress(packed.streams["density"]), 1)[:, 0]
-    top = packed.header["top"]
-    assert packed.shown.density == pytest.approx((codes / 255) ** 2 * top, rel=1e-5)
-    root = np.sqrt(lattice.density / top)
-    assert np.abs(codes / 255 - root).max() <= (tolerance + 0.501) / 255
+    top, zero = packed.header["top"], packed.header["zero"]
+    told = (codes.astype(float) - zero) / (255 - zero)
+    assert lattice.density.min() < 0 < zero
+    assert packed.shown.density == pytest.approx(told * np.abs(told) * top, rel=1e-5)
+    root = np.sign(lattice.density) * np.sqrt(np.abs(lattice.density) / top)
+    assert np.abs(told - root).max() <= (tolerance + 0.501) / (255 - zero)
     # What is empty stays so: nothing else shifts the edges.
-    assert (codes[lattice.density == 0] == 0).all()
+    assert (codes[lattice.density == 0] == zero).all()
     for band in range(4):
         values = restore(filled, zlib.decompress(packed.streams[f"set0.{band}"]), 3)
         ends = packed.header["sets"][0]["bands"][band]

@@ -203,7 +203,7 @@ def build_bricks(links: NDArray[np.int32], density: NDArray[np.float32],
     width = row_width(basis)
     table, brick_links = brick_table(links, count)
     values = np.zeros(count + 1, np.float16)
-    values[:count] = np.clip(density, 0.0, 60000.0)
+    values[:count] = np.clip(density, -6e4, 6e4)
     packed = np.zeros(len(brick_links) + 2, np.uint16)
     packed[:-2] = values.view(np.uint16)[brick_links]
     rows = np.zeros((count + 1) * width + 32, np.float16)

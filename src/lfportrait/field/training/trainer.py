@@ -272,7 +272,8 @@ class Trainer:
         finest = self.level == len(config.resolutions) - 1
         # Without mattes the first, wrong, gradients would clear space for good: until the last
         # level a trace of density stays, which can grow again.
-        lowest = np.float32(0.0 if data.has_alpha or finest else 2.0 * options[1])
+        lowest = np.float32(-config.density_floor / lattice.voxel if data.has_alpha or finest
+                            else 2.0 * options[1])
         if self.behind is None:
             self.behind = self.background_trainer()
         behind = self.behind
@@ -307,7 +308,10 @@ class Trainer:
             done = before + share * self.level_done
             rate = falling(config.lr_sigma, config.lr_sigma_final, done)
             rate_sh = falling(config.lr_sh, config.lr_sh_final, done)
-            if not data.has_alpha and self.level == 0:
+            if data.has_alpha:
+                # A step changes the optical depth of a voxel alike, whatever its size.
+                rate *= np.float32(config.resolutions[self.level] / 256.0)
+            elif self.level == 0:
                 rate *= np.float32(min(1.0, 0.01 + self.step / 100.0))
             gains = color_gains(16 * len(tiles), self.basis, self.width)
             descend(lattice.density, lattice.rows.ravel(), self.width, caster.records.arrays,

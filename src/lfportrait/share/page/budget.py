@@ -114,7 +114,7 @@ def coarser(lattice: Lattice, shrink: float) -> Lattice:
         return np.asarray(out, np.float32)
 
     # A trace of weight everywhere gives rows without density the colour of their surroundings.
-    weight = lattice.density + np.float32(1e-3)
+    weight = np.maximum(lattice.density, 0.0) + np.float32(1e-3)
     density = resampled(lattice.dense(lattice.density))
     mass = resampled(lattice.dense(weight))
     filled = (mass > 1e-4) & (ndimage.maximum_filter(density, 3) > 1e-2)

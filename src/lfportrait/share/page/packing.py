@@ -5,8 +5,9 @@ The streams, each deflated on its own:
 mask
     One bit a lattice point, x fastest, the highest bit of a byte first.
 density
-    One byte a kept row: (density / top) ** (1/2) * 255. Small densities are fog that many samples
-    add up; a linear scale would lose it.
+    One byte a kept row: ``zero`` and (|density| / top) ** (1/2) * (255 - zero) more, or less where
+    the density is negative. Small densities are fog that many samples add up; a linear scale would
+    lose it. Negative ones say where between two lattice points the surface is.
 set S, band B
     Three planes of a byte a row: green, red, blue of colour set S. Band 0 is the colour, the others
     are the coefficients of the spherical harmonics above degree 0.
@@ -42,6 +43,8 @@ _CLEAR = 0.05
 takes less is seen less, and may be rounded more."""
 _LOOSEST = 24
 """Largest tolerance, in 255ths, for what is hardly seen."""
+_HOLLOW = 0.3
+"""The same for a voxel of negative density: less than minus this is not told."""
 _OPAQUE = 9.0
 """Optical depth of a voxel that lets 1/8000 of the light through: more than that is not told."""
 
@@ -93,7 +96,7 @@ class Lattice:
         UserError
             If nothing is left.
         """
-        matter = np.append(np.maximum(density, 0.0), np.float32(0.0)).astype(np.float32)[links]
+        matter = np.append(density, np.float32(0.0)).astype(np.float32)[links]
         filled = (links >= 0) & (ndimage.maximum_filter(matter, 3) > _FAINTEST)
         if not filled.any():
             raise UserError("the field is empty: there is nothing to show on a page")
@@ -153,15 +156,16 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
     """
     filled = lattice.filled
     top = float(min(lattice.density.max(), _OPAQUE / lattice.voxel))
-    root = np.sqrt(np.clip(lattice.density / top, 0.0, 1.0))
-    code = (root * 255.0 + 0.5).astype(np.uint8)
+    code, zero = _density_codes(lattice.density, top, _HOLLOW / lattice.voxel)
     streams = {"mask": zlib.compress(np.packbits(filled).tobytes(), 9)}
-    # What is empty stays empty, and what is not does not become it: the edges of the head.
-    exact = np.where(code <= tolerance, 0, tolerance).astype(np.uint8)
+    # What is empty stays empty, and what is not does not become it: the edges of the head, which
+    # what is below zero moves most.
+    exact = np.where(code <= zero + tolerance, 0, tolerance).astype(np.uint8)
     streams["density"], seen = code_values(filled, code[:, None], exact)
-    density = ((seen[:, 0] / 255.0) ** 2 * top).astype(np.float32)
+    root = (seen[:, 0] - np.float32(zero)) / np.float32(255 - zero)
+    density = (root * np.abs(root) * np.float32(top)).astype(np.float32)
     around = ndimage.maximum_filter(lattice.dense(lattice.density), 3)[filled]
-    taken = -np.expm1(-around * np.float32(lattice.voxel))
+    taken = -np.expm1(-np.maximum(around, 0.0) * np.float32(lattice.voxel))
     loose = (tolerance + 0.5) * np.clip(_CLEAR / np.maximum(taken, 1e-6), 1.0, None)
     slack = np.minimum(loose, _LOOSEST).astype(np.uint8)
     if lattice.charts is not None:
@@ -182,9 +186,18 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
             read[:, (1, 0, 2), band] = back / np.float32(255.0) * (high - low) + low
         heads.append({"name": colors.name, "kind": colors.kind, "bands": bands})
         shown.append(ColorSet(colors.name, colors.kind, read))
-    header = {"shape": list(filled.shape), "rows": int(filled.sum()), "top": top,
+    header = {"shape": list(filled.shape), "rows": int(filled.sum()), "top": top, "zero": zero,
               "center": lattice.center.tolist(), "radius": lattice.radius.tolist(), "sets": heads}
     return Packed(header, streams, replace(lattice, density=density, sets=shown))
+
+
+def _density_codes(density: NDArray[np.float32], top: float, hollow: float,
+                   ) -> tuple[NDArray[np.uint8], int]:
+    """Bytes of densities from ``-hollow`` to ``top``, and the byte of a density of zero."""
+    lowest = np.sqrt(min(max(-float(density.min(initial=0.0)), 0.0), hollow) / top)
+    zero = int(np.ceil(255.0 * lowest / (1.0 + lowest)))
+    root = np.sign(density) * np.sqrt(np.abs(density) / np.float32(top))
+    return (np.clip(zero + root * (255 - zero), 0.0, 255.0) + 0.5).astype(np.uint8), zero
 
 
 def _range(values: NDArray[np.float32], taken: NDArray[np.float32], band: int,

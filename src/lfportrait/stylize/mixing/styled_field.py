@@ -252,7 +252,7 @@ class StyledField(VoxelField):
         paintings = {name: np.zeros(BINS) for name in styles}
         for start in range(0, len(self.density), _BLOCK):
             rows = slice(start, start + _BLOCK)
-            opacity = -np.expm1(self.density[rows] * np.float32(-voxel))
+            opacity = -np.expm1(np.maximum(self.density[rows], 0.0) * np.float32(-voxel))
             photo += tone_histogram(luma(self.photo[rows].T), opacity)
             for name, histogram in paintings.items():
                 colors = self.painted[self.styles.index(name), rows]

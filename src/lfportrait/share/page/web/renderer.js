@@ -5,16 +5,17 @@ void main() {
   gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0);
 }`;
 
-/** A 16-bit float with the value of a number from 0 to 65504. */
+/** A 16-bit float with the value of a number from -65504 to 65504. */
 function half(value) {
   const bits = new Uint32Array(new Float32Array([value]).buffer)[0];
+  const sign = bits >>> 16 & 0x8000;
   const exponent = (bits >> 23 & 255) - 112;
-  if (exponent >= 31) return 0x7bff;
+  if (exponent >= 31) return sign | 0x7bff;
   if (exponent > 0) {
     const rounded = (exponent << 10 | bits >> 13 & 1023) + (bits >> 12 & 1);
-    return Math.min(rounded, 0x7bff);
+    return sign | Math.min(rounded, 0x7bff);
   }
-  return Math.round(value * 2 ** 24);
+  return sign | Math.round(Math.abs(value) * 2 ** 24);
 }
 
 /** Units of the textures of the surface; 4 and 5 are a panel's, 6 is drawn into. */
@@ -65,7 +66,10 @@ class Renderer {
     this.upload(0, "RGBA8UI", [across, down, deep], "RGBA_INTEGER", "UNSIGNED_BYTE",
       this.bricks.table(), "NEAREST");
     const codes = this.lattice.restore(await stream("density"), 1);
-    const value = Uint16Array.from({ length: 256 }, (_, code) => half((code / 255) ** 2 * header.top));
+    const value = Uint16Array.from({ length: 256 }, (_, code) => {
+      const root = (code - header.zero) / (255 - header.zero);
+      return half(root * Math.abs(root) * header.top);
+    });
     const [wide, high, long] = this.bricks.atlas;
     const density = new Uint16Array(wide * high * long);
     this.bricks.fill((texel, row) => { density[texel] = row < 0 ? 0 : value[codes[row]]; });
