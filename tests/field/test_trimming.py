@@ -71,7 +71,7 @@ def test_rows_that_stay_keep_their_values():
     both = (done.links >= 0) & (field.links >= 0)
     assert (both == (done.links >= 0)).all()
     assert np.array_equal(done.sh[done.links[both]], field.sh[field.links[both]])
-    places = cut.above(done.lattice_points()) > 2 * VOXEL
+    places = cut.above(done.lattice_points()) > 4 * VOXEL
     mine = done.density[places]
     index = np.argwhere(done.links >= 0)
     order = done.links[done.links >= 0]

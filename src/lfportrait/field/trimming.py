@@ -2,10 +2,10 @@
 
 Below the chest photos end one after the other, and what the last of them saw ends in rags and
 crumbs: there the mattes of a few photos alone say where the body ends and a floor or a chair
-begins. Where fewer than two fifths of the photos still show the body, a plane cuts it, softly over
-two voxels. Where they show it to its end, the lowest surface on each side tells: the plane goes
-through these ends, raised until hardly anything frays above it. Busts that end evenly are left
-alone, and so is all that hangs together with the head above the plane.
+begins. Where fewer than two fifths of the photos still show the body, a plane cuts it. Where
+they show it to its end, the lowest surface on each side tells: the plane goes through these ends,
+raised until hardly anything frays above it. Busts that end evenly are left alone, and so is all
+that hangs together with the head above the plane.
 """
 
 from __future__ import annotations
@@ -40,6 +40,12 @@ SAMPLES = 20_000
 """Points of the surface, at most, that are looked up in all photos."""
 CHIN = 0.35
 """The cut stays further below the chin than this part of the face's height (brows to chin)."""
+STEEP = 8.0
+"""Optical depth of a voxel one voxel above the cut, at most."""
+FIRM = 3.0
+"""Factor of the densities at the cut, where rays end in a wedge thinner than the surface."""
+NEAR = 4.0
+"""Voxels above the cut from which on all is as it was."""
 CRUMB = 0.02
 """Pieces smaller than this part of the largest are crumbs."""
 
@@ -198,12 +204,15 @@ def trim(field: VoxelField, cut: Cut) -> VoxelField:
     Returns
     -------
     field
-        Fewer rows; densities within two voxels of the plane fade.
+        Fewer rows; densities fall through zero at the plane.
     """
     voxel = float(field.spacing.mean())
-    above = cut.above(field.lattice_points()) / (2 * voxel)
-    share = np.clip(above, 0, 1)
-    density = field.density * (share * share * (3 - 2 * share)).astype(np.float32)
+    above = cut.above(field.lattice_points()) / voxel
+    # Through zero at the plane, so that it cuts between lattice points; a surface that runs along
+    # the plane would be bitten into by a share of its density.
+    ramp = np.where(above < NEAR, STEEP / voxel * above, np.inf)
+    firm = 1 + (FIRM - 1) * np.clip(1 - above / NEAR, 0, 1)
+    density = np.minimum(field.density * firm, ramp).astype(np.float32)
     density[_crumbs(field, density)] = 0
     filled = field.links >= 0
     solid = np.zeros(filled.shape, bool)
