@@ -306,6 +306,17 @@ def test_densities_below_zero_put_the_outline_between_lattice_points():
     assert cut_off[1]["test"]["psnr"] > plain[1]["test"]["psnr"] + 1.0
 
 
+def test_small_voxels_keep_their_densities_above_zero():
+    def floor(finest, pixel, **more):
+        config = ReconstructConfig(finest=finest, **more)
+        return config.resolved(room=False, distance=4.0, pixel=pixel).density_floor
+
+    assert floor(256, 0.005) == 0.1
+    assert floor(256, 0.006) == 0.0
+    assert floor(256, 0.006, density_floor=0.2) == 0.2
+    assert ReconstructConfig().resolved(room=True, distance=4.0).density_floor == 0.3
+
+
 def test_a_ball_without_mattes_is_reconstructed_on_white():
     capture = ball_capture(alpha=False)
     config = replace(TINY, background_nlayers=0, lr_sigma=3.0, sweep=False, near_clip=0.0)

@@ -35,10 +35,11 @@ class ReconstructConfig:
     """Distance between samples in voxels; by default 0.5, and 1 for a room."""
     stop_thresh: float = 1e-2
     """A ray ends where its transmittance falls below this."""
-    density_floor: float = 0.2
+    density_floor: float = -1.0
     """Optical depth of a voxel by which a lattice point's density may fall below zero. Between a
     point below and one above it the interpolated density is cut off at zero, so that a surface may
-    lie anywhere within a voxel (ReLU fields, Karnewar et al. 2022); 0: no density is negative."""
+    lie anywhere within a voxel (ReLU fields, Karnewar et al. 2022); 0: no density is negative. By
+    default 0.1 where the finest voxel is 1.5 pixels or more, else 0; and 0.3 for a room."""
     init_opacity: float = 0.1
     """Share of the light that a voxel of the mattes' visual hull takes at the start."""
     lr_sigma: float = -1.0
@@ -167,5 +168,8 @@ class ReconstructConfig:
             lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),
             tv_sparsity=chosen(self.tv_sparsity, 0.003, 0.005),
             step_size=chosen(self.step_size, 0.5, 1.0), prune=chosen(self.prune, 0.01, 0.02),
+            # Smaller voxels follow the photos' noise with it.
+            density_floor=chosen(self.density_floor,
+                                 0.1 if 2.0 / resolutions[-1] >= 1.5 * pixel else 0.0, 0.3),
             background_nlayers=(32 if room else 0) if layers < 0 else layers,
             near_clip=chosen(self.near_clip, 0.0, distance / 4.0))
