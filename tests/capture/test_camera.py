@@ -80,6 +80,15 @@ def test_arc_turns_towards_positive_x() -> None:
     assert np.allclose(cameras.project(np.zeros((1, 3)))[0], 5.0)
 
 
+def test_views_show_what_is_before_them_and_in_their_picture() -> None:
+    # At (0, 0, 4), looking at the origin; the picture is 2 wide and 1 high there.
+    camera = Camera.arc([0.0, 90.0], distance=4.0, width=80, height=40, focal=160.0)
+    points = np.array([[0, 0, 0], [0.99, 0, 0], [1.01, 0, 0], [0, -0.49, 0], [0, 0.51, 0],
+                       [0, 0, 5]])
+    assert camera.shows(points)[0].tolist() == [True, True, False, True, False, False]
+    assert camera.shows(points)[1].tolist() == [True, True, True, True, False, False]
+
+
 def test_selection_and_concatenation() -> None:
     cameras = rig(1)
     joined = Camera.concatenate([cameras[:5], cameras[5], cameras[np.arange(6, len(cameras))]])

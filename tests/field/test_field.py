@@ -300,7 +300,7 @@ def test_densities_below_zero_put_the_outline_between_lattice_points():
     capture = ball_capture()
     config = replace(TINY, resolutions=(16, 24))
     plain, cut_off = (reconstruct_with_figures(capture, replace(config, density_floor=floor))
-                           for floor in (0.0, 0.1))
+                      for floor in (0.0, 0.1))
     assert plain[0].density.min() >= 0
     assert -0.1001 <= (cut_off[0].density.min() * cut_off[0].spacing.mean()) < 0
     assert cut_off[1]["test"]["psnr"] > plain[1]["test"]["psnr"] + 1.0

@@ -125,6 +125,12 @@ class Camera:
         pixels = local[..., :2] / safe[..., None] * self.focal[:, None] + self.center[:, None]
         return pixels, depth
 
+    def shows(self, points: Float) -> NDArray[np.bool_]:
+        """Whether each view has world points [N, 3] before it and in its picture, bool [V, N]."""
+        pixels, depth = self.project(points)
+        size = np.stack([self.width, self.height], axis=-1)[:, None]
+        return np.asarray((depth > 0) & ((pixels >= 0) & (pixels < size)).all(axis=-1))
+
     def transformed(self, similarity: Float) -> Camera:
         """The cameras in another world: ``similarity`` [4, 4] maps old world points to new ones."""
         scale = np.cbrt(np.linalg.det(similarity[:3, :3]))

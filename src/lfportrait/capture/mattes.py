@@ -284,10 +284,8 @@ def views_share(cameras: Camera, reach: float, size: int) -> NDArray[np.float64]
     """
     axis = reach * (2.0 * (np.arange(size) + 0.5) / size - 1.0)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    pixels, along = cameras.project(np.stack([x, y, z], -1).reshape(-1, 3))
-    inside = ((along > 0) & (pixels >= 0).all(-1) & (pixels[..., 0] < cameras.width[:, None])
-              & (pixels[..., 1] < cameras.height[:, None]))
-    return np.asarray(inside.mean(axis=0).reshape(z.shape))
+    shown = cameras.shows(np.stack([x, y, z], -1).reshape(-1, 3))
+    return np.asarray(shown.mean(axis=0).reshape(z.shape))
 
 
 def mattes_share(cameras: Camera, mattes: list[NDArray[np.float32]], reach: float, size: int,

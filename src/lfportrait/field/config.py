@@ -168,7 +168,7 @@ class ReconstructConfig:
             lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),
             tv_sparsity=chosen(self.tv_sparsity, 0.003, 0.005),
             step_size=chosen(self.step_size, 0.5, 1.0), prune=chosen(self.prune, 0.01, 0.02),
-            # Smaller voxels follow the photos' noise with it.
+            # Below zero, voxels that are small against the pixels follow the photos' noise.
             density_floor=chosen(self.density_floor,
                                  0.1 if 2.0 / resolutions[-1] >= 1.5 * pixel else 0.0, 0.3),
             background_nlayers=(32 if room else 0) if layers < 0 else layers,

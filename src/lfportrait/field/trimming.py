@@ -34,6 +34,8 @@ CLEAN = 92.0
 """Per cent of the ends that lie below the cut."""
 SHOWN = 0.4
 """Share of the photos that still show the body where it is cut."""
+ASKED = 0.25
+"""A place that a smaller share of all photos than this could show tells nothing."""
 UNSEEN = 0.01
 """Where a smaller share of the surface than this lies lower, the photos' end is not the body's."""
 SAMPLES = 20_000
@@ -70,8 +72,7 @@ class Cut:
         return np.asarray(points @ self.normal - self.height, np.float64)
 
 
-def find_cut(field: VoxelField, landmarks: NDArray[np.floating],
-             cameras: Camera | None = None) -> Cut | None:
+def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera) -> Cut | None:
     """Where a bust is to be cut, or None where it ends evenly, or not far enough below the face.
 
     Parameters
@@ -90,7 +91,7 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating],
     points = points[points[:, 1] < chin]
     if not np.isfinite(tall) or len(points) < 20 * SIDES:
         return None
-    plane = _end_of_photos(points, chin, cameras) if cameras is not None else None
+    plane = _end_of_photos(points, chin, cameras)
     if plane is None:
         plane = _end_of_body(points, FRAYED * voxel)
     if plane is None:
@@ -115,10 +116,10 @@ def _end_of_photos(points: Float64, chin: float, cameras: Camera) -> Float64 | N
     level[:, 1] = chin
     shown, asked = np.zeros((2, len(points)))
     for view in range(len(cameras)):
-        above = _in_picture(cameras[view], level)
+        above = cameras[view].shows(level)[0]
         asked += above
-        shown += above & _in_picture(cameras[view], points)
-    known = asked > 0.25 * len(cameras)
+        shown += above & cameras[view].shows(points)[0]
+    known = asked > ASKED * len(cameras)
     points, enough = points[known], (shown >= SHOWN * asked)[known]
     if not len(points) or (~enough).mean() < UNSEEN:
         return None
@@ -135,13 +136,6 @@ def _border(points: Float64, enough: Bools) -> Float64 | None:
         return None
     wrong = np.cumsum(~lower) + lower.sum() - np.cumsum(lower)
     return np.asarray(points[order[np.argmin(wrong)]], np.float64)
-
-
-def _in_picture(camera: Camera, points: Float64) -> Bools:
-    """Whether one camera has points [K, 3] in its picture, [K]."""
-    pixels, depth = camera.project(points)
-    size = np.array([camera.width[0], camera.height[0]])
-    return np.asarray((depth[0] > 0) & ((pixels[0] >= 0) & (pixels[0] < size)).all(axis=1))
 
 
 def _end_of_body(points: Float64, frayed: float) -> Float64 | None:

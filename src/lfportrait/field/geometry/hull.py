@@ -133,10 +133,7 @@ def hull_box(cameras: Camera, alphas: list[NDArray[np.uint8]], reach: float = 1.
     if not len(z):
         return center, np.ones(3)
     points = np.stack([axis[x], axis[y], axis[z]], 1)
-    pixels, depth = cameras.project(points)
-    inside = ((depth > 0) & (pixels >= 0).all(-1) & (pixels[..., 0] < cameras.width[:, None])
-              & (pixels[..., 1] < cameras.height[:, None]))
-    points = points[inside.mean(0) >= 0.4]
+    points = points[cameras.shows(points).mean(0) >= 0.4]
     if not len(points):
         return center, np.ones(3)
     margin = 2.5 * reach / size

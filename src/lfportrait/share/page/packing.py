@@ -43,10 +43,10 @@ _CLEAR = 0.05
 takes less is seen less, and may be rounded more."""
 _LOOSEST = 24
 """Largest tolerance, in 255ths, for what is hardly seen."""
-_HOLLOW = 0.3
-"""The same for a voxel of negative density: less than minus this is not told."""
 _OPAQUE = 9.0
 """Optical depth of a voxel that lets 1/8000 of the light through: more than that is not told."""
+_HOLLOW = 0.3
+"""Nor is an optical depth below minus this: what the trained floor of densities is, at most."""
 
 
 @dataclass(frozen=True)
