@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import tyro
@@ -97,6 +98,10 @@ class ReconstructConfig:
     refine_poses: bool = False
     """Correct the cameras a little while the field is trained, for cameras that are off by a pixel
     or more; held-out photos are compared at their corrected cameras."""
+    refine_mattes: Literal["auto", "yes", "no"] = "auto"
+    """Before and within the last level, lay the mattes anew: along the photos' edges, near the
+    outline that the field shows by then. ``auto``: mattes that were made from the photos, not
+    given ones."""
     sweep: bool = True
     """Start a room from the surfaces that a plane sweep of small photos finds, not from haze."""
     trim: bool = True
@@ -107,6 +112,11 @@ class ReconstructConfig:
     they arrive with the time."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the rays."""
+
+    def refines_mattes(self, how: str | None) -> bool:
+        """Whether mattes are laid anew; ``how`` tells how they were made (`job.cut_person`)."""
+        return self.refine_mattes == "yes" or (
+            self.refine_mattes == "auto" and how in ("network", "geometry"))
 
     def shares(self) -> tuple[float, ...]:
         """Each level's share of the schedule, adding up to one."""

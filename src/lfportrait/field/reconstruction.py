@@ -6,14 +6,16 @@ variation (Eq. 3) and a distortion loss that makes surfaces thin;
 between levels, lattice points that no training ray sees are pruned and the rest are upsampled.
 Where the photos have mattes, the field starts from their visual hull, the opacity of each ray is
 fitted, too, and every batch is composited on random backgrounds, so that empty space ends clean;
-rays that the hull and the mattes make idle are not drawn. Photos without mattes get spheres behind
-the lattice that learn the room. Steps are counted in rays, not in seconds, unless a time budget is
-given.
+rays that the hull and the mattes make idle are not drawn. Mattes that were made from the photos are
+laid anew along the photos' edges before and within the last level
+(`lfportrait.field.geometry.outlines`). Photos without mattes get spheres behind the lattice that
+learn the room. Steps are counted in rays, not in seconds, unless a time budget is given.
 """
 
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +73,8 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         held-out views, ``train.rays``, ``train.rays_per_second``, ``voxels``, ``seconds``;
         ``trimmed`` (rows dropped and the plane's height) where a frayed end was cut off after the
         test; with ``measure_every`` also ``curve``, a list of `CurvePoint`; with ``refine_poses``
-        also ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB).
+        also ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB); where
+        mattes were laid anew, also ``test.psnr_at_given_mattes``.
 
     Raises
     ------
@@ -119,16 +122,21 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
     if trainer.poses is not None:
         figures["cameras"] = trainer.poses.figures()
     if len(capture.testing()):
-        tested = capture
+        tested = trainer.capture
         if trainer.poses is not None:
             tested = trainer.poses.tested(field, trainer.capture, trainer.test_gains)
         figures["test"] = held_out_quality(field, tested, config.background, trainer.test_gains)
         if trainer.poses is not None:
-            plain = held_out_quality(field, capture, config.background, trainer.test_gains)
+            plain = held_out_quality(field, replace(tested, cameras=capture.cameras),
+                                     config.background, trainer.test_gains)
             figures["test"]["psnr_at_given_cameras"] = plain["psnr"]
         if not np.allclose(trainer.test_gains, 1.0):
             plain = held_out_quality(field, tested, config.background)
             figures["test"]["psnr_without_exposure"] = plain["psnr"]
+        if trainer.laid is not None:
+            plain = held_out_quality(field, replace(tested, alphas=capture.alphas),
+                                     config.background, trainer.test_gains)
+            figures["test"]["psnr_at_given_mattes"] = plain["psnr"]
         if meter is not None:
             meter.finish(trainer.rays_done, trained, figures["test"]["psnr"])
     if meter is not None and meter.measure_every > 0:

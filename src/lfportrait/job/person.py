@@ -46,7 +46,7 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     -------
     capture, how
         The capture with mattes, or the same if nothing was found; ``"network"``, ``"geometry"`` or
-        why there are none.
+        why there are none. The capture's figures tell the first two as ``mattes``.
 
     Raises
     ------
@@ -82,8 +82,8 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     nobody = np.mean([float(matte.mean()) for matte in mattes]) <= 0.002
     if nobody or (how == "network" and agree.mean() < _FEWEST):
         return capture, "none: no person was found, the room stays"
-    return replace(capture, alphas=[(np.clip(matte, 0, 1) * 255 + 0.5).astype(np.uint8)
-                                    for matte in mattes]), how
+    alphas = [(np.clip(matte, 0, 1) * 255 + 0.5).astype(np.uint8) for matte in mattes]
+    return replace(capture, alphas=alphas, figures={**capture.figures, "mattes": how}), how
 
 
 def _up_in_image(capture: Capture, view: int) -> NDArray[np.float64]:

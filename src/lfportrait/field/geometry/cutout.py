@@ -22,6 +22,7 @@ from scipy import ndimage
 from ...capture import Capture, refine_matte
 from ...progress import Progress
 from .fused_depth import REACH, Solid, find_solid
+from .outlines import along_edges
 from .sweep import sweep_depth
 
 __all__ = ["cut_out", "trim"]
@@ -30,7 +31,6 @@ Plane = NDArray[np.float32]
 
 _OUTLINE = 384  # height or width in which outlines are drawn
 _ALIKE = 0.75  # overlap with the outline from which a matte is thought to show the same
-_AGREE = 0.8  # overlap with the outline below which a photo's edges are not followed
 
 
 def cut_out(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
@@ -148,17 +148,4 @@ def _coarse(capture: Capture, view: int, solid: Solid) -> Plane:
 
 def _cut(image: NDArray[np.uint8], coarse: Plane) -> tuple[Plane, bool]:
     """The matte laid along the photo's edges, and whether these agree with the outline."""
-    rows, columns = (np.flatnonzero((coarse > 0.02).any(axis=1 - axis)) for axis in (0, 1))
-    if not len(rows):
-        return coarse, True
-    margin = max(coarse.shape) // 24
-    box = (slice(max(0, rows[0] - margin), rows[-1] + margin + 1),
-           slice(max(0, columns[0] - margin), columns[-1] + margin + 1))
-    matte = coarse.copy()
-    cell = max(2, round(max(coarse.shape) / 256))
-    matte[box] = refine_matte(image[box], coarse[box], cell, calm=True)
-    both = ((matte > 0.5) & (coarse > 0.5)).sum()
-    either = ((matte > 0.5) | (coarse > 0.5)).sum()
-    if both < _AGREE * either:
-        return np.clip(2.0 * coarse - 0.5, 0, 1).astype(np.float32), False
-    return matte, True
+    return along_edges(image, coarse, max(2, round(max(coarse.shape) / 256)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import zipfile
+import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,7 +20,7 @@ from .lattice import Lattice
 from .pixels import Batches
 from .poses import PoseRefiner
 
-__all__ = ["State", "read_checkpoint", "write_checkpoint"]
+__all__ = ["State", "deflated", "read_checkpoint", "write_checkpoint"]
 
 
 class State(Protocol):
@@ -38,6 +39,7 @@ class State(Protocol):
     test_gains: NDArray[np.float64]
     recent: NDArray[np.float64]
     table: NDArray[np.int32] | None
+    laid: NDArray[np.uint8] | None
     poses: PoseRefiner | None
     background: Background | None
     behind: BackgroundTrainer | None
@@ -46,12 +48,28 @@ class State(Protocol):
     def place(self, capture: Capture) -> None:
         """Go on with other cameras of the same photos."""
 
+    def lay_mattes(self, mattes: list[NDArray[np.uint8]]) -> None:
+        """Go on with other mattes."""
+
     def background_trainer(self, mean_square: NDArray[np.float32] | None = None,
                            ) -> BackgroundTrainer | None:
         """What trains the background."""
 
     def new_batches(self) -> Batches:
         """The order of the level's rays."""
+
+
+def deflated(mattes: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Mattes as they are kept: a hundredth of their size."""
+    return np.frombuffer(zlib.compress(b"".join(map(np.ndarray.tobytes, mattes)), 1), np.uint8)
+
+
+def _inflated(data: NDArray[np.uint8], like: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
+    """The mattes again; ``like`` has their shapes."""
+    flat = np.frombuffer(zlib.decompress(data.tobytes()), np.uint8)
+    ends = np.cumsum([matte.size for matte in like])
+    return [part.reshape(matte.shape)
+            for part, matte in zip(np.split(flat, ends[:-1]), like, strict=True)]
 
 
 def write_checkpoint(trainer: State, path: Path) -> None:
@@ -75,6 +93,8 @@ def write_checkpoint(trainer: State, path: Path) -> None:
             state["background_mean_square"] = trainer.behind.mean_square
     if trainer.batches is not None:
         state |= trainer.batches.state
+    if trainer.laid is not None:
+        state["mattes"] = trainer.laid
     if trainer.table is not None:
         state["table"] = trainer.table
     with atomic_write(path) as stream:
@@ -96,12 +116,18 @@ def read_checkpoint(trainer: State, path: Path) -> None:
         level_done, lr_sigma = (float(number) for number in state["rates"])
         capture = (trainer.capture if trainer.poses is None
                    else trainer.poses.restore(state, trainer.capture))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        mattes = None
+        if "mattes" in state:
+            assert capture.alphas is not None
+            mattes = _inflated(state["mattes"], capture.alphas)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         return
     trainer.level, trainer.step, trainer.rays_done, trainer.lattice = level, step, rays, lattice
     trainer.gains, trainer.test_gains, trainer.recent = gains, test_gains, recent
     trainer.level_done, trainer.table = level_done, state.get("table")
     trainer.place(capture)
+    if mattes is not None:
+        trainer.lay_mattes(mattes)
     trainer.began -= elapsed
     trainer.config = replace(trainer.config, lr_sigma=lr_sigma)
     if "background_links" in state:

@@ -40,6 +40,13 @@ class TrainingPixels:
         """Cast the rays from these cameras from now on."""
         self.cameras = np.stack([camera_row(cameras, view) for view in range(len(cameras))])
 
+    def lay_mattes(self, mattes: list[NDArray[np.uint8]]) -> None:
+        """Learn from these mattes of the training views from now on; the tiles stay the same."""
+        for view, matte in enumerate(mattes):
+            width, height = self.sizes[view]
+            first = self.starts[view]
+            self.pixels[first:first + width * height, 3] = matte.ravel()
+
     def cube_rays(self, tiles: NDArray[np.int32], center: NDArray[np.float64],
                   radius: NDArray[np.float64]) -> NDArray[np.float32]:
         """The 16 rays of each tile in the coordinates of a box's cube: float32 [16 T, 6]."""

@@ -18,13 +18,14 @@ from ..background import Background, BackgroundTrainer
 from ..config import ReconstructConfig
 from ..geometry.exposure import matte_gains
 from ..geometry.hull import ruled_out
+from ..geometry.outlines import refined_mattes
 from ..geometry.start import start_person, start_room
 from ..grid import VoxelField
 from ..kernels.bricks import row_width
 from ..kernels.descent import descend
 from ..quality import held_out_quality
 from .casting import Caster
-from .checkpoint import read_checkpoint, write_checkpoint
+from .checkpoint import deflated, read_checkpoint, write_checkpoint
 from .lattice import Lattice, box_shape
 from .meter import Meter
 from .pixels import Batches, TrainingPixels
@@ -36,6 +37,8 @@ __all__ = ["Trainer"]
 _SAVE_EVERY = 20.0  # seconds
 _LOOK_AGAIN = 400
 """Steps after which it is looked again for bricks that have become clear."""
+_LAY_AGAIN = 0.4
+"""Share of the finest level after which mattes are laid once more: its outline is finer by then."""
 
 
 class Trainer:
@@ -68,6 +71,10 @@ class Trainer:
         # Exposures: what photos are divided by; held-out photos have theirs, too.
         self.gains = np.ones((len(self.views), 3))
         self.test_gains = np.ones((len(capture.testing()), 3))
+        self.lays_mattes = capture.alphas is not None and config.refines_mattes(
+            capture.figures.get("mattes"))
+        # Mattes laid anew, deflated, as a checkpoint keeps them.
+        self.laid: NDArray[np.uint8] | None = None
         self.poses = PoseRefiner(capture, self.views) if config.refine_poses else None
         self.key = (f"{config} {len(self.views)} {int(self.data.pixels[::997].sum())} "
                     f"{self.workers}")
@@ -151,8 +158,12 @@ class Trainer:
     def _refine(self, resolution: int) -> None:
         """Prune what no training ray sees, and interpolate the rest on a finer lattice."""
         assert self.lattice is not None
-        if self.data.has_alpha and self.config.exposure:
-            self._expose(self.field())
+        if self.data.has_alpha:
+            field = self.field()
+            if self.lays_mattes and self.level == len(self.config.resolutions) - 1:
+                self.lay_mattes(refined_mattes(field, self.capture))
+            if self.config.exposure:
+                self._expose(field)
         spacing = 2.0 * self.lattice.radius / self.lattice.links.shape[::-1]
         growth = float(np.prod(0.5 * resolution * spacing))
         weights, least = self._largest_weights(), self.config.prune
@@ -168,6 +179,12 @@ class Trainer:
         if self.background is not None:
             self.background = self.background.upsampled()
         self.lattice = lattice.refined(box_shape(resolution, lattice.radius), keep)
+
+    def lay_mattes(self, mattes: list[NDArray[np.uint8]]) -> None:
+        """Go on with these mattes of all views."""
+        self.capture = replace(self.capture, alphas=mattes)
+        self.data.lay_mattes([mattes[view] for view in self.views])
+        self.laid = deflated(mattes)
 
     def _expose(self, field: VoxelField) -> None:
         """Exposures of photos with mattes, from a field that is trained roughly."""
@@ -302,6 +319,7 @@ class Trainer:
             batches.learn(caster.errors)
             now = time.perf_counter()
             # Rates fall by rays, or by the clock where that is ahead.
+            was = self.level_done
             self.level_done = min(1.0, max(
                 (self.step + 1) / steps,
                 resumed + (1.0 - resumed) * (now - begun) / (deadline - begun)))
@@ -330,6 +348,8 @@ class Trainer:
             self._tell(done)
             if self.poses is not None and self.poses.due(self.level, self.level_done, finest):
                 self.place(self.poses.refine(self.field(), self.capture, self.gains))
+            if self.lays_mattes and finest and was < _LAY_AGAIN <= self.level_done:
+                self.lay_mattes(refined_mattes(self.field(), self.capture))
             if now > deadline:
                 break
             self._save_now_and_then()

@@ -1,0 +1,99 @@
+"""Mattes laid anew by the field: what all photos agree on, along each photo's own edges.
+
+A matte that a network or a rough solid gave errs here and there by a few pixels, each photo at
+other places. A field that is trained roughly has already weighed all of them: rendered into a
+photo, its opacity is right within a pixel or two of its own nearly everywhere, and the photo's
+edges say the rest (`lfportrait.capture.refine_matte`). Held-out photos, whose mattes erred alike,
+get theirs in the same way, from a field that never saw them.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...capture import Capture, refine_matte
+from ..grid import VoxelField
+
+__all__ = ["along_edges", "refined_mattes"]
+
+Plane = NDArray[np.float32]
+
+_AGREE = 0.8
+"""Overlap with a rough outline below which a photo's edges are not followed."""
+_TOGETHER = 8
+"""Photos whose planes are in memory at a time."""
+
+
+def along_edges(image: NDArray[np.uint8], coarse: Plane, cell: int) -> tuple[Plane, bool]:
+    """Lay a rough matte along its photo's edges.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3].
+    coarse
+        float32 [H, W] in [0, 1], right within a few cells.
+    cell
+        Pixels to a cell (`lfportrait.capture.refine_matte`).
+
+    Returns
+    -------
+    matte, follows
+        float32 [H, W] in [0, 1], and whether the edges agree with the rough matte; where they do
+        not, the matte is that itself, steeper.
+    """
+    rows, columns = (np.flatnonzero((coarse > 0.02).any(axis=1 - axis)) for axis in (0, 1))
+    if not len(rows):
+        return coarse, True
+    margin = max(coarse.shape) // 24
+    box = (slice(max(0, rows[0] - margin), rows[-1] + margin + 1),
+           slice(max(0, columns[0] - margin), columns[-1] + margin + 1))
+    matte = coarse.copy()
+    matte[box] = refine_matte(image[box], coarse[box], cell, calm=True)
+    both = ((matte > 0.5) & (coarse > 0.5)).sum()
+    either = ((matte > 0.5) | (coarse > 0.5)).sum()
+    if both < _AGREE * either:
+        return np.clip(2.0 * coarse - 0.5, 0, 1).astype(np.float32), False
+    return matte, True
+
+
+def refined_mattes(field: VoxelField, capture: Capture) -> list[NDArray[np.uint8]]:
+    """Mattes of photos, from a field that was trained with rougher ones.
+
+    Parameters
+    ----------
+    field
+        The field so far.
+    capture
+        The photos, with mattes and what is behind the person.
+
+    Returns
+    -------
+    mattes
+        V mattes, uint8 [H, W]; a photo's own where its edges contradict the field.
+    """
+    assert capture.alphas is not None
+    mattes: list[NDArray[np.uint8]] = []
+    with ThreadPoolExecutor(2) as workers:
+        for first in range(0, len(capture), _TOGETHER):
+            some = range(first, min(first + _TOGETHER, len(capture)))
+            rough = [_opacity(field, capture, view) for view in some]
+            laid = workers.map(lambda job: along_edges(*job),
+                               [(capture.images[view], *one) for view, one in zip(some, rough)])
+            mattes += [np.asarray(255.0 * matte + 0.5, np.uint8) if follows
+                       else capture.alphas[view] for view, (matte, follows) in zip(some, laid)]
+    return mattes
+
+
+def _opacity(field: VoxelField, capture: Capture, view: int) -> tuple[Plane, int]:
+    """The field's opacity in one photo, [H, W], and the photo's pixels to a cell."""
+    camera = capture.cameras[view]
+    distance = float(np.linalg.norm(camera.position[0] - field.center))
+    voxel = float(field.spacing.max()) * float(camera.focal.max()) / distance
+    small = field.render(camera.scaled(min(1.0, 1.0 / voxel)), 0, background=0.0).alpha
+    large = cv2.resize(small, capture.images[view].shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    return np.clip(large, 0.0, 1.0).astype(np.float32), max(2, round(0.5 * voxel))

@@ -1,0 +1,129 @@
+"""Mattes laid anew by what the field shows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from lfportrait.capture import Capture
+from lfportrait.field import ReconstructConfig, reconstruct_with_figures
+from lfportrait.field.geometry.outlines import refined_mattes
+from lfportrait.field.training import trainer
+from lfportrait.field.training.trainer import Trainer
+from tests.field.test_field import ball_capture
+
+SMALL = ReconstructConfig(resolutions=(24, 40), rays=(0.15, 0.2), batch=(1024,), sh_degree=1)
+
+
+def photos() -> Capture:
+    """A ball before walls of other colours, with what is behind it in the photos."""
+    capture = ball_capture(count=24, size=72)
+    random = np.random.default_rng(1)
+    images = []
+    for image, alpha in zip(capture.images, capture.alphas):
+        share = alpha[..., None] / 255.0
+        wall = random.integers(0, 256, 3)
+        images.append(np.uint8(image * share + wall * (1.0 - share) + 0.5))
+    return replace(capture, images=images, figures={"mattes": "network"})
+
+
+def with_wrong_mattes(capture: Capture) -> Capture:
+    """Training mattes with bites and lumps of 4 to 7 pixels, elsewhere in each."""
+    random = np.random.default_rng(2)
+    alphas = list(capture.alphas)
+    row, column = np.mgrid[:72, :72]
+    for view in capture.training():
+        person = alphas[view] > 127
+        outline = np.argwhere(person & ~ndimage.binary_erosion(person))
+        matte = alphas[view].copy()
+        for number in range(4):
+            y, x = outline[random.integers(len(outline))]
+            patch = np.hypot(row - y, column - x) < random.uniform(4, 7)
+            matte[patch] = 255 * (number % 2)
+        alphas[view] = matte
+    return replace(capture, alphas=alphas)
+
+
+def wrong(mattes, truth) -> float:
+    """Share of pixels on the wrong side of the outline."""
+    return float(np.mean([(a > 127) != (b > 127) for a, b in zip(mattes, truth)]))
+
+
+def reconstruct_recording(capture, config, monkeypatch):
+    """The figures, and the mattes that the trainer had at its end."""
+    ends = []
+    finish = Trainer.finish
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, "finish",
+                      lambda run: (ends.append(run.capture), finish(run))[1])
+        _, figures = reconstruct_with_figures(capture, config)
+    return figures, ends[0]
+
+
+def test_bites_and_lumps_are_mended(monkeypatch):
+    truth = photos()
+    given = with_wrong_mattes(truth)
+    without, _ = reconstruct_recording(given, replace(SMALL, refine_mattes="no"), monkeypatch)
+    figures, end = reconstruct_recording(given, SMALL, monkeypatch)
+    views = truth.training()
+    before, after = (wrong([c.alphas[v] for v in views], [truth.alphas[v] for v in views])
+                     for c in (given, end))
+    assert after < 0.3 * before
+    # Held-out mattes are the true ones here.
+    assert figures["test"]["psnr_at_given_mattes"] > without["test"]["psnr"] + 2.0
+    assert figures["test"]["psnr"] > without["test"]["psnr"] + 2.0
+    assert "psnr_at_given_mattes" not in without["test"]
+
+
+@pytest.mark.parametrize(("how", "choice", "laid"), [
+    (None, "auto", False), ("given", "auto", False), ("network", "auto", True),
+    ("geometry", "auto", True), ("network", "no", False), (None, "yes", True)])
+def test_given_mattes_are_believed(how, choice, laid):
+    capture = replace(photos(), figures={} if how is None else {"mattes": how})
+    assert Trainer(capture, replace(SMALL.resolved(False, 3.0), refine_mattes=choice)
+                   ).lays_mattes is laid
+
+
+def test_mattes_that_were_right_stay_right(monkeypatch):
+    truth = photos()
+    _, end = reconstruct_recording(truth, SMALL, monkeypatch)
+    assert wrong(end.alphas, truth.alphas) < 0.003
+
+
+@pytest.mark.parametrize(("step", "left"), [(10, 1), (120, 0)])
+def test_a_stopped_run_goes_on_with_the_mattes_it_had(step, left, tmp_path, monkeypatch):
+    capture = with_wrong_mattes(photos())
+    first, _ = reconstruct_with_figures(capture, SMALL)
+    checkpoint = tmp_path / "state.npz"
+
+    def stop(run):
+        if run.level == 1 and run.step == step:
+            run.save()
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, "_save_now_and_then", stop)
+        with pytest.raises(KeyboardInterrupt):
+            reconstruct_with_figures(capture, SMALL, checkpoint=checkpoint)
+    laid = []
+    with monkeypatch.context() as patch:
+        patch.setattr(trainer, "refined_mattes",
+                      lambda *given: (laid.append(1), refined_mattes(*given))[1])
+        second, _ = reconstruct_with_figures(capture, SMALL, checkpoint=checkpoint)
+    assert len(laid) == left
+    assert np.array_equal(first.links, second.links)
+    assert np.array_equal(first.density, second.density)
+    assert np.array_equal(first.sh, second.sh)
+
+
+def test_a_photo_without_the_person_keeps_its_empty_matte(monkeypatch):
+    truth = photos()
+    view = int(truth.training()[3])
+    away = truth.cameras.pose.copy()
+    away[view, :3, 3] += 40.0 * away[view, :3, 0]
+    alphas = list(truth.alphas)
+    alphas[view] = np.zeros_like(alphas[view])
+    capture = replace(truth, alphas=alphas, cameras=replace(truth.cameras, pose=away))
+    _, end = reconstruct_recording(capture, SMALL, monkeypatch)
+    assert not end.alphas[view].any()
