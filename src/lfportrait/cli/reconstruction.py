@@ -100,7 +100,8 @@ class Reconstruct(Common):
         from ..field import reconstruct_with_figures
         from ..job import cut_person
 
-        capture, mattes = Capture.load(self.capture), "given"
+        capture = Capture.load(self.capture)
+        mattes = str(capture.figures.get("mattes", "given"))
         checkpoint = self.out.with_name(f".{self.out.stem}.checkpoint.npz")
         if self.keep_background:
             capture, mattes = replace(capture, alphas=None), "none: the background is kept"
