@@ -16,6 +16,7 @@ from lfportrait.capture import CalibrateConfig, Camera, calibrate, load_photos
 from lfportrait.capture.photos import read_photos
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
+from lfportrait.progress import Progress
 
 FAST = CalibrateConfig(features=1500, camera_model="SIMPLE_PINHOLE")
 ROUGH = replace(FAST, features=700)
@@ -33,14 +34,19 @@ def texture(seed: int, size: int = 512) -> np.ndarray:
     return ndimage.gaussian_filter(result / 3, (0.8, 0.8, 0))
 
 
-def room_picture(cameras: Camera, view: int, seed: int = 0) -> np.ndarray:
-    """What a camera sees of a corner of a room: back wall z = -1, floor y = -1, a box in front."""
+def room_picture(cameras: Camera, view: int, seed: int = 0, walls: bool = True) -> np.ndarray:
+    """What a camera sees of a corner of a room: back wall z = -1, floor y = -1, a box in front.
+
+    Without walls it is black about the box.
+    """
     origins, directions = cameras.rays(view)
     image = np.zeros((len(origins), 3))
     nearest = np.full(len(origins), np.inf)
     # (axis, level, extent along the other two axes)
     for number, (axis, level, reach) in enumerate(((2, -1.0, 6.0), (1, -1.0, 6.0), (0, 0.5, 0.5),
                                                    (2, 0.5, 0.5), (1, 0.5, 0.5))):
+        if reach > 1 and not walls:
+            continue
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = (level - origins[:, axis]) / directions[:, axis]
         points = origins + distance[:, None] * directions
@@ -101,6 +107,22 @@ def test_cameras_of_a_rendered_room_are_recovered(room: tuple[Path, Camera]) -> 
     assert capture.cameras.position.mean(0)[2] > 1
     middle = capture.cameras.project(np.zeros((1, 3)))[0][:, 0]
     assert np.abs(middle - [180, 135]).max() < 15
+
+
+def test_a_camera_that_stands_still_before_what_turns(tmp_path: Path,
+                                                       capsys: pytest.CaptureFixture[str]) -> None:
+    cameras = room_cameras(8, 480, 480)
+    behind = np.uint8(texture(99)[:480, :480] * 255)
+    for view in range(len(cameras)):
+        box = room_picture(cameras, view, walls=False)
+        write_image(tmp_path / f"{view}.jpg", np.where(box.any(-1, keepdims=True), box, behind),
+                    quality=95)
+    capture = calibrate(tmp_path, FAST, Progress("calibrate"))
+    assert "the camera stood still" in capsys.readouterr().err
+    angle, position = pose_errors(capture.cameras.pose, cameras.pose)
+    assert len(angle) == 8
+    assert np.median(angle) < 0.5
+    assert np.median(position) < 0.02
 
 
 def test_the_same_photos_give_the_same_cameras(room: tuple[Path, Camera],

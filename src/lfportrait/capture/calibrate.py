@@ -32,10 +32,12 @@ from .calibration.database import Scene, lens_groups, sensor_turns
 from .calibration.features import (
     Features,
     Matches,
+    camera_stood_still,
     likely_pairs,
     match_features,
     neighbouring_pairs,
     sift_features,
+    without_still,
 )
 from .calibration.lens_terms import adjust, starting_model
 from .calibration.mapping import place_photos
@@ -55,6 +57,9 @@ _ADVICE = ("take 20 to 100 photos of a person who holds still, with small steps 
 
 _MOST_AGAIN = 800
 """Pairs of photos that are compared once more, in full, where photos are left out."""
+
+_FEWEST = 15
+"""Matches of a pair of photos that are worth checking, as COLMAP has it."""
 
 Float = NDArray[np.float64]
 
@@ -132,10 +137,13 @@ def _matches(features: list[Features], config: CalibrateConfig, say: Callable[[s
     for number, (i, j) in enumerate(pairs):
         if number % 20 == 0:
             say(f"comparing photos in full: pair {number} of {len(pairs)}")
-        matches = match_features(features[i].descriptors, features[j].descriptors)
-        if len(matches) >= 15:
-            found[i, j] = matches
-    return found
+        found[i, j] = match_features(features[i].descriptors, features[j].descriptors)
+    return _enough(found)
+
+
+def _enough(matches: dict[tuple[int, int], Matches]) -> dict[tuple[int, int], Matches]:
+    """The pairs with as many matches as COLMAP asks for."""
+    return {pair: own for pair, own in matches.items() if len(own) >= _FEWEST}
 
 
 def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progress | None,
@@ -157,6 +165,10 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     groups = lens_groups(photos, turns, config.shared_camera)
     features = _features(photos, turns, config, say)
     matches = _matches(features, config, say)
+    stood_still = camera_stood_still(features, matches)
+    if stood_still:
+        told("the camera stood still: what stands still with it is left out")
+        matches = _enough(without_still(features, matches))
     shapes = [np.rot90(photo.image[..., 0], turn).shape for photo, turn in zip(photos, turns)]
     scene = Scene([(shape[1], shape[0]) for shape in shapes], [photo.focal for photo in photos],
                   features, matches, work, config.seed)
@@ -173,7 +185,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     if again and len(again) * len(photos) <= _MOST_AGAIN:
         told(f"looking closer at {len(again)} photos that are left out: weaker features, compared "
              "with all photos")
-        closer = _closer(scene, photos, turns, again, config, say)
+        closer = _closer(scene, photos, turns, again, config, say, stood_still)
         registered[0] = 2
         if closer.seen_again(pycolmap, groups, start)[again].any():
             second = place_photos(pycolmap, closer, groups, start, report, told)
@@ -199,7 +211,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
 
 
 def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int],
-            config: CalibrateConfig, say: Callable[[str], None]) -> Scene:
+            config: CalibrateConfig, say: Callable[[str], None], stood_still: bool) -> Scene:
     """The scene with more features in some photos, which are compared with all others in full."""
     features, matches = list(scene.features), dict(scene.matches)
     more = replace(config, features=2 * config.features)
@@ -211,10 +223,11 @@ def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int
             if j != i and (j not in again or j > i):
                 pair = min(i, j), max(i, j)
                 matches[pair] = match_features(*(features[k].descriptors for k in pair))
+    if stood_still:
+        matches = without_still(features, matches)
     work = scene.work / "closer"
     work.mkdir()
-    return Scene(scene.sizes, scene.focals, features,
-                 {pair: own for pair, own in matches.items() if len(own) >= 15}, work, scene.seed)
+    return Scene(scene.sizes, scene.focals, features, _enough(matches), work, scene.seed)
 
 
 def _upright(pose: Float, lens: Lens, turn: int) -> tuple[Float, Lens]:

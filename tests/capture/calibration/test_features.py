@@ -5,10 +5,12 @@ import pytest
 
 from lfportrait.capture.calibration.features import (
     Features,
+    camera_stood_still,
     likely_pairs,
     match_features,
     neighbouring_pairs,
     sift_features,
+    without_still,
 )
 
 
@@ -81,3 +83,24 @@ def test_neighbouring_pairs():
     found = neighbouring_pairs(40, reach=3)
     assert (5, 8) in found and (5, 9) in found and (5, 10) not in found and (5, 21) in found
     assert all(0 <= i < j < 40 for i, j in found)
+
+
+def test_what_stands_still_with_the_camera_goes():
+    random = np.random.default_rng(0)
+    first = random.uniform(0, 500, (40, 2))
+    second, third = first + random.uniform(-1, 1, (40, 2)), first + random.uniform(-1, 1, (40, 2))
+    second[30:] += 20  # the person
+    third[30:] += 35
+    features = [Features(places.astype(np.float32), descriptors(0, 40), np.arange(0))
+                for places in (first, second, third)]
+    same = np.repeat(np.arange(40, dtype=np.uint32)[:, None], 2, 1)
+    wrong = np.array([[3, 35]], np.uint32)  # what was still once is behind the person
+    matches = {(0, 1): same, (1, 2): same, (0, 2): np.concatenate([same[30:], wrong])}
+    assert camera_stood_still(features, matches)
+    left = without_still(features, matches)
+    assert list(left) == list(matches)
+    for own in left.values():
+        assert (own == same[30:]).all()
+    assert not camera_stood_still(features, left)
+    assert not camera_stood_still(features, {})
+    assert without_still(features, {(0, 1): same[:0]})[0, 1].shape == (0, 2)

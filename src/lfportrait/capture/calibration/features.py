@@ -21,7 +21,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Features", "likely_pairs", "match_features", "neighbouring_pairs", "sift_features"]
+__all__ = ["Features", "camera_stood_still", "likely_pairs", "match_features", "neighbouring_pairs",
+           "sift_features", "without_still"]
 
 Matches = NDArray[np.uint32]
 
@@ -36,6 +37,9 @@ _RATIO, _FARTHEST = 0.8, 0.7
 _FEW, _ALIKE, _BEST, _BESIDE = 700, 14, 12, 2
 # Up to so many photos, all pairs are compared in full.
 _ALL = 20
+# What lies within so many pixels of one place in two photos has not moved; the mean share of such
+# matches in a pair from which on the camera has not either.
+_STILL, _STOOD_STILL = 1.5, 0.1
 
 
 @dataclass(frozen=True)
@@ -118,6 +122,38 @@ def match_features(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> Matches:
     back = (b[nearest[good]] @ a.T).argmax(1)
     good = good[back == good]
     return np.stack([good, nearest[good]], 1).astype(np.uint32)
+
+
+def camera_stood_still(features: list[Features], matches: dict[tuple[int, int], Matches]) -> bool:
+    """Whether photos are of one camera on a tripod, before which the person turned.
+
+    Then what is behind the person lies at one place in all photos: in 0.97 of the matches of a head
+    before a room, while photos taken around a person have at most 0.07 in a pair, 0.001 in all.
+    """
+    shares = [float(_still(features, pair, own).mean()) for pair, own in matches.items()]
+    return bool(shares) and float(np.mean(shares)) > _STOOD_STILL
+
+
+def without_still(features: list[Features], matches: dict[tuple[int, int], Matches],
+                  ) -> dict[tuple[int, int], Matches]:
+    """The matches of features that lie at one place in no two photos.
+
+    All matches of a feature go that has been still once: its others are wrong, and more than right
+    ones are left of the person.
+    """
+    still = [np.zeros(len(own.places), bool) for own in features]
+    for pair, own in matches.items():
+        at_rest = own[_still(features, pair, own)]
+        for photo, numbers in zip(pair, at_rest.T):
+            still[photo][numbers] = True
+    return {(one, other): own[~still[one][own[:, 0]] & ~still[other][own[:, 1]]]
+            for (one, other), own in matches.items()}
+
+
+def _still(features: list[Features], pair: tuple[int, int], matches: Matches) -> NDArray[np.bool_]:
+    """Which of the matches of a pair of photos lie at one place in both."""
+    one, other = (features[photo].places[matches[:, side], :2] for side, photo in enumerate(pair))
+    return np.asarray(np.abs(one - other).max(axis=1, initial=0.0) < _STILL)
 
 
 def likely_pairs(features: list[Features], told: Callable[[int, int], None] | None = None,
