@@ -6,6 +6,7 @@ its matte in each picture, its landmarks in space. `calibrate` finds the cameras
 """
 
 from .calibrate import CalibrateConfig, PhotosError, calibrate
+from .calibration.head_motion import HeadMotion, follow_head
 from .camera import Camera
 from .capture import Capture
 from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
@@ -16,6 +17,7 @@ from .frame import (
     looks_normalised,
     portrait_frame_from_cameras,
     portrait_frame_from_landmarks,
+    without_drift,
 )
 from .mattes import (
     consistent_mattes,
@@ -30,10 +32,11 @@ from .sources import load_photos
 from .video import read_video, video_frames
 
 __all__ = [
-    "BAD", "FAIR", "GOOD", "INK", "PAPER", "CalibrateConfig", "Camera", "Capture", "Lens", "Photo",
-    "PhotosError", "calibrate", "consistent_mattes", "contact_sheet", "fineness", "focus_point",
-    "font", "is_calibrated", "is_video", "load_photos", "looks_normalised", "matte_agreement",
-    "mattes_share", "picture_files", "portrait_frame_from_cameras",
-    "portrait_frame_from_landmarks", "read_photos", "read_video", "refine_matte",
-    "relative_sharpness", "undistort", "video_frames", "views_share",
+    "BAD", "FAIR", "GOOD", "INK", "PAPER", "CalibrateConfig", "Camera", "Capture", "HeadMotion",
+    "Lens", "Photo", "PhotosError", "calibrate", "consistent_mattes", "contact_sheet", "fineness",
+    "focus_point", "follow_head", "font", "is_calibrated", "is_video", "load_photos",
+    "looks_normalised", "matte_agreement", "mattes_share", "picture_files",
+    "portrait_frame_from_cameras", "portrait_frame_from_landmarks", "read_photos", "read_video",
+    "refine_matte", "relative_sharpness", "undistort", "video_frames", "views_share",
+    "without_drift",
 ]

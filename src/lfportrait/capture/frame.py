@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from .camera import Camera
 
-__all__ = ["looks_normalised", "portrait_frame_from_cameras", "portrait_frame_from_landmarks"]
+__all__ = ["looks_normalised", "portrait_frame_from_cameras", "portrait_frame_from_landmarks",
+           "without_drift"]
 
 Float = NDArray[np.float64]
 
@@ -155,3 +156,31 @@ def portrait_frame_from_landmarks(landmarks: Float, cameras: Camera) -> Float:
     # Where the portrait frame's origin, behind the eyes of the mean face, lies in the source.
     origin = np.array([0.0, 0.0, -_MIDDLE_BEHIND_EYES]) - target.mean(0)
     return _similarity(scale / _HALF_EDGE, rotation, mean + rotation.T @ origin / scale)
+
+
+def without_drift(found: Camera, given: Camera) -> Camera:
+    """The cameras, turned, moved and scaled together to where they are nearest to the given ones.
+
+    Each camera counts by its centre and, as pictures tell it better, by what it looks at: three
+    points as far away as the origin (least squares, Umeyama 1991).
+    """
+    far = np.linalg.norm(given.position, axis=1)
+    target, scale = _looked_at(given, far), 1.0
+    goal = target.mean(0)
+    similarity = np.eye(4)
+    for _ in range(20):  # in a world of another scale the points are farther away, too
+        source = _looked_at(found, far / scale)
+        middle = source.mean(0)
+        u, sizes, vt = np.linalg.svd((target - goal).T @ (source - middle))
+        sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+        scale = float((sizes * sign).sum() / ((source - middle) ** 2).sum())
+        similarity[:3, :3] = scale * (u * sign) @ vt
+        similarity[:3, 3] = goal - similarity[:3, :3] @ middle
+    return found.transformed(similarity)
+
+
+def _looked_at(cameras: Camera, far: Float) -> Float:
+    """Centres, the points ``far`` before them, and two beside those: [4 V, 3]."""
+    x, y, z = (far[:, None] * cameras.pose[:, :3, axis] for axis in range(3))
+    seen = cameras.position + z
+    return np.concatenate([cameras.position, seen, seen + 0.3 * x, seen + 0.3 * y])

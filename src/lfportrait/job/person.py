@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..capture import Capture, consistent_mattes, matte_agreement, refine_matte
 from ..progress import Progress
 
-__all__ = ["cut_person"]
+__all__ = ["cut_person", "rough_mattes"]
 
 # A network that is right has most of its mattes overlap with their common solid by this much; one
 # of which only few do is wrong.
@@ -23,8 +23,44 @@ Plane = NDArray[np.float32]
 Network = Callable[[NDArray[np.uint8], NDArray[np.float64]], Plane]
 
 
+def rough_mattes(capture: Capture, progress: Progress | None = None,
+                 network: Network | None = None) -> list[Plane]:
+    """What a network says of each photo by itself.
+
+    Parameters
+    ----------
+    capture
+        Photos in the portrait frame.
+    progress
+        Progress line.
+    network
+        Person matte of a picture whose direction ``up`` is given; by default
+        `lfportrait.face.person_matte`.
+
+    Returns
+    -------
+    mattes
+        V times float32 [H, W] in [0, 1].
+
+    Raises
+    ------
+    UserError
+        If the network's weights are missing.
+    """
+    from ..face import person_matte
+
+    matte_of = network or person_matte
+    soft = []
+    for view, image in enumerate(capture.images):
+        soft.append(matte_of(image, _up_in_image(capture, view)))
+        if progress is not None:
+            progress.update(0, f"cutting out the person: {view + 1} of {len(capture)}")
+    return soft
+
+
 def cut_person(capture: Capture, progress: Progress | None = None,
-               network: Network | None = None) -> tuple[Capture, str]:
+               network: Network | None = None,
+               soft: list[Plane] | None = None) -> tuple[Capture, str]:
     """Cut the person out of every photo.
 
     A network's mattes, sharpened along the photos' edges, made consistent over the views and freed
@@ -39,8 +75,9 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     progress
         Progress line.
     network
-        Person matte of a picture whose direction ``up`` is given; by default
-        `lfportrait.face.person_matte`.
+        Person matte of a picture, as for `rough_mattes`.
+    soft
+        What a network has said already (`rough_mattes`).
 
     Returns
     -------
@@ -53,15 +90,10 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     UserError
         If the network's weights are missing.
     """
-    from ..face import person_matte
     from ..field.geometry import cut_out, trim
 
-    matte_of = network or person_matte
-    soft = []
-    for view, image in enumerate(capture.images):
-        soft.append(matte_of(image, _up_in_image(capture, view)))
-        if progress is not None:
-            progress.update(0, f"cutting out the person: {view + 1} of {len(capture)}")
+    if soft is None:
+        soft = rough_mattes(capture, progress, network)
     # A few views leave too much of space to tell who is right.
     agree = (matte_agreement(capture.cameras, soft) > _OVERLAP if len(capture) >= 6
              else np.ones(len(capture), bool))

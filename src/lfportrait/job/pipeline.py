@@ -25,12 +25,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .. import models
 from ..capture import (
     CalibrateConfig,
     Capture,
     PhotosError,
     calibrate,
+    follow_head,
     is_calibrated,
     portrait_frame_from_landmarks,
 )
@@ -47,7 +51,7 @@ from ..progress import Progress
 from ..stages import StageFolder, check_writable
 from ..version import __version__
 from .networks import get_networks
-from .person import cut_person
+from .person import cut_person, rough_mattes
 from .photo_check import problem_sheet
 from .steps import (
     MakeConfig,
@@ -67,6 +71,41 @@ from .summary import share_job
 from .warmup import Warmup
 
 __all__ = ["MakeConfig", "make", "prepare_capture"]
+
+
+def _with_landmarks(capture: Capture, reframe: bool, progress: Progress | None,
+                    ) -> tuple[Capture, dict[str, Any]]:
+    """The capture with the face's landmarks, and in its frame if it may be moved; figures."""
+    from ..face import landmarks_of_capture
+
+    points, figures = landmarks_of_capture(capture, progress)
+    if points is None:
+        return capture, figures
+    if reframe:
+        similarity = portrait_frame_from_landmarks(points, capture.cameras)
+        points = points @ similarity[:3, :3].T + similarity[:3, 3]
+        capture = capture.reframed(similarity)
+    return replace(capture, landmarks=points), figures
+
+
+def _following(capture: Capture, soft: list[NDArray[np.float32]], config: CalibrateConfig,
+               progress: Progress | None,
+               ) -> tuple[Capture, list[NDArray[np.float32]], dict[str, Any]]:
+    """The capture and its rough mattes, its cameras following a head that moved; figures."""
+    if progress is not None:
+        progress.update(0, "looking whether the head moved")
+    followed, motion = follow_head(capture, soft, config.seed,
+                                   None if progress is None else progress.say)
+    figures = {"moved": motion.moved, "followed": bool(motion.followed),
+               "pixels": motion.pixels if np.isfinite(motion.pixels) else None,
+               "degrees": motion.degrees}
+    if not motion.followed:
+        return capture, soft, figures
+    left_out = [name for name in capture.names if name not in followed.names]
+    if left_out:
+        warnings.warn(f"{len(left_out)} of {len(capture)} photos show too little of the person to "
+                      f"follow him and are left out: {', '.join(left_out)}", stacklevel=2)
+    return followed, [soft[view] for view in motion.followed], {**figures, "left_out": left_out}
 
 
 def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
@@ -97,8 +136,6 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     capture, figures
         The capture and the run's figures: views, how they were calibrated, landmark errors.
     """
-    from ..face import landmarks_of_capture
-
     photos = Path(photos)
     if not photos.exists():
         raise UserError(f"there is no folder or file {photos}; name the folder of your photos")
@@ -122,19 +159,17 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
             warnings.warn(f"which photos are left out: {sheet}", stacklevel=2)
         fresh = True
     if capture.landmarks is None:
-        points, found = landmarks_of_capture(capture, progress)
-        figures["landmarks"] = found
-        if points is not None:
-            if fresh:
-                similarity = portrait_frame_from_landmarks(points, capture.cameras)
-                points = points @ similarity[:3, :3].T + similarity[:3, 3]
-                capture = capture.reframed(similarity)
-            capture = replace(capture, landmarks=points)
-        elif need_face:
+        capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress)
+        if capture.landmarks is None and need_face:
             raise UserError(f"no face was found in the photos of {photos}; a portrait needs a few "
                             "photos that show the face from the front, upright and in focus")
     if capture.alphas is None and not keep_background:
-        capture, figures["mattes"] = cut_person(capture, progress)
+        soft = rough_mattes(capture, progress)
+        if fresh:
+            capture, soft, figures["head_motion"] = _following(capture, soft, config, progress)
+            if figures["head_motion"]["followed"]:
+                capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress)
+        capture, figures["mattes"] = cut_person(capture, progress, soft=soft)
     figures["views"] = len(capture)
     figures["held_out"] = int(capture.held_out.sum())
     return capture, figures

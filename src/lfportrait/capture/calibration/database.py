@@ -158,11 +158,23 @@ class Scene:
         Pairs of photos with fewer than 15 checked matches don't count.
         """
         used = [np.zeros(len(own.places), bool) for own in self.features]
+        for pair, (matches, _) in self.checked(pycolmap, groups, model).items():
+            for side, number in enumerate(pair):
+                used[number][matches[:, side]] = True
+        return np.array([int(own.sum()) for own in used])
+
+    def checked(self, pycolmap: Any, groups: Sequence[int], model: str,
+                ) -> dict[tuple[int, int], tuple[Matches, NDArray[np.float64]]]:
+        """Matches that two cameras can explain, and their essential matrix, by pairs of photos.
+
+        Pairs of photos with fewer than 15 of them don't count.
+        """
         with pycolmap.Database.open(self.database(pycolmap, groups, model)) as base:
             pairs, geometries = base.read_two_view_geometries()
-            for pair, geometry in zip(pairs, geometries):
-                matches = np.asarray(geometry.inlier_matches)
-                if len(matches) >= 15:
-                    for side, number in enumerate(pycolmap.pair_id_to_image_pair(pair)):
-                        used[number - 1][matches[:, side]] = True
-        return np.array([int(own.sum()) for own in used])
+        found = {}
+        for pair, geometry in zip(pairs, geometries):
+            matches = np.asarray(geometry.inlier_matches)
+            if len(matches) >= 15:
+                one, other = (number - 1 for number in pycolmap.pair_id_to_image_pair(pair))
+                found[one, other] = matches, np.asarray(geometry.E)
+        return found

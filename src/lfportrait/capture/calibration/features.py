@@ -79,13 +79,15 @@ def sift_features(image: NDArray[np.uint8], most: int, mask: NDArray[np.uint8] |
     grey = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_RGB2GRAY)
     sift: Any = getattr(cv2, "SIFT_create")(  # noqa: B009 (not in OpenCV's type stubs)
         contrastThreshold=contrast, enable_precise_upscale=True)
+    points, raw = sift.detectAndCompute(grey, mask)
     # Threads find them in any order: strongest first, and ties by their place.
-    found = sorted(sift.detect(grey, mask), key=lambda point: (
-        -point.response, point.pt, point.angle))[:most]
-    found, raw = sift.compute(grey, found)
-    if raw is None or not len(found):
+    order = sorted(range(len(points)), key=lambda number: (
+        -points[number].response, points[number].pt, points[number].angle))[:most]
+    found = [points[number] for number in order]
+    if raw is None or not found:
         return Features(np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8),
                         np.zeros(0, np.int64))
+    raw = raw[order]
     roots = np.sqrt(raw / np.maximum(raw.sum(1, keepdims=True), 1e-9))
     places = np.array([point.pt for point in found], np.float32) + np.float32(0.5)
     sizes = np.array([point.size for point in found])

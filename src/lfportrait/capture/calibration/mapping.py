@@ -75,9 +75,10 @@ class _Mapper:
     """COLMAP's two ways of mapping, with fixed seeds and on one thread: the same every time."""
 
     def __init__(self, pycolmap: Any, scene: Scene, model: str,
-                 seen_again: NDArray[np.int64], report: Callable[[], None]) -> None:
+                 seen_again: NDArray[np.int64], report: Callable[[], None],
+                 lens_known: bool) -> None:
         self.pycolmap, self.scene, self.model, self.report = pycolmap, scene, model, report
-        self.seen_again = seen_again
+        self.seen_again, self.lens_known = seen_again, lens_known
         self.runs = 0
 
     def _folder(self) -> Path:
@@ -102,6 +103,10 @@ class _Mapper:
         options.min_model_size = 3  # COLMAP drops models of fewer than 10 photos
         options.max_num_models = 6
         options.extract_colors = False
+        if self.lens_known:
+            options.ba_refine_focal_length = options.ba_refine_extra_params = False
+            options.mapper.abs_pose_refine_focal_length = False
+            options.mapper.abs_pose_refine_extra_params = False
         if weak:
             options.mapper.init_min_num_inliers = 30
             options.mapper.init_min_tri_angle = 4.0
@@ -134,6 +139,9 @@ def _tries(mapper: _Mapper, groups: list[int], best: Callable[[], Placing]) -> I
     """One try after the other, as they are asked for."""
     scene = mapper.scene
     yield mapper.one_by_one("one after the other", groups)
+    if mapper.lens_known:
+        yield mapper.one_by_one("from weaker pairs", groups, weak=True)
+        return
     yield mapper.all_at_once("all at once", groups)
     if len(best().photos) < 0.9 * len(groups):
         known = [focal / max(size) for focal, size in zip(scene.focals, scene.sizes) if focal]
@@ -151,7 +159,8 @@ def _tries(mapper: _Mapper, groups: list[int], best: Callable[[], Placing]) -> I
 
 
 def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
-                 report: Callable[[], None], say: Callable[[str], None]) -> Placing:
+                 report: Callable[[], None], say: Callable[[str], None], *,
+                 lens_known: bool = False) -> Placing:
     """Place as many photos as can be.
 
     Parameters
@@ -168,6 +177,8 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
         Called whenever a photo is placed.
     say
         Told each try and what came of it, where the first one leaves photos out.
+    lens_known
+        Whether the lenses are as the scene says, and stay so.
 
     Returns
     -------
@@ -182,7 +193,8 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
         # The first of those that place the most: it was made under the better conditions.
         return max(tried, key=lambda one: len(one.photos))
 
-    for attempt in _tries(_Mapper(pycolmap, scene, model, seen_again, report), groups, best):
+    for attempt in _tries(_Mapper(pycolmap, scene, model, seen_again, report, lens_known),
+                          groups, best):
         tried.append(attempt)
         if len(tried) > 2 or len(attempt.photos) < able:
             say(f"placing the photos {attempt.how}: {len(attempt.photos)} of {len(groups)}")

@@ -1,0 +1,117 @@
+"""Cameras follow what moved against the room, and leave the others alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from lfportrait.capture import Camera, Capture, follow_head
+from lfportrait.capture.calibration.head_motion import epipolar_distance
+from tests.capture.test_calibrate import pose_errors, room_cameras, room_picture
+
+COUNT = 8
+
+
+def photos(degrees: float) -> tuple[Capture, list[np.ndarray], Camera]:
+    """Photos of a box that turns by some degrees between them; its mattes and true cameras."""
+    cameras = room_cameras(COUNT, 360, 360)
+    cameras = replace(cameras, focal=1.8 * cameras.focal)
+    random = np.random.default_rng(0)
+    motion = np.tile(np.eye(4), (COUNT, 1, 1))
+    away = random.standard_normal((COUNT, 3))
+    motion[:, :3, :3] = Rotation.from_rotvec(
+        np.radians(degrees) * away / np.linalg.norm(away, axis=1, keepdims=True)).as_matrix()
+    motion[:, :3, 3] = 0.003 * degrees * random.standard_normal((COUNT, 3))
+    boxes = replace(cameras, pose=np.linalg.inv(motion) @ cameras.pose)
+    images, mattes = [], []
+    for view in range(COUNT):
+        box = room_picture(boxes, view, walls=False)
+        inside = box.any(-1)
+        images.append(np.where(inside[..., None], box, room_picture(cameras, view)))
+        mattes.append(inside.astype(np.float32))
+    capture = Capture(cameras, images, None, [f"{view}.png" for view in range(COUNT)],
+                      np.arange(COUNT) == 3)
+    return capture, mattes, boxes
+
+
+@pytest.fixture(scope="module")
+def moved():
+    return photos(3.0)
+
+
+def test_cameras_follow_what_moved(moved):
+    capture, mattes, boxes = moved
+    said = []
+    result, motion = follow_head(capture, mattes, tell=said.append)
+    assert motion.moved and motion.followed == list(range(COUNT))
+    assert "the head moved against the room" in said[0] and len(said) == 1
+    assert motion.pixels > 3 * motion.own
+    assert 1.5 < motion.degrees < 4
+    before, _ = pose_errors(capture.cameras.pose, boxes.pose)
+    angle, position = pose_errors(result.cameras.pose, boxes.pose)
+    assert np.median(before) > 2
+    assert np.median(angle) < 0.3 and angle.max() < 1
+    assert np.median(position) < 0.01
+    assert result.names == capture.names and (result.held_out == capture.held_out).all()
+    # As near to the given ones as can be: the portrait frame holds.
+    assert np.abs(result.cameras.position.mean(0) - capture.cameras.position.mean(0)).max() < 0.15
+    again, _ = follow_head(capture, mattes)
+    assert np.array_equal(again.cameras.pose, result.cameras.pose)
+
+
+def test_a_lens_that_is_not_in_the_middle(moved):
+    capture, mattes, boxes = moved
+    cut = replace(capture, images=[image[20:, 30:] for image in capture.images],
+                  cameras=replace(capture.cameras, center=capture.cameras.center - (30, 20),
+                                  width=capture.cameras.width - 30,
+                                  height=capture.cameras.height - 20))
+    result, motion = follow_head(cut, [matte[20:, 30:] for matte in mattes])
+    assert motion.moved and len(motion.followed) == COUNT
+    assert np.median(pose_errors(result.cameras.pose, boxes.pose)[0]) < 0.3
+
+
+def test_what_is_still_stays_as_it_is():
+    capture, mattes, _ = photos(0.0)
+    result, motion = follow_head(capture, mattes, tell=lambda line: pytest.fail(line))
+    assert result is capture
+    assert not motion.moved and not motion.followed
+    assert motion.pixels < 0.5
+
+
+def test_photos_that_hardly_show_it_are_left_out_or_nothing_is_followed(moved):
+    capture, mattes, _ = moved
+    blind = [matte if view else np.zeros_like(matte) for view, matte in enumerate(mattes)]
+    result, motion = follow_head(capture, blind)
+    assert motion.followed == list(range(1, COUNT))
+    assert result.names == capture.names[1:] and len(result.images) == COUNT - 1
+    assert (result.held_out == capture.held_out[1:]).all()
+    said = []
+    blind = [matte if view % 3 else np.zeros_like(matte) for view, matte in enumerate(mattes)]
+    result, motion = follow_head(capture, blind, tell=said.append)
+    assert result is capture and motion.moved and not motion.followed
+    assert "too little of it" in said[0]
+    result, motion = follow_head(capture, [np.zeros_like(matte) for matte in mattes])
+    assert result is capture and not motion.moved and np.isnan(motion.pixels)
+
+
+def test_distances_from_an_epipolar_geometry():
+    random = np.random.default_rng(2)
+    points = random.uniform(-1, 1, (50, 3)) + np.array([0, 0, 5])
+    turn = Rotation.from_rotvec([0.1, -0.3, 0.05]).as_matrix()
+    move = np.array([1.0, 0.2, -0.1])
+    seen = points @ turn.T + move
+    one, other = points[:, :2] / points[:, 2:], seen[:, :2] / seen[:, 2:]
+    x, y, z = move
+    essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ turn
+    assert epipolar_distance(essential, one, other).max() < 1e-12
+    # To first order, the smallest change of both places that fulfils the geometry.
+    off = other + 1e-3 * random.standard_normal(other.shape)
+    distance = epipolar_distance(essential, one, off)
+    for k in range(5):
+        def left(change, k=k):
+            a, b = np.append(one[k] + change[:2], 1), np.append(off[k] + change[2:], 1)
+            return b @ essential @ a
+        slope = np.array([(left(step) - left(-step)) / 2e-6 for step in 1e-6 * np.eye(4)])
+        assert distance[k] == pytest.approx(abs(left(np.zeros(4))) / np.linalg.norm(slope),
+                                            rel=1e-6)

@@ -1,0 +1,38 @@
+"""Photos become a capture: in which order, and what is told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import CalibrateConfig
+from lfportrait.job import pipeline
+from tests.capture.calibration.test_head_motion import COUNT, photos
+from tests.capture.test_calibrate import pose_errors
+
+
+def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
+    found, mattes, boxes = photos(3.0)
+    mattes[5] = np.zeros_like(mattes[5])
+    found = replace(found, figures={"blurred": [], "left_out": []})
+    monkeypatch.setattr(pipeline, "calibrate", lambda *_: found)
+    given, looked, cut = iter(mattes), [], []
+
+    def landmarks(capture, progress):
+        looked.append(len(capture))
+        return None, {"views": 0}
+
+    def cutting(capture, progress, soft):
+        cut.append((len(capture), len(soft)))
+        return capture, "network"
+    monkeypatch.setattr("lfportrait.face.landmarks_of_capture", landmarks)
+    monkeypatch.setattr("lfportrait.face.person_matte", lambda image, up: next(given))
+    monkeypatch.setattr(pipeline, "cut_person", cutting)
+    with pytest.warns(UserWarning, match=r"1 of 8 photos show too little .* left out: 5\.png"):
+        capture, figures = pipeline.prepare_capture(tmp_path, CalibrateConfig())
+    # The face is looked for once more, as it is what the cameras follow.
+    assert looked == [COUNT, COUNT - 1] and cut == [(COUNT - 1, COUNT - 1)]
+    assert figures["head_motion"]["followed"] and figures["head_motion"]["left_out"] == ["5.png"]
+    assert figures["views"] == COUNT - 1
+    true = boxes.pose[[0, 1, 2, 3, 4, 6, 7]]
+    assert np.median(pose_errors(capture.cameras.pose, true)[0]) < 0.3
