@@ -14,15 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..capture import BAD, FAIR, GOOD, Camera, Capture
+from ..capture import BAD, FAIR, GOOD, Camera
 from ..demo import SITTER as HEAD
-from ..demo import demo_cameras, head_field, landmarks
+from ..demo import landmarks
 from ..errors import UserError
 from ..example import FRONTAL, PROFILE, Exemplar, frontal_view
 from ..face import FacePose, detect_faces, face_pose
 from ..files import read_image
 from ..lightfield import Display, EncodeConfig
 from ..stylize import StylizeConfig, stylize_with_figures
+from .preview_head import preview_head
 
 __all__ = ["StyleCheck", "check_style", "chosen_face"]
 
@@ -214,13 +215,9 @@ def _size(check: StyleCheck) -> None:
 
 def _paint(check: StyleCheck) -> None:
     """Paint the embedded head, and tell which paint it was made of."""
-    cameras = demo_cameras(256, 12)
-    empty = np.zeros((256, 256, 3), np.uint8)
-    capture = Capture(cameras, [empty] * len(cameras.pose), None,
-                      [str(number) for number in range(len(cameras.pose))],
-                      np.zeros(len(cameras.pose), bool), np.eye(4), landmarks(HEAD))
-    styled, figures = stylize_with_figures(head_field(HEAD), capture, check.exemplar,
-                                           StylizeConfig(preview=True, pixels=320.0))
+    config = StylizeConfig(preview=True, pixels=320.0)
+    head, capture, skin = preview_head(config.pixels)
+    styled, figures = stylize_with_figures(head, capture, check.exemplar, config, skin=skin)
     known = figures["materials"]
     check.figures.update(materials=known, notices=figures["notices"])
     instead = {"hair": "skin's", "neck": "the face's", "clothes": "the neck's"}

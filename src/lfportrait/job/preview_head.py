@@ -1,0 +1,74 @@
+"""The embedded head on which a painting is tried: made once, then read from the user's cache.
+
+It is the same head for every painting, and making it (its photographs, its field, its skin) takes
+longer than painting it. What is kept is named after the code that makes it, so that another version
+makes its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from .. import demo
+from ..capture import Capture
+from ..demo import SITTER, demo_cameras, head_field, landmarks
+from ..errors import UserError
+from ..example import Skin
+from ..field import VoxelField
+from ..keys import key_of
+from ..stylize import kept_skin
+
+__all__ = ["preview_head"]
+
+
+def _cache_folder() -> Path:
+    import pooch
+
+    return Path(pooch.os_cache("lfportrait")) / "heads"
+
+
+def _capture() -> Capture:
+    """Cameras and landmarks of the head; its pictures are empty, as nothing looks at them."""
+    cameras = demo_cameras(256, 12)
+    count = len(cameras)
+    return Capture(cameras, [np.zeros((256, 256, 3), np.uint8)] * count, None,
+                   [str(number) for number in range(count)], np.zeros(count, bool), np.eye(4),
+                   landmarks(SITTER))
+
+
+def _key() -> str:
+    """Hash of the code that models the head."""
+    sources = sorted(Path(str(demo.__file__)).parent.rglob("*.py"))
+    code = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+    return key_of("preview head", code)
+
+
+def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, Capture, Skin]:
+    """The embedded head, what is known of it, and its skin.
+
+    Parameters
+    ----------
+    pixels
+        Of the skin, per world unit.
+    cache
+        Folder for what is kept; None: the user's cache. If nothing can be written there, the head
+        is made each time.
+    """
+    capture, points = _capture(), landmarks(SITTER)
+    folder = cache or _cache_folder()
+    file = folder / f"{_key()}.npz"
+    try:
+        field = VoxelField.load(file)
+    except (UserError, OSError):
+        field = head_field(SITTER)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            field.save(file)
+        except (UserError, OSError):
+            return field, capture, Skin.of(field, points, capture.cameras, pixels)
+        # A file keeps rounded numbers: go on with those that the next one will find.
+        field = VoxelField.load(file)
+    return field, capture, kept_skin(file, field, capture, pixels)
