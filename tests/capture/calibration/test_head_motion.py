@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lfportrait.capture import Camera, Capture, follow_head
+from lfportrait.capture.calibration import head_motion
 from lfportrait.capture.calibration.head_motion import epipolar_distance
 from tests.capture.test_calibrate import pose_errors, room_cameras, room_picture
 
@@ -47,6 +48,7 @@ def test_cameras_follow_what_moved(moved):
     assert motion.moved and motion.followed == list(range(COUNT))
     assert "the head moved against the room" in said[0] and len(said) == 1
     assert motion.pixels > 3 * motion.own
+    assert motion.after < 3 * motion.own
     assert 1.5 < motion.degrees < 4
     before, _ = pose_errors(capture.cameras.pose, boxes.pose)
     angle, position = pose_errors(result.cameras.pose, boxes.pose)
@@ -93,6 +95,15 @@ def test_photos_that_hardly_show_it_are_left_out_or_nothing_is_followed(moved):
     assert "too little of it" in said[0]
     result, motion = follow_head(capture, [np.zeros_like(matte) for matte in mattes])
     assert result is capture and not motion.moved and np.isnan(motion.pixels)
+
+
+def test_what_is_not_rigid_is_not_followed(moved, monkeypatch):
+    capture, mattes, _ = moved
+    # Cameras that explain the person no better than the room's.
+    monkeypatch.setattr(head_motion, "_placed_by_person", lambda *_: (
+        list(range(COUNT)), capture.cameras))
+    result, motion = follow_head(capture, mattes)
+    assert result is capture and motion.moved and not motion.followed
 
 
 def test_distances_from_an_epipolar_geometry():

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,8 +42,9 @@ _MOVED, _PIXELS = 2.0, 0.5
 this many pixels. A head and a bust that are still: 0.8 to 0.95 times, 0.2 to 0.3 pixels. A head
 that moves by 0.3, 0.8, 1.7, 3.5 degrees (median): 1.7, 3.7, 8, 10 times, 0.5, 1.1, 2.1, 2.8 pixels;
 cameras that follow it are off by 0.2 degrees in all four."""
-_ENOUGH = 0.8
-"""Part of the photos that the person alone must place."""
+_ENOUGH, _NEARER = 0.8, 0.5
+"""Part of the photos that the person alone must place, and what must be left of its matches'
+distance then."""
 _MODEL = "SIMPLE_PINHOLE"
 
 Float = NDArray[np.float64]
@@ -62,6 +63,8 @@ class HeadMotion:
         too few matches tell.
     own
         The same by each pair's own two cameras.
+    after
+        The same by the cameras that follow the head; NaN where it is not followed.
     degrees
         Median angle between the cameras that follow the head and those of the room; 0 where it is
         not followed.
@@ -70,10 +73,11 @@ class HeadMotion:
     """
 
     moved: bool
-    pixels: float
-    own: float
-    degrees: float
-    followed: list[int]
+    pixels: float = np.nan
+    own: float = np.nan
+    after: float = np.nan
+    degrees: float = 0.0
+    followed: list[int] = field(default_factory=list)
 
 
 def _seen(capture: Capture, view: int, matte: NDArray[np.float32]) -> Features:
@@ -159,7 +163,7 @@ def _placed_by_person(pycolmap: Any, scene: Scene, lenses: list[int], cameras: C
     placing = place_photos(pycolmap, scene, lenses, _MODEL, lambda: None, lambda line: None,
                            lens_known=True)
     if len(placing.photos) < 3:
-        return [], cameras
+        return [], cameras[[]]
     pose = np.tile(np.eye(4), (len(placing.photos), 1, 1))
     for row, photo in enumerate(placing.photos):
         pose[row, :3] = placing.model.images[photo + 1].cam_from_world().inverse().matrix()
@@ -196,16 +200,20 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
         lenses = _lenses(scene)
         apart = _distances(pycolmap, scene, capture.cameras, lenses)
         if len(apart) < len(capture):
-            return capture, HeadMotion(False, np.nan, np.nan, 0.0, [])
+            return capture, HeadMotion(False)
         pixels, own = (float(value) for value in np.median(apart, axis=0))
         if pixels < _PIXELS or pixels < _MOVED * own:
-            return capture, HeadMotion(False, pixels, own, 0.0, [])
+            return capture, HeadMotion(False, pixels, own)
         placed, cameras = _placed_by_person(pycolmap, scene, lenses, capture.cameras)
+        pose = capture.cameras.pose.copy()
+        pose[placed] = cameras.pose
+        after = float(np.median(_distances(pycolmap, scene, replace(capture.cameras, pose=pose),
+                                           lenses)[:, 0]))
     tell = tell or (lambda line: None)
-    if len(placed) < _ENOUGH * len(capture):
+    if len(placed) < _ENOUGH * len(capture) or after > _NEARER * pixels:
         tell(f"the head moved against the room ({pixels:.1f} pixels), and too little of it is seen "
              "clearly to follow it: the portrait may be soft")
-        return capture, HeadMotion(True, pixels, own, 0.0, [])
+        return capture, HeadMotion(True, pixels, own)
     turn = np.einsum("vji,vjk->vik", capture.cameras.pose[placed, :3, :3], cameras.pose[:, :3, :3])
     cosine = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
     degrees = float(np.degrees(np.median(np.arccos(np.clip(cosine, -1, 1)))))
@@ -215,4 +223,4 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
     followed = replace(capture, cameras=cameras, images=[capture.images[view] for view in placed],
                        alphas=alphas, names=[capture.names[view] for view in placed],
                        held_out=capture.held_out[placed])
-    return followed, HeadMotion(True, pixels, own, degrees, placed)
+    return followed, HeadMotion(True, pixels, own, after, degrees, placed)
