@@ -28,7 +28,7 @@ def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
     monkeypatch.setattr("lfportrait.face.landmarks_of_capture", landmarks)
     monkeypatch.setattr("lfportrait.face.person_matte", lambda image, up: next(given))
     monkeypatch.setattr(pipeline, "cut_person", cutting)
-    with pytest.warns(UserWarning, match=r"1 of 8 photos show too little .* left out: 5\.png"):
+    with pytest.warns(UserWarning, match=r"1 of 8 photos show too little .*: 5\.png"):
         capture, figures = pipeline.prepare_capture(tmp_path, CalibrateConfig())
     # The face is looked for once more, as it is what the cameras follow.
     assert looked == [COUNT, COUNT - 1] and cut == [(COUNT - 1, COUNT - 1)]

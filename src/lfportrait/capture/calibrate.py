@@ -33,6 +33,7 @@ from .calibration.features import (
     Features,
     Matches,
     camera_stood_still,
+    enough,
     likely_pairs,
     match_features,
     neighbouring_pairs,
@@ -57,9 +58,6 @@ _ADVICE = ("take 20 to 100 photos of a person who holds still, with small steps 
 
 _MOST_AGAIN = 800
 """Pairs of photos that are compared once more, in full, where photos are left out."""
-
-_FEWEST = 15
-"""Matches of a pair of photos that are worth checking, as COLMAP has it."""
 
 Float = NDArray[np.float64]
 
@@ -138,12 +136,7 @@ def _matches(features: list[Features], config: CalibrateConfig, say: Callable[[s
         if number % 20 == 0:
             say(f"comparing photos in full: pair {number} of {len(pairs)}")
         found[i, j] = match_features(features[i].descriptors, features[j].descriptors)
-    return _enough(found)
-
-
-def _enough(matches: dict[tuple[int, int], Matches]) -> dict[tuple[int, int], Matches]:
-    """The pairs with as many matches as COLMAP asks for."""
-    return {pair: own for pair, own in matches.items() if len(own) >= _FEWEST}
+    return enough(found)
 
 
 def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progress | None,
@@ -168,7 +161,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     stood_still = camera_stood_still(features, matches)
     if stood_still:
         told("the camera stood still: what stands still with it is left out")
-        matches = _enough(without_still(features, matches))
+        matches = enough(without_still(features, matches))
     shapes = [np.rot90(photo.image[..., 0], turn).shape for photo, turn in zip(photos, turns)]
     scene = Scene([(shape[1], shape[0]) for shape in shapes], [photo.focal for photo in photos],
                   features, matches, work, config.seed)
@@ -227,7 +220,7 @@ def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int
         matches = without_still(features, matches)
     work = scene.work / "closer"
     work.mkdir()
-    return Scene(scene.sizes, scene.focals, features, _enough(matches), work, scene.seed)
+    return Scene(scene.sizes, scene.focals, features, enough(matches), work, scene.seed)
 
 
 def _upright(pose: Float, lens: Lens, turn: int) -> tuple[Float, Lens]:

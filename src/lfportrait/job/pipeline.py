@@ -103,8 +103,8 @@ def _following(capture: Capture, soft: list[NDArray[np.float32]], config: Calibr
         return capture, soft, figures
     left_out = [name for name in capture.names if name not in followed.names]
     if left_out:
-        warnings.warn(f"{len(left_out)} of {len(capture)} photos show too little of the person to "
-                      f"follow him and are left out: {', '.join(left_out)}", stacklevel=2)
+        warnings.warn(f"{len(left_out)} of {len(capture)} photos show too little of the person, "
+                      f"who moved, and are left out: {', '.join(left_out)}", stacklevel=2)
     return followed, [soft[view] for view in motion.followed], {**figures, "left_out": left_out}
 
 

@@ -126,3 +126,21 @@ def test_distances_from_an_epipolar_geometry():
         slope = np.array([(left(step) - left(-step)) / 2e-6 for step in 1e-6 * np.eye(4)])
         assert distance[k] == pytest.approx(abs(left(np.zeros(4))) / np.linalg.norm(slope),
                                             rel=1e-6)
+
+
+def test_only_the_head_counts_where_the_face_is_known():
+    cameras = Camera.arc([-40.0, 30.0], distance=4.0, width=200, height=240, focal=300.0)
+    capture = Capture(cameras, [np.zeros((240, 200, 3), np.uint8)] * 2, None, ["a", "b"],
+                      np.zeros(2, bool))
+    matte = np.ones((240, 200), np.float32)
+    matte[:, :20] = 0.3
+    whole = head_motion._head(capture, 0, matte)
+    assert whole[5:-5, 30:-5].all() and not whole[:, :20].any()
+    known = replace(capture, landmarks=np.zeros((68, 3)))
+    crown_chin_ears = np.array([[0, 0.7, 0], [0, -0.55, 0.45], [0.5, 0, 0], [-0.5, 0, 0]])
+    shoulders = np.array([[0.7, -1.0, 0], [-0.7, -1.0, 0]])
+    for view in range(2):
+        head = head_motion._head(known, view, matte)
+        for points, inside in ((crown_chin_ears, 1), (shoulders, 0)):
+            pixels = cameras.project(points)[0][view].astype(int)
+            assert (head[pixels[:, 1], pixels[:, 0]] == inside).all()

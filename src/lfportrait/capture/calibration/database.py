@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..photos import Photo
-from .features import Features, Matches
+from .features import FEWEST, Features, Matches
 
 __all__ = ["Scene", "lens_groups", "sensor_turns"]
 
@@ -155,7 +155,7 @@ class Scene:
     def seen_again(self, pycolmap: Any, groups: Sequence[int], model: str) -> NDArray[np.int64]:
         """How many features of each photo have a checked match in some other, int64 [V].
 
-        Pairs of photos with fewer than 15 checked matches don't count.
+        Pairs of photos with fewer than `FEWEST` checked matches don't count.
         """
         used = [np.zeros(len(own.places), bool) for own in self.features]
         for pair, (matches, _) in self.checked(pycolmap, groups, model).items():
@@ -167,14 +167,16 @@ class Scene:
                 ) -> dict[tuple[int, int], tuple[Matches, NDArray[np.float64]]]:
         """Matches that two cameras can explain, and their essential matrix, by pairs of photos.
 
-        Pairs of photos with fewer than 15 of them don't count.
+        Pairs of photos with fewer than `FEWEST` of them don't count. The matrix is zero where the
+        lenses were not known.
         """
         with pycolmap.Database.open(self.database(pycolmap, groups, model)) as base:
             pairs, geometries = base.read_two_view_geometries()
         found = {}
         for pair, geometry in zip(pairs, geometries):
             matches = np.asarray(geometry.inlier_matches)
-            if len(matches) >= 15:
+            if len(matches) >= FEWEST:
                 one, other = (number - 1 for number in pycolmap.pair_id_to_image_pair(pair))
-                found[one, other] = matches, np.asarray(geometry.E)
+                essential = np.zeros((3, 3)) if geometry.E is None else np.asarray(geometry.E)
+                found[one, other] = matches, essential
         return found

@@ -21,8 +21,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Features", "camera_stood_still", "likely_pairs", "match_features", "neighbouring_pairs",
-           "sift_features", "without_still"]
+__all__ = ["FEWEST", "Features", "camera_stood_still", "enough", "likely_pairs", "match_features",
+           "neighbouring_pairs", "sift_features", "without_still"]
+
+FEWEST = 15
+"""Matches of a pair of photos that are worth checking, and must be left then, as COLMAP has it."""
 
 Matches = NDArray[np.uint32]
 
@@ -124,6 +127,11 @@ def match_features(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> Matches:
     back = (b[nearest[good]] @ a.T).argmax(1)
     good = good[back == good]
     return np.stack([good, nearest[good]], 1).astype(np.uint32)
+
+
+def enough(matches: dict[tuple[int, int], Matches]) -> dict[tuple[int, int], Matches]:
+    """The pairs of photos with at least `FEWEST` matches."""
+    return {pair: own for pair, own in matches.items() if len(own) >= FEWEST}
 
 
 def camera_stood_still(features: list[Features], matches: dict[tuple[int, int], Matches]) -> bool:

@@ -10,7 +10,8 @@ that were found from the whole photos they lie no farther if the person held sti
 times as far if not. Then the photos are placed once more, by features of the person alone and with
 the lenses that the room told.
 
-The person is taken as rigid: shoulders that stay while the head turns follow it.
+Where the face's landmarks are known, and so where the head is, only features of the head count:
+shoulders often stay while it turns. Else the person is taken as rigid.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from ..camera import Camera
 from ..capture import Capture
 from ..frame import without_drift
 from .database import Scene
-from .features import Features, likely_pairs, match_features, sift_features
+from .features import Features, enough, likely_pairs, match_features, sift_features
 from .mapping import place_photos
 
 __all__ = ["HeadMotion", "follow_head"]
@@ -37,6 +38,8 @@ __all__ = ["HeadMotion", "follow_head"]
 _FEATURES, _CONTRAST = 2048, 0.01
 _RIM = 0.01
 """Part of a photo's longer side within a matte's edge where features are of what is behind, too."""
+_RADIUS = 0.8
+"""Of a ball about the head's middle that holds crown and chin, and no shoulders."""
 _MOVED, _PIXELS = 2.0, 0.5
 """A head has moved whose matches lie this many times as far off as by their own two cameras, and
 this many pixels. A head and a bust that are still: 0.8 to 0.95 times, 0.2 to 0.3 pixels. A head
@@ -80,12 +83,25 @@ class HeadMotion:
     followed: list[int] = field(default_factory=list)
 
 
+def _head(capture: Capture, view: int, matte: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Where a photo shows the head, 1 and 0; the whole person where the face is not known."""
+    inside = matte > 0.5
+    height, width = matte.shape
+    if capture.landmarks is not None:
+        camera = capture.cameras[view]
+        pixels, depth = camera.project(np.zeros((1, 3)))
+        (x, y), radius = pixels[0, 0], _RADIUS * camera.focal[0, 0] / max(depth[0, 0], 1e-6)
+        rows, columns = np.ogrid[:height, :width]
+        inside &= np.hypot(rows + 0.5 - y, columns + 0.5 - x) < radius
+    rim = 2 * round(_RIM * max(height, width)) + 1
+    return np.asarray(cv2.erode(inside.astype(np.uint8), np.ones((rim, rim), np.uint8)), np.uint8)
+
+
 def _seen(capture: Capture, view: int, matte: NDArray[np.float32]) -> Features:
-    """Features of the person, as of a camera with square pixels and its axis in the middle."""
+    """Features of the head, as of a camera with square pixels and its axis in the middle."""
     image = capture.images[view]
     height, width = image.shape[:2]
-    rim = 2 * round(_RIM * max(height, width)) + 1
-    inside = np.asarray(cv2.erode((matte > 0.5).astype(np.uint8), np.ones((rim, rim), np.uint8)))
+    inside = _head(capture, view, matte)
     if not inside.any():
         return sift_features(np.zeros((8, 8, 3), np.uint8), 1)
     rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
@@ -108,7 +124,7 @@ def _scene(capture: Capture, mattes: list[NDArray[np.float32]], work: Path, seed
     cameras = capture.cameras
     return Scene([(int(w), int(h)) for w, h in zip(cameras.width, cameras.height)],
                  [float(focal) for focal in cameras.focal[:, 0]], features,
-                 {pair: own for pair, own in matches.items() if len(own) >= 15}, work, seed)
+                 enough(matches), work, seed)
 
 
 def _lenses(scene: Scene) -> list[int]:
@@ -149,6 +165,8 @@ def _distances(pycolmap: Any, scene: Scene, cameras: Camera, lenses: list[int]) 
     """Median distances of each pair's matches by the cameras and by its own two, [P, 2] pixels."""
     found = []
     for (i, j), (matches, own) in scene.checked(pycolmap, lenses, _MODEL).items():
+        if not own.any():
+            continue
         planes = [(scene.features[k].places[matches[:, side], :2] - np.array(scene.sizes[k]) / 2)
                   / cameras.focal[k, 0] for side, k in enumerate((i, j))]
         unit = (cameras.focal[i, 0] + cameras.focal[j, 0]) / 2
