@@ -35,16 +35,16 @@ from .mapping import place_photos
 
 __all__ = ["HeadMotion", "follow_head"]
 
-_FEATURES, _CONTRAST = 2048, 0.01
+_FEATURES, _CONTRAST = 2048, 0.006
 _RIM = 0.01
 """Part of a photo's longer side within a matte's edge where features are of what is behind, too."""
 _RADIUS = 0.8
 """Of a ball about the head's middle that holds crown and chin, and no shoulders."""
 _MOVED, _PIXELS = 2.0, 0.5
 """A head has moved whose matches lie this many times as far off as by their own two cameras, and
-this many pixels. A head and a bust that are still: 0.8 to 0.95 times, 0.2 to 0.3 pixels. A head
-that moves by 0.3, 0.8, 1.7, 3.5 degrees (median): 1.7, 3.7, 8, 10 times, 0.5, 1.1, 2.1, 2.8 pixels;
-cameras that follow it are off by 0.2 degrees in all four."""
+this many pixels. Heads and a bust that are still: 0.9 times, 0.2 to 0.3 pixels. A head that moves by
+0.3, 0.8, 1.7, 3.5 degrees (median): 1.7, 4, 7, 10 times, 0.5, 1.1, 2.2, 2.9 pixels; cameras that
+follow it are off by 0.2 to 0.35 degrees in all four."""
 _ENOUGH, _NEARER = 0.8, 0.5
 """Part of the photos that the person alone must place, and what must be left of its matches'
 distance then."""
