@@ -42,9 +42,9 @@ _RADIUS = 0.8
 """Of a ball about the head's middle that holds crown and chin, and no shoulders."""
 _MOVED, _PIXELS = 2.0, 0.5
 """A head has moved whose matches lie this many times as far off as by their own two cameras, and
-this many pixels. Heads and a bust that are still: 0.9 times, 0.2 to 0.3 pixels. A head that moves by
-0.3, 0.8, 1.7, 3.5 degrees (median): 1.7, 4, 7, 10 times, 0.5, 1.1, 2.2, 2.9 pixels; cameras that
-follow it are off by 0.2 to 0.35 degrees in all four."""
+this many pixels. Heads and a bust that are still: 0.9 times, 0.2 to 0.3 pixels. A head that moves
+by 0.3, 0.8, 1.7, 3.5 degrees (median): 1.7, 4, 7, 10 times, 0.5, 1.1, 2.2, 2.9 pixels; cameras
+that follow it are off by 0.2 to 0.35 degrees in all four."""
 _ENOUGH, _NEARER = 0.8, 0.5
 """Part of the photos that the person alone must place, and what must be left of its matches'
 distance then."""
