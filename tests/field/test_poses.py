@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lfportrait.capture import Camera, Capture, without_drift
+from lfportrait.capture import Camera, Capture, pose_corrections, without_drift
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct_with_figures
 from lfportrait.field.kernels.align import pose_equations
 from lfportrait.field.training.align import aligned
-from lfportrait.field.training.poses import pose_corrections
 from lfportrait.field.training.trainer import Trainer
 
 TINY = ReconstructConfig(resolutions=(40, 80), rays=(0.2, 0.7), batch=(2048,), sh_degree=0)

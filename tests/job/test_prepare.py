@@ -16,7 +16,9 @@ def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
     mattes[5] = np.zeros_like(mattes[5])
     found = replace(found, figures={"blurred": [], "left_out": []})
     monkeypatch.setattr(pipeline, "calibrate", lambda *_: found)
-    given, looked, cut = iter(mattes), [], []
+    given, looked, cut, marked = iter(mattes), [], [], []
+    monkeypatch.setattr(pipeline, "problem_sheet",
+                        lambda photos, marks, sheet, frames: marked.append(marks))
 
     def landmarks(capture, progress):
         looked.append(len(capture))
@@ -28,11 +30,12 @@ def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
     monkeypatch.setattr("lfportrait.face.landmarks_of_capture", landmarks)
     monkeypatch.setattr("lfportrait.face.person_matte", lambda image, up: next(given))
     monkeypatch.setattr(pipeline, "cut_person", cutting)
-    with pytest.warns(UserWarning, match=r"1 of 8 photos show too little .*: 5\.png"):
-        capture, figures = pipeline.prepare_capture(tmp_path, CalibrateConfig())
+    with pytest.warns(UserWarning, match=r"1 photos show too little .*: 5\.png; which"):
+        capture, figures = pipeline.prepare_capture(tmp_path, CalibrateConfig(),
+                                                    sheet=tmp_path / "sheet.jpg")
     # The face is looked for once more, as it is what the cameras follow.
     assert looked == [COUNT, COUNT - 1] and cut == [(COUNT - 1, COUNT - 1)]
     assert figures["head_motion"]["followed"] and figures["head_motion"]["left_out"] == ["5.png"]
-    assert figures["views"] == COUNT - 1
+    assert figures["views"] == COUNT - 1 and marked == [{"5.png": "head not seen"}]
     true = boxes.pose[[0, 1, 2, 3, 4, 6, 7]]
     assert np.median(pose_errors(capture.cameras.pose, true)[0]) < 0.3

@@ -17,6 +17,7 @@ from .frame import (
     looks_normalised,
     portrait_frame_from_cameras,
     portrait_frame_from_landmarks,
+    pose_corrections,
     without_drift,
 )
 from .mattes import (
@@ -36,7 +37,7 @@ __all__ = [
     "Lens", "Photo", "PhotosError", "calibrate", "consistent_mattes", "contact_sheet", "fineness",
     "focus_point", "follow_head", "font", "is_calibrated", "is_video", "load_photos",
     "looks_normalised", "matte_agreement", "mattes_share", "picture_files",
-    "portrait_frame_from_cameras", "portrait_frame_from_landmarks", "read_photos", "read_video",
-    "refine_matte", "relative_sharpness", "undistort", "video_frames", "views_share",
-    "without_drift",
+    "portrait_frame_from_cameras", "portrait_frame_from_landmarks", "pose_corrections",
+    "read_photos", "read_video", "refine_matte", "relative_sharpness", "undistort", "video_frames",
+    "views_share", "without_drift",
 ]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .camera import Camera
 
 __all__ = ["looks_normalised", "portrait_frame_from_cameras", "portrait_frame_from_landmarks",
-           "without_drift"]
+           "pose_corrections", "without_drift"]
 
 Float = NDArray[np.float64]
 
@@ -184,3 +184,20 @@ def _looked_at(cameras: Camera, far: Float) -> Float:
     x, y, z = (far[:, None] * cameras.pose[:, :3, axis] for axis in range(3))
     seen = cameras.position + z
     return np.concatenate([cameras.position, seen, seen + 0.3 * x, seen + 0.3 * y])
+
+
+def pose_corrections(given: Camera, found: Camera) -> tuple[Float, Float]:
+    """How far two batches of V cameras are apart.
+
+    Returns
+    -------
+    degrees, shares
+        float64 [V] each: the angle between them, and the distance between their centres as a share
+        of that to the origin.
+    """
+    from scipy.spatial.transform import Rotation  # a tenth of a second that few commands need
+
+    turn = np.einsum("vji,vjk->vik", given.pose[:, :3, :3], found.pose[:, :3, :3])
+    away = np.linalg.norm(given.position, axis=1)
+    return (np.degrees(Rotation.from_matrix(turn).magnitude()),
+            np.linalg.norm(found.position - given.position, axis=1) / away)

@@ -98,14 +98,33 @@ def _following(capture: Capture, soft: list[NDArray[np.float32]], config: Calibr
                                    None if progress is None else progress.say)
     figures = {"moved": motion.moved, "followed": bool(motion.followed),
                "pixels": motion.pixels if np.isfinite(motion.pixels) else None,
-               "degrees": motion.degrees}
+               "pixels_after": motion.after if np.isfinite(motion.after) else None,
+               "degrees": motion.degrees,
+               "left_out": [name for name in capture.names if name not in followed.names]}
     if not motion.followed:
         return capture, soft, figures
-    left_out = [name for name in capture.names if name not in followed.names]
-    if left_out:
-        warnings.warn(f"{len(left_out)} of {len(capture)} photos show too little of the person, "
-                      f"who moved, and are left out: {', '.join(left_out)}", stacklevel=2)
-    return followed, [soft[view] for view in motion.followed], {**figures, "left_out": left_out}
+    return followed, [soft[view] for view in motion.followed], figures
+
+
+def _tell_left_out(figures: dict[str, Any], photos: Path, config: CalibrateConfig,
+                   sheet: Path | None) -> None:
+    """Warn of the photos that following the head leaves out, and mark them, too."""
+    left_out = figures["head_motion"]["left_out"]
+    if not left_out:
+        return
+    where = ""
+    if sheet is not None:
+        marks = _marks(figures["calibration"]) | dict.fromkeys(left_out, "head not seen")
+        problem_sheet(photos, marks, sheet, config.video_frames)
+        where = f"; which: {sheet}"
+    warnings.warn(f"{len(left_out)} photos show too little of the head, which moved, and are left "
+                  f"out: {', '.join(left_out)}{where}", stacklevel=2)
+
+
+def _marks(calibration: dict[str, Any]) -> dict[str, str]:
+    """What is wrong with the photos that calibration leaves out, by their names."""
+    return (dict.fromkeys(calibration["blurred"], "blurred")
+            | dict.fromkeys(calibration["left_out"], "not placed"))
 
 
 def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
@@ -152,8 +171,7 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
                 raise UserError(f"{error}; which photos: {sheet}") from error
             raise
         figures = {"source": "photos", "calibration": capture.figures}
-        marks = (dict.fromkeys(capture.figures["blurred"], "blurred")
-                 | dict.fromkeys(capture.figures["left_out"], "not placed"))
+        marks = _marks(capture.figures)
         if marks and sheet is not None:
             problem_sheet(photos, marks, sheet, config.video_frames)
             warnings.warn(f"which photos are left out: {sheet}", stacklevel=2)
@@ -169,6 +187,7 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
             capture, soft, figures["head_motion"] = _following(capture, soft, config, progress)
             if figures["head_motion"]["followed"]:
                 capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress)
+            _tell_left_out(figures, photos, config, sheet)
         capture, figures["mattes"] = cut_person(capture, progress, soft=soft)
     figures["views"] = len(capture)
     figures["held_out"] = int(capture.held_out.sum())

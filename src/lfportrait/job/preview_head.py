@@ -56,6 +56,11 @@ def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, 
     cache
         Folder for what is kept; None: the user's cache. If nothing can be written there, the head
         is made each time.
+
+    Returns
+    -------
+    field, capture, skin
+        In the portrait frame; the capture's pictures are empty.
     """
     capture, points = _capture(), landmarks(SITTER)
     folder = cache or _cache_folder()

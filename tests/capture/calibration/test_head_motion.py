@@ -100,7 +100,7 @@ def test_photos_that_hardly_show_it_are_left_out_or_nothing_is_followed(moved):
 def test_what_is_not_rigid_is_not_followed(moved, monkeypatch):
     capture, mattes, _ = moved
     # Cameras that explain the person no better than the room's.
-    monkeypatch.setattr(head_motion, "_placed_by_person", lambda *_: (
+    monkeypatch.setattr(head_motion, "_placed_by_head", lambda *_: (
         list(range(COUNT)), capture.cameras))
     result, motion = follow_head(capture, mattes)
     assert result is capture and motion.moved and not motion.followed

@@ -165,7 +165,7 @@ class Scene:
 
     def checked(self, pycolmap: Any, groups: Sequence[int], model: str,
                 ) -> dict[tuple[int, int], tuple[Matches, NDArray[np.float64]]]:
-        """Matches that two cameras can explain, and their essential matrix, by pairs of photos.
+        """Matches that two cameras can explain, uint32 [K, 2], and E [3, 3], by pairs of photos.
 
         Pairs of photos with fewer than `FEWEST` of them don't count. The matrix is zero where the
         lenses were not known.

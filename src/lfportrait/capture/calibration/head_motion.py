@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..capture import Capture
-from ..frame import without_drift
+from ..frame import pose_corrections, without_drift
 from .database import Scene
 from .features import Features, enough, likely_pairs, match_features, sift_features
 from .mapping import place_photos
@@ -36,6 +36,7 @@ from .mapping import place_photos
 __all__ = ["HeadMotion", "follow_head"]
 
 _FEATURES, _CONTRAST = 2048, 0.006
+"""Features of a head at most, and contrast of the weakest: low, as skin has few."""
 _RIM = 0.01
 """Part of a photo's longer side within a matte's edge where features are of what is behind, too."""
 _RADIUS = 0.8
@@ -46,8 +47,8 @@ this many pixels. Heads and a bust that are still: 0.9 times, 0.2 to 0.3 pixels.
 by 0.3, 0.8, 1.7, 3.5 degrees (median): 1.7, 4, 7, 10 times, 0.5, 1.1, 2.2, 2.9 pixels; cameras
 that follow it are off by 0.2 to 0.35 degrees in all four."""
 _ENOUGH, _NEARER = 0.8, 0.5
-"""Part of the photos that the person alone must place, and what must be left of its matches'
-distance then."""
+"""Part of the photos that the head alone must place, and what may be left of its matches' distance
+then."""
 _MODEL = "SIMPLE_PINHOLE"
 
 Float = NDArray[np.float64]
@@ -62,7 +63,7 @@ class HeadMotion:
     moved
         Whether the head moved against the room.
     pixels
-        Median distance of the person's matches from where the room's cameras put them; NaN where
+        Median distance of the head's matches from where the room's cameras put them; NaN where
         too few matches tell.
     own
         The same by each pair's own two cameras.
@@ -175,9 +176,9 @@ def _distances(pycolmap: Any, scene: Scene, cameras: Camera, lenses: list[int]) 
     return np.array(found).reshape(-1, 2)
 
 
-def _placed_by_person(pycolmap: Any, scene: Scene, lenses: list[int], cameras: Camera,
+def _placed_by_head(pycolmap: Any, scene: Scene, lenses: list[int], cameras: Camera,
                       ) -> tuple[list[int], Camera]:
-    """The photos that features of the person place, and their cameras laid on the given ones."""
+    """The photos that features of the head place, and their cameras laid on the given ones."""
     placing = place_photos(pycolmap, scene, lenses, _MODEL, lambda: None, lambda line: None,
                            lens_known=True)
     if len(placing.photos) < 3:
@@ -191,7 +192,7 @@ def _placed_by_person(pycolmap: Any, scene: Scene, lenses: list[int], cameras: C
 
 def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int = 0,
                 tell: Callable[[str], None] | None = None) -> tuple[Capture, HeadMotion]:
-    """Let the cameras follow the person where he moved against the room.
+    """Let the cameras follow the head where it moved against the room.
 
     Parameters
     ----------
@@ -207,8 +208,8 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
     Returns
     -------
     capture, motion
-        The photos that the person places, with cameras that follow him, together as near to the
-        given ones as can be; the same capture where he held still, or can't be followed.
+        The photos that the head places, with cameras that follow it, together as near to the given
+        ones as can be; the same capture where it held still, or can't be followed.
     """
     import pycolmap
 
@@ -222,7 +223,7 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
         pixels, own = (float(value) for value in np.median(apart, axis=0))
         if pixels < _PIXELS or pixels < _MOVED * own:
             return capture, HeadMotion(False, pixels, own)
-        placed, cameras = _placed_by_person(pycolmap, scene, lenses, capture.cameras)
+        placed, cameras = _placed_by_head(pycolmap, scene, lenses, capture.cameras)
         pose = capture.cameras.pose.copy()
         pose[placed] = cameras.pose
         after = float(np.median(_distances(pycolmap, scene, replace(capture.cameras, pose=pose),
@@ -232,9 +233,7 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
         tell(f"the head moved against the room ({pixels:.1f} pixels), and too little of it is seen "
              "clearly to follow it: the portrait may be soft")
         return capture, HeadMotion(True, pixels, own)
-    turn = np.einsum("vji,vjk->vik", capture.cameras.pose[placed, :3, :3], cameras.pose[:, :3, :3])
-    cosine = (np.trace(turn, axis1=1, axis2=2) - 1) / 2
-    degrees = float(np.degrees(np.median(np.arccos(np.clip(cosine, -1, 1)))))
+    degrees = float(np.median(pose_corrections(capture.cameras[placed], cameras)[0]))
     tell(f"the head moved against the room ({pixels:.1f} pixels, {degrees:.1f} degrees): the "
          f"cameras follow it in {len(placed)} of {len(capture)} photos")
     alphas = None if capture.alphas is None else [capture.alphas[view] for view in placed]

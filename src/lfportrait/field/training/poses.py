@@ -15,13 +15,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from ...capture import Camera, Capture, without_drift
+from ...capture import Capture, pose_corrections, without_drift
 from ..grid import VoxelField
 from .align import aligned
 
-__all__ = ["PoseRefiner", "pose_corrections"]
+__all__ = ["PoseRefiner"]
 
 Float = NDArray[np.float64]
 
@@ -128,18 +127,3 @@ def _with_poses(capture: Capture, views: NDArray[np.int64], poses: Float) -> Cap
     every = capture.cameras.pose.copy()
     every[views] = poses
     return replace(capture, cameras=replace(capture.cameras, pose=every))
-
-
-def pose_corrections(given: Camera, found: Camera) -> tuple[Float, Float]:
-    """How far two batches of V cameras are apart.
-
-    Returns
-    -------
-    degrees, shares
-        float64 [V] each: the angle between them, and the distance between their centres as a share
-        of that to the origin.
-    """
-    turn = np.einsum("vji,vjk->vik", given.pose[:, :3, :3], found.pose[:, :3, :3])
-    away = np.linalg.norm(given.position, axis=1)
-    return (np.degrees(Rotation.from_matrix(turn).magnitude()),
-            np.linalg.norm(found.position - given.position, axis=1) / away)
