@@ -1,6 +1,7 @@
-"""A toy bulldozer, a potted plant, a fence and balls, of solids that have signed distances.
+"""A toy bulldozer, a potted plant, a fence and balls on a plate with studs.
 
-Part of `make_object_scene.py`.
+Thin rods, treads with gaps, a hollow blade, stripes: as hard for a reconstruction as the bulldozer
+that everybody reconstructs.
 """
 
 from __future__ import annotations
@@ -9,70 +10,28 @@ from math import cos, pi, sin
 
 import numpy as np
 
-__all__ = ["BOX", "CYLINDER", "LEAF", "MATERIALS", "TUBE", "toy_scene"]
+from .design import Design
+from .materials import material
+from .solids import ACROSS, BOX, CYLINDER, LEAF, TUBE, Model, about_y
 
-BOX, CYLINDER, TUBE, LEAF = 0, 1, 2, 3
+__all__ = ["bricks"]
 
-# Colour, colour of the stripes, stripes a unit length, gloss, sharpness of highlights.
 MATERIALS = np.array([
-    [0.14, 0.42, 0.16, 0.0, 0.0, 0.0, 0.0, 0.15, 30],  # 0 plate, green
-    [0.93, 0.66, 0.05, 0.0, 0.0, 0.0, 0.0, 0.25, 40],  # 1 brick, yellow
-    [0.06, 0.06, 0.07, 0.0, 0.0, 0.0, 0.0, 0.20, 20],  # 2 rubber
-    [0.45, 0.46, 0.48, 0.0, 0.0, 0.0, 0.0, 0.45, 50],  # 3 grey plastic
-    [0.90, 0.70, 0.06, 0.05, 0.05, 0.05, 5.5, 0.25, 40],  # 4 warning stripes
-    [0.70, 0.10, 0.06, 0.0, 0.0, 0.0, 0.0, 0.60, 60],  # 5 red ball
-    [0.10, 0.22, 0.65, 0.85, 0.85, 0.85, 9.0, 0.60, 60],  # 6 striped ball
-    [0.80, 0.80, 0.82, 0.0, 0.0, 0.0, 0.0, 0.70, 80],  # 7 white ball
-    [0.12, 0.50, 0.10, 0.20, 0.62, 0.14, 14.0, 0.20, 25],  # 8 leaf
-    [0.60, 0.27, 0.14, 0.0, 0.0, 0.0, 0.0, 0.10, 15],  # 9 clay
-    [0.55, 0.36, 0.20, 0.0, 0.0, 0.0, 0.0, 0.08, 15],  # 10 wood
+    material((0.14, 0.42, 0.16), gloss=0.15, sharpness=30),  # 0 plate, green
+    material((0.93, 0.66, 0.05), gloss=0.25, sharpness=40),  # 1 brick, yellow
+    material((0.06, 0.06, 0.07), gloss=0.20, sharpness=20),  # 2 rubber
+    material((0.45, 0.46, 0.48), gloss=0.45, sharpness=50),  # 3 grey plastic
+    material((0.90, 0.70, 0.06), gloss=0.25, sharpness=40, second=(0.05, 0.05, 0.05),
+             frequency=5.5),  # 4 warning stripes
+    material((0.70, 0.10, 0.06), gloss=0.60, sharpness=60),  # 5 red ball
+    material((0.10, 0.22, 0.65), gloss=0.60, sharpness=60, second=(0.85, 0.85, 0.85),
+             frequency=9.0),  # 6 striped ball
+    material((0.80, 0.80, 0.82), gloss=0.70, sharpness=80),  # 7 white ball
+    material((0.12, 0.50, 0.10), gloss=0.20, sharpness=25, second=(0.20, 0.62, 0.14),
+             frequency=14.0),  # 8 leaf
+    material((0.60, 0.27, 0.14), gloss=0.10, sharpness=15),  # 9 clay
+    material((0.55, 0.36, 0.20), gloss=0.08, sharpness=15),  # 10 wood
 ])
-
-
-class Model:
-    """Solids as rows: kind, centre [3], world-to-local rotation [9], sizes [3], rounding, material.
-
-    Sizes are halves along the local x, y, z; a cylinder's are radius, unused, half length; a
-    tube's are radius, half wall, half length; a leaf's rounding is how much it bends.
-    """
-
-    def __init__(self) -> None:
-        self.rows: list[np.ndarray] = []
-
-    def add(self, kind: int, center, size, material: int, rounding: float = 0.008,
-            axes: np.ndarray | None = None) -> None:
-        axes = np.eye(3) if axes is None else axes
-        self.rows.append(np.concatenate([[kind], center, axes.ravel(), size,
-                                         [min(rounding, *size), material]]))
-
-    def rod(self, start, end, radius: float, material: int) -> None:
-        start, end = np.asarray(start, float), np.asarray(end, float)
-        length = float(np.linalg.norm(end - start))
-        self.add(CYLINDER, (start + end) / 2, (radius, radius, length / 2 + radius), material,
-                 radius, upright((end - start) / length))
-
-    def studs(self, low, high, z: float, material: int, spacing: float = 0.14) -> None:
-        counts = [round((b - a) / spacing) for a, b in zip(low, high)]
-        for i in range(counts[0]):
-            for j in range(counts[1]):
-                self.add(CYLINDER, (low[0] + (i + 0.5) * spacing, low[1] + (j + 0.5) * spacing, z),
-                         (0.042, 0.042, 0.028), material, 0.006)
-
-
-def upright(z: np.ndarray) -> np.ndarray:
-    """World-to-local rotation whose third row is ``z``."""
-    aside = np.array([1.0, 0, 0]) if abs(z[0]) < 0.9 else np.array([0, 1.0, 0])
-    x = np.cross(aside, z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
-
-
-def about_y(angle: float) -> np.ndarray:
-    """World-to-local rotation of a thing turned about y: its x axis goes down by ``angle``."""
-    return np.array([[cos(angle), 0, -sin(angle)], [0, 1, 0], [sin(angle), 0, cos(angle)]])
-
-
-ACROSS = upright(np.array([0, 1.0, 0]))
 
 
 def bulldozer(model: Model) -> None:
@@ -130,9 +89,9 @@ def surroundings(model: Model) -> None:
         model.rod((-0.98 + 0.108 * post, 0.8, -0.59), (-0.98 + 0.108 * post, 0.8, -0.16), 0.012, 10)
     for z in (-0.45, -0.24):
         model.rod((-1.0, 0.8, z), (0.98, 0.8, z), 0.011, 10)
-    for x, y, radius, material in ((0.62, -0.74, 0.12, 5), (0.2, -0.72, 0.1, 6),
+    for x, y, radius, number in ((0.62, -0.74, 0.12, 5), (0.2, -0.72, 0.1, 6),
                                    (-0.12, -0.77, 0.075, 7), (-0.9, 0.48, 0.1, 7)):
-        model.add(BOX, (x, y, radius - 0.56), (radius,) * 3, material, radius)
+        model.add(BOX, (x, y, radius - 0.56), (radius,) * 3, number, radius)
     pot = np.array([-0.75, -0.55, -0.46])
     model.add(TUBE, pot, (0.16, 0.012, 0.13), 9, 0.005)
     model.add(CYLINDER, pot - (0, 0, 0.05), (0.155, 0.1, 0.06), 10, 0.01)
@@ -154,14 +113,10 @@ def surroundings(model: Model) -> None:
             model.rows[-1][16] = 2.5
 
 
-def toy_scene() -> np.ndarray:
-    """All solids, [S, 18] (see `Model`), inside a sphere of about 1.3 about the origin."""
+def bricks() -> Design:
+    """All solids, inside a sphere of about 1.3 about the origin."""
     model = Model()
     bulldozer(model)
     surroundings(model)
-    rows = np.array(model.rows)
-    # Into the middle of the pictures; what a leaf bends by is one over a length.
-    rows[:, 1:4] = 0.9 * rows[:, 1:4] + (0.0, 0.0, 0.13)
-    rows[:, 13:16] *= 0.9
-    rows[:, 16] *= np.where(rows[:, 0] == LEAF, 1 / 0.9, 0.9)
-    return rows
+    rows, profiles = model.arrays(0.9, 0.13)
+    return Design(rows, profiles, MATERIALS)
