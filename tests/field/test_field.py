@@ -454,12 +454,30 @@ def test_the_finest_level_follows_the_pixels():
         replace(config, finest=3).resolved(False, 4.0, 0.0041)
 
 
-def test_a_time_budget_without_rays_is_used_up():
+def test_a_time_budget_is_used_up_and_a_coarse_level_has_its_share():
     config = ReconstructConfig(resolutions=(24, 40), batch=(4096,), sh_degree=0)
     reconstruct(ball_capture(), replace(config, rays=(0.01, 0.01)))  # compiles the kernels
-    _, figures = reconstruct_with_figures(ball_capture(), replace(config, time_budget=5.0))
+    # Ten thousand rays are cast in no time.
+    _, figures = reconstruct_with_figures(ball_capture(), replace(
+        config, rays=(0.01, float("inf")), time_budget=5.0))
     assert figures["test"]["psnr"] > 22
     assert 4.0 < figures["seconds"]["train"] < 30
+    assert figures["levels"][0]["seconds"] > 0.5
+
+
+def test_levels_and_rays_by_default():
+    portrait = ReconstructConfig().resolved(room=False, distance=4.0, pixel=0.01)
+    assert portrait.resolutions == (64, 128, 256) and portrait.rays == (1.0, 5.0, 12.0)
+    assert portrait.shares() == pytest.approx((1 / 18, 5 / 18, 12 / 18))
+    timed = ReconstructConfig(time_budget=60.0).resolved(room=False, distance=4.0, pixel=0.002)
+    assert timed.resolutions == (128, 256, 512) and timed.rays == (4.0, 20.0, np.inf)
+    assert timed.paced and timed.shares() == pytest.approx((0.04, 0.16, 0.8))
+    room = ReconstructConfig().resolved(room=True, distance=4.0)
+    assert room.resolutions == (96, 192) and room.rays == (4.0, 8.0)
+    for levels in ((32,), (32, 64), (32, 64, 128, 256)):
+        chosen = ReconstructConfig(resolutions=levels, time_budget=9.0).resolved(False, 4.0, 0.01)
+        assert len(chosen.rays) == len(levels) and chosen.rays[-1] == np.inf
+        assert sum(chosen.shares()) == pytest.approx(1.0) and min(chosen.shares()) > 0
 
 
 def test_a_time_budget_ends_with_a_usable_field():

@@ -47,7 +47,7 @@ class _Scale(NamedTuple):
 
 
 FULL = _Scale(384, 60, 1024, "generic-4k", MakeConfig(
-    reconstruct=ReconstructConfig(resolutions=(128, 256), rays=(1.0, 7.0)),
+    reconstruct=ReconstructConfig(resolutions=(64, 128, 256), rays=(0.5, 2.5, 6.0)),
     stylize=StylizeConfig(content_network="embedded", style_network="embedded")))
 QUICK = _Scale(256, 32, 768, "generic-1080p", MakeConfig(
     reconstruct=ReconstructConfig(resolutions=(80, 160), rays=(0.4, 1.4)),

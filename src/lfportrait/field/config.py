@@ -18,14 +18,15 @@ class ReconstructConfig:
     """Parameters of the reconstruction (svox2's names where it has them)."""
 
     resolutions: tuple[int, ...] = ()
-    """Lattice points to two world units (the cube's edge), coarse to fine; by default half and
-    all of --finest for photos with mattes, 96 192 for photos of a room."""
+    """Lattice points to two world units (the cube's edge), coarse to fine; by default a
+    quarter, half and all of --finest for photos with mattes, 96 192 for photos of a room."""
     finest: int = 0
     """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
     about two pixels, but at least 256 points and at most 512 (`make` takes 256)."""
     rays: tuple[float, ...] = ()
-    """Training rays of each level in millions; by default 1.5 13.5, more above 256 points, and 2 6
-    for a room. With a time budget the last level takes what time is left."""
+    """Training rays of each level in millions; by default 1 5 12, more above 256 points, and 4 8
+    for a room. With a time budget these are the least: coarse levels go on for their share of the
+    time, and the last one takes what is left."""
     batch: tuple[int, ...] = ()
     """Rays per step of each level; by default 2048, and 2048 4096 for a room."""
     importance: float = 0.7
@@ -118,12 +119,22 @@ class ReconstructConfig:
         return self.refine_mattes == "yes" or (
             self.refine_mattes == "auto" and how in ("network", "geometry"))
 
+    @property
+    def paced(self) -> bool:
+        """Whether levels follow the clock: each lasts its share of the time budget."""
+        return bool(np.isinf(self.rays[-1]))
+
     def shares(self) -> tuple[float, ...]:
-        """Each level's share of the schedule, adding up to one."""
-        rays = list(self.rays)
-        if np.isinf(rays[-1]):
-            rays[-1] = 9.0 * sum(rays[:-1]) or 1.0
-        return tuple(count / sum(rays) for count in rays)
+        """Each level's share of the schedule, adding up to one.
+
+        Four fifths of what is left of the time for the last level, of the rest four fifths for the
+        one before, and so on: coarse rays are cast several times as fast, and the matter that
+        they clear away costs the fine ones time and sharpness.
+        """
+        if self.paced:
+            parts = [0.8 * 0.2 ** level for level in range(len(self.rays) - 1)]
+            return (1.0 - sum(parts), *parts[::-1])
+        return tuple(count / sum(self.rays) for count in self.rays)
 
     def resolved(self, room: bool, distance: float, pixel: float = 0.0) -> ReconstructConfig:
         """The same with every default put in.
@@ -145,17 +156,19 @@ class ReconstructConfig:
         finest = self.finest or int(np.clip(32 * round(1.04 / max(pixel, 1e-3) / 32), 256, 512))
         if finest < 16:
             raise UserError(f"--finest must be at least 16, not {finest}")
-        usual = (96, 192) if room else (finest // 2, finest)
+        usual = (96, 192) if room else (finest // 4, finest // 2, finest)
         resolutions = self.resolutions or usual
         levels = len(resolutions)
         rays = self.rays
         if not rays:
             more = float(np.clip((resolutions[-1] / 256.0) ** 2, 1.0, 4.0))
-            rays = (2.0, 6.0) if room else (1.5 * more, 13.5 * more)
-            if len(rays) == levels and self.time_budget > 0:
+            last = (4.0, 8.0) if room else (more, 5.0 * more, 12.0 * more)
+            rays = (last[0],) * (levels - len(last)) + last[-levels:]
+            if self.time_budget > 0:
                 rays = (*rays[:-1], float("inf"))
         if len(rays) != levels:
-            raise UserError("give as many --rays as --resolutions, one a level")
+            raise UserError(f"give as many --rays as there are --resolutions, one a level: "
+                            f"{levels}, for {' '.join(map(str, resolutions))}")
         batch = self.batch or ((2048, 4096) if room else (2048,))
         if len(batch) not in (1, levels) and self.batch:
             raise UserError("give one --batch, or as many as --resolutions")

@@ -246,17 +246,19 @@ class Trainer:
 
     def _deadline(self) -> float:
         """When the level must end, by the clock of `time.perf_counter`."""
+        # Coarse levels end with their rays: what they lack for a slow beginning, while kernels
+        # are compiled, no finer level can make good.
+        return self._pace(0.5 if self.level < len(self.config.resolutions) - 1 else 0.0)
+
+    def _pace(self, least: float = 0.0) -> float:
+        """When the level has had its share of the time, or a share of ``least`` of what is left."""
         config = self.config
         if config.time_budget <= 0:
             return np.inf
         now = time.perf_counter()
         shares = config.shares()
         own = shares[self.level] * (1.0 - self.level_done)
-        share = own / (own + sum(shares[self.level + 1:]))
-        if self.level < len(shares) - 1:
-            # Coarse levels end with their rays: what they lack for a slow beginning, while kernels
-            # are compiled, no finer level can make good.
-            share = max(share, 0.5)
+        share = max(least, own / (own + sum(shares[self.level + 1:])))
         return now + share * max(1.0, 0.93 * config.time_budget - (now - self.began))
 
     def background_trainer(self, mean_square: NDArray[np.float32] | None = None,
@@ -281,6 +283,8 @@ class Trainer:
         config, data, lattice = self.config, self.data, self.lattice
         begun, deadline = time.perf_counter(), self._deadline()
         steps = max(1.0, np.round(config.rays[self.level] * 1e6 / config.batch[self.level]))
+        paced = config.paced and self.level < len(config.resolutions) - 1
+        until = self._pace() if paced else deadline
         caster = Caster(lattice, data, self.basis, self.workers)
         if self.table is not None:
             caster.table = self.table
@@ -300,7 +304,7 @@ class Trainer:
         shares = config.shares()
         before, share = sum(shares[:self.level]), shares[self.level]
         resumed = self.level_done
-        while self.step < steps:
+        while self.step < steps or (paced and time.perf_counter() < until):
             generator = batches.generator(0, self.step)
             tiles = batches.step(self.step)
             rays = None
@@ -318,11 +322,11 @@ class Trainer:
             slopes = caster.cast(tiles, ground, self.scale, options)
             batches.learn(caster.errors)
             now = time.perf_counter()
-            # Rates fall by rays, or by the clock where that is ahead.
+            # Rates fall by rays or by the clock: a paced level goes by what is behind, others by
+            # what is ahead.
             was = self.level_done
-            self.level_done = min(1.0, max(
-                (self.step + 1) / steps,
-                resumed + (1.0 - resumed) * (now - begun) / (deadline - begun)))
+            by_clock = resumed + (1.0 - resumed) * (now - begun) / (until - begun)
+            self.level_done = min(1.0, (min if paced else max)((self.step + 1) / steps, by_clock))
             done = before + share * self.level_done
             rate = falling(config.lr_sigma, config.lr_sigma_final, done)
             rate_sh = falling(config.lr_sh, config.lr_sh_final, done)
