@@ -441,15 +441,15 @@ def test_exposures_of_photos_with_mattes_are_found():
 
 def test_the_finest_level_follows_the_pixels():
     config = ReconstructConfig()
-    assert config.resolved(False, 4.0, 0.0041).resolutions == (128, 256)
-    assert config.resolved(False, 4.0, 0.0025).resolutions == (208, 416)
+    assert config.resolved(False, 4.0, 0.0041).resolutions == (64, 128, 256)
+    assert config.resolved(False, 4.0, 0.0025).resolutions == (104, 208, 416)
     assert config.resolved(False, 4.0, 0.0001).resolutions[-1] == 512
     assert config.resolved(True, 4.0, 0.0001).resolutions == (96, 192)
     own = replace(config, finest=128, time_budget=60.0).resolved(False, 4.0, 0.0001)
-    assert own.resolutions == (64, 128)
+    assert own.resolutions == (32, 64, 128)
     assert np.isinf(own.rays[-1])
     assert sum(own.shares()) == pytest.approx(1.0)
-    assert own.shares() == pytest.approx((0.1, 0.9))
+    assert own.shares() == pytest.approx((0.04, 0.16, 0.8))
     with pytest.raises(UserError, match="--finest"):
         replace(config, finest=3).resolved(False, 4.0, 0.0041)
 
@@ -470,8 +470,9 @@ def test_levels_and_rays_by_default():
     assert portrait.resolutions == (64, 128, 256) and portrait.rays == (1.0, 5.0, 12.0)
     assert portrait.shares() == pytest.approx((1 / 18, 5 / 18, 12 / 18))
     timed = ReconstructConfig(time_budget=60.0).resolved(room=False, distance=4.0, pixel=0.002)
-    assert timed.resolutions == (128, 256, 512) and timed.rays == (4.0, 20.0, np.inf)
+    assert timed.resolutions == (128, 256, 512) and timed.rays == pytest.approx((1.6, 8.0, np.inf))
     assert timed.paced and timed.shares() == pytest.approx((0.04, 0.16, 0.8))
+    assert ReconstructConfig(finest=32).resolved(False, 4.0).resolutions == (16, 32)
     room = ReconstructConfig().resolved(room=True, distance=4.0)
     assert room.resolutions == (96, 192) and room.rays == (4.0, 8.0)
     for levels in ((32,), (32, 64), (32, 64, 128, 256)):

@@ -12,6 +12,9 @@ from ..errors import UserError
 
 __all__ = ["ReconstructConfig"]
 
+_LEAST = 0.4
+"""Share of a coarse level's usual rays that it has however short the time is."""
+
 
 @dataclass(frozen=True)
 class ReconstructConfig:
@@ -25,8 +28,8 @@ class ReconstructConfig:
     about two pixels, but at least 256 points and at most 512 (`make` takes 256)."""
     rays: tuple[float, ...] = ()
     """Training rays of each level in millions; by default 1 5 12, more above 256 points, and 4 8
-    for a room. With a time budget these are the least: coarse levels go on for their share of the
-    time, and the last one takes what is left."""
+    for a room. With a time budget two fifths of these are the least of coarse levels, which go on
+    for their share of the time; the last one takes what is left."""
     batch: tuple[int, ...] = ()
     """Rays per step of each level; by default 2048, and 2048 4096 for a room."""
     importance: float = 0.7
@@ -156,8 +159,8 @@ class ReconstructConfig:
         finest = self.finest or int(np.clip(32 * round(1.04 / max(pixel, 1e-3) / 32), 256, 512))
         if finest < 16:
             raise UserError(f"--finest must be at least 16, not {finest}")
-        usual = (96, 192) if room else (finest // 4, finest // 2, finest)
-        resolutions = self.resolutions or usual
+        usual = (finest // 4,) * (finest >= 64) + (finest // 2, finest)
+        resolutions = self.resolutions or ((96, 192) if room else usual)
         levels = len(resolutions)
         rays = self.rays
         if not rays:
@@ -165,7 +168,7 @@ class ReconstructConfig:
             last = (4.0, 8.0) if room else (more, 5.0 * more, 12.0 * more)
             rays = (last[0],) * (levels - len(last)) + last[-levels:]
             if self.time_budget > 0:
-                rays = (*rays[:-1], float("inf"))
+                rays = (*(_LEAST * count for count in rays[:-1]), float("inf"))
         if len(rays) != levels:
             raise UserError(f"give as many --rays as there are --resolutions, one a level: "
                             f"{levels}, for {' '.join(map(str, resolutions))}")

@@ -166,6 +166,7 @@ def test_it_sways_unless_motion_is_not_wanted(browser, page):
         assert each.run(count) > before
         each.page.emulate_media(reduced_motion="reduce")
         each.run("() => lfportrait.viewer.settled()")
+        each.page.wait_for_timeout(200)  # a busy browser may tell of the wish only now
         before = each.run(count)
         each.page.wait_for_timeout(400)
         assert each.run(count) == before
