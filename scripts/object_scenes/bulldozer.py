@@ -90,8 +90,8 @@ def surroundings(model: Model) -> None:
     for z in (-0.45, -0.24):
         model.rod((-1.0, 0.8, z), (0.98, 0.8, z), 0.011, 10)
     for x, y, radius, number in ((0.62, -0.74, 0.12, 5), (0.2, -0.72, 0.1, 6),
-                                   (-0.12, -0.77, 0.075, 7), (-0.9, 0.48, 0.1, 7)):
-        model.add(BOX, (x, y, radius - 0.56), (radius,) * 3, number, radius)
+                                 (-0.12, -0.77, 0.075, 7), (-0.9, 0.48, 0.1, 7)):
+        model.ball((x, y, radius - 0.56), radius, number)
     pot = np.array([-0.75, -0.55, -0.46])
     model.add(TUBE, pot, (0.16, 0.012, 0.13), 9, 0.005)
     model.add(CYLINDER, pot - (0, 0, 0.05), (0.155, 0.1, 0.06), 10, 0.01)

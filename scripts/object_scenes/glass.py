@@ -11,7 +11,7 @@ import numpy as np
 
 from .design import STUDIO, Design, sun
 from .materials import BOARDS, CHECKS, CLOUDS, SPECKLES, STRIPES, material
-from .solids import ARC, BOX, CASE, CYLINDER, Model, about_y, about_z, moved, upright
+from .solids import ARC, BOX, CASE, CYLINDER, Model, about_z, moved, upright
 
 __all__ = ["glass"]
 
@@ -112,8 +112,7 @@ def glass() -> Design:
     model.add(BOX, (0, 0, FLOOR - 0.03), (0.98, 0.98, 0.03), TILE, 0.006)
     for side in (-1, 1):
         model.add(BOX, (side * 0.99, 0, FLOOR - 0.025), (0.025, 1.015, 0.045), RIM, 0.008)
-        model.add(BOX, (0, side * 0.99, FLOOR - 0.025), (1.015, 0.025, 0.045), RIM, 0.008,
-                  None)
+        model.add(BOX, (0, side * 0.99, FLOOR - 0.025), (1.015, 0.025, 0.045), RIM, 0.008)
     model.ball((-0.3, -0.52, FLOOR + 0.24), 0.24, CHROME)
     model.add(CYLINDER, (0.12, -0.72, FLOOR + 0.2), (0.11, 0, 0.2), BRASS, 0.012)
     model.add(CYLINDER, (0.12, -0.72, FLOOR + 0.42), (0.06, 0, 0.025), CHROME, 0.01)
@@ -142,7 +141,7 @@ def glass() -> Design:
               np.array([[0, 0, 1.0], [0.3, 0.954, 0], [0.954, -0.3, 0]]), 0.0)
     model.add(BOX, (-0.86, 0.86, FLOOR + 0.06), (0.06, 0.06, 0.06), GOLD, 0.01, about_z(0.5))
     model.add(BOX, (0.9, 0.86, FLOOR + 0.12), (0.05, 0.05, 0.12), GREEN, 0.012,
-              about_z(0.4) @ about_y(0.0))
+              about_z(0.4))
     rows, profiles = model.arrays(0.88, 0.17)
     return Design(rows, profiles, MATERIALS, np.array([sun(0.95, 8.0)]),
                   np.array([0.42, 0.44, 0.47, 0.55, 0.45]), STUDIO, cells=128)

@@ -200,8 +200,6 @@ def paint(row, solid, number, place, normal, color):
 def poster(often, solid, number, p, q, color):
     """A framed picture: sky, hills and discs in colours of its own, like a modern print."""
     border = min(solid[13] - abs(p), solid[14] - abs(q))
-    if border < 0.0:
-        border = 0.0
     kind = hashed(number, 1, 2)
     if kind < 0.5:  # a landscape of layers
         layer, height = 0, q / solid[14]

@@ -11,7 +11,7 @@ import numpy as np
 
 from .design import STUDIO, Design, sun
 from .materials import BANDS, CLOUDS, SPECKLES, WEAVE, material
-from .solids import CYLINDER, Model, about_z, moved, upright
+from .solids import CYLINDER, Model, moved, upright
 
 __all__ = ["pottery"]
 
@@ -85,7 +85,7 @@ def pottery() -> Design:
                     axes=upright(np.array([cos(9 * x), sin(9 * x), 0.3])))
     model.lathe((-0.52, -0.74, top + 0.075), (0.0, 0.05, 0.2, 0.3), (0.03, 0.034, 0.018, 0.022),
                 SLATE, axes=upright(np.array([-0.3, 0.93, 0.2])))
-    model.ring((-0.36, 0.34, top + 0.62), 0.222, 0.012, CELADON, about_z(0.0))
+    model.ring((-0.36, 0.34, top + 0.62), 0.222, 0.012, CELADON)
     rows, profiles = model.arrays(1.08, 0.18)
     return Design(rows, profiles, MATERIALS, np.array([sun(0.95, 5.0)]),
                   np.array([0.44, 0.46, 0.50, 0.6, 0.4]), STUDIO, cells=96)

@@ -44,20 +44,14 @@ def cross_glass(solids, number, profiles, origin, ray, start):
 
 
 @njit(cache=True, error_model="numpy")
-def cross(a, b):
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
-                     a[0] * b[1] - a[1] * b[0]])
-
-
-@njit(cache=True, error_model="numpy")
 def brushed(baked, solid, point, ray, normal, rough, color):
     """What metal turned on a lathe mirrors: a streak across its grooves."""
     axis = solid[10:13]
-    grooves = cross(axis, normal)
+    grooves = np.cross(axis, normal)
     if abs(dot(axis, normal)) > 0.5:  # a disc: its grooves run about the axis
-        grooves = cross(axis, point - solid[1:4])
+        grooves = np.cross(axis, point - solid[1:4])
     grooves /= sqrt(dot(grooves, grooves)) + 1e-9
-    across = cross(grooves, normal)
+    across = np.cross(grooves, normal)
     out = point - solid[1:4]
     along = dot(axis, out)
     ripple = noise(70.0 * sqrt(max(dot(out, out) - along * along, 0.0)), 70.0 * along, 0.0) - 0.5
