@@ -44,6 +44,14 @@ def no_pauses():
     download.PAUSE = before
 
 
+@pytest.fixture(autouse=True)
+def kept(monkeypatch, tmp_path_factory, request):
+    """A folder for what the user's cache would keep, new for each test: none believes another."""
+    folder = tmp_path_factory.getbasetemp() / "kept" / str(abs(hash(request.node.nodeid)))
+    monkeypatch.setattr("lfportrait.keys.user_cache", lambda kind: folder / kind)
+    return folder
+
+
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 

@@ -19,8 +19,8 @@ from PIL import Image, ImageOps
 from .errors import UserError
 
 __all__ = [
-    "atomic_path", "atomic_write", "read_image", "read_json", "write_exr", "write_image",
-    "write_json",
+    "atomic_path", "atomic_write", "picture_format", "read_image", "read_json", "write_exr",
+    "write_image", "write_json",
 ]
 
 
@@ -123,6 +123,21 @@ def read_image(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
         raise UserError(f"can't read the picture {path}: {error}") from error
 
 
+def picture_format(path: str | os.PathLike[str]) -> str:
+    """Pillow's name for the format of a picture's file, by its ending.
+
+    Raises
+    ------
+    UserError
+        If there is none: to be asked before hours of work.
+    """
+    suffix = Path(path).suffix.lower()
+    formats = Image.registered_extensions()
+    if suffix not in formats:
+        raise UserError(f"can't write {path}: unknown picture format {suffix!r}; use .png or .jpg")
+    return formats[suffix]
+
+
 def write_image(path: str | os.PathLike[str], image: NDArray[Any], **options: Any) -> None:
     """Write a picture whose format follows from the suffix.
 
@@ -138,14 +153,11 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], **options: An
     array = np.asarray(image)
     if array.dtype != np.uint8:
         array = (np.clip(array, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-    suffix = Path(path).suffix.lower()
-    formats = Image.registered_extensions()
-    if suffix not in formats:
-        raise UserError(f"can't write {path}: unknown picture format {suffix!r}; use .png or .jpg")
+    kind = picture_format(path)
     buffer = io.BytesIO()
-    if formats[suffix] == "PNG":
+    if kind == "PNG":
         options.setdefault("compress_level", 4)
-    Image.fromarray(array).save(buffer, format=formats[suffix], **options)
+    Image.fromarray(array).save(buffer, format=kind, **options)
     with atomic_write(path) as stream:
         stream.write(buffer.getbuffer())
 

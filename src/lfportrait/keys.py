@@ -1,18 +1,32 @@
-"""Hashes of what a file is made from: the same key, the same bytes, nothing to be done again."""
+"""Hashes of what a file is made from: the same key, the same bytes, nothing to be done again.
+
+What takes seconds to find and is asked for again and again (what networks say of a painting, where
+a capture's face is) is kept in the user's cache under such a hash.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
 import json
+import zipfile
+import zlib
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .errors import UserError
+from .files import atomic_write
 from .version import __version__
 
-__all__ = ["key_of"]
+__all__ = ["code_hash", "kept_arrays", "key_of", "user_cache"]
+
+MOST = 100
+"""Files that are kept of a kind: those that were used last."""
 
 
 def _plain(value: Any) -> Any:
@@ -36,3 +50,56 @@ def key_of(*parts: Any) -> str:
     """Hash of parameters (data classes, dictionaries, arrays, numbers, strings), 32 hex digits."""
     text = json.dumps([__version__, *(_plain(part) for part in parts)], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def code_hash(*places: Path) -> str:
+    """Hash of source files, and of all below folders: another version of the code, another hash."""
+    files = [file for place in places
+             for file in (sorted(place.rglob("*.py")) if place.is_dir() else [place])]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+def user_cache(kind: str) -> Path:
+    """The folder of the user's cache for one kind of files."""
+    import pooch
+
+    return Path(pooch.os_cache("lfportrait")) / kind
+
+
+def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]],
+                folder: Path | None = None) -> dict[str, NDArray[Any]]:
+    """Arrays that are made once, and read from the user's cache after that.
+
+    Parameters
+    ----------
+    kind
+        Folder in the user's cache. The `MOST` files that were used last stay in it.
+    key
+        Hash of all that the arrays depend on (`key_of`).
+    make
+        Makes them, where there is no file of that name.
+    folder
+        Instead of the user's cache.
+
+    Returns
+    -------
+    arrays
+        By name. If nothing can be written, they are made each time.
+    """
+    folder = folder or user_cache(kind)
+    file = folder / f"{key}.npz"
+    try:
+        with np.load(file, allow_pickle=False) as data:
+            arrays = {name: data[name] for name in data.files}
+        with suppress(OSError):
+            file.touch()
+        return arrays
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+        arrays = make()
+    with suppress(OSError, UserError):
+        with atomic_write(file) as stream:
+            np.savez(stream, allow_pickle=False, **arrays)
+        by_age = sorted(folder.glob("*.npz"), key=lambda path: path.stat().st_mtime)
+        for old in by_age[:-MOST]:
+            old.unlink(missing_ok=True)
+    return arrays

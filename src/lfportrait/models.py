@@ -24,9 +24,10 @@ from .download import download as _download
 from .download import megabytes
 from .errors import UserError
 from .files import atomic_path
+from .keys import user_cache
 
 __all__ = ["GROUPS", "PURPOSES", "ModelFile", "add", "available", "cache_folder", "expand", "fetch",
-           "fetchable", "listing", "missing", "registry", "require"]
+           "fetchable", "in_use", "listing", "missing", "registry", "require"]
 
 @dataclass(frozen=True)
 class ModelFile:
@@ -104,9 +105,7 @@ def registry() -> dict[str, tuple[ModelFile, ...]]:
 
 def cache_folder() -> Path:
     """The user's folder for downloaded and added weights."""
-    import pooch
-
-    return Path(pooch.os_cache("lfportrait")) / "models"
+    return user_cache("models")
 
 
 def _folders() -> list[Path]:
@@ -225,6 +224,12 @@ def missing(names: Iterable[str]) -> list[str]:
         If a name is unknown.
     """
     return [name for name in expand(names) if not available(_used(name))]
+
+
+def in_use(names: Iterable[str]) -> list[str]:
+    """SHA-256 of the files that do the work of these networks; none for those that are missing."""
+    found = [_local(_used(name)) for name in expand(names)]
+    return [local[1].sha256 for local in found if local is not None]
 
 
 def _used(name: str) -> str:

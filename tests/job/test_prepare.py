@@ -39,3 +39,21 @@ def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
     assert figures["views"] == COUNT - 1 and marked == [{"5.png": "head not seen"}]
     true = boxes.pose[[0, 1, 2, 3, 4, 6, 7]]
     assert np.median(pose_errors(capture.cameras.pose, true)[0]) < 0.3
+
+
+def test_a_data_sets_face_is_looked_for_once(tmp_path, monkeypatch):
+    found, _, boxes = photos(0.0)
+    points = np.random.default_rng(0).normal(size=(68, 3))
+    looked = []
+
+    def landmarks(capture, progress):
+        looked.append(len(capture))
+        return points, {"views": 5, "error_px": 0.7}
+    monkeypatch.setattr("lfportrait.face.landmarks_of_capture", landmarks)
+    replace(found, cameras=boxes).save(tmp_path / "capture")
+    for _ in range(2):
+        capture, figures = pipeline.prepare_capture(tmp_path / "capture", CalibrateConfig(),
+                                                    keep_background=True)
+        assert np.array_equal(capture.landmarks, points)
+        assert figures["landmarks"] == {"views": 5, "error_px": 0.7}
+    assert looked == [COUNT]

@@ -10,7 +10,7 @@ import tyro
 
 from ..errors import UserError
 from ..example import provided_styles
-from ..files import write_image
+from ..files import picture_format, write_image
 from .common import Common
 
 __all__ = ["Styles"]
@@ -72,11 +72,12 @@ class Styles(Common):
         """Write the page about a painting, and say what it says."""
         from ..job import check_style, style_picture
 
+        # A built-in exemplar has no folder: its page goes into this one.
+        out = self.out or image.with_suffix(".check.png")
+        picture_format(out)
         with self.progress("check") as progress:
             progress.update(0, f"paint the embedded head after {image.stem}")
             check = check_style(image, self.face, self.at)
-        # A built-in exemplar has no folder: its page goes into this one.
-        out = self.out or image.with_suffix(".check.png")
         write_image(out, style_picture(check))
         print("\n".join(text for _, text in check.facts))
         print(f"wrote {out}")

@@ -26,7 +26,7 @@ from ..example import (
     suited,
 )
 from ..face import detect_landmarks, face_pose
-from ..files import read_image, write_image
+from ..files import picture_format, read_image, write_image
 from ..progress import Progress
 
 __all__ = ["transfer_folder", "transfer_photo", "transfer_video"]
@@ -67,6 +67,7 @@ class _Painter:
 def transfer_photo(path: Path, out: Path, exemplar: Exemplar, config: MethodConfig,
                    choices: Sequence[RegionStyle], dump: Path | None) -> dict[str, Any]:
     """Paint one photo; returns the seconds of the steps."""
+    picture_format(out)
     photo = read_image(path)[..., :3]
     points = np.asarray(face_landmarks(photo), np.float64)
     image, result = _Painter(exemplar, config, choices).paint(photo, points)

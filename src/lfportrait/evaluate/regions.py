@@ -18,7 +18,7 @@ from PIL import Image
 from scipy import ndimage
 
 from ..capture import Camera
-from ..example import LABELS, Exemplar, find_regions
+from ..example import LABELS, Exemplar
 from ..field import C0, VoxelField
 from .repeats import Repeat, over_exemplar, strongest_repeat
 from .views import arc_cameras, face_unit
@@ -152,7 +152,7 @@ def exemplar_regions(exemplar: Exemplar, unit: float, names: Sequence[str],
     masks
         bool [h, w] by region.
     """
-    labels = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask).labels()
+    labels = exemplar.regions().labels()
     height, width = exemplar.image.shape[:2]
     scale = unit / exemplar.size
     size = max(round(width * scale), 1), max(round(height * scale), 1)

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import face, models
 from ..errors import UserError
 from ..files import read_image
+from ..keys import code_hash, kept_arrays, key_of
+from . import guides
+from .guides.regions import Regions, find_regions
 from .providers import provided_styles
 
 __all__ = ["Exemplar", "face_size"]
@@ -63,6 +68,30 @@ class Exemplar:
         """Size of the face in pixels, see `face_size`."""
         return face_size(self.landmarks)
 
+    def regions(self) -> Regions:
+        """Where its person and hair are (`find_regions`).
+
+        What the segmentation networks see in a picture takes seconds to find, most of them to load
+        the networks: it is kept in the user's cache.
+        """
+        networks = models.in_use(["person-segmentation", "hair-segmentation"])
+        if not networks:
+            return find_regions(self.image, self.landmarks, self.mask)
+
+        def find() -> dict[str, NDArray[Any]]:
+            found = find_regions(self.image, self.landmarks, self.mask)
+            return {name: np.asarray(65535 * matte + 0.5, np.uint16)
+                    for name, matte in (("person", found.person), ("hair", found.hair))
+                    if matte is not None}
+
+        code = code_hash(Path(face.__file__).parent, Path(guides.__file__).parent)
+        kept = kept_arrays("regions", key_of(self.image, self.landmarks, self.mask, networks, code),
+                           find)
+        # A file keeps rounded numbers: the first run goes on with those that the next will find.
+        mattes = {name: matte.astype(np.float32) / np.float32(65535)
+                  for name, matte in kept.items()}
+        return Regions(self.landmarks, mattes["person"], mattes.get("hair"))
+
     @staticmethod
     def load(style: str | Path, landmarks: NDArray[np.floating] | None = None) -> Exemplar:
         """Load an exemplar.
@@ -112,18 +141,22 @@ def _built_in(name: str) -> Exemplar:
 
 def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], int]:
     """Landmarks from the file beside the picture, else of its largest face; and how many it has."""
-    from ..face import detect_faces, read_landmarks
-
     beside = path.with_suffix(".landmarks.txt")
     if beside.exists():
-        return np.asarray(read_landmarks(beside), np.float64), 1
+        return np.asarray(face.read_landmarks(beside), np.float64), 1
+
+    def find() -> dict[str, NDArray[Any]]:
+        return {"faces": np.array(face.detect_faces(image, thorough=False)).reshape(-1, 68, 2)}
+
+    networks = models.in_use(["face-landmarker", "face-landmarks-68", "face-detector"])
+    key = key_of(image, networks, code_hash(Path(face.__file__).parent))
     try:
-        found = detect_faces(image, thorough=False)
+        found = kept_arrays("faces", key, find)["faces"]
     except UserError as error:
         raise UserError(f"the style {path} has no {beside.name} beside it, and its landmarks "
                         f"can't be detected: {error}") from error
-    if not found:
+    if not len(found):
         raise UserError(f"no face found in the style {path}; say where it is with `lfportrait "
                         f"styles add {path.name} --at X Y`, or put its 68 landmarks into "
                         f"{beside.name} beside it, one 'x y' a line")
-    return np.asarray(found[0], np.float64), len(found)
+    return found[0], len(found)

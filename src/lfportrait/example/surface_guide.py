@@ -26,7 +26,7 @@ from ..errors import UserError
 from .back_of_head import Patchwork, Sites
 from .exemplar import Exemplar, face_size
 from .guides.position import fold_inside, mls_similarity
-from .guides.regions import Regions, find_regions
+from .guides.regions import Regions
 
 __all__ = ["HeadPlane", "SurfaceGuide", "surface_position_guide"]
 
@@ -120,9 +120,7 @@ class SurfaceGuide:
         self.plane = HeadPlane(landmarks3d)
         points, known = self.plane.landmarks, self.plane.known
         self.exemplar = exemplar
-        if regions is None:
-            regions = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask)
-        self.regions = regions
+        self.regions = exemplar.regions() if regions is None else regions
         self.radius, self.height = self.plane.radius, self.plane.height
         flat = self.unwrap(points[known])
         style = exemplar.landmarks[known]

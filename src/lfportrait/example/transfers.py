@@ -118,8 +118,7 @@ class Transfer:
         self.config = config or TransferConfig()
         start = time.perf_counter()
         self.unit = exemplar.size / 50.0
-        self.regions: Regions = regions or find_regions(exemplar.image, exemplar.landmarks,
-                                                        exemplar.mask)
+        self.regions: Regions = regions or exemplar.regions()
         self.labels = self.regions.labels()
         self.appearance = appearance_guide(exemplar.image, self.config.blur * exemplar.size)
         self.prepare_seconds = time.perf_counter() - start

@@ -17,6 +17,7 @@ share           all of them                     ``portrait.html``, ``sweep.mp4``
 
 from __future__ import annotations
 
+import json
 import sys
 import warnings
 from collections.abc import Iterator
@@ -43,7 +44,7 @@ from ..errors import UserError
 from ..example import Exemplar
 from ..field import VoxelField
 from ..files import write_json
-from ..keys import key_of
+from ..keys import code_hash, kept_arrays, key_of
 from ..lanes.compiling import compiling_progress
 from ..lightfield import Display
 from ..measure import machine, peak_memory_bytes
@@ -75,10 +76,12 @@ __all__ = ["MakeConfig", "make", "prepare_capture"]
 
 def _with_landmarks(capture: Capture, reframe: bool, progress: Progress | None,
                     ) -> tuple[Capture, dict[str, Any]]:
-    """The capture with the face's landmarks, and in its frame if it may be moved; figures."""
-    from ..face import landmarks_of_capture
+    """The capture with the face's landmarks, and in its frame if it may be moved; figures.
 
-    points, figures = landmarks_of_capture(capture, progress)
+    Those of a calibrated data set are kept in the user's cache, as each command looks for them.
+    """
+    points, figures = (_landmarks(capture, progress) if reframe
+                       else _kept_landmarks(capture, progress))
     if points is None:
         return capture, figures
     if reframe:
@@ -86,6 +89,29 @@ def _with_landmarks(capture: Capture, reframe: bool, progress: Progress | None,
         points = points @ similarity[:3, :3].T + similarity[:3, 3]
         capture = capture.reframed(similarity)
     return replace(capture, landmarks=points), figures
+
+
+def _landmarks(capture: Capture, progress: Progress | None,
+               ) -> tuple[NDArray[np.float64] | None, dict[str, Any]]:
+    from ..face import landmarks_of_capture
+
+    return landmarks_of_capture(capture, progress)
+
+
+def _kept_landmarks(capture: Capture, progress: Progress | None,
+                    ) -> tuple[NDArray[np.float64] | None, dict[str, Any]]:
+    from .. import face
+
+    def find() -> dict[str, NDArray[Any]]:
+        points, figures = _landmarks(capture, progress)
+        return {"figures": np.array(json.dumps(figures)),
+                **({} if points is None else {"points": points})}
+
+    cameras = capture.cameras
+    key = key_of(capture.images, capture.alphas, cameras.pose, cameras.focal, cameras.center,
+                 models.in_use(["face-landmarker"]), code_hash(Path(face.__file__).parent))
+    kept = kept_arrays("landmarks", key, find)
+    return kept.get("points"), json.loads(str(kept["figures"]))
 
 
 def _following(capture: Capture, soft: list[NDArray[np.float32]], config: CalibrateConfig,

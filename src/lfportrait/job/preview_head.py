@@ -7,7 +7,6 @@ makes its own.
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -18,16 +17,10 @@ from ..demo import SITTER, demo_cameras, head_field, landmarks
 from ..errors import UserError
 from ..example import Skin
 from ..field import VoxelField
-from ..keys import key_of
+from ..keys import code_hash, key_of, user_cache
 from ..stylize import kept_skin
 
 __all__ = ["preview_head"]
-
-
-def _cache_folder() -> Path:
-    import pooch
-
-    return Path(pooch.os_cache("lfportrait")) / "heads"
 
 
 def _capture() -> Capture:
@@ -41,9 +34,7 @@ def _capture() -> Capture:
 
 def _key() -> str:
     """Hash of the code that models the head."""
-    sources = sorted(Path(str(demo.__file__)).parent.rglob("*.py"))
-    code = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
-    return key_of("preview head", code)
+    return key_of("preview head", code_hash(Path(str(demo.__file__)).parent))
 
 
 def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, Capture, Skin]:
@@ -63,7 +54,7 @@ def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, 
         In the portrait frame; the capture's pictures are empty.
     """
     capture, points = _capture(), landmarks(SITTER)
-    folder = cache or _cache_folder()
+    folder = cache or user_cache("heads")
     file = folder / f"{_key()}.npz"
     try:
         field = VoxelField.load(file)

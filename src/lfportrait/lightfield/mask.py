@@ -14,16 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import atomic_write
+from ..keys import user_cache
 from .display import Display
 from .kernels.panel import lens_of, mask_views
 
 __all__ = ["ViewMask"]
-
-
-def _cache_folder() -> Path:
-    import pooch
-
-    return Path(pooch.os_cache("lfportrait")) / "masks"
 
 
 @dataclass(frozen=True)
@@ -63,7 +58,7 @@ class ViewMask:
         shape = (display.height, display.width, 3)
         file = None
         if cache is not False:
-            folder = _cache_folder() if cache is True else Path(cache)
+            folder = user_cache("masks") if cache is True else Path(cache)
             file = folder / f"{display.hash()}.npy"
             try:
                 stored = np.load(file, mmap_mode="r", allow_pickle=False)

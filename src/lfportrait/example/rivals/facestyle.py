@@ -155,7 +155,7 @@ class FaceStyle:
         if scale in self._sources:
             return self._sources[scale]
         exemplar = self.exemplar if scale == 1.0 else _resized(self.exemplar, scale)
-        regions = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask)
+        regions = exemplar.regions()
         head = _head(regions.labels())
         guides = self._guides(exemplar.image, regions, pixel_centres(exemplar.image.shape),
                               exemplar.image.shape, None)

@@ -26,7 +26,6 @@ from scipy.ndimage import map_coordinates
 from ...errors import UserError
 from ...face import GENERIC_LANDMARKS, FacePose, face_pose, generic_depth
 from ..exemplar import Exemplar
-from ..guides.regions import find_regions
 
 __all__ = ["FRONTAL", "PROFILE", "Frontal", "frontal_view", "frontalised", "suited"]
 
@@ -133,9 +132,7 @@ def frontal_view(exemplar: Exemplar, pose: FacePose) -> Frontal:
     Where the exemplar has no mask the person is segmented: a place of the head that falls beside
     it was not painted.
     """
-    person = exemplar.mask
-    if person is None:
-        person = find_regions(exemplar.image, exemplar.landmarks).person
+    person = exemplar.regions().person if exemplar.mask is None else exemplar.mask
     head = _Head(exemplar, pose)
     own, clear = head.places, head.clear
     # A little within the outline: paint there is mixed with what lies behind.

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...example import Exemplar, find_regions
+from ...example import Exemplar
 from .photo_views import PhotoView
 
 __all__ = ["ColorMap", "painted_pixels", "person_pixels"]
@@ -66,7 +66,7 @@ def _root(pixels: NDArray[np.floating], power: float) -> Float64:
 
 def painted_pixels(exemplar: Exemplar) -> Float32:
     """Colours of the painted person, float32 [N, 3] in [0, 1]."""
-    person = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask).person > 0.5
+    person = exemplar.regions().person > 0.5
     if person.sum() < 100:
         person = np.ones(exemplar.image.shape[:2], np.bool_)
     return exemplar.image[person].astype(np.float32) / np.float32(255)

@@ -30,7 +30,6 @@ import torch
 from numpy.typing import NDArray
 from torch.nn import functional
 
-from ...example import find_regions
 from ..fit import ColorModel
 from .adain import AdainNetwork, Statistics, load_adain, normalised_to, statistics_of
 from .config import StylizedNerfConfig
@@ -138,7 +137,7 @@ class PaintingTeacher:
     def _style_statistics(self) -> list[Statistics]:
         """Statistics of the painted person's features, at the views' size."""
         exemplar = self.task.exemplar
-        person = find_regions(exemplar.image, exemplar.landmarks, exemplar.mask).person
+        person = exemplar.regions().person
         size = _multiples(self.config.size, exemplar.image.shape)
         picture, mask = (functional.interpolate(value, size=size, mode="bilinear", antialias=True)
                          for value in (tensor(exemplar.image.astype(np.float32) / np.float32(255)),
