@@ -26,8 +26,7 @@ from .skin.materials import (
 )
 from .skin.sitter import BLUR, contours, skin_distance
 
-__all__ = ["LEAST_CLOTHES", "has_plain_ground", "painted_shares", "photo_looks",
-           "photo_shares"]
+__all__ = ["has_plain_ground", "photo_looks", "photo_shares"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -40,32 +39,6 @@ LEAST_TRUST = 0.5
 """The same where the photo is plain: borders of paint follow its shading."""
 HAIR_TRUST = 0.4
 """The same of tone and detail in the hair: its strokes are the exemplar's."""
-LIKE_GROUND = 1.2
-"""Clothes of an exemplar less far from its background's colours than this are taken for it."""
-LEAST_CLOTHES = 0.02
-"""An exemplar of which clothes cover less than this has too little of them to dress a body."""
-BARE = 1.12
-"""Down to here (brows 0, chin 1) a photo's neck is bare, whatever its colour: the chin's shadow."""
-
-
-def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Float32:
-    """Shares of `skin.materials.MATERIALS` of an exemplar with its regions and labels, [h, w, 6].
-
-    Clothes of the colours of its background are background beside the neck.
-    """
-    shares = exemplar_shares(exemplar, regions, labels, BARE)
-    behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
-    if not worn.any() or behind.sum() < 50:
-        return shares
-    chosen = behind | worn
-    alike = np.zeros(behind.shape, np.float32)
-    alike[chosen] = skin_distance(exemplar.image[chosen] / np.float32(255),
-                                  behind[chosen]) < LIKE_GROUND
-    alike = gaussian_blur(alike, 0.008 * max(behind.shape))
-    ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
-    shares[..., GROUND] += ground
-    shares[..., CLOTHES] -= ground
-    return shares
 
 
 def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.uint8],
@@ -87,7 +60,7 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
     -------
     float32 [H, W, 6].
     """
-    shares = exemplar_shares(Exemplar(photo, regions.landmarks), regions, labels, BARE)
+    shares = exemplar_shares(Exemplar(photo, regions.landmarks), regions, labels)
     if regions.hair is None:
         # A shaven head, or a statue's hair: there is hair where the exemplar has it.
         height, width = painted.shape[:2]

@@ -26,15 +26,8 @@ from .guides.labels import soft_face
 from .guides.regions import Regions
 from .kernels.patches import ACTIVE, FIXED, OUTSIDE
 from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
-from .photo_materials import (
-    LEAST_CLOTHES,
-    has_plain_ground,
-    painted_shares,
-    photo_looks,
-    photo_shares,
-)
+from .photo_materials import has_plain_ground, photo_looks, photo_shares
 from .skin.materials import (
-    CLOTHES,
     FEATURES,
     GROUND,
     HAIR,
@@ -44,6 +37,7 @@ from .skin.materials import (
     ExemplarMaterials,
     into,
     material_guides,
+    painted_shares,
     pieces,
     resized_materials,
 )
@@ -199,7 +193,6 @@ class PhotoPatches:
         """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept."""
         if size not in self._sources:
             picture, theirs = resized_materials(self.exemplar, self._shares, size)
-            theirs.present[CLOTHES] &= bool(self._shares[..., CLOTHES].mean() > LEAST_CLOTHES)
             self._sources = {size: (PatchSource.of(picture, material_guides(
                 theirs.shares, theirs.luma, theirs.detail, self._weights())), theirs)}
         return self._sources[size]

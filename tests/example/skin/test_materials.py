@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lfportrait.example import LABELS
+from lfportrait.example import LABELS, Exemplar, Regions
 from lfportrait.example.skin.materials import (
     CLOTHES,
     FEATURES,
@@ -16,11 +16,12 @@ from lfportrait.example.skin.materials import (
     SKIN,
     ExemplarMaterials,
     exemplar_shares,
+    light_neck,
     material_shares,
     sitter_looks,
     sitter_shares,
 )
-from lfportrait.example.skin.regions import hair_by_place
+from lfportrait.example.skin.regions import below_hair, hair_by_place
 from lfportrait.example.surface_guide import HeadPlane
 from tests.portraits import HEAD_LANDMARKS
 
@@ -74,14 +75,67 @@ def test_materials_of_a_drawn_face(painter, shares):
     assert at(nose) == at(points[66].astype(int)) == "features"
     assert at(((points[30] + points[14]) / 2).astype(int)) == "skin"
     assert at((nose[0], int(points[24, 1] - 0.5 * (chin[1] - points[24, 1])))) == "hair"
-    assert at((chin[0], chin[1] + 4)) == "neck"
-    assert at((chin[0], image.shape[0] - 3)) == "clothes"
+    # The chin's shadow, and then a high collar.
+    assert at((chin[0], chin[1] + 1)) == "neck"
+    assert at((chin[0], chin[1] + 8)) == at((chin[0], image.shape[0] - 3)) == "clothes"
     assert at((3, 3)) == "background"
     # The red of the clothes is nowhere skin or hair, the blue behind them nowhere clothes.
     red = np.abs(image - np.array([160.0, 60, 50])).max(axis=-1) < 30
     blue = np.abs(image - np.array([90.0, 130, 170])).max(axis=-1) < 30
     assert shares[red][:, [SKIN, HAIR, FEATURES]].mean() < 0.05
     assert shares[blue][:, GROUND].mean() > 0.95
+
+
+def test_below_the_jaw_colours_tell_neck_and_hair_from_clothes(painter):
+    exemplar, regions = painter.exemplar, painter.transfer.regions
+    image = exemplar.image.copy()
+    x, y = exemplar.landmarks[8].astype(int)
+    neck, lock = np.s_[y:y + 25, x - 9:x + 9], np.s_[y - 4:y + 25, x + 9:x + 14]
+    image[neck], image[lock] = image[y - 20, x], image[10 + y // 3, x]
+    hair, person = np.zeros(image.shape[:2], np.float32), regions.person.copy()
+    hair[lock] = person[lock] = 1
+    shares = exemplar_shares(Exemplar(image, exemplar.landmarks), Regions(
+        exemplar.landmarks, person, np.maximum(regions.hair, hair)), painter.transfer.labels)
+    assert shares[y + 12, x, NECK] > 0.95
+    assert shares[y + 12, x + 11, HAIR] > 0.9
+    assert shares[y + 30, x - 20, CLOTHES] > 0.9
+    assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4)
+
+
+def test_where_hair_is_only_if_it_is_long():
+    down = np.array([-0.5, 0.3, 0.7, 0.9, 1.2])
+
+    def at(degrees):
+        flat = np.stack([np.full(5, np.radians(degrees) * PLANE.radius), down * PLANE.height], 1)
+        return below_hair(PLANE, np.asarray(flat, np.float32)).round(2).tolist()
+
+    assert at(0) == at(-30) == [0, 0, 0, 0, 1]
+    assert at(80) == at(-80) == [0, 0, 1, 1, 1]
+    # The nape's hair grows further down.
+    assert at(175) == [0, 0, 0, 1, 1]
+
+
+@pytest.mark.parametrize(("light", "stays"), [(0.6, 1), (0.3, 0), (0.9, 0)])
+def test_skin_stands_in_for_a_neck_in_another_light(light, stays):
+    random = np.random.default_rng(3)
+    picture = np.zeros((40, 40), np.float32)
+    their = np.zeros((40, 40, len(MATERIALS)), np.float32)
+    their[:20, :, SKIN], their[20:, :, NECK] = 1, 1
+    picture[:20] = random.normal(0.6, 0.05, (20, 40))
+    picture[20:] = random.normal(light, 0.02, (20, 40))
+    theirs = SimpleNamespace(shares=their, tone=picture)
+    shares = np.zeros((1000, len(MATERIALS)), np.float32)
+    shares[:700, SKIN], shares[700:, NECK] = 1, 1
+    tone = np.concatenate([random.normal(0.5, 0.05, 700), random.normal(0.5, 0.02, 300)])
+    changed = shares.copy()
+    light_neck(changed, tone.astype(np.float32), theirs)
+    assert np.array_equal(changed[:700], shares[:700])
+    assert abs(changed[700:, NECK].mean() - stays) < 0.05
+    assert np.allclose(changed.sum(axis=1), 1)
+    # Of an exemplar without a neck nothing can be said.
+    theirs.shares[..., NECK] = 0
+    light_neck(shares, tone.astype(np.float32), theirs)
+    assert (shares[700:, NECK] == 1).all()
 
 
 def test_an_exemplar_without_a_body_has_no_clothes(painter):
@@ -147,9 +201,10 @@ def test_the_sitters_materials_are_told_by_the_sitter(hairy):
     if hairy:
         assert np.allclose(bare[:, HAIR], sitter.hair, atol=1e-4)
     else:
-        # The exemplar's, and more where hair is on most heads.
-        theirs, place = material_shares(labels)[:, HAIR], hair_by_place(PLANE, sitter.flat)
-        assert (place == 0).any() and (place == 1).any()
+        # The exemplar's, but none on the neck, and more where hair is on most heads.
+        place, below = hair_by_place(PLANE, sitter.flat), below_hair(PLANE, sitter.flat)
+        assert all((part == 0).any() and (part == 1).any() for part in (place, below))
+        theirs = material_shares(labels)[:, HAIR] * (1 - below)
         assert np.allclose(bare[:, HAIR], theirs + np.maximum(place - theirs, 0) * (1 - theirs),
                            atol=1e-4)
     dressed = sitter_shares(_like(sitter, clothes=everything), labels, ALL)

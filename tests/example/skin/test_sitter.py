@@ -156,6 +156,14 @@ def test_without_the_network_hair_is_told_by_its_colour(field, skin, points, mon
     assert Skin.of(field, HEAD_LANDMARKS, pixels=PIXELS).hair is not None
 
 
+def test_a_network_that_contradicts_itself_is_not_believed(field, skin, monkeypatch):
+    random = np.random.default_rng(0)
+    monkeypatch.setattr("lfportrait.models.missing", lambda names: [])
+    monkeypatch.setattr("lfportrait.face.hair_mask", lambda image, size: np.float32(
+        random.random(image.shape[:2]) < 0.4))
+    assert np.array_equal(Skin.of(field, HEAD_LANDMARKS, pixels=PIXELS).hair, skin.hair)
+
+
 def test_a_head_of_one_colour_has_no_hair(field):
     plain = field.with_sh(np.full((len(field.density), 3, 1), 0.4))
     assert Skin.of(plain, HEAD_LANDMARKS, pixels=30.0, networks=False).hair is None

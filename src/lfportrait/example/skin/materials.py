@@ -17,16 +17,17 @@ from scipy.ndimage import distance_transform_edt
 from ..back_of_head import Sites
 from ..exemplar import Exemplar
 from ..guides.appearance import Distribution, grey, match_histogram
-from ..guides.blurs import broad_blur
+from ..guides.blurs import broad_blur, gaussian_blur
 from ..guides.labels import LABELS
 from ..guides.regions import Regions
 from ..kernels.sites import nearest_sites
 from ..patches import SCALE
-from .regions import hair_by_place
+from .regions import below_hair, hair_by_place
 from .sitter import BLUR, Skin, skin_distance
 
-__all__ = ["MATERIALS", "ExemplarMaterials", "into", "matched_looks", "material_guides",
-           "material_shares", "pieces", "resized_materials", "sitter_looks", "sitter_shares"]
+__all__ = ["MATERIALS", "ExemplarMaterials", "into", "light_neck", "matched_looks",
+           "material_guides", "material_shares", "painted_shares", "pieces", "resized_materials",
+           "sitter_looks", "sitter_shares"]
 
 Float32 = NDArray[np.float32]
 
@@ -44,8 +45,25 @@ DEPTH = 0.2
 """Well inside is this far from the edge, over the face's size, or most of the way there is."""
 LEAST = 0.004
 """A material that covers less of the exemplar than this is not there."""
+LEAST_CLOTHES = 0.012
+"""Clothes that cover less than this are too little to dress a body."""
 SHARP = 8.0
 """How much narrower skin's way into neck is than the guide makes it."""
+FEW = 100
+"""Fewer places than this say nothing of how tones are distributed."""
+BARE = 1.12
+"""Down to here (brows 0, chin 1) what is darker than the face is neck: the chin's shadow."""
+SPREAD = 2.0
+"""Tones of neck and clothes are drawn apart by no more: a plain shirt gets no stripes from an
+exemplar's white collar on a dark coat."""
+LIKE_GROUND = 1.2
+"""Clothes of an exemplar less far from its background's colours than this are taken for it."""
+LOWER = 0.15
+"""The skin that a neck is compared with lies below this (brows 0, chin 1)."""
+LIKE_SKIN = (0.05, 3.0), (0.015, 3.5)
+"""Blurs, over the face's size, and how far from the skin's colours a neck may be then."""
+LIT = 0.06, 0.12
+"""A neck whose tone is so much off begins to be painted, and is wholly painted, as skin."""
 STAND_INS = ((CLOTHES, NECK), (NECK, SKIN), (HAIR, SKIN))
 """What stands in for a material that the exemplar does not show, in this order."""
 
@@ -85,6 +103,7 @@ class ExemplarMaterials:
         """From its picture [h, w, 3] and shares; ``size`` of the face in pixels."""
         luma = grey(picture)
         present = shares.reshape(-1, len(MATERIALS)).mean(axis=0) > LEAST
+        present[CLOTHES] &= bool(shares[..., CLOTHES].mean() > LEAST_CLOTHES)
         nearest, deep = (np.empty((len(MATERIALS), *luma.shape), np.int32) for _ in range(2))
         for material in range(len(MATERIALS)):
             inside = shares[::2, ::2, material] > 0.6
@@ -123,13 +142,11 @@ def material_shares(labels: NDArray[np.uint8]) -> Float32:
     return out
 
 
-def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
-                    bare_to: float = 1.3) -> Float32:
-    """Shares of `MATERIALS` of an exemplar, float32 [h, w, 6].
+def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Float32:
+    """Shares of `MATERIALS` of an exemplar with its soft labels, float32 [h, w, 6].
 
-    Below the jaw, what is of the face's colour, or right below it, is neck, the rest clothes; and
-    where the background is plain, what looks like it there is background. ``bare_to`` is how deep
-    that goes (brows 0, chin 1).
+    Below the jaw, what is of the face's colour, or dark and right below it, is neck, the rest is
+    hair that hangs there, background where that is plain and looks alike, or clothes.
     """
     shares = material_shares(labels)
     # Labels fall off gently beyond the outline: what lies there is background all the same.
@@ -139,24 +156,54 @@ def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uin
         return shares
     image = exemplar.image.astype(np.float32) / np.float32(255)
     features = labels[..., [LABELS.index(n) for n in ("brows", "eyes", "nose", "lips")]]
-    plain = (labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30)
-    smooth = _blurred(image, 0.05 * exemplar.size)
     _, down = regions.frame.local(image.shape[:2])
-    bare = np.ones(image.shape[:2], np.float32)
+    # A forehead may be under a fringe, or a mask's hair that is no hair to the network.
+    plain = (labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30) & (down > LOWER)
     chosen = body | plain
-    bare[chosen] = np.maximum(_near(skin_distance(smooth[chosen], plain[chosen]), 3.0),
-                              np.clip((bare_to - down[chosen]) / 0.15, 0, 1))
+    bare = np.zeros(image.shape[:2], np.float32)
+    bare[chosen] = 1
+    # Strokes by their mean, and the edge of a collar by itself.
+    for blur, limit in LIKE_SKIN:
+        smooth = _blurred(image, blur * exemplar.size)[chosen]
+        bare[chosen] = np.minimum(bare[chosen],
+                                  _near(skin_distance(smooth, plain[chosen]), limit))
+    other = shares[..., NECK] * (1 - bare)
     behind = labels[..., LABELS.index("background")] > 250
     if behind.any() and image[behind].std(axis=0).max() < PLAIN:
         fine = _blurred(image, 0.025 * exemplar.size)
         chosen = body | behind
         ground = np.zeros(image.shape[:2], np.float32)
         ground[chosen] = _near(skin_distance(fine[chosen], behind[chosen]), 1.5)
-        ground *= shares[..., NECK]
-        shares[..., GROUND] += ground
-        shares[..., NECK] -= ground
-    shares[..., CLOTHES] = shares[..., NECK] * (1 - bare)
-    shares[..., NECK] *= bare
+        shares[..., GROUND] += ground * other
+        other *= 1 - ground
+    if regions.hair is not None:
+        shares[..., HAIR] += other * regions.hair
+        other *= 1 - regions.hair
+    light = grey(_blurred(image, LIKE_SKIN[-1][0] * exemplar.size))
+    dark = np.clip((np.quantile(light[plain], 0.25) - light) / 0.05, 0, 1) if plain.any() else 1
+    shadow = other * np.clip((BARE - down) / 0.15, 0, 1) * dark
+    shares[..., CLOTHES] = other - shadow
+    shares[..., NECK] = shares[..., NECK] * bare + shadow
+    return shares
+
+
+def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Float32:
+    """Shares of `MATERIALS` of a painting: `exemplar_shares`, and a little more.
+
+    Clothes of the colours of its background are background beside the neck.
+    """
+    shares = exemplar_shares(exemplar, regions, labels)
+    behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
+    if not worn.any() or behind.sum() < 50:
+        return shares
+    chosen = behind | worn
+    alike = np.zeros(behind.shape, np.float32)
+    alike[chosen] = skin_distance(exemplar.image[chosen] / np.float32(255),
+                                  behind[chosen]) < LIKE_GROUND
+    alike = gaussian_blur(alike, 0.008 * max(behind.shape))
+    ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
+    shares[..., GROUND] += ground
+    shares[..., CLOTHES] -= ground
     return shares
 
 
@@ -189,7 +236,10 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.boo
     shares[:, SKIN] += shares[:, FEATURES]
     shares[:, FEATURES] = 0
     if skin.hair is None:
-        # A shaven head, or a statue's: the painter's hair, where hair is.
+        # A shaven head, or a statue's: the painter's hair, where hair is, and none on the neck.
+        hanging = shares[:, HAIR] * below_hair(skin.plane, skin.flat)
+        shares[:, HAIR] -= hanging
+        shares[:, NECK] += hanging
         more = np.maximum(hair_by_place(skin.plane, skin.flat) - shares[:, HAIR], 0)
         shares *= (1 - more)[:, None]
         shares[:, HAIR] += more
@@ -229,6 +279,33 @@ def _parted(shares: Float32, one: int, other: int) -> None:
     shares[:, other] = both - shares[:, one]
 
 
+def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials) -> None:
+    """Let skin stand in for a neck that the exemplar shows in another light, in place.
+
+    The sitter's face says how light his neck would be in the exemplar's paint. Where the exemplar's
+    own neck is not, as it lies in the chin's shadow or is drawn in a few dark strokes, the paint of
+    its face is nearer.
+    """
+    neck, face = shares[:, NECK] > 0.5, shares[:, SKIN] > 0.5
+    their_neck, their_face = (theirs.shares[..., part] > 0.5 for part in (NECK, SKIN))
+    if min(part.sum() for part in (neck, face, their_neck, their_face)) < FEW:
+        return
+    by_face, by_neck = (_like(tone, ours, theirs.tone, those)
+                        for ours, those in ((face, their_face), (neck, their_neck)))
+    other = np.clip((np.abs(by_face - by_neck) - LIT[0]) / (LIT[1] - LIT[0]), 0, 1)
+    other *= shares[:, NECK]
+    shares[:, SKIN] += other
+    shares[:, NECK] -= other
+
+
+def _like(tone: Float32, ours: NDArray[np.bool_], reference: Float32,
+          theirs: NDArray[np.bool_]) -> Float32:
+    """Tones [N], changed so that ``ours`` are distributed as ``theirs`` of the reference are."""
+    wanted = Distribution.of(reference, theirs.astype(np.float32))
+    return match_histogram(np.ascontiguousarray(tone[None]), wanted,
+                           ours[None].astype(np.float32))[0]
+
+
 def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tuple[Float32, Float32]:
     """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each."""
     tone, detail = matched_looks(skin.tone, skin.detail, shares, theirs)
@@ -239,10 +316,10 @@ def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: Exemp
                   reference: Float32 | None = None) -> tuple[Float32, Float32]:
     """Tones and detail [N] of places as the exemplar would have them, float32 [N] each.
 
-    Tones are distributed as the exemplar's of the same material. Detail is made as strong as its
-    strokes, within bounds: noise of a plain place does not become strokes. Nothing is said about
-    the background: both are 0 there. ``reference`` [h, w] are the exemplar's tones, by default
-    ``theirs.tone``.
+    Tones are distributed as the exemplar's of the same material (`SPREAD`). Detail is made as
+    strong as its strokes, within bounds: noise of a plain place does not become strokes. Nothing is
+    said about the background: both are 0 there. ``reference`` [h, w] are the exemplar's tones, by
+    default ``theirs.tone``.
     """
     reference = theirs.tone if reference is None else reference
     out, strong = (np.zeros(len(shares), np.float32) for _ in range(2))
@@ -252,14 +329,16 @@ def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: Exemp
         there = theirs.shares[..., material] > 0.5
         if not (share > 0).any():
             continue
-        if inside.sum() < 100 or there.sum() < 100:
+        if inside.sum() < FEW or there.sum() < FEW:
             out += share * tone
             strong += share * detail
             continue
-        wanted = Distribution.of(reference, there.astype(np.float32))
-        matched = match_histogram(np.ascontiguousarray(tone[None]), wanted,
-                                  inside[None].astype(np.float32))
-        out += share * matched[0]
+        matched = _like(tone, inside, reference, there)
+        if material in (NECK, CLOTHES):
+            middle = np.median(matched[inside])
+            most = SPREAD * tone[inside].std() / max(float(reference[there].std()), 1e-4)
+            matched = middle + (matched - middle) * np.float32(min(1.0, most))
+        out += share * matched
         gain = theirs.detail[there].std() / max(float(detail[inside].std()), 1e-4)
         strong += share * detail * np.float32(np.clip(gain, 0.5, 2.5))
     return out, strong

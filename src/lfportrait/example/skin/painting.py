@@ -40,9 +40,10 @@ from .materials import (
     ROAM,
     SKIN,
     ExemplarMaterials,
-    exemplar_shares,
     into,
+    light_neck,
     material_guides,
+    painted_shares,
     pieces,
     resized_materials,
     sitter_looks,
@@ -257,6 +258,7 @@ class SkinPainter:
         source, theirs = self._source(round(size, 3))
         unit = self.exemplar.size * size / 50
         shares = sitter_shares(skin, labels, theirs.present)
+        light_neck(shares, skin.tone, theirs)
         tone, detail = sitter_looks(skin, shares, theirs)
         guides = material_guides(shares, tone, detail, self._weights())
         wanted = into(shares, theirs, position * np.float32(size))
@@ -303,8 +305,8 @@ class SkinPainter:
     def _all_shares(self) -> Float32:
         """Materials of the exemplar's pixels, found when first asked for."""
         if self._shares is None:
-            self._shares = exemplar_shares(self.exemplar, self.transfer.regions,
-                                           self.transfer.labels)
+            self._shares = painted_shares(self.exemplar, self.transfer.regions,
+                                          self.transfer.labels)
         return self._shares
 
     def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:

@@ -14,7 +14,7 @@ from ..guides.face_frame import FaceFrame
 from ..guides.labels import LABELS, region_labels
 from ..surface_guide import HeadPlane
 
-__all__ = ["REGIONS", "hair_by_place", "skin_regions"]
+__all__ = ["REGIONS", "below_hair", "hair_by_place", "skin_regions"]
 
 Float32 = NDArray[np.float32]
 
@@ -33,14 +33,28 @@ def hair_by_place(plane: HeadPlane, flat: Float32) -> Float32:
     plane, flat
         The head's unwrapping, and places [N, 2] in it.
     """
-    up = -flat[:, 1] / plane.height
-    angle = np.degrees(np.abs(flat[:, 0]) / plane.radius)
+    up, angle = -flat[:, 1] / plane.height, _angle(plane, flat)
     above = np.clip((up - 0.55) / 0.15, 0, 1)
-    # From the ears' lobes down to the nape: a level line would show as one.
-    nape = np.clip((angle - 100) / 60, 0, 1)
-    end = 0.55 + 0.25 * nape * nape * (3 - 2 * nape)
-    behind = np.clip((angle - 100) / 10, 0, 1) * np.clip((up + end) / 0.1, 0, 1)
+    behind = np.clip((angle - 100) / 10, 0, 1) * np.clip((up + _hair_end(angle)) / 0.1, 0, 1)
     return np.asarray(np.maximum(above, behind), np.float32)
+
+
+def below_hair(plane: HeadPlane, flat: Float32) -> Float32:
+    """Where a head has hair only if it is long, float32 [N]: beside jaw and neck; see above."""
+    down, angle = flat[:, 1] / plane.height, _angle(plane, flat)
+    beside = np.clip((angle - 55) / 15, 0, 1) * np.clip((down - _hair_end(angle)) / 0.1, 0, 1)
+    return np.asarray(np.maximum(beside, np.clip((down - 0.95) / 0.1, 0, 1)), np.float32)
+
+
+def _angle(plane: HeadPlane, flat: Float32) -> Float32:
+    """Degrees from the middle of the face, [N]."""
+    return np.asarray(np.degrees(np.abs(flat[:, 0]) / plane.radius), np.float32)
+
+
+def _hair_end(angle: Float32) -> Float32:
+    """How far down short hair grows: to the ears' lobes and the nape. A level line would show."""
+    nape = np.clip((angle - 100) / 60, 0, 1)
+    return np.asarray(0.55 + 0.25 * nape * nape * (3 - 2 * nape), np.float32)
 
 
 def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Float32,

@@ -41,6 +41,9 @@ UPRIGHT, TURNED = 30.0, 75.0
 """Charts of this pitch and yaw (degrees) at most are shown to the network of the hair."""
 ROOM, GROUND = 1.4, 0.35
 """Side of the picture it is shown over that of the chart, and the grey around the head."""
+AGREED = 0.35
+"""Share of its hair (intersection over union) that charts which show the same places must agree on.
+A real head's: 0.72; statues and shaven heads: 0.1 at most."""
 LOWEST = -0.75
 """Hair hangs at least this far below the brows (up, in the face's heights)."""
 BLUR = 0.06
@@ -222,7 +225,8 @@ def _hair_in_front(atlas: Atlas, index: NDArray[np.int32]) -> Float32 | None:
     """Hair by the network on the charts that show a face, [N]; NaN on others. None without it.
 
     It has learnt from selfies: large, on a dark ground with room around it a head is found; from
-    behind a shaven one is called hair.
+    behind a shaven one is called hair. Nor is it believed where it calls one place hair in one
+    chart and not in the next: the curls of a statue.
     """
     from ... import models
     from ...face import hair_mask
@@ -243,7 +247,18 @@ def _hair_in_front(atlas: Atlas, index: NDArray[np.int32]) -> Float32 | None:
         top, left = (side - rows) // 2, (side - columns) // 2
         square[top:top + rows, left:left + columns] = np.uint8(picture * 255 + 0.5)
         out[part] = hair_mask(square, size=512)[top:top + rows, left:left + columns]
-    return np.asarray(out.reshape(-1)[index], np.float32)
+    return out.reshape(-1)[index] if _agreed(atlas, out.reshape(-1)) else None
+
+
+def _agreed(atlas: Atlas, hair: Float32) -> bool:
+    """Whether charts that show the same places call the same ones hair, [H x W]."""
+    owner = atlas.owner.reshape(-1)
+    copies = np.flatnonzero((owner >= 0) & ~atlas.own.reshape(-1))
+    here, there = hair[copies], hair[owner[copies]]
+    known = np.isfinite(here) & np.isfinite(there)
+    either, both = (float(part(here[known], there[known]).sum())
+                    for part in (np.maximum, np.minimum))
+    return both >= AGREED * either
 
 
 def _hair_behind(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
