@@ -13,17 +13,8 @@ from .exemplar import Exemplar, face_size
 from .guides.appearance import grey
 from .guides.blurs import broad_blur, gaussian_blur
 from .guides.regions import Regions
-from .skin.materials import (
-    CLOTHES,
-    GROUND,
-    HAIR,
-    PLAIN,
-    SKIN,
-    STAND_INS,
-    ExemplarMaterials,
-    exemplar_shares,
-    matched_looks,
-)
+from .skin.materials import STAND_INS, ExemplarMaterials, matched_looks
+from .skin.picture_materials import CLOTHES, GROUND, HAIR, PLAIN, SKIN, picture_shares
 from .skin.sitter import BLUR, contours, skin_distance
 
 __all__ = ["has_plain_ground", "photo_looks", "photo_shares"]
@@ -43,7 +34,7 @@ HAIR_TRUST = 0.4
 
 def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.uint8],
                  position: Float32, painted: Float32, present: NDArray[np.bool_]) -> Float32:
-    """Shares of `skin.materials.MATERIALS` of a photo, of those that the exemplar has.
+    """Shares of `skin.picture_materials.MATERIALS` of a photo, of those that the exemplar has.
 
     Parameters
     ----------
@@ -60,7 +51,7 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
     -------
     float32 [H, W, 6].
     """
-    shares = exemplar_shares(Exemplar(photo, regions.landmarks), regions, labels)
+    shares = picture_shares(Exemplar(photo, regions.landmarks), regions, labels, strict=False)
     if regions.hair is None:
         # A shaven head, or a statue's hair: there is hair where the exemplar has it.
         height, width = painted.shape[:2]

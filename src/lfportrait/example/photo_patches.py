@@ -28,19 +28,14 @@ from .kernels.patches import ACTIVE, FIXED, OUTSIDE
 from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
 from .skin.materials import (
-    FEATURES,
-    GROUND,
-    HAIR,
-    MATERIALS,
     ROAM,
-    SKIN,
     ExemplarMaterials,
     into,
     material_guides,
-    painted_shares,
     pieces,
     resized_materials,
 )
+from .skin.picture_materials import FEATURES, GROUND, HAIR, MATERIALS, SKIN, painted_shares
 
 if TYPE_CHECKING:
     from .result import TransferResult
@@ -100,7 +95,7 @@ class PhotoPatches:
     def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                  config: PhotoPatchesConfig | None = None, seed: int = 0) -> None:
         self.exemplar, self.config, self.seed = exemplar, config or PhotoPatchesConfig(), seed
-        self._shares = painted_shares(exemplar, regions, labels)
+        self._shares = painted_shares(exemplar, regions, labels, strict=False)
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,

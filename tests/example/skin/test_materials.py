@@ -7,6 +7,12 @@ import pytest
 
 from lfportrait.example import LABELS, Exemplar, Regions
 from lfportrait.example.skin.materials import (
+    ExemplarMaterials,
+    light_neck,
+    sitter_looks,
+    sitter_shares,
+)
+from lfportrait.example.skin.picture_materials import (
     CLOTHES,
     FEATURES,
     GROUND,
@@ -14,12 +20,8 @@ from lfportrait.example.skin.materials import (
     MATERIALS,
     NECK,
     SKIN,
-    ExemplarMaterials,
-    exemplar_shares,
-    light_neck,
     material_shares,
-    sitter_looks,
-    sitter_shares,
+    picture_shares,
 )
 from lfportrait.example.skin.regions import below_hair, hair_by_place
 from lfportrait.example.surface_guide import HeadPlane
@@ -32,7 +34,7 @@ PLANE = HeadPlane(HEAD_LANDMARKS)
 @pytest.fixture(scope="module")
 def shares(painter):
     transfer = painter.transfer
-    return exemplar_shares(painter.exemplar, transfer.regions, transfer.labels)
+    return picture_shares(painter.exemplar, transfer.regions, transfer.labels)
 
 
 def _labels(count, seed=0):
@@ -94,7 +96,7 @@ def test_below_the_jaw_colours_tell_neck_and_hair_from_clothes(painter):
     image[neck], image[lock] = image[y - 20, x], image[10 + y // 3, x]
     hair, person = np.zeros(image.shape[:2], np.float32), regions.person.copy()
     hair[lock] = person[lock] = 1
-    shares = exemplar_shares(Exemplar(image, exemplar.landmarks), Regions(
+    shares = picture_shares(Exemplar(image, exemplar.landmarks), Regions(
         exemplar.landmarks, person, np.maximum(regions.hair, hair)), painter.transfer.labels)
     assert shares[y + 12, x, NECK] > 0.95
     assert shares[y + 12, x + 11, HAIR] > 0.9
@@ -142,7 +144,7 @@ def test_an_exemplar_without_a_body_has_no_clothes(painter):
     labels = painter.transfer.labels.copy()
     labels[..., LABELS.index("background")] += labels[..., LABELS.index("body")]
     labels[..., LABELS.index("body")] = 0
-    shares = exemplar_shares(painter.exemplar, painter.transfer.regions, labels)
+    shares = picture_shares(painter.exemplar, painter.transfer.regions, labels)
     inside = painter.transfer.regions.person >= 0.5
     assert np.array_equal(shares[inside], material_shares(labels)[inside])
     assert not shares[..., [NECK, CLOTHES]].any()

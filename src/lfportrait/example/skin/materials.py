@@ -17,30 +17,33 @@ from scipy.ndimage import distance_transform_edt
 from ..back_of_head import Sites
 from ..exemplar import Exemplar
 from ..guides.appearance import Distribution, grey, match_histogram
-from ..guides.blurs import broad_blur, gaussian_blur
-from ..guides.labels import LABELS
-from ..guides.regions import Regions
+from ..guides.blurs import broad_blur
 from ..kernels.sites import nearest_sites
 from ..patches import SCALE
+from .picture_materials import (
+    CLOTHES,
+    FEATURES,
+    GROUND,
+    HAIR,
+    MATERIALS,
+    NECK,
+    SKIN,
+    material_shares,
+)
 from .regions import below_hair, hair_by_place
-from .sitter import BLUR, Skin, skin_distance
+from .sitter import BLUR, Skin
 
-__all__ = ["MATERIALS", "ExemplarMaterials", "into", "light_neck", "matched_looks",
-           "material_guides", "material_shares", "painted_shares", "pieces", "resized_materials",
-           "sitter_looks", "sitter_shares"]
+__all__ = ["ExemplarMaterials", "into", "light_neck", "matched_looks", "material_guides", "pieces",
+           "resized_materials", "sitter_looks", "sitter_shares"]
 
 Float32 = NDArray[np.float32]
 
-MATERIALS = ("skin", "hair", "neck", "clothes", "background", "features")
-SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES = range(6)
 CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255]], np.float32)
 """A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
 PIECE = 0.3
 """Side of the pieces that the search begins with, over the exemplar's face size."""
 ROAM = 25.0
 """Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
-PLAIN = 0.08
-"""A background whose colours deviate by no more than this (standard deviation) is plain."""
 DEPTH = 0.2
 """Well inside is this far from the edge, over the face's size, or most of the way there is."""
 LEAST = 0.004
@@ -51,17 +54,9 @@ SHARP = 8.0
 """How much narrower skin's way into neck is than the guide makes it."""
 FEW = 100
 """Fewer places than this say nothing of how tones are distributed."""
-BARE = 1.12
-"""Down to here (brows 0, chin 1) what is darker than the face is neck: the chin's shadow."""
 SPREAD = 2.0
 """Tones of neck and clothes are drawn apart by no more: a plain shirt gets no stripes from an
 exemplar's white collar on a dark coat."""
-LIKE_GROUND = 1.2
-"""Clothes of an exemplar less far from its background's colours than this are taken for it."""
-LOWER = 0.15
-"""The skin that a neck is compared with lies below this (brows 0, chin 1)."""
-LIKE_SKIN = (0.05, 3.0), (0.015, 3.5)
-"""Blurs, over the face's size, and how far from the skin's colours a neck may be then."""
 LIT = 0.06, 0.12
 """A neck whose tone is so much off begins to be painted, and is wholly painted, as skin."""
 STAND_INS = ((CLOTHES, NECK), (NECK, SKIN), (HAIR, SKIN))
@@ -127,95 +122,6 @@ def _nearest(there: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.int
     y = np.where(own, rows, np.minimum(2 * away[0], shape[0] - 1))
     x = np.where(own, columns, np.minimum(2 * away[1], shape[1] - 1))
     return np.asarray(y * shape[1] + x, np.int32)
-
-
-def material_shares(labels: NDArray[np.uint8]) -> Float32:
-    """Shares of `MATERIALS` by soft labels [..., K]: a body is neck."""
-    share = labels.astype(np.float32) / np.float32(255)
-    named = {name: share[..., n] for n, name in enumerate(LABELS)}
-    out = np.zeros((*labels.shape[:-1], len(MATERIALS)), np.float32)
-    for name in ("brows", "eyes", "nose", "lips"):
-        out[..., FEATURES] += named[name]
-    out[..., SKIN], out[..., HAIR], out[..., NECK] = named["skin"], named["hair"], named["body"]
-    out[..., GROUND] = named["background"]
-    out /= np.maximum(out.sum(axis=-1, keepdims=True), np.float32(1e-3))
-    return out
-
-
-def exemplar_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Float32:
-    """Shares of `MATERIALS` of an exemplar with its soft labels, float32 [h, w, 6].
-
-    Below the jaw, what is of the face's colour, or dark and right below it, is neck, the rest is
-    hair that hangs there, background where that is plain and looks alike, or clothes.
-    """
-    shares = material_shares(labels)
-    # Labels fall off gently beyond the outline: what lies there is background all the same.
-    shares[regions.person < 0.5] = np.eye(len(MATERIALS), dtype=np.float32)[GROUND]
-    body = shares[..., NECK] > 0.02
-    if not body.any():
-        return shares
-    image = exemplar.image.astype(np.float32) / np.float32(255)
-    features = labels[..., [LABELS.index(n) for n in ("brows", "eyes", "nose", "lips")]]
-    _, down = regions.frame.local(image.shape[:2])
-    # A forehead may be under a fringe, or a mask's hair that is no hair to the network.
-    plain = (labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30) & (down > LOWER)
-    chosen = body | plain
-    bare = np.zeros(image.shape[:2], np.float32)
-    bare[chosen] = 1
-    # Strokes by their mean, and the edge of a collar by itself.
-    for blur, limit in LIKE_SKIN:
-        smooth = _blurred(image, blur * exemplar.size)[chosen]
-        bare[chosen] = np.minimum(bare[chosen],
-                                  _near(skin_distance(smooth, plain[chosen]), limit))
-    other = shares[..., NECK] * (1 - bare)
-    behind = labels[..., LABELS.index("background")] > 250
-    if behind.any() and image[behind].std(axis=0).max() < PLAIN:
-        fine = _blurred(image, 0.025 * exemplar.size)
-        chosen = body | behind
-        ground = np.zeros(image.shape[:2], np.float32)
-        ground[chosen] = _near(skin_distance(fine[chosen], behind[chosen]), 1.5)
-        shares[..., GROUND] += ground * other
-        other *= 1 - ground
-    if regions.hair is not None:
-        shares[..., HAIR] += other * regions.hair
-        other *= 1 - regions.hair
-    light = grey(_blurred(image, LIKE_SKIN[-1][0] * exemplar.size))
-    dark = np.clip((np.quantile(light[plain], 0.25) - light) / 0.05, 0, 1) if plain.any() else 1
-    shadow = other * np.clip((BARE - down) / 0.15, 0, 1) * dark
-    shares[..., CLOTHES] = other - shadow
-    shares[..., NECK] = shares[..., NECK] * bare + shadow
-    return shares
-
-
-def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Float32:
-    """Shares of `MATERIALS` of a painting: `exemplar_shares`, and a little more.
-
-    Clothes of the colours of its background are background beside the neck.
-    """
-    shares = exemplar_shares(exemplar, regions, labels)
-    behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
-    if not worn.any() or behind.sum() < 50:
-        return shares
-    chosen = behind | worn
-    alike = np.zeros(behind.shape, np.float32)
-    alike[chosen] = skin_distance(exemplar.image[chosen] / np.float32(255),
-                                  behind[chosen]) < LIKE_GROUND
-    alike = gaussian_blur(alike, 0.008 * max(behind.shape))
-    ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
-    shares[..., GROUND] += ground
-    shares[..., CLOTHES] -= ground
-    return shares
-
-
-def _near(distance: Float32, limit: float) -> Float32:
-    """1 for small distances, 0 for large ones, one half at the limit."""
-    return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
-
-
-def _blurred(image: Float32, sigma: float) -> Float32:
-    """A picture [H, W, 3] blurred."""
-    return np.stack([broad_blur(np.ascontiguousarray(image[..., c]), sigma) for c in range(3)],
-                    axis=-1)
 
 
 def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.bool_]) -> Float32:

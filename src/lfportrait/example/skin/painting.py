@@ -36,19 +36,17 @@ from .canvas import Canvas, canvas_of
 from .ears import shade_ears
 from .materials import (
     LEAST,
-    MATERIALS,
     ROAM,
-    SKIN,
     ExemplarMaterials,
     into,
     light_neck,
     material_guides,
-    painted_shares,
     pieces,
     resized_materials,
     sitter_looks,
     sitter_shares,
 )
+from .picture_materials import MATERIALS, SKIN, painted_shares
 from .sitter import Skin
 
 __all__ = ["Painting", "SkinConfig", "SkinPainter"]

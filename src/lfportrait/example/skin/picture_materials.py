@@ -1,0 +1,163 @@
+"""What a picture is made of, pixel by pixel: shares of skin, hair, neck, clothes and background.
+
+Regions of the picture tell most of it. What lies below the jaw is told by its colour and place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..exemplar import Exemplar
+from ..guides.appearance import grey
+from ..guides.blurs import broad_blur, gaussian_blur
+from ..guides.labels import LABELS
+from ..guides.regions import Regions
+from .sitter import skin_distance
+
+__all__ = ["CLOTHES", "FEATURES", "GROUND", "HAIR", "MATERIALS", "NECK", "PLAIN", "SKIN",
+           "material_shares", "painted_shares", "picture_shares"]
+
+Float32 = NDArray[np.float32]
+
+MATERIALS = ("skin", "hair", "neck", "clothes", "background", "features")
+SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES = range(6)
+PLAIN = 0.08
+"""A background whose colours deviate by no more than this (standard deviation) is plain."""
+BARE = 1.12
+"""Down to here (brows 0, chin 1) it may be neck in the chin's shadow."""
+LOWER = 0.15
+"""The skin that a neck is compared with lies below this (brows 0, chin 1)."""
+LIKE_SKIN = (0.05, 3.0), (0.015, 3.5)
+"""Blurs, over the face's size, and how far from the skin's colours a neck may be then."""
+LIKE_GROUND = 1.2
+"""Clothes of an exemplar less far from its background's colours than this are taken for it."""
+
+
+def material_shares(labels: NDArray[np.uint8]) -> Float32:
+    """Shares of `MATERIALS` by soft labels [..., K]: a body is neck."""
+    share = labels.astype(np.float32) / np.float32(255)
+    named = {name: share[..., n] for n, name in enumerate(LABELS)}
+    out = np.zeros((*labels.shape[:-1], len(MATERIALS)), np.float32)
+    for name in ("brows", "eyes", "nose", "lips"):
+        out[..., FEATURES] += named[name]
+    out[..., SKIN], out[..., HAIR], out[..., NECK] = named["skin"], named["hair"], named["body"]
+    out[..., GROUND] = named["background"]
+    out /= np.maximum(out.sum(axis=-1, keepdims=True), np.float32(1e-3))
+    return out
+
+
+def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+                   strict: bool = True) -> Float32:
+    """Shares of `MATERIALS` of a picture with its soft labels, float32 [h, w, 6].
+
+    Below the jaw, what is of the face's colour, or right below it, is neck, the rest clothes; and
+    where the background is plain, what looks like it there is background.
+
+    Parameters
+    ----------
+    picture, regions, labels
+        Painting or photo, and what is known of it.
+    strict
+        A neck must be alike the lower face or be dark, what hangs there may be hair, and paper in
+        the colour of skin is skin: for heads, whose necks are seen from all sides. Else all right
+        below the jaw is neck: for photos, whose bodies are painted of it.
+    """
+    shares = material_shares(labels)
+    # Labels fall off gently beyond the outline: what lies there is background all the same.
+    shares[regions.person < 0.5] = np.eye(len(MATERIALS), dtype=np.float32)[GROUND]
+    body = shares[..., NECK] > 0.02
+    if not body.any():
+        return shares
+    image = picture.image.astype(np.float32) / np.float32(255)
+    _, down = regions.frame.local(image.shape[:2])
+    plain = _plain_skin(labels)
+    if strict:
+        # A forehead may be under a fringe, or a mask's hair that is no hair to the network.
+        plain &= down > LOWER
+    alike = _alike(image, plain, body, picture.size, LIKE_SKIN if strict else LIKE_SKIN[:1])
+    bare, other = shares[..., NECK] * alike, shares[..., NECK] * (1 - alike)
+    ground = _like_plain_ground(image, labels, body, picture.size)
+    shares[..., GROUND] += ground * (other if strict else other + bare)
+    other *= 1 - ground
+    shadow = np.asarray(np.clip((BARE - down) / 0.15, 0, 1), np.float32)
+    if strict:
+        if regions.hair is not None:
+            shares[..., HAIR] += other * regions.hair
+            other *= 1 - regions.hair
+        shadow *= _darker(grey(_blurred(image, LIKE_SKIN[-1][0] * picture.size)), plain)
+    else:
+        bare *= 1 - ground
+    shares[..., NECK] = bare + shadow * other
+    shares[..., CLOTHES] = (1 - shadow) * other
+    return shares
+
+
+def _plain_skin(labels: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Skin without features, [h, w]."""
+    features = labels[..., [LABELS.index(n) for n in ("brows", "eyes", "nose", "lips")]]
+    return np.asarray((labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30))
+
+
+def _alike(image: Float32, plain: NDArray[np.bool_], body: NDArray[np.bool_], size: float,
+           tests: tuple[tuple[float, float], ...]) -> Float32:
+    """How much the body is of the colours of plain skin, [h, w].
+
+    Several blurs and limits: strokes by their mean, the edge of a collar by itself.
+    """
+    chosen = body | plain
+    out = np.zeros(body.shape, np.float32)
+    out[chosen] = np.min([_near(skin_distance(_blurred(image, blur * size)[chosen], plain[chosen]),
+                                limit) for blur, limit in tests], axis=0)
+    return out
+
+
+def _like_plain_ground(image: Float32, labels: NDArray[np.uint8], body: NDArray[np.bool_],
+                       size: float) -> Float32:
+    """How much the body looks like the background, [h, w]; 0 where that is not plain."""
+    out = np.zeros(body.shape, np.float32)
+    behind = labels[..., LABELS.index("background")] > 250
+    if behind.any() and image[behind].std(axis=0).max() < PLAIN:
+        chosen = body | behind
+        out[chosen] = _near(skin_distance(_blurred(image, 0.025 * size)[chosen], behind[chosen]),
+                            1.5)
+    return out
+
+
+def _darker(light: Float32, plain: NDArray[np.bool_]) -> Float32:
+    """Where it is darker than most of the plain skin, [h, w]."""
+    if not plain.any():
+        return np.ones_like(light)
+    return np.asarray(np.clip((np.quantile(light[plain], 0.25) - light) / 0.05, 0, 1), np.float32)
+
+
+def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+                   strict: bool = True) -> Float32:
+    """Shares of `MATERIALS` of a painting: `picture_shares`, and a little more.
+
+    Clothes of the colours of its background are background beside the neck.
+    """
+    shares = picture_shares(exemplar, regions, labels, strict)
+    behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
+    if not worn.any() or behind.sum() < 50:
+        return shares
+    chosen = behind | worn
+    alike = np.zeros(behind.shape, np.float32)
+    alike[chosen] = skin_distance(exemplar.image[chosen] / np.float32(255),
+                                  behind[chosen]) < LIKE_GROUND
+    alike = gaussian_blur(alike, 0.008 * max(behind.shape))
+    ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
+    shares[..., GROUND] += ground
+    shares[..., CLOTHES] -= ground
+    return shares
+
+
+def _near(distance: Float32, limit: float) -> Float32:
+    """1 for small distances, 0 for large ones, one half at the limit."""
+    return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
+
+
+def _blurred(image: Float32, sigma: float) -> Float32:
+    """A picture [H, W, 3] blurred."""
+    return np.stack([broad_blur(np.ascontiguousarray(image[..., c]), sigma) for c in range(3)],
+                    axis=-1)
