@@ -165,7 +165,8 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.boo
     shares[:, NECK] += shares[:, GROUND]
     shares[:, GROUND] = 0
     shares /= np.maximum(shares.sum(axis=-1, keepdims=True), np.float32(1e-3))
-    _parted(shares, SKIN, NECK)
+    for one, other in ((SKIN, NECK), *(((HAIR, SKIN), (HAIR, NECK)) if skin.hair is None else ())):
+        _parted(shares, one, other)
     for material, stand_in in STAND_INS:
         if not present[material]:
             shares[:, stand_in] += shares[:, material]
@@ -176,8 +177,9 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.boo
 def _parted(shares: Float32, one: int, other: int) -> None:
     """Let one material end where another begins, in place.
 
-    A guide that is stretched makes a broad band of half one and half the other. The exemplar has
-    such places along a line alone, and patches would repeat that line.
+    A guide that is stretched makes a broad band of half one and half the other, and so does hair
+    that is known by its place alone. The exemplar has such places along a line alone, and patches
+    would repeat that line.
     """
     both = shares[:, one] + shares[:, other]
     part = shares[:, one] / np.maximum(both, np.float32(1e-6))
