@@ -104,6 +104,32 @@ def test_below_the_jaw_colours_tell_neck_and_hair_from_clothes(painter):
     assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4)
 
 
+def test_what_lies_on_a_forehead_and_is_dark_is_no_skin(painter):
+    exemplar, regions = painter.exemplar, painter.transfer.regions
+    image, hair = exemplar.image.copy(), regions.hair.copy()
+    x, y = exemplar.landmarks[[21, 22]].mean(axis=0).astype(int) - [0, 9]
+    fringe, highlight = np.s_[y - 4:y + 3, x - 14:x - 3], np.s_[y - 4:y + 3, x + 4:x + 14]
+    image[fringe], image[highlight] = (40, 60, 30), (250, 250, 250)
+    hair[fringe] = hair[highlight] = 0
+    found = Regions(exemplar.landmarks, regions.person, hair)
+    shares = picture_shares(Exemplar(image, exemplar.landmarks), found, found.labels())
+    assert shares[y, x - 9, HAIR] > 0.8 and shares[y, x + 9, SKIN] > 0.8
+    # A photo's forehead is what the networks say.
+    loose = picture_shares(Exemplar(image, exemplar.landmarks), found, found.labels(), False)
+    assert loose[y, x - 9, HAIR] < 0.1
+
+
+def test_a_coat_in_the_colour_of_skin_begins_away_from_the_neck(painter):
+    exemplar, regions = painter.exemplar, painter.transfer.regions
+    image = exemplar.image.copy()
+    red = np.abs(image - np.array([160.0, 60, 50])).max(axis=-1) < 30
+    image[red] = (180, 140, 120)
+    shares = picture_shares(Exemplar(image, exemplar.landmarks), regions, painter.transfer.labels)
+    x, y = exemplar.landmarks[8].astype(int)
+    assert shares[y + 12, x, NECK] > 0.8
+    assert shares[-3, x - 40, CLOTHES] > 0.5
+
+
 def test_where_hair_is_only_if_it_is_long():
     down = np.array([-0.5, 0.3, 0.7, 0.9, 1.2])
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..exemplar import Exemplar
 from ..guides.appearance import grey
 from ..guides.blurs import broad_blur, gaussian_blur
-from ..guides.labels import LABELS
+from ..guides.labels import LABELS, soft_face
 from ..guides.regions import Regions
 from .sitter import skin_distance
 
@@ -26,10 +26,12 @@ PLAIN = 0.08
 """A background whose colours deviate by no more than this (standard deviation) is plain."""
 BARE = 1.12
 """Down to here (brows 0, chin 1) it may be neck in the chin's shadow."""
-LOWER = 0.15
-"""The skin that a neck is compared with lies below this (brows 0, chin 1)."""
+CHEEKS = 0.15, 0.6
+"""The skin that a neck is compared with lies between these (brows 0, chin 1)."""
 LIKE_SKIN = (0.05, 3.0), (0.015, 3.5)
 """Blurs, over the face's size, and how far from the skin's colours a neck may be then."""
+FAR = 0.3
+"""Far from the jaw it must be nearer by this share."""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colours than this are taken for it."""
 
@@ -59,9 +61,10 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
     picture, regions, labels
         Painting or photo, and what is known of it.
     strict
-        A neck must be alike the lower face or be dark, what hangs there may be hair, and paper in
-        the colour of skin is skin: for heads, whose necks are seen from all sides. Else all right
-        below the jaw is neck: for photos, whose bodies are painted of it.
+        For heads, whose necks are seen from all sides: a neck must be alike the cheeks, the more
+        so the further away, or lie in the chin's shadow; what hangs there may be hair; paper in the
+        colour of skin is skin; and what is dark and unlike the cheeks on a forehead is hair. Else
+        all right below the jaw is neck: for photos, whose bodies are painted of it.
     """
     shares = material_shares(labels)
     # Labels fall off gently beyond the outline: what lies there is background all the same.
@@ -70,12 +73,25 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
     if not body.any():
         return shares
     image = picture.image.astype(np.float32) / np.float32(255)
-    _, down = regions.frame.local(image.shape[:2])
+    right, down = regions.frame.local(image.shape[:2])
     plain = _plain_skin(labels)
     if strict:
-        # A forehead may be under a fringe, or a mask's hair that is no hair to the network.
-        plain &= down > LOWER
-    alike = _alike(image, plain, body, picture.size, LIKE_SKIN if strict else LIKE_SKIN[:1])
+        # A forehead may be under a fringe, or a mask's hair that is no hair to the network, and a
+        # chin under a beard.
+        plain &= (down > CHEEKS[0]) & (down < CHEEKS[1])
+    # Shoulders and chest may be bare, but coats are larger.
+    far = np.clip((np.hypot(right / 0.8, np.maximum(down - 0.8, 0)) - 0.5) / 0.5, 0, 1)
+    light = grey(_blurred(image, LIKE_SKIN[-1][0] * picture.size))
+    looked_at = body | (shares[..., SKIN] > 0.02) if strict else body
+    alike = _alike(image, plain, looked_at, picture.size, LIKE_SKIN if strict else LIKE_SKIN[:1],
+                   np.asarray(1 - FAR * far if strict else np.ones_like(far), np.float32))
+    if strict:
+        # A fringe, a hat, locks at the temples: what the networks overlook is nothing for a cheek.
+        # Highlights are skin.
+        face = soft_face(image.shape, picture.landmarks).astype(np.float32) / np.float32(255)
+        covered = shares[..., SKIN] * (1 - face) * (1 - alike) * _darker(light, plain, 0.75)
+        shares[..., HAIR] += covered
+        shares[..., SKIN] -= covered
     bare, other = shares[..., NECK] * alike, shares[..., NECK] * (1 - alike)
     ground = _like_plain_ground(image, labels, body, picture.size)
     shares[..., GROUND] += ground * (other if strict else other + bare)
@@ -85,7 +101,7 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
         if regions.hair is not None:
             shares[..., HAIR] += other * regions.hair
             other *= 1 - regions.hair
-        shadow *= _darker(grey(_blurred(image, LIKE_SKIN[-1][0] * picture.size)), plain)
+        shadow *= _darker(light, plain, 0.25)
     else:
         bare *= 1 - ground
     shares[..., NECK] = bare + shadow * other
@@ -100,15 +116,16 @@ def _plain_skin(labels: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 
 def _alike(image: Float32, plain: NDArray[np.bool_], body: NDArray[np.bool_], size: float,
-           tests: tuple[tuple[float, float], ...]) -> Float32:
+           tests: tuple[tuple[float, float], ...], allowed: Float32) -> Float32:
     """How much the body is of the colours of plain skin, [h, w].
 
-    Several blurs and limits: strokes by their mean, the edge of a collar by itself.
+    Several blurs and limits: strokes by their mean, the edge of a collar by itself; ``allowed``
+    [h, w] scales the limits.
     """
     chosen = body | plain
     out = np.zeros(body.shape, np.float32)
     out[chosen] = np.min([_near(skin_distance(_blurred(image, blur * size)[chosen], plain[chosen]),
-                                limit) for blur, limit in tests], axis=0)
+                                limit * allowed[chosen]) for blur, limit in tests], axis=0)
     return out
 
 
@@ -124,11 +141,11 @@ def _like_plain_ground(image: Float32, labels: NDArray[np.uint8], body: NDArray[
     return out
 
 
-def _darker(light: Float32, plain: NDArray[np.bool_]) -> Float32:
-    """Where it is darker than most of the plain skin, [h, w]."""
+def _darker(light: Float32, plain: NDArray[np.bool_], share: float) -> Float32:
+    """Where it is darker than all but a share of the plain skin, [h, w]."""
     if not plain.any():
         return np.ones_like(light)
-    return np.asarray(np.clip((np.quantile(light[plain], 0.25) - light) / 0.05, 0, 1), np.float32)
+    return np.asarray(np.clip((np.quantile(light[plain], share) - light) / 0.05, 0, 1), np.float32)
 
 
 def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
@@ -152,7 +169,7 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     return shares
 
 
-def _near(distance: Float32, limit: float) -> Float32:
+def _near(distance: Float32, limit: float | Float32) -> Float32:
     """1 for small distances, 0 for large ones, one half at the limit."""
     return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
 
