@@ -1,8 +1,8 @@
-"""What exemplar and sitter are made of: skin, hair, neck, clothes.
+"""Like material for the patches: what a sitter is made of, and how it would look in an exemplar.
 
-Patches keep to like material. The exemplar's comes from its regions; what lies below its jaw is
-neck or clothes by place and colour. The sitter's comes from the exemplar's where the guide leads,
-and from the sitter itself where that is known better: hair, clothes, ears.
+The exemplar's materials are told by its picture (`picture_materials`). The sitter's come from the
+exemplar's where the guide leads, and from the sitter itself where that is known better: hair,
+clothes, ears. Tones and detail of each become those of the exemplar's.
 """
 
 from __future__ import annotations
