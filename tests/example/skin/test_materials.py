@@ -21,6 +21,7 @@ from lfportrait.example.skin.picture_materials import (
     NECK,
     SKIN,
     material_shares,
+    painted_shares,
     picture_shares,
 )
 from lfportrait.example.skin.regions import below_hair, hair_by_place
@@ -112,11 +113,12 @@ def test_what_lies_on_a_forehead_and_is_dark_is_no_skin(painter):
     image[fringe], image[highlight] = (40, 60, 30), (250, 250, 250)
     hair[fringe] = hair[highlight] = 0
     found = Regions(exemplar.landmarks, regions.person, hair)
-    shares = picture_shares(Exemplar(image, exemplar.landmarks), found, found.labels())
-    assert shares[y, x - 9, HAIR] > 0.8 and shares[y, x + 9, SKIN] > 0.8
+    for strict in (True, False):
+        shares = painted_shares(Exemplar(image, exemplar.landmarks), found, found.labels(), strict)
+        assert shares[y, x - 9, HAIR] > 0.8 and shares[y, x + 9, SKIN] > 0.8
     # A photo's forehead is what the networks say.
-    loose = picture_shares(Exemplar(image, exemplar.landmarks), found, found.labels(), False)
-    assert loose[y, x - 9, HAIR] < 0.1
+    photo = picture_shares(Exemplar(image, exemplar.landmarks), found, found.labels(), False)
+    assert photo[y, x - 9, HAIR] < 0.1
 
 
 def test_a_coat_in_the_colour_of_skin_begins_away_from_the_neck(painter):

@@ -46,7 +46,7 @@ from .materials import (
     sitter_looks,
     sitter_shares,
 )
-from .picture_materials import MATERIALS, SKIN, painted_shares
+from .picture_materials import HAIR, MATERIALS, SKIN, painted_shares
 from .sitter import Skin
 
 __all__ = ["Painting", "SkinConfig", "SkinPainter"]
@@ -137,13 +137,14 @@ class SkinPainter:
         self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed))
         soft = self.transfer.face.astype(np.float32) / np.float32(255)
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
-        # The mask, not the labels: those know no hair within the landmarks.
-        hair = self.transfer.regions.hair
-        hair = np.zeros(soft.shape, np.float32) if hair is None else hair
+        # The mask, too: labels know no hair within the landmarks.
+        self._shares = painted_shares(exemplar, self.transfer.regions, self.transfer.labels)
+        hair = self._shares[..., HAIR]
+        if self.transfer.regions.hair is not None:
+            hair = np.maximum(hair, self.transfer.regions.hair)
         covered = gaussian_filter(hair[::4, ::4], 0.04 * exemplar.size / 4)
         self._face = np.stack([soft, *(np.repeat(np.repeat(one, 4, 0), 4, 1)[
             :soft.shape[0], :soft.shape[1]] for one in (near, covered))], axis=-1)
-        self._shares: Float32 | None = None
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
@@ -296,21 +297,14 @@ class SkinPainter:
 
     def materials(self) -> dict[str, float]:
         """Shares of the exemplar's picture by material; what it does not show is left out."""
-        means = self._all_shares().reshape(-1, len(MATERIALS)).mean(axis=0)
+        means = self._shares.reshape(-1, len(MATERIALS)).mean(axis=0)
         return {name: round(float(share), 4) for name, share in zip(MATERIALS, means)
                 if share > LEAST}
-
-    def _all_shares(self) -> Float32:
-        """Materials of the exemplar's pixels, found when first asked for."""
-        if self._shares is None:
-            self._shares = painted_shares(self.exemplar, self.transfer.regions,
-                                          self.transfer.labels)
-        return self._shares
 
     def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
         """The exemplar at the painting's scale, its pyramid and materials; the last one is kept."""
         if size not in self._sources:
-            picture, theirs = resized_materials(self.exemplar, self._all_shares(), size)
+            picture, theirs = resized_materials(self.exemplar, self._shares, size)
             self._sources = {size: (PatchSource.of(picture, material_guides(
                 theirs.shares, theirs.tone, theirs.detail, self._weights())), theirs)}
         return self._sources[size]

@@ -62,9 +62,9 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
         Painting or photo, and what is known of it.
     strict
         For heads, whose necks are seen from all sides: a neck must be alike the cheeks, the more
-        so the further away, or lie in the chin's shadow; what hangs there may be hair; paper in the
-        colour of skin is skin; and what is dark and unlike the cheeks on a forehead is hair. Else
-        all right below the jaw is neck: for photos, whose bodies are painted of it.
+        so the further away, or lie in the chin's shadow; what hangs there may be hair; and paper in
+        the colour of skin is skin. Else all right below the jaw is neck: for photos, whose bodies
+        are painted of it.
     """
     shares = material_shares(labels)
     # Labels fall off gently beyond the outline: what lies there is background all the same.
@@ -76,22 +76,11 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
     right, down = regions.frame.local(image.shape[:2])
     plain = _plain_skin(labels)
     if strict:
-        # A forehead may be under a fringe, or a mask's hair that is no hair to the network, and a
-        # chin under a beard.
-        plain &= (down > CHEEKS[0]) & (down < CHEEKS[1])
+        plain &= _cheeks(down)
     # Shoulders and chest may be bare, but coats are larger.
     far = np.clip((np.hypot(right / 0.8, np.maximum(down - 0.8, 0)) - 0.5) / 0.5, 0, 1)
-    light = grey(_blurred(image, LIKE_SKIN[-1][0] * picture.size))
-    looked_at = body | (shares[..., SKIN] > 0.02) if strict else body
-    alike = _alike(image, plain, looked_at, picture.size, LIKE_SKIN if strict else LIKE_SKIN[:1],
+    alike = _alike(image, plain, body, picture.size, LIKE_SKIN if strict else LIKE_SKIN[:1],
                    np.asarray(1 - FAR * far if strict else np.ones_like(far), np.float32))
-    if strict:
-        # A fringe, a hat, locks at the temples: what the networks overlook is nothing for a cheek.
-        # Highlights are skin.
-        face = soft_face(image.shape, picture.landmarks).astype(np.float32) / np.float32(255)
-        covered = shares[..., SKIN] * (1 - face) * (1 - alike) * _darker(light, plain, 0.75)
-        shares[..., HAIR] += covered
-        shares[..., SKIN] -= covered
     bare, other = shares[..., NECK] * alike, shares[..., NECK] * (1 - alike)
     ground = _like_plain_ground(image, labels, body, picture.size)
     shares[..., GROUND] += ground * (other if strict else other + bare)
@@ -101,7 +90,7 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
         if regions.hair is not None:
             shares[..., HAIR] += other * regions.hair
             other *= 1 - regions.hair
-        shadow *= _darker(light, plain, 0.25)
+        shadow *= _darker(image, plain, picture.size, 0.25)
     else:
         bare *= 1 - ground
     shares[..., NECK] = bare + shadow * other
@@ -141,20 +130,49 @@ def _like_plain_ground(image: Float32, labels: NDArray[np.uint8], body: NDArray[
     return out
 
 
-def _darker(light: Float32, plain: NDArray[np.bool_], share: float) -> Float32:
+def _cheeks(down: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """The part of the face that is bare, [h, w].
+
+    A forehead may lie under a fringe, or a mask's hair that is none to the network, and a chin
+    under a beard.
+    """
+    return np.asarray((down > CHEEKS[0]) & (down < CHEEKS[1]))
+
+
+def _darker(image: Float32, plain: NDArray[np.bool_], size: float, share: float) -> Float32:
     """Where it is darker than all but a share of the plain skin, [h, w]."""
+    light = grey(_blurred(image, LIKE_SKIN[-1][0] * size))
     if not plain.any():
         return np.ones_like(light)
     return np.asarray(np.clip((np.quantile(light[plain], share) - light) / 0.05, 0, 1), np.float32)
+
+
+def _overlooked(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+                skin: Float32) -> Float32:
+    """Shares of ``skin`` [h, w] that are hair, by their colours. Highlights are skin."""
+    image = exemplar.image.astype(np.float32) / np.float32(255)
+    _, down = regions.frame.local(image.shape[:2])
+    plain = _plain_skin(labels) & _cheeks(down)
+    face = soft_face(image.shape, exemplar.landmarks).astype(np.float32) / np.float32(255)
+    face[down < 0] = 0
+    around = 1 - gaussian_blur(face, LIKE_SKIN[-1][0] * exemplar.size)
+    alike = _alike(image, plain, skin > 0.02, exemplar.size, LIKE_SKIN, np.ones_like(skin))
+    around *= _darker(image, plain, exemplar.size, 0.75)
+    return np.asarray(skin * around * (1 - alike), np.float32)
 
 
 def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                    strict: bool = True) -> Float32:
     """Shares of `MATERIALS` of a painting: `picture_shares`, and a little more.
 
-    Clothes of the colours of its background are background beside the neck.
+    What is dark and unlike the cheeks around the face is hair: a fringe, a hat, locks at the
+    temples that the networks overlook. Clothes of the colours of the background are background
+    beside the neck.
     """
     shares = picture_shares(exemplar, regions, labels, strict)
+    covered = _overlooked(exemplar, regions, labels, shares[..., SKIN])
+    shares[..., HAIR] += covered
+    shares[..., SKIN] -= covered
     behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
     if not worn.any() or behind.sum() < 50:
         return shares
