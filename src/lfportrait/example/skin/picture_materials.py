@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..exemplar import Exemplar
 from ..guides.appearance import grey
-from ..guides.blurs import broad_blur, gaussian_blur
+from ..guides.blurs import broad_blur, enlarged, gaussian_blur, shrunk
 from ..guides.labels import LABELS, soft_face
 from ..guides.regions import Regions
 from .sitter import skin_distance
@@ -32,6 +32,8 @@ LIKE_SKIN = (0.05, 3.0), (0.015, 3.5)
 """Blurs, over the face's size, and how far from the skin's colours a neck may be then."""
 FAR = 0.3
 """Far from the jaw it must be nearer by this share."""
+THIRD = 3
+"""Hair that the networks overlook is looked for in a picture so many times smaller."""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colours than this are taken for it."""
 
@@ -149,16 +151,22 @@ def _darker(image: Float32, plain: NDArray[np.bool_], size: float, share: float)
 
 def _overlooked(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                 skin: Float32) -> Float32:
-    """Shares of ``skin`` [h, w] that are hair, by their colours. Highlights are skin."""
-    image = exemplar.image.astype(np.float32) / np.float32(255)
-    _, down = regions.frame.local(image.shape[:2])
-    plain = _plain_skin(labels) & _cheeks(down)
-    face = soft_face(image.shape, exemplar.landmarks).astype(np.float32) / np.float32(255)
+    """Shares of ``skin`` [h, w] that are hair, by their colours. Highlights are skin.
+
+    Strokes are blurred anyway: it is looked at at a third of the size.
+    """
+    _, down = regions.frame.local(skin.shape)
+    face = soft_face(skin.shape, exemplar.landmarks).astype(np.float32) / np.float32(255)
     face[down < 0] = 0
-    around = 1 - gaussian_blur(face, LIKE_SKIN[-1][0] * exemplar.size)
-    alike = _alike(image, plain, skin > 0.02, exemplar.size, LIKE_SKIN, np.ones_like(skin))
-    around *= _darker(image, plain, exemplar.size, 0.75)
-    return np.asarray(skin * around * (1 - alike), np.float32)
+    part, size = np.s_[::THIRD, ::THIRD], exemplar.size / THIRD
+    image = np.stack([shrunk(plane / np.float32(255), THIRD)
+                      for plane in np.moveaxis(exemplar.image.astype(np.float32), -1, 0)],
+                     axis=-1)
+    plain = (_plain_skin(labels) & _cheeks(down))[part]
+    hair = 1 - _alike(image, plain, (skin > 0.02)[part], size, LIKE_SKIN, np.ones_like(skin[part]))
+    hair *= _darker(image, plain, size, 0.75)
+    hair *= 1 - gaussian_blur(np.ascontiguousarray(face[part]), LIKE_SKIN[-1][0] * size)
+    return skin * enlarged(hair, THIRD, skin.shape)
 
 
 def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
