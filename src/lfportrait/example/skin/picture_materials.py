@@ -92,6 +92,9 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
         if regions.hair is not None:
             shares[..., HAIR] += other * regions.hair
             other *= 1 - regions.hair
+        # Not beside the chin: there a collar's edge is as dark.
+        half = 0.5 * regions.frame.width / regions.frame.height
+        shadow *= np.clip((0.85 * half - np.abs(right)) / 0.1, 0, 1)
         shadow *= _darker(image, plain, picture.size, 0.25)
     else:
         bare *= 1 - ground
