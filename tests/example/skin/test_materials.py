@@ -105,17 +105,21 @@ def test_below_the_jaw_colours_tell_neck_and_hair_from_clothes(painter):
     assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4)
 
 
-def test_what_lies_on_a_forehead_and_is_dark_is_no_skin(painter):
+def test_what_lies_on_a_forehead_in_the_colour_of_hair_is_hair(painter):
     exemplar, regions = painter.exemplar, painter.transfer.regions
     image, hair = exemplar.image.copy(), regions.hair.copy()
     x, y = exemplar.landmarks[[21, 22]].mean(axis=0).astype(int) - [0, 9]
     fringe, highlight = np.s_[y - 4:y + 3, x - 14:x - 3], np.s_[y - 4:y + 3, x + 4:x + 14]
-    image[fringe], image[highlight] = (40, 60, 30), (250, 250, 250)
+    image[fringe], image[highlight] = (62, 42, 32), (250, 250, 250)
     hair[fringe] = hair[highlight] = 0
     found = Regions(exemplar.landmarks, regions.person, hair)
     for strict in (True, False):
         shares = painted_shares(Exemplar(image, exemplar.landmarks), found, found.labels(), strict)
         assert shares[y, x - 9, HAIR] > 0.8 and shares[y, x + 9, SKIN] > 0.8
+    # Red paint in the shade is neither the cheeks' nor the hair's: it stays skin.
+    image[fringe] = (130, 30, 40)
+    red = painted_shares(Exemplar(image, exemplar.landmarks), found, found.labels())
+    assert red[y, x - 9, SKIN] > 0.8
     # A photo's forehead is what the networks say.
     photo = picture_shares(Exemplar(image, exemplar.landmarks), found, found.labels(), False)
     assert photo[y, x - 9, HAIR] < 0.1

@@ -10,7 +10,7 @@ from lfportrait.errors import UserError
 from lfportrait.example import face_size
 from lfportrait.example.guides.appearance import grey
 from lfportrait.example.skin import Skin, load_skin, save_skin, skin_key
-from lfportrait.example.skin.sitter import skin_distance
+from lfportrait.example.skin.sitter import _told_apart, skin_distance
 from tests.example.skin.conftest import PIXELS
 from tests.portraits import HEAD_LANDMARKS
 
@@ -154,6 +154,22 @@ def test_without_the_network_hair_is_told_by_its_colour(field, skin, points, mon
     monkeypatch.setattr("lfportrait.face.hair_mask",
                         lambda image, size: np.zeros(image.shape[:2], np.float32))
     assert Skin.of(field, HEAD_LANDMARKS, pixels=PIXELS).hair is not None
+
+
+def test_hair_at_the_temples_has_no_level_edge(skin):
+    """Hair by its colour, that ends on a line which goes down beside the face."""
+    up, angle = np.meshgrid(np.linspace(-0.5, 1, 61), np.linspace(0, 1.5, 61))
+    up, angle = up.ravel(), angle.ravel()
+    truth = up > 0.45 - 0.35 * np.clip((angle - 0.4) / 0.4, 0, 1)
+    colors = np.where(truth[:, None], [0.2, 0.15, 0.1], [0.9, 0.7, 0.6]) + np.random.default_rng(
+        0).normal(0, 0.02, (len(up), 3))
+    flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
+    told = _told_apart(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
+                       np.ones(len(up), np.float32), up > 0.7, (angle < 0.7) & (up < 0.1), -0.75)
+    near = (angle < 0.88) & (up > 0.1)
+    assert ((told > 0.5) == truth)[near].mean() > 0.99
+    # Brows are no hair, however dark.
+    assert not told[(up < 0.1) & (angle < 0.88)].any()
 
 
 def test_a_network_that_contradicts_itself_is_not_believed(field, skin, monkeypatch):

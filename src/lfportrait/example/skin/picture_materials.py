@@ -30,6 +30,10 @@ CHEEKS = 0.15, 0.6
 """The skin that a neck is compared with lies between these (brows 0, chin 1)."""
 LIKE_SKIN = (0.05, 3.0), (0.015, 3.5)
 """Blurs, over the face's size, and how far from the skin's colours a neck may be then."""
+LIKE_HAIR = ((0.015, 2.5),)
+"""The same for hair."""
+FEW = 50
+"""Fewer pixels than this say nothing of the colours of hair."""
 FAR = 0.3
 """Far from the jaw it must be nearer by this share."""
 THIRD = 3
@@ -154,9 +158,9 @@ def _darker(image: Float32, plain: NDArray[np.bool_], size: float, share: float)
 
 def _overlooked(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                 skin: Float32) -> Float32:
-    """Shares of ``skin`` [h, w] that are hair, by their colours. Highlights are skin.
+    """Shares of ``skin`` [h, w] that are hair, by their colours: hair's, not the cheeks'.
 
-    Strokes are blurred anyway: it is looked at at a third of the size.
+    Highlights are skin. Strokes are blurred anyway: a third of the size shows as much.
     """
     _, down = regions.frame.local(skin.shape)
     face = soft_face(skin.shape, exemplar.landmarks).astype(np.float32) / np.float32(255)
@@ -166,7 +170,11 @@ def _overlooked(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                       for plane in np.moveaxis(exemplar.image.astype(np.float32), -1, 0)],
                      axis=-1)
     plain = (_plain_skin(labels) & _cheeks(down))[part]
-    hair = 1 - _alike(image, plain, (skin > 0.02)[part], size, LIKE_SKIN, np.ones_like(skin[part]))
+    looked_at, limits = (skin > 0.02)[part], np.ones_like(skin[part])
+    hair = 1 - _alike(image, plain, looked_at, size, LIKE_SKIN, limits)
+    known = labels[part][..., LABELS.index("hair")] > 200
+    if known.sum() > FEW:
+        hair *= _alike(image, known, looked_at, size, LIKE_HAIR, limits)
     hair *= _darker(image, plain, size, 0.75)
     hair *= 1 - gaussian_blur(np.ascontiguousarray(face[part]), LIKE_SKIN[-1][0] * size)
     return skin * enlarged(hair, THIRD, skin.shape)

@@ -293,7 +293,9 @@ def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
     ``lowest`` is how far it hangs below the brows, in units of the face's height upwards.
     """
     up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
-    around = (up > 0.35) | ((angle > 0.9) & (up > lowest))
+    # Above the brows; towards the temples hair grows further down.
+    around = (up > 0.35 - 0.25 * np.clip((angle - 0.4) / 0.3, 0, 1)) | (
+        (angle > 0.9) & (up > lowest))
     chosen = (around | hairy | bare) & (seen > 0.5)
     # A neck in the shade is not of the face's colour, but of the hair's even less.
     from_face = skin_distance(colors[chosen], bare[chosen], 1.0)
