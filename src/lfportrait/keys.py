@@ -88,14 +88,13 @@ def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]]
     """
     folder = folder or user_cache(kind)
     file = folder / f"{key}.npz"
-    try:
+    with suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         with np.load(file, allow_pickle=False) as data:
             arrays = {name: data[name] for name in data.files}
         with suppress(OSError):
             file.touch()
         return arrays
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-        arrays = make()
+    arrays = make()
     with suppress(OSError, UserError):
         with atomic_write(file) as stream:
             np.savez(stream, allow_pickle=False, **arrays)

@@ -148,10 +148,8 @@ def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> tuple[NDArray[np.
     def find() -> dict[str, NDArray[Any]]:
         return {"faces": np.array(face.detect_faces(image, thorough=False)).reshape(-1, 68, 2)}
 
-    networks = models.in_use(["face-landmarker", "face-landmarks-68", "face-detector"])
-    key = key_of(image, networks, code_hash(Path(face.__file__).parent))
     try:
-        found = kept_arrays("faces", key, find)["faces"]
+        found = kept_arrays("faces", key_of(image, face.detectors_key()), find)["faces"]
     except UserError as error:
         raise UserError(f"the style {path} has no {beside.name} beside it, and its landmarks "
                         f"can't be detected: {error}") from error

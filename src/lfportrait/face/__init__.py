@@ -3,11 +3,14 @@
 Detectors and segmentation run pretrained networks of the registry; they are imported when called.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import models
+from ..keys import code_hash, key_of
 from .detect import detect_faces, detect_landmarks, face_yaw
 from .generic_head import GENERIC_LANDMARKS, generic_depth
 from .mask import face_mask
@@ -20,6 +23,7 @@ __all__ = [
     "FacePose",
     "detect_faces",
     "detect_landmarks",
+    "detectors_key",
     "face_mask",
     "face_pose",
     "face_yaw",
@@ -34,6 +38,12 @@ __all__ = [
     "triangulate",
     "write_landmarks",
 ]
+
+
+def detectors_key() -> str:
+    """Hash of what finds landmarks: the networks that are at hand, and the code of this package."""
+    return key_of(models.in_use(["face-landmarker", "face-landmarks-68", "face-detector"]),
+                  code_hash(Path(__file__).parent))
 
 
 def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:

@@ -44,7 +44,7 @@ from ..errors import UserError
 from ..example import Exemplar
 from ..field import VoxelField
 from ..files import write_json
-from ..keys import code_hash, kept_arrays, key_of
+from ..keys import kept_arrays, key_of
 from ..lanes.compiling import compiling_progress
 from ..lightfield import Display
 from ..measure import machine, peak_memory_bytes
@@ -100,7 +100,7 @@ def _landmarks(capture: Capture, progress: Progress | None,
 
 def _kept_landmarks(capture: Capture, progress: Progress | None,
                     ) -> tuple[NDArray[np.float64] | None, dict[str, Any]]:
-    from .. import face
+    from ..face import detectors_key
 
     def find() -> dict[str, NDArray[Any]]:
         points, figures = _landmarks(capture, progress)
@@ -109,7 +109,7 @@ def _kept_landmarks(capture: Capture, progress: Progress | None,
 
     cameras = capture.cameras
     key = key_of(capture.images, capture.alphas, cameras.pose, cameras.focal, cameras.center,
-                 models.in_use(["face-landmarker"]), code_hash(Path(face.__file__).parent))
+                 detectors_key())
     kept = kept_arrays("landmarks", key, find)
     return kept.get("points"), json.loads(str(kept["figures"]))
 

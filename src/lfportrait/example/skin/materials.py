@@ -193,6 +193,15 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials) -> Non
     The sitter's face says how light his neck would be in the exemplar's paint. Where the exemplar's
     own neck is not, as it lies in the chin's shadow or is drawn in a few dark strokes, the paint of
     its face is nearer.
+
+    Parameters
+    ----------
+    shares
+        float32 [N, 6] of the sitter's places; skin grows at the neck's cost.
+    tone
+        float32 [N] in [0, 1], the sitter's.
+    theirs
+        The exemplar's materials.
     """
     neck, face = shares[:, NECK] > 0.5, shares[:, SKIN] > 0.5
     their_neck, their_face = (theirs.shares[..., part] > 0.5 for part in (NECK, SKIN))

@@ -32,18 +32,18 @@ LIKE_SKIN = (0.05, 3.0), (0.015, 3.5)
 """Blurs, over the face's size, and how far from the skin's colours a neck may be then."""
 LIKE_HAIR = ((0.015, 2.5),)
 """The same for hair."""
-FEW = 50
-"""Fewer pixels than this say nothing of the colours of hair."""
+LIKE_PLAIN = ((0.025, 1.5),)
+"""The same for a plain background."""
 FAR = 0.3
 """Far from the jaw it must be nearer by this share."""
-THIRD = 3
+SMALL = 3
 """Hair that the networks overlook is looked for in a picture so many times smaller."""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colours than this are taken for it."""
 
 
 def material_shares(labels: NDArray[np.uint8]) -> Float32:
-    """Shares of `MATERIALS` by soft labels [..., K]: a body is neck."""
+    """Shares of `MATERIALS`, float32 [..., 6], by soft labels, uint8 [..., K]: a body is neck."""
     share = labels.astype(np.float32) / np.float32(255)
     named = {name: share[..., n] for n, name in enumerate(LABELS)}
     out = np.zeros((*labels.shape[:-1], len(MATERIALS)), np.float32)
@@ -83,10 +83,12 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
     plain = _plain_skin(labels)
     if strict:
         plain &= _cheeks(down)
-    # Shoulders and chest may be bare, but coats are larger.
-    far = np.clip((np.hypot(right / 0.8, np.maximum(down - 0.8, 0)) - 0.5) / 0.5, 0, 1)
-    alike = _alike(image, plain, body, picture.size, LIKE_SKIN if strict else LIKE_SKIN[:1],
-                   np.asarray(1 - FAR * far if strict else np.ones_like(far), np.float32))
+        # Shoulders and chest may be bare, but coats are larger.
+        far = np.clip((np.hypot(right / 0.8, np.maximum(down - 0.8, 0)) - 0.5) / 0.5, 0, 1)
+        alike = _alike(image, plain, body, picture.size, LIKE_SKIN,
+                       np.asarray(1 - FAR * far, np.float32))
+    else:
+        alike = _alike(image, plain, body, picture.size, LIKE_SKIN[:1])
     bare, other = shares[..., NECK] * alike, shares[..., NECK] * (1 - alike)
     ground = _like_plain_ground(image, labels, body, picture.size)
     shares[..., GROUND] += ground * (other if strict else other + bare)
@@ -113,30 +115,28 @@ def _plain_skin(labels: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return np.asarray((labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30))
 
 
-def _alike(image: Float32, plain: NDArray[np.bool_], body: NDArray[np.bool_], size: float,
-           tests: tuple[tuple[float, float], ...], allowed: Float32) -> Float32:
-    """How much the body is of the colours of plain skin, [h, w].
+def _alike(image: Float32, sample: NDArray[np.bool_], places: NDArray[np.bool_], size: float,
+           tests: tuple[tuple[float, float], ...], allowed: Float32 | None = None) -> Float32:
+    """How much places are of a sample's colours, [h, w]; 0 elsewhere, 1 if the sample is small.
 
     Several blurs and limits: strokes by their mean, the edge of a collar by itself; ``allowed``
     [h, w] scales the limits.
     """
-    chosen = body | plain
-    out = np.zeros(body.shape, np.float32)
-    out[chosen] = np.min([_near(skin_distance(_blurred(image, blur * size)[chosen], plain[chosen]),
-                                limit * allowed[chosen]) for blur, limit in tests], axis=0)
+    chosen = places | sample
+    scale = 1.0 if allowed is None else allowed[chosen]
+    out = np.zeros(places.shape, np.float32)
+    out[chosen] = np.min([_near(skin_distance(_blurred(image, blur * size)[chosen], sample[chosen]),
+                                limit * scale) for blur, limit in tests], axis=0)
     return out
 
 
 def _like_plain_ground(image: Float32, labels: NDArray[np.uint8], body: NDArray[np.bool_],
                        size: float) -> Float32:
     """How much the body looks like the background, [h, w]; 0 where that is not plain."""
-    out = np.zeros(body.shape, np.float32)
     behind = labels[..., LABELS.index("background")] > 250
-    if behind.any() and image[behind].std(axis=0).max() < PLAIN:
-        chosen = body | behind
-        out[chosen] = _near(skin_distance(_blurred(image, 0.025 * size)[chosen], behind[chosen]),
-                            1.5)
-    return out
+    if not behind.any() or image[behind].std(axis=0).max() >= PLAIN:
+        return np.zeros(body.shape, np.float32)
+    return _alike(image, behind, body, size, LIKE_PLAIN)
 
 
 def _cheeks(down: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -165,24 +165,22 @@ def _overlooked(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
     _, down = regions.frame.local(skin.shape)
     face = soft_face(skin.shape, exemplar.landmarks).astype(np.float32) / np.float32(255)
     face[down < 0] = 0
-    part, size = np.s_[::THIRD, ::THIRD], exemplar.size / THIRD
-    image = np.stack([shrunk(plane / np.float32(255), THIRD)
+    part, size = np.s_[::SMALL, ::SMALL], exemplar.size / SMALL
+    image = np.stack([shrunk(plane / np.float32(255), SMALL)
                       for plane in np.moveaxis(exemplar.image.astype(np.float32), -1, 0)],
                      axis=-1)
     plain = (_plain_skin(labels) & _cheeks(down))[part]
-    looked_at, limits = (skin > 0.02)[part], np.ones_like(skin[part])
-    hair = 1 - _alike(image, plain, looked_at, size, LIKE_SKIN, limits)
-    known = labels[part][..., LABELS.index("hair")] > 200
-    if known.sum() > FEW:
-        hair *= _alike(image, known, looked_at, size, LIKE_HAIR, limits)
+    known, looked_at = labels[part][..., LABELS.index("hair")] > 200, (skin > 0.02)[part]
+    hair = 1 - _alike(image, plain, looked_at, size, LIKE_SKIN)
+    hair *= _alike(image, known, looked_at, size, LIKE_HAIR)
     hair *= _darker(image, plain, size, 0.75)
     hair *= 1 - gaussian_blur(np.ascontiguousarray(face[part]), LIKE_SKIN[-1][0] * size)
-    return skin * enlarged(hair, THIRD, skin.shape)
+    return skin * enlarged(hair, SMALL, skin.shape)
 
 
 def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                    strict: bool = True) -> Float32:
-    """Shares of `MATERIALS` of a painting: `picture_shares`, and a little more.
+    """Shares of `MATERIALS` of a painting, float32 [h, w, 6]: `picture_shares`, and a little more.
 
     What is dark and unlike the cheeks around the face is hair: a fringe, a hat, locks at the
     temples that the networks overlook. Clothes of the colours of the background are background
@@ -206,7 +204,7 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     return shares
 
 
-def _near(distance: Float32, limit: float | Float32) -> Float32:
+def _near(distance: Float32, limit: NDArray[np.floating] | float) -> Float32:
     """1 for small distances, 0 for large ones, one half at the limit."""
     return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
 

@@ -40,7 +40,10 @@ def hair_by_place(plane: HeadPlane, flat: Float32) -> Float32:
 
 
 def below_hair(plane: HeadPlane, flat: Float32) -> Float32:
-    """Where a head has hair only if it is long, float32 [N]: beside jaw and neck; see above."""
+    """Where a head has hair only if it is long, float32 [N] in [0, 1]: beside jaw and neck.
+
+    Arguments as for `hair_by_place`.
+    """
     down, angle = flat[:, 1] / plane.height, _angle(plane, flat)
     beside = np.clip((angle - 55) / 15, 0, 1) * np.clip((down - _hair_end(angle)) / 0.1, 0, 1)
     return np.asarray(np.maximum(beside, np.clip((down - 0.95) / 0.1, 0, 1)), np.float32)
