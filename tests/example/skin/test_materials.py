@@ -24,7 +24,7 @@ from lfportrait.example.skin.picture_materials import (
     painted_shares,
     picture_shares,
 )
-from lfportrait.example.skin.regions import below_hair, hair_by_place
+from lfportrait.example.skin.regions import below_hair, hair_by_place, without_bays
 from lfportrait.example.surface_guide import HeadPlane
 from tests.portraits import HEAD_LANDMARKS
 
@@ -143,10 +143,42 @@ def test_where_hair_is_only_if_it_is_long():
         flat = np.stack([np.full(5, np.radians(degrees) * PLANE.radius), down * PLANE.height], 1)
         return below_hair(PLANE, np.asarray(flat, np.float32)).round(2).tolist()
 
-    assert at(0) == at(-30) == [0, 0, 0, 0, 1]
+    assert at(0) == [0, 0, 0, 0, 1]
+    # The jaw rises towards the ears.
+    assert at(30) == at(-30) == [0, 0, 0, 0.5, 1]
     assert at(80) == at(-80) == [0, 0, 1, 1, 1]
     # The nape's hair grows further down.
     assert at(175) == [0, 0, 0, 1, 1]
+
+
+def test_most_hair_begins_in_an_arc_around_the_forehead_and_ends_at_the_nape():
+    up = np.array([1.0, 0.75, 0.5, 0.2, -0.2, -0.7, -0.95])
+
+    def at(degrees):
+        flat = np.stack([np.full(7, np.radians(degrees) * PLANE.radius), -up * PLANE.height], 1)
+        return hair_by_place(PLANE, np.asarray(flat, np.float32)).round().astype(int).tolist()
+
+    assert at(0) == at(-20) == [1, 1, 0, 0, 0, 0, 0]
+    assert at(75) == at(-75) == [1, 1, 1, 0, 0, 0, 0]
+    assert at(95) == [1, 1, 1, 1, 0, 0, 0]
+    assert at(120) == [1, 1, 1, 1, 1, 0, 0]
+    assert at(180) == [1, 1, 1, 1, 1, 1, 0]
+
+
+def test_hair_closes_over_narrow_bays_and_leaves_wide_ones():
+    random = np.random.default_rng(5)
+    flat = (random.uniform((-3, -2), (3, 2), (60000, 2)) * PLANE.height).astype(np.float32)
+    x, y = (flat / PLANE.height).T
+    # A slit that comes from the left, a small island, and a face.
+    slit = (np.abs(y) < 0.08) & (x < 0)
+    island = np.hypot(x - 1, y - 1) < 0.1
+    face = np.hypot(x - 1.5, y + 0.9) < 0.7
+    hair = np.asarray(~(slit | island | face), np.float32)
+    closed = without_bays(PLANE, flat, hair)
+    assert (closed >= hair).all()
+    inside = (x > -2.9) & (x < 2.9)
+    assert closed[(slit | island) & inside].min() > 0.9
+    assert closed[np.hypot(x - 1.5, y + 0.9) < 0.6].max() < 0.1
 
 
 @pytest.mark.parametrize(("light", "stays"), [(0.6, 1), (0.3, 0), (0.9, 0)])
@@ -243,7 +275,9 @@ def test_the_sitters_materials_are_told_by_the_sitter(hairy):
         labels[:, LABELS.index("hair")] = np.linspace(0, 255, 300)
         labels[:, LABELS.index("skin")] = 255 - labels[:, LABELS.index("hair")]
         theirs = material_shares(labels)[:, HAIR] * (1 - below)
-        wanted = theirs + np.maximum(place - theirs, 0) * (1 - theirs)
+        most = np.maximum(place, theirs)
+        most = (1 - below) * without_bays(PLANE, sitter.flat, most)
+        wanted = theirs + np.maximum(most - theirs, 0) * (1 - theirs)
         bare = sitter_shares(_like(sitter, ears=nothing, clothes=nothing), labels, ALL)
         sure = np.abs(wanted - 0.5) > 0.1
         assert np.array_equal((bare[:, HAIR] > 0.5)[sure], (wanted > 0.5)[sure])

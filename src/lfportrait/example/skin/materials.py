@@ -30,7 +30,7 @@ from .picture_materials import (
     SKIN,
     material_shares,
 )
-from .regions import below_hair, hair_by_place
+from .regions import below_hair, hair_by_place, without_bays
 from .sitter import BLUR, Skin
 
 __all__ = ["ExemplarMaterials", "into", "light_neck", "matched_looks", "material_guides", "pieces",
@@ -143,10 +143,13 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.boo
     shares[:, FEATURES] = 0
     if skin.hair is None:
         # A shaven head, or a statue's: the painter's hair, where hair is, and none on the neck.
-        hanging = shares[:, HAIR] * below_hair(skin.plane, skin.flat)
+        below = below_hair(skin.plane, skin.flat)
+        hanging = shares[:, HAIR] * below
         shares[:, HAIR] -= hanging
         shares[:, NECK] += hanging
-        more = np.maximum(hair_by_place(skin.plane, skin.flat) - shares[:, HAIR], 0)
+        wanted = np.maximum(hair_by_place(skin.plane, skin.flat), shares[:, HAIR])
+        wanted = (1 - below) * without_bays(skin.plane, skin.flat, wanted)
+        more = np.maximum(wanted - shares[:, HAIR], 0)
         shares *= (1 - more)[:, None]
         shares[:, HAIR] += more
     else:

@@ -8,25 +8,31 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, grey_closing, map_coordinates
 
 from ...capture import Camera
 from ..guides.face_frame import FaceFrame
 from ..guides.labels import LABELS, region_labels
 from ..surface_guide import HeadPlane
 
-__all__ = ["REGIONS", "below_hair", "hair_by_place", "skin_regions"]
+__all__ = ["REGIONS", "below_hair", "hair_by_place", "skin_regions", "without_bays"]
 
 Float32 = NDArray[np.float32]
 
 REGIONS = ("brows", "eyes", "nose", "lips", "skin", "ears", "hair", "neck", "clothes")
 """Regions of a head; together they are about 255 everywhere."""
 FEATURES = ("brows", "eyes", "nose", "lips")
+HAIRLINE = 0.64, 88.0
+"""Where hair begins: above the brows (chin -1) in the middle; at their height, in degrees."""
+BAY, BAY_CELL = 0.15, 0.03
+"""Bays of skin less than twice so wide close, and the cells that this is looked at in; over the
+face's height."""
 SIDE = 512
 """Side in pixels of the picture that the features are drawn in."""
 
 
 def hair_by_place(plane: HeadPlane, flat: Float32) -> Float32:
-    """Where hair is on most heads, float32 [N]: over the forehead, and behind the ears.
+    """Where hair is on most heads, float32 [N]: around the forehead, down to ears and nape.
 
     Parameters
     ----------
@@ -34,19 +40,49 @@ def hair_by_place(plane: HeadPlane, flat: Float32) -> Float32:
         The head's unwrapping, and places [N, 2] in it.
     """
     up, angle = -flat[:, 1] / plane.height, _angle(plane, flat)
-    above = np.clip((up - 0.55) / 0.15, 0, 1)
-    behind = np.clip((angle - 100) / 10, 0, 1) * np.clip((up + _hair_end(angle)) / 0.1, 0, 1)
-    return np.asarray(np.maximum(above, behind), np.float32)
+    # A superellipse: round at the temples, then down to the sideburns.
+    middle, side = HAIRLINE
+    around = (np.maximum(up, 0) / middle) ** 3 + (angle / side) ** 3
+    above = np.clip((np.cbrt(around) - 1) / 0.15 + 0.5, 0, 1) * (up > 0)
+    # Below the brows it leaves the cheeks, and begins behind the ears.
+    begins = side + (100 - side) * np.clip(-up / 0.25, 0, 1)
+    behind = np.clip((angle - begins) / 10 + 0.5, 0, 1) * (up <= 0)
+    behind *= np.clip((up + _hair_end(angle)) / 0.1, 0, 1)
+    return np.asarray(above + behind, np.float32)
 
 
 def below_hair(plane: HeadPlane, flat: Float32) -> Float32:
-    """Where a head has hair only if it is long, float32 [N] in [0, 1]: beside jaw and neck.
+    """Where a head has hair only if it is long, float32 [N] in [0, 1]: around jaw and neck.
 
     Arguments as for `hair_by_place`.
     """
     down, angle = flat[:, 1] / plane.height, _angle(plane, flat)
-    beside = np.clip((angle - 55) / 15, 0, 1) * np.clip((down - _hair_end(angle)) / 0.1, 0, 1)
-    return np.asarray(np.maximum(beside, np.clip((down - 0.95) / 0.1, 0, 1)), np.float32)
+    # The jaw rises towards the ears.
+    jaw = 0.4 * (1 - np.clip(angle / 60, 0, 1) ** 2)
+    end = _hair_end(angle) + np.asarray(jaw, np.float32)
+    return np.asarray(np.clip((down - end) / 0.1, 0, 1), np.float32)
+
+
+def without_bays(plane: HeadPlane, flat: Float32, hair: Float32) -> Float32:
+    """Hair [N] that has closed over narrow bays and islands of skin, float32 [N].
+
+    The painter's locks and the head's hairline leave them between each other. Arguments as for
+    `hair_by_place`; ``hair`` [N] in [0, 1].
+    """
+    cell = BAY_CELL * plane.height
+    low = flat.min(axis=0)
+    places = (flat - low) / cell
+    columns, rows = places.max(axis=0).astype(int) + 2
+    number = np.rint(places[:, 1]).astype(int) * columns + np.rint(places[:, 0]).astype(int)
+    count, total = (np.bincount(number, values, rows * columns).reshape(rows, columns)
+                    for values in (None, hair))
+    _, nearest = distance_transform_edt(count == 0, return_indices=True)
+    mean = (total / np.maximum(count, 1))[tuple(nearest)]
+    reach = round(BAY / BAY_CELL)
+    y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1]
+    closed = grey_closing(mean, footprint=np.hypot(y, x) <= reach, mode="nearest")
+    found = map_coordinates(closed, places[:, ::-1].T, order=1, mode="nearest")
+    return np.asarray(np.maximum(hair, found), np.float32)
 
 
 def _angle(plane: HeadPlane, flat: Float32) -> Float32:
