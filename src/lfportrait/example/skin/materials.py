@@ -50,6 +50,8 @@ LEAST = 0.004
 """A material that covers less of the exemplar than this is not there."""
 LEAST_CLOTHES = 0.012
 """Clothes that cover less than this are too little to dress a body."""
+JAW = 0.7
+"""Below this (brows 0, chin 1) what hangs beside a head leaves a neck bare, above it a cheek."""
 SHARP = 8.0
 """How much narrower skin's way into neck is than the guide makes it."""
 FEW = 100
@@ -145,8 +147,10 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.boo
         # A shaven head, or a statue's: the painter's hair, where hair is, and none on the neck.
         below = below_hair(skin.plane, skin.flat)
         hanging = shares[:, HAIR] * below
+        neck = np.clip((skin.flat[:, 1] / skin.plane.height - JAW) / 0.1, 0, 1)
         shares[:, HAIR] -= hanging
-        shares[:, NECK] += hanging
+        shares[:, NECK] += hanging * neck
+        shares[:, SKIN] += hanging * (1 - neck)
         wanted = np.maximum(hair_by_place(skin.plane, skin.flat), shares[:, HAIR])
         wanted = (1 - below) * without_bays(skin.plane, skin.flat, wanted)
         more = np.maximum(wanted - shares[:, HAIR], 0)

@@ -34,6 +34,7 @@ from ..transfers import CALM, Transfer, TransferConfig
 from ..turned import frontalised
 from .canvas import Canvas, canvas_of
 from .ears import shade_ears
+from .light import carried_light
 from .materials import (
     LEAST,
     ROAM,
@@ -46,13 +47,15 @@ from .materials import (
     sitter_looks,
     sitter_shares,
 )
-from .picture_materials import HAIR, MATERIALS, SKIN, painted_shares
+from .picture_materials import HAIR, MATERIALS, NECK, SKIN, painted_shares
 from .sitter import Skin
 
 __all__ = ["Painting", "SkinConfig", "SkinPainter"]
 
 Float32 = NDArray[np.float32]
 
+INSIDE = 0.95
+"""Share of the exemplar's face (a soft mask) from which on its paint is copied: not its outline."""
 COVERED = 0.3
 """Share of hair in the exemplar's face from which on it is not copied onto a bare one."""
 NODES = 0.03
@@ -60,8 +63,9 @@ NODES = 0.03
 DRAWN_OUT = 0.28
 """Nor is the face's paint copied where the guide changes this slowly: beyond the jaw a strip of it
 would be drawn out to the neck's back."""
-STEADY = 0.02
-"""Sigma of the blur that this is told by, over the face's size."""
+STEADY, EDGE = 0.02, 0.03
+"""Sigmas of the blurs that this, and the edge of what is painted so, are told by, over the face's
+size."""
 STRETCHED = 0.7
 """A guide that changes more slowly than this against the surface would stretch its paint."""
 
@@ -172,11 +176,8 @@ class SkinPainter:
         clock.lap("guides")
         core = np.ones(len(face), bool)
         if self.config.agree:
-            # Hair that hangs over the exemplar's cheek is nothing for a bare one.
-            bare = 1 if places.hair is None else 1 - places.hair
-            core = (face[:, 0] > 0.5) & places.outwards & (face[:, 2] * bare < COVERED)
-            core &= self._steady(
-                canvas, ratio, places.pixels / guide.scale / canvas.step) > DRAWN_OUT
+            core = self._core(places, canvas, face, ratio,
+                              places.pixels / guide.scale / canvas.step)
         color = self._paint_face(places, guide, canvas, position, anchor, ratio, core)
         clock.lap("face")
         if not self.config.agree:
@@ -200,15 +201,29 @@ class SkinPainter:
         sample_nodes(nodes, low, spacing, skin.flat, out)
         return np.ascontiguousarray(out[:, :2]), out[:, 2]
 
-    def _steady(self, canvas: Canvas, ratio: Float32, size: float) -> Float32:
-        """How slowly the guide changes [N], without the speckles of its folds."""
-        own = canvas.own
-        sigma = STEADY * self.exemplar.size * size
-        planes = canvas.spread(np.stack([np.minimum(ratio, 1), np.ones_like(ratio)], axis=1))
-        values, known = (broad_blur(np.ascontiguousarray(planes[..., n] * own), sigma)
-                         for n in range(2))
-        out = np.array(ratio)
-        out[canvas.slots[own]] = values[own] / np.maximum(known[own], np.float32(1e-3))
+    def _core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float,
+              ) -> NDArray[np.bool_]:
+        """Where the face is painted as on a photo, [N]; the rest is patches.
+
+        ``face`` [N, 3] is the exemplar's face, what is near it, and hair over it; ``size`` pixels
+        of the canvas per pixel of the exemplar.
+        """
+        # Hair that hangs over the exemplar's cheek is nothing for a bare one.
+        bare = 1 if skin.hair is None else 1 - skin.hair
+        steady = self._calm(canvas, np.minimum(ratio, 1), STEADY, size)
+        core = (face[:, 0] > INSIDE) & skin.outwards & (face[:, 2] * bare < COVERED)
+        core &= steady > DRAWN_OUT
+        # No crumbs of the exemplar's outline.
+        return np.asarray(self._calm(canvas, core.astype(np.float32), EDGE, size) > 0.5)
+
+    def _calm(self, canvas: Canvas, values: Float32, sigma: float, size: float) -> Float32:
+        """Values [N] blurred over the surface, ``sigma`` over the face's size."""
+        own, sigma = canvas.own, sigma * self.exemplar.size * size
+        planes = canvas.spread(np.stack([values, np.ones_like(values)], axis=1))
+        sums, known = (broad_blur(np.ascontiguousarray(planes[..., n] * own), sigma)
+                       for n in range(2))
+        out = np.array(values)
+        out[canvas.slots[own]] = sums[own] / np.maximum(known[own], np.float32(1e-3))
         return out
 
     def _paint_face(self, skin: Skin, guide: SurfaceGuide, canvas: Canvas, position: Float32,
@@ -259,6 +274,8 @@ class SkinPainter:
         shares = sitter_shares(skin, labels, theirs.present)
         light_neck(shares, skin.tone, theirs)
         tone, detail = sitter_looks(skin, shares, theirs)
+        flesh = shares[:, [SKIN, NECK]].sum(axis=1)
+        tone += flesh * carried_light(skin, canvas, core, color, tone)
         guides = material_guides(shares, tone, detail, self._weights())
         wanted = into(shares, theirs, position * np.float32(size))
         # Where the guide would stretch its paint, the search begins with rigid pieces.

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, grey_closing, map_coordinates
 
 from ...capture import Camera
 from ..guides.face_frame import FaceFrame
 from ..guides.labels import LABELS, region_labels
 from ..surface_guide import HeadPlane
+from .cells import Cells
 
 __all__ = ["REGIONS", "below_hair", "hair_by_place", "skin_regions", "without_bays"]
 
@@ -57,9 +57,10 @@ def below_hair(plane: HeadPlane, flat: Float32) -> Float32:
     Arguments as for `hair_by_place`.
     """
     down, angle = flat[:, 1] / plane.height, _angle(plane, flat)
-    # The jaw rises towards the ears.
-    jaw = 0.4 * (1 - np.clip(angle / 60, 0, 1) ** 2)
-    end = _hair_end(angle) + np.asarray(jaw, np.float32)
+    # Down to the chin in the middle; beside the eyes it leaves the cheeks.
+    cheek = np.clip((angle - 45) / 15, 0, 1)
+    beside = np.where(angle < 90, 0.1 + 0.25 * np.clip((angle - 60) / 25, 0, 1), _hair_end(angle))
+    end = (1 - cheek) * (0.95 - 0.2 * (np.minimum(angle, 55) / 55) ** 2) + cheek * beside
     return np.asarray(np.clip((down - end) / 0.1, 0, 1), np.float32)
 
 
@@ -69,20 +70,8 @@ def without_bays(plane: HeadPlane, flat: Float32, hair: Float32) -> Float32:
     The painter's locks and the head's hairline leave them between each other. Arguments as for
     `hair_by_place`; ``hair`` [N] in [0, 1].
     """
-    cell = BAY_CELL * plane.height
-    low = flat.min(axis=0)
-    places = (flat - low) / cell
-    columns, rows = places.max(axis=0).astype(int) + 2
-    number = np.rint(places[:, 1]).astype(int) * columns + np.rint(places[:, 0]).astype(int)
-    count, total = (np.bincount(number, values, rows * columns).reshape(rows, columns)
-                    for values in (None, hair))
-    _, nearest = distance_transform_edt(count == 0, return_indices=True)
-    mean = (total / np.maximum(count, 1))[tuple(nearest)]
-    reach = round(BAY / BAY_CELL)
-    y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1]
-    closed = grey_closing(mean, footprint=np.hypot(y, x) <= reach, mode="nearest")
-    found = map_coordinates(closed, places[:, ::-1].T, order=1, mode="nearest")
-    return np.asarray(np.maximum(hair, found), np.float32)
+    cells = Cells.over(flat, BAY_CELL * plane.height)
+    return np.maximum(hair, cells.closed(hair, round(BAY / BAY_CELL)))
 
 
 def _angle(plane: HeadPlane, flat: Float32) -> Float32:
@@ -91,9 +80,12 @@ def _angle(plane: HeadPlane, flat: Float32) -> Float32:
 
 
 def _hair_end(angle: Float32) -> Float32:
-    """How far down short hair grows: to the ears' lobes and the nape. A level line would show."""
-    nape = np.clip((angle - 100) / 60, 0, 1)
-    return np.asarray(0.55 + 0.25 * nape * nape * (3 - 2 * nape), np.float32)
+    """How far down short hair grows (brows 0, chin 1), [N]; a level line would show.
+
+    Sideburns to the middle of the ears, behind them to their lobes, and on to the nape.
+    """
+    behind, nape = np.clip((angle - 90) / 15, 0, 1), np.clip((angle - 100) / 60, 0, 1)
+    return np.asarray(0.35 + 0.2 * behind + 0.25 * nape * nape * (3 - 2 * nape), np.float32)
 
 
 def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Float32,

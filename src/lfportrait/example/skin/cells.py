@@ -1,0 +1,80 @@
+"""Square cells of the unwrapped head: what holds for a neighbourhood, whatever chart shows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, gaussian_filter, grey_closing, map_coordinates
+
+__all__ = ["Cells"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A grid over N places of the unwrapped head.
+
+    Attributes
+    ----------
+    places
+        float64 [N, 2], column and row of each in cells; whole numbers are the cells' middles.
+    shape
+        Rows and columns.
+    """
+
+    places: Float64
+    shape: tuple[int, int]
+
+    @staticmethod
+    def over(flat: Float32, side: float) -> Cells:
+        """Of unwrapped places [N, 2]; ``side`` of a cell in their unit."""
+        places = (flat.astype(np.float64) - flat.min(axis=0)) / side
+        columns, rows = np.ceil(places.max(axis=0)).astype(int) + 1
+        return Cells(places, (rows, columns))
+
+    def closed(self, values: Float32, reach: int) -> Float32:
+        """Values [N] after a closing by a disk of ``reach`` cells, float32 [N]."""
+        known, means = self._means(values, np.ones(len(values), bool))
+        y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1]
+        _, nearest = distance_transform_edt(~known, return_indices=True)
+        return self._at(grey_closing(means[tuple(nearest)], footprint=np.hypot(y, x) <= reach,
+                                     mode="nearest"))
+
+    def carried(self, values: Float32, inside: NDArray[np.bool_], blur: float, reach: float,
+                ) -> Float32:
+        """Values [N] of the places inside, carried on outside and fading there, float32 [N].
+
+        Parameters
+        ----------
+        values, inside
+            float32 [N], used where ``inside``, bool [N].
+        blur, reach
+            Sigma of their blur, and how far they are carried; in cells.
+        """
+        known, means = self._means(values, inside)
+        if not known.any():
+            return np.zeros(len(values), np.float32)
+        weight = gaussian_filter(known.astype(np.float64), blur)
+        means = gaussian_filter(means, blur) / np.maximum(weight, 1e-6)
+        away, nearest = distance_transform_edt(~known, return_indices=True)
+        fade = np.clip(1 - away / reach, 0, 1)
+        return self._at(gaussian_filter(means[tuple(nearest)], blur) * fade * fade * (3 - 2 * fade))
+
+    def _means(self, values: Float32, inside: NDArray[np.bool_],
+               ) -> tuple[NDArray[np.bool_], Float64]:
+        """Cells that hold places inside, and the means of their values; 0 in others."""
+        row, column = np.rint(self.places[inside, ::-1]).astype(int).T
+        number, size = row * self.shape[1] + column, self.shape[0] * self.shape[1]
+        count = np.bincount(number, minlength=size)
+        total = np.bincount(number, values[inside], size)
+        means = np.asarray(total / np.maximum(count, 1), np.float64)
+        return (count > 0).reshape(self.shape), means.reshape(self.shape)
+
+    def _at(self, grid: Float64) -> Float32:
+        """A grid's values at the places, float32 [N]."""
+        return np.asarray(map_coordinates(grid, self.places[:, ::-1].T, order=1, mode="nearest"),
+                          np.float32)

@@ -1,0 +1,45 @@
+"""What holds for a neighbourhood of the unwrapped head."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import grey_closing
+
+from lfportrait.example.skin.cells import Cells
+
+
+@pytest.fixture
+def flat():
+    return np.random.default_rng(2).uniform((-2, -1), (2, 1), (40000, 2)).astype(np.float32)
+
+
+def test_what_is_carried_begins_as_it_is_and_fades(flat):
+    inside = flat[:, 0] < 0
+    values = np.where(flat[:, 1] < 0, 0.3, -0.2).astype(np.float32)
+    values[~inside] = 99  # nobody asks
+    cells = Cells.over(flat, 0.05)
+    carried = cells.carried(values, inside, 1.0, 10.0)
+    away, upper, lower = flat[:, 0], flat[:, 1] < -0.3, flat[:, 1] > 0.3
+    for part, value in ((upper, 0.3), (lower, -0.2)):
+        assert np.allclose(carried[part & (away < -0.2)], value, atol=0.02)
+        assert np.allclose(carried[part & (np.abs(away - 0.1) < 0.03)], 0.9 * value, atol=0.04)
+        assert np.allclose(carried[part & (np.abs(away - 0.25) < 0.03)], 0.5 * value, atol=0.06)
+        assert np.allclose(carried[part & (away > 0.65)], 0, atol=0.01)
+
+
+def test_nothing_inside_is_carried_nowhere(flat):
+    assert not Cells.over(flat, 0.1).carried(flat[:, 0], np.zeros(len(flat), bool), 1, 5).any()
+
+
+def test_a_closing_is_that_of_a_picture():
+    # One place a cell, in any order.
+    random = np.random.default_rng(3)
+    picture = random.uniform(size=(12, 17)).astype(np.float32)
+    rows, columns = np.indices(picture.shape).reshape(2, -1)
+    order = random.permutation(picture.size)
+    flat = 0.25 * np.stack([columns, rows], axis=1)[order].astype(np.float32) + np.float32(7)
+    y, x = np.mgrid[-2:3, -2:3]
+    wanted = grey_closing(picture, footprint=np.hypot(y, x) <= 2, mode="nearest")
+    closed = Cells.over(flat, 0.25).closed(picture.reshape(-1)[order], 2)
+    assert np.allclose(closed, wanted.reshape(-1)[order], atol=1e-5)
