@@ -33,9 +33,16 @@ PLANE = HeadPlane(HEAD_LANDMARKS)
 
 
 @pytest.fixture(scope="module")
-def shares(painter):
-    transfer = painter.transfer
-    return picture_shares(painter.exemplar, transfer.regions, transfer.labels)
+def drawn(painter):
+    """The drawn face with a short neck."""
+    image, (x, y) = painter.exemplar.image.copy(), painter.exemplar.landmarks[8].astype(int)
+    image[y + 1:y + 7, x - 12:x + 12] = image[y - 20, x]
+    return Exemplar(image, painter.exemplar.landmarks)
+
+
+@pytest.fixture(scope="module")
+def shares(painter, drawn):
+    return picture_shares(drawn, painter.transfer.regions, painter.transfer.labels)
 
 
 def _labels(count, seed=0):
@@ -67,9 +74,9 @@ def test_a_body_is_neck():
     assert not material_shares(np.zeros((3, len(LABELS)), np.uint8)).any()
 
 
-def test_materials_of_a_drawn_face(painter, shares):
+def test_materials_of_a_drawn_face(drawn, shares):
     assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4) and shares.min() > -1e-6
-    image, points = painter.exemplar.image, painter.exemplar.landmarks
+    image, points = drawn.image, drawn.landmarks
     nose, chin = points[30].astype(int), points[8].astype(int)
 
     def at(place):
@@ -78,7 +85,7 @@ def test_materials_of_a_drawn_face(painter, shares):
     assert at(nose) == at(points[66].astype(int)) == "features"
     assert at(((points[30] + points[14]) / 2).astype(int)) == "skin"
     assert at((nose[0], int(points[24, 1] - 0.5 * (chin[1] - points[24, 1])))) == "hair"
-    # The chin's shadow, and then a high collar.
+    # A neck, and then a high collar.
     assert at((chin[0], chin[1] + 1)) == "neck"
     assert at((chin[0], chin[1] + 8)) == at((chin[0], image.shape[0] - 3)) == "clothes"
     assert at((3, 3)) == "background"
@@ -125,6 +132,35 @@ def test_what_lies_on_a_forehead_in_the_colour_of_hair_is_hair(painter):
     assert photo[y, x - 9, HAIR] < 0.1
 
 
+@pytest.mark.parametrize(("color", "material"), [((75, 60, 50), NECK), ((130, 30, 25), CLOTHES)])
+def test_right_below_the_chin_what_is_darker_is_neck_unless_it_is_purer(painter, color, material):
+    exemplar, regions = painter.exemplar, painter.transfer.regions
+    image = exemplar.image.copy()
+    x, y = exemplar.landmarks[8].astype(int)
+    image[y + 1:y + 8, x - 12:x + 12] = color
+    shares = picture_shares(Exemplar(image, exemplar.landmarks), regions, painter.transfer.labels)
+    assert shares[y + 1, x, material] > 0.5
+
+
+def test_a_hat_is_told_by_the_face_alone_not_by_locks_beside_it(painter):
+    exemplar, regions = painter.exemplar, painter.transfer.regions
+    image, hair = exemplar.image.copy(), regions.hair.copy()
+    # Half of the face in deep shade, and locks that labels take for skin, as they do ears.
+    x, y = exemplar.landmarks[[21, 22]].mean(axis=0).astype(int) - [0, 9]
+    left, right = (int(exemplar.landmarks[n, 0]) for n in (0, 16))
+    beside = np.zeros(image.shape[:2], bool)
+    beside[y:int(exemplar.landmarks[33, 1]), max(left - 25, 0):left - 2] = True
+    beside[y:int(exemplar.landmarks[33, 1]), right + 3:right + 25] = True
+    brim = np.s_[y - 4:y + 3, x - 14:x + 14]
+    image[beside] = image[brim] = (40, 28, 24)
+    hair[beside] = hair[brim] = 0
+    found = Regions(exemplar.landmarks, np.maximum(regions.person, beside), hair)
+    labels = found.labels()
+    labels[beside] = 255 * np.eye(len(LABELS), dtype=np.uint8)[LABELS.index("skin")]
+    shares = painted_shares(Exemplar(image, exemplar.landmarks), found, labels)
+    assert shares[y, x, HAIR] > 0.8
+
+
 def test_a_coat_in_the_colour_of_skin_begins_away_from_the_neck(painter):
     exemplar, regions = painter.exemplar, painter.transfer.regions
     image = exemplar.image.copy()
@@ -132,7 +168,7 @@ def test_a_coat_in_the_colour_of_skin_begins_away_from_the_neck(painter):
     image[red] = (180, 140, 120)
     shares = picture_shares(Exemplar(image, exemplar.landmarks), regions, painter.transfer.labels)
     x, y = exemplar.landmarks[8].astype(int)
-    assert shares[y + 12, x, NECK] > 0.8
+    assert shares[y + 12, x, NECK] > 0.75
     assert shares[-3, x - 40, CLOTHES] > 0.5
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from skimage.color import rgb2lab
 
 from ..exemplar import Exemplar
 from ..guides.appearance import grey
@@ -36,6 +37,8 @@ LIKE_PLAIN = ((0.025, 1.5),)
 """The same for a plain background."""
 FAR = 0.3
 """Far from the jaw it must be nearer by this share."""
+PURER, LEAST_CHROMA = 1.1, 10.0
+"""So many times the chroma of the face's purest tenth, or of greys, is a collar's, no neck's."""
 SMALL = 3
 """Hair that the networks overlook is looked for in a picture so many times smaller."""
 LIKE_GROUND = 1.2
@@ -80,14 +83,16 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
         return shares
     image = picture.image.astype(np.float32) / np.float32(255)
     right, down = regions.frame.local(image.shape[:2])
-    plain = _plain_skin(labels)
     if strict:
-        plain &= _cheeks(down)
+        plain = _cheeks(picture, labels, down)
         # Shoulders and chest may be bare, but coats are larger.
         far = np.clip((np.hypot(right / 0.8, np.maximum(down - 0.8, 0)) - 0.5) / 0.5, 0, 1)
         alike = _alike(image, plain, body, picture.size, LIKE_SKIN,
                        np.asarray(1 - FAR * far, np.float32))
+        pure = _pure(image, plain, picture.size)
+        alike *= 1 - pure
     else:
+        plain = _plain_skin(labels)
         alike = _alike(image, plain, body, picture.size, LIKE_SKIN[:1])
     bare, other = shares[..., NECK] * alike, shares[..., NECK] * (1 - alike)
     ground = _like_plain_ground(image, labels, body, picture.size)
@@ -102,6 +107,7 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
         half = 0.5 * regions.frame.width / regions.frame.height
         shadow *= np.clip((0.85 * half - np.abs(right)) / 0.1, 0, 1)
         shadow *= _darker(image, plain, picture.size, 0.25)
+        shadow *= 1 - pure
     else:
         bare *= 1 - ground
     shares[..., NECK] = bare + shadow * other
@@ -139,13 +145,15 @@ def _like_plain_ground(image: Float32, labels: NDArray[np.uint8], body: NDArray[
     return _alike(image, behind, body, size, LIKE_PLAIN)
 
 
-def _cheeks(down: NDArray[np.floating]) -> NDArray[np.bool_]:
+def _cheeks(picture: Exemplar, labels: NDArray[np.uint8], down: NDArray[np.floating],
+            ) -> NDArray[np.bool_]:
     """The part of the face that is bare, [h, w].
 
     A forehead may lie under a fringe, or a mask's hair that is none to the network, and a chin
-    under a beard.
+    under a beard. What lies beside the face and is skin to the labels may be locks or a hat.
     """
-    return np.asarray((down > CHEEKS[0]) & (down < CHEEKS[1]))
+    inside = soft_face(labels.shape[:2], picture.landmarks) > 230
+    return np.asarray(_plain_skin(labels) & (down > CHEEKS[0]) & (down < CHEEKS[1]) & inside)
 
 
 def _darker(image: Float32, plain: NDArray[np.bool_], size: float, share: float) -> Float32:
@@ -154,6 +162,16 @@ def _darker(image: Float32, plain: NDArray[np.bool_], size: float, share: float)
     if not plain.any():
         return np.ones_like(light)
     return np.asarray(np.clip((np.quantile(light[plain], share) - light) / 0.05, 0, 1), np.float32)
+
+
+def _pure(image: Float32, plain: NDArray[np.bool_], size: float) -> Float32:
+    """Where colours are purer than the plain skin's, [h, w]: shade makes none purer."""
+    if not plain.any():
+        return np.zeros(plain.shape, np.float32)
+    blurred = rgb2lab(np.clip(_blurred(image, LIKE_SKIN[-1][0] * size), 0, 1))
+    chroma = np.hypot(blurred[..., 1], blurred[..., 2])
+    most = PURER * max(float(np.quantile(chroma[plain], 0.9)), LEAST_CHROMA)
+    return np.asarray(np.clip((chroma - most) / (0.1 * most) + 0.5, 0, 1), np.float32)
 
 
 def _overlooked(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
@@ -169,7 +187,7 @@ def _overlooked(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
     image = np.stack([shrunk(plane / np.float32(255), SMALL)
                       for plane in np.moveaxis(exemplar.image.astype(np.float32), -1, 0)],
                      axis=-1)
-    plain = (_plain_skin(labels) & _cheeks(down))[part]
+    plain = _cheeks(exemplar, labels, down)[part]
     known, looked_at = labels[part][..., LABELS.index("hair")] > 200, (skin > 0.02)[part]
     hair = 1 - _alike(image, plain, looked_at, size, LIKE_SKIN)
     hair *= _alike(image, known, looked_at, size, LIKE_HAIR)
