@@ -59,10 +59,13 @@ def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, fra
     return out.view(np.uint8)
 
 
-def soft_face(shape: tuple[int, ...], landmarks: Float64) -> NDArray[np.uint8]:
-    """The face between jaw and brows with soft edges, uint8 [H, W]."""
+def soft_face(shape: tuple[int, ...], landmarks: Float64, above: float = 0.1) -> NDArray[np.uint8]:
+    """The face between jaw and brows with soft edges, uint8 [H, W].
+
+    It ends ``above`` of its height above the brows.
+    """
     frame = FaceFrame.of(landmarks)
-    brows = landmarks[17:27][::-1] - 0.1 * frame.height * frame.down
+    brows = landmarks[17:27][::-1] - above * frame.height * frame.down
     drawn = polygon(shape, np.concatenate([landmarks[:17], brows]))
     return np.asarray(broad_blur(drawn, 0.05 * frame.height) * 255 + np.float32(0.5), np.uint8)
 

@@ -19,6 +19,7 @@ from scipy.ndimage import gaussian_filter
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
 from ..guides.blurs import broad_blur
+from ..guides.labels import soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
@@ -56,6 +57,8 @@ Float32 = NDArray[np.float32]
 
 INSIDE = 0.95
 """Share of the exemplar's face (a soft mask) from which on its paint is copied: not its outline."""
+FOREHEAD, FRINGE = 0.4, 0.02
+"""A forehead, so high over the face's height, has no outline, nor a fringe if less is hair."""
 COVERED = 0.3
 """Share of hair in the exemplar's face from which on it is not copied onto a bare one."""
 NODES = 0.03
@@ -147,8 +150,12 @@ class SkinPainter:
         if self.transfer.regions.hair is not None:
             hair = np.maximum(hair, self.transfer.regions.hair)
         covered = gaussian_filter(hair[::4, ::4], 0.04 * exemplar.size / 4)
-        self._face = np.stack([soft, *(np.repeat(np.repeat(one, 4, 0), 4, 1)[
-            :soft.shape[0], :soft.shape[1]] for one in (near, covered))], axis=-1)
+        near, covered = (np.repeat(np.repeat(one, 4, 0), 4, 1)[:soft.shape[0], :soft.shape[1]]
+                         for one in (near, covered))
+        # Above the brows it may end in a bare forehead: there is no outline.
+        sides = soft_face(soft.shape, exemplar.landmarks, FOREHEAD) > 255 * INSIDE
+        inside = sides & ((soft > INSIDE) | (soft > 0.5) & (covered < FRINGE))
+        self._face = np.stack([inside.astype(np.float32), near, covered], axis=-1)
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
@@ -205,13 +212,13 @@ class SkinPainter:
               ) -> NDArray[np.bool_]:
         """Where the face is painted as on a photo, [N]; the rest is patches.
 
-        ``face`` [N, 3] is the exemplar's face, what is near it, and hair over it; ``size`` pixels
-        of the canvas per pixel of the exemplar.
+        ``face`` [N, 3] is the inside of the exemplar's face, what is near it, and hair over it;
+        ``size`` pixels of the canvas per pixel of the exemplar.
         """
         # Hair that hangs over the exemplar's cheek is nothing for a bare one.
         bare = 1 if skin.hair is None else 1 - skin.hair
         steady = self._calm(canvas, np.minimum(ratio, 1), STEADY, size)
-        core = (face[:, 0] > INSIDE) & skin.outwards & (face[:, 2] * bare < COVERED)
+        core = (face[:, 0] > 0.5) & skin.outwards & (face[:, 2] * bare < COVERED)
         core &= steady > DRAWN_OUT
         # No crumbs of the exemplar's outline.
         return np.asarray(self._calm(canvas, core.astype(np.float32), EDGE, size) > 0.5)
