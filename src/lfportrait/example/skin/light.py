@@ -43,7 +43,8 @@ def carried_light(skin: Skin, canvas: Canvas, core: NDArray[np.bool_], color: Fl
 
     Returns
     -------
-    float32 [N], to be added to the tones; 0 in the face and far from it.
+    light
+        float32 [N], to be added to the tones; 0 in the face and far from it.
     """
     own = canvas.own
     paint = np.zeros(len(core), np.float32)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from skimage.color import rgb2lab
 
 from ..exemplar import Exemplar
 from ..guides.appearance import grey
@@ -166,6 +165,8 @@ def _darker(image: Float32, plain: NDArray[np.bool_], size: float, share: float)
 
 def _pure(image: Float32, plain: NDArray[np.bool_], size: float) -> Float32:
     """Where colours are purer than the plain skin's, [h, w]: shade makes none purer."""
+    from skimage.color import rgb2lab
+
     if not plain.any():
         return np.zeros(plain.shape, np.float32)
     blurred = rgb2lab(np.clip(_blurred(image, LIKE_SKIN[-1][0] * size), 0, 1))
