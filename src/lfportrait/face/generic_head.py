@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
 
 __all__ = ["GENERIC_LANDMARKS", "MIRRORED", "generic_depth"]
 
@@ -61,6 +60,8 @@ def generic_depth(x: Float64, y: Float64) -> Float64:
 
     Continuous; the face's where there is a face, the egg's around it, next to none beyond.
     """
+    from scipy.interpolate import RBFInterpolator
+
     egg = 1 - ((x - _SKULL[0]) / _RADII[0]) ** 2 - ((y - _SKULL[1]) / _RADII[1]) ** 2
     skull = np.where(egg > 0, _SKULL[2] + _RADII[2] * np.sqrt(np.maximum(egg, 0)), _BEHIND)
     # The face ends where its landmarks end; the brows' line goes on a little into the forehead.

@@ -5,6 +5,9 @@ Regions of the picture tell most of it. What lies below the jaw is told by its c
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,10 +41,94 @@ FAR = 0.3
 """Far from the jaw it must be nearer by this share."""
 PURER, LEAST_CHROMA = 1.1, 10.0
 """So many times the chroma of the face's purest tenth, or of greys, is a collar's, no neck's."""
-SMALL = 3
-"""Hair that the networks overlook is looked for in a picture so many times smaller."""
+LOOKED_AT = 30.0
+"""Colours are compared in a picture whose face is at least of this size: all of it is blurred."""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colours than this are taken for it."""
+
+
+@dataclass(frozen=True)
+class _Small:
+    """A picture as small as its colours may be compared in, which are blurred anyway.
+
+    Attributes
+    ----------
+    image
+        float32 [h / factor, w / factor, 3] in [0, 1].
+    factor
+        How much smaller it is.
+    shape
+        Height and width of the picture.
+    size
+        Of its face, in the small picture's pixels.
+    """
+
+    image: Float32
+    factor: int
+    shape: tuple[int, int]
+    size: float
+
+    @staticmethod
+    def of(picture: Exemplar) -> _Small:
+        """A picture made small."""
+        factor = int(np.clip(picture.size / LOOKED_AT, 1, 3))
+        image = np.stack([shrunk(plane / np.float32(255), factor)
+                          for plane in np.moveaxis(picture.image.astype(np.float32), -1, 0)],
+                         axis=-1)
+        return _Small(image, factor, picture.image.shape[:2], picture.size / factor)
+
+    def part(self, plane: NDArray[Any]) -> NDArray[Any]:
+        """Every so many pixels of a plane of the picture, [h, w]."""
+        return plane[::self.factor, ::self.factor]
+
+    def whole(self, plane: Float32) -> Float32:
+        """A small plane as large as the picture."""
+        return enlarged(plane, self.factor, self.shape)
+
+    def blurred(self, sigma: float) -> Float32:
+        """The small picture blurred; ``sigma`` over the face's size."""
+        return np.stack([broad_blur(np.ascontiguousarray(self.image[..., c]), sigma * self.size)
+                         for c in range(3)], axis=-1)
+
+    def alike(self, sample: NDArray[np.bool_], places: NDArray[np.bool_],
+              tests: tuple[tuple[float, float], ...], allowed: Float32 | None = None) -> Float32:
+        """How much places are of a sample's colours; 0 elsewhere, 1 if the sample is small.
+
+        Several blurs and limits: strokes by their mean, the edge of a collar by itself;
+        ``allowed`` scales the limits. All planes are small, [h, w].
+        """
+        chosen = places | sample
+        scale = 1.0 if allowed is None else allowed[chosen]
+        out = np.zeros(places.shape, np.float32)
+        out[chosen] = np.min([_near(skin_distance(self.blurred(blur)[chosen], sample[chosen]),
+                                    limit * scale) for blur, limit in tests], axis=0)
+        return out
+
+    def like_plain_ground(self, labels: NDArray[np.uint8], body: NDArray[np.bool_]) -> Float32:
+        """How much the body looks like the background; 0 where that is not plain."""
+        behind = self.part(labels[..., LABELS.index("background")]) > 250
+        if not behind.any() or self.image[behind].std(axis=0).max() >= PLAIN:
+            return np.zeros(behind.shape, np.float32)
+        return self.alike(behind, self.part(body), LIKE_PLAIN)
+
+    def darker(self, plain: NDArray[np.bool_], share: float) -> Float32:
+        """Where it is darker than all but a share of the plain skin."""
+        light = grey(self.blurred(LIKE_SKIN[-1][0]))
+        if not plain.any():
+            return np.ones_like(light)
+        least = np.quantile(light[plain], share)
+        return np.asarray(np.clip((least - light) / 0.05, 0, 1), np.float32)
+
+    def pure(self, plain: NDArray[np.bool_]) -> Float32:
+        """Where colours are purer than the plain skin's: shade makes none purer."""
+        from skimage.color import rgb2lab
+
+        if not plain.any():
+            return np.zeros(plain.shape, np.float32)
+        colors = rgb2lab(np.clip(self.blurred(LIKE_SKIN[-1][0]), 0, 1))
+        chroma = np.hypot(colors[..., 1], colors[..., 2])
+        most = PURER * max(float(np.quantile(chroma[plain], 0.9)), LEAST_CHROMA)
+        return np.asarray(np.clip((chroma - most) / (0.1 * most) + 0.5, 0, 1), np.float32)
 
 
 def material_shares(labels: NDArray[np.uint8]) -> Float32:
@@ -80,21 +167,21 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
     body = shares[..., NECK] > 0.02
     if not body.any():
         return shares
-    image = picture.image.astype(np.float32) / np.float32(255)
-    right, down = regions.frame.local(image.shape[:2])
+    small = _Small.of(picture)
+    right, down = regions.frame.local(body.shape)
     if strict:
-        plain = _cheeks(picture, labels, down)
+        plain = small.part(_cheeks(picture, labels, down))
         # Shoulders and chest may be bare, but coats are larger.
         far = np.clip((np.hypot(right / 0.8, np.maximum(down - 0.8, 0)) - 0.5) / 0.5, 0, 1)
-        alike = _alike(image, plain, body, picture.size, LIKE_SKIN,
-                       np.asarray(1 - FAR * far, np.float32))
-        pure = _pure(image, plain, picture.size)
-        alike *= 1 - pure
+        alike = small.alike(plain, small.part(body), LIKE_SKIN,
+                            np.asarray(1 - FAR * small.part(far), np.float32))
+        pure = small.whole(small.pure(plain))
+        alike = small.whole(alike) * (1 - pure)
     else:
-        plain = _plain_skin(labels)
-        alike = _alike(image, plain, body, picture.size, LIKE_SKIN[:1])
+        plain = small.part(_plain_skin(labels))
+        alike = small.whole(small.alike(plain, small.part(body), LIKE_SKIN[:1]))
     bare, other = shares[..., NECK] * alike, shares[..., NECK] * (1 - alike)
-    ground = _like_plain_ground(image, labels, body, picture.size)
+    ground = small.whole(small.like_plain_ground(labels, body))
     shares[..., GROUND] += ground * (other if strict else other + bare)
     other *= 1 - ground
     shadow = np.asarray(np.clip((BARE - down) / 0.15, 0, 1), np.float32)
@@ -105,7 +192,7 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
         # Not beside the chin: there a collar's edge is as dark.
         half = 0.5 * regions.frame.width / regions.frame.height
         shadow *= np.clip((0.85 * half - np.abs(right)) / 0.1, 0, 1)
-        shadow *= _darker(image, plain, picture.size, 0.25)
+        shadow *= small.whole(small.darker(plain, 0.25))
         shadow *= 1 - pure
     else:
         bare *= 1 - ground
@@ -120,30 +207,6 @@ def _plain_skin(labels: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return np.asarray((labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30))
 
 
-def _alike(image: Float32, sample: NDArray[np.bool_], places: NDArray[np.bool_], size: float,
-           tests: tuple[tuple[float, float], ...], allowed: Float32 | None = None) -> Float32:
-    """How much places are of a sample's colours, [h, w]; 0 elsewhere, 1 if the sample is small.
-
-    Several blurs and limits: strokes by their mean, the edge of a collar by itself; ``allowed``
-    [h, w] scales the limits.
-    """
-    chosen = places | sample
-    scale = 1.0 if allowed is None else allowed[chosen]
-    out = np.zeros(places.shape, np.float32)
-    out[chosen] = np.min([_near(skin_distance(_blurred(image, blur * size)[chosen], sample[chosen]),
-                                limit * scale) for blur, limit in tests], axis=0)
-    return out
-
-
-def _like_plain_ground(image: Float32, labels: NDArray[np.uint8], body: NDArray[np.bool_],
-                       size: float) -> Float32:
-    """How much the body looks like the background, [h, w]; 0 where that is not plain."""
-    behind = labels[..., LABELS.index("background")] > 250
-    if not behind.any() or image[behind].std(axis=0).max() >= PLAIN:
-        return np.zeros(body.shape, np.float32)
-    return _alike(image, behind, body, size, LIKE_PLAIN)
-
-
 def _cheeks(picture: Exemplar, labels: NDArray[np.uint8], down: NDArray[np.floating],
             ) -> NDArray[np.bool_]:
     """The part of the face that is bare, [h, w].
@@ -155,46 +218,25 @@ def _cheeks(picture: Exemplar, labels: NDArray[np.uint8], down: NDArray[np.float
     return np.asarray(_plain_skin(labels) & (down > CHEEKS[0]) & (down < CHEEKS[1]) & inside)
 
 
-def _darker(image: Float32, plain: NDArray[np.bool_], size: float, share: float) -> Float32:
-    """Where it is darker than all but a share of the plain skin, [h, w]."""
-    light = grey(_blurred(image, LIKE_SKIN[-1][0] * size))
-    if not plain.any():
-        return np.ones_like(light)
-    return np.asarray(np.clip((np.quantile(light[plain], share) - light) / 0.05, 0, 1), np.float32)
-
-
-def _pure(image: Float32, plain: NDArray[np.bool_], size: float) -> Float32:
-    """Where colours are purer than the plain skin's, [h, w]: shade makes none purer."""
-    from skimage.color import rgb2lab
-
-    if not plain.any():
-        return np.zeros(plain.shape, np.float32)
-    blurred = rgb2lab(np.clip(_blurred(image, LIKE_SKIN[-1][0] * size), 0, 1))
-    chroma = np.hypot(blurred[..., 1], blurred[..., 2])
-    most = PURER * max(float(np.quantile(chroma[plain], 0.9)), LEAST_CHROMA)
-    return np.asarray(np.clip((chroma - most) / (0.1 * most) + 0.5, 0, 1), np.float32)
-
-
 def _overlooked(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                 skin: Float32) -> Float32:
     """Shares of ``skin`` [h, w] that are hair, by their colours: hair's, not the cheeks'.
 
-    Highlights are skin. Strokes are blurred anyway: a third of the size shows as much.
+    Highlights are skin.
     """
     _, down = regions.frame.local(skin.shape)
+    small = _Small.of(exemplar)
     face = soft_face(skin.shape, exemplar.landmarks).astype(np.float32) / np.float32(255)
     face[down < 0] = 0
-    part, size = np.s_[::SMALL, ::SMALL], exemplar.size / SMALL
-    image = np.stack([shrunk(plane / np.float32(255), SMALL)
-                      for plane in np.moveaxis(exemplar.image.astype(np.float32), -1, 0)],
-                     axis=-1)
-    plain = _cheeks(exemplar, labels, down)[part]
-    known, looked_at = labels[part][..., LABELS.index("hair")] > 200, (skin > 0.02)[part]
-    hair = 1 - _alike(image, plain, looked_at, size, LIKE_SKIN)
-    hair *= _alike(image, known, looked_at, size, LIKE_HAIR)
-    hair *= _darker(image, plain, size, 0.75)
-    hair *= 1 - gaussian_blur(np.ascontiguousarray(face[part]), LIKE_SKIN[-1][0] * size)
-    return skin * enlarged(hair, SMALL, skin.shape)
+    plain = small.part(_cheeks(exemplar, labels, down))
+    known = small.part(labels[..., LABELS.index("hair")]) > 200
+    looked_at = small.part(skin) > 0.02
+    hair = 1 - small.alike(plain, looked_at, LIKE_SKIN)
+    hair *= small.alike(known, looked_at, LIKE_HAIR)
+    hair *= small.darker(plain, 0.75)
+    hair *= 1 - gaussian_blur(np.ascontiguousarray(small.part(face)),
+                              LIKE_SKIN[-1][0] * small.size)
+    return skin * small.whole(hair)
 
 
 def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
@@ -212,11 +254,12 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
     if not worn.any() or behind.sum() < 50:
         return shares
-    chosen = behind | worn
-    alike = np.zeros(behind.shape, np.float32)
-    alike[chosen] = skin_distance(exemplar.image[chosen] / np.float32(255),
-                                  behind[chosen]) < LIKE_GROUND
-    alike = gaussian_blur(alike, 0.008 * max(behind.shape))
+    small = _Small.of(exemplar)
+    there = small.part(behind)
+    chosen = there | small.part(worn)
+    alike = np.zeros(there.shape, np.float32)
+    alike[chosen] = skin_distance(small.image[chosen], there[chosen]) < LIKE_GROUND
+    alike = small.whole(gaussian_blur(alike, 0.008 * max(there.shape)))
     ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
     shares[..., GROUND] += ground
     shares[..., CLOTHES] -= ground
@@ -226,9 +269,3 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
 def _near(distance: Float32, limit: NDArray[np.floating] | float) -> Float32:
     """1 for small distances, 0 for large ones, one half at the limit."""
     return np.asarray(1 / (1 + np.exp(np.clip((distance - limit) / 0.4, -30, 30))), np.float32)
-
-
-def _blurred(image: Float32, sigma: float) -> Float32:
-    """A picture [H, W, 3] blurred."""
-    return np.stack([broad_blur(np.ascontiguousarray(image[..., c]), sigma) for c in range(3)],
-                    axis=-1)

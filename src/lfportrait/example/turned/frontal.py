@@ -20,7 +20,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
 from scipy.ndimage import map_coordinates
 
 from ...errors import UserError
@@ -195,6 +194,8 @@ def painted_places(points: Float64, painted: Float64, pose: FacePose) -> Float64
 
     By the pose, and by a smooth warp of what it leaves over of the landmarks.
     """
+    from scipy.interpolate import RBFInterpolator
+
     known = np.isfinite(painted).all(axis=1)
     # On the far side the jaw's landmarks slide along the outline: the pose knows better.
     far = GENERIC_LANDMARKS[:, 0] * np.sign(pose.rotation[2, 0]) < 0
