@@ -29,8 +29,8 @@ class TablesConfig:
     close_size: int = 0
     """Width and height in pixels of the views that the head fills; 0: 384 (quick), 768 (full)."""
     painted_size: int = 0
-    """Width and height in pixels of views that are painted before a field is fitted to them; 0: 256
-    (quick), 576 (full)."""
+    """Width and height in pixels of views that are painted before a field is fitted to them; 0: 384
+    (quick; fewer leave lattice points undecided), 576 (full)."""
     painted_views: int = 0
     """Views on each arc of those; 0: 7 (quick), 15 (full)."""
     painted_steps: int = -1

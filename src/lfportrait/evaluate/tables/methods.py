@@ -72,6 +72,9 @@ def field_config(name: str, base: StylizeConfig, sizes: Sizes, seed: int) -> Sty
     method: Any = {"surface": "paper"}.get(name, name)
     if method == "skin":
         return replace(base, method="skin", pixels=sizes.pixels, seed=seed)
+    if method != "paper":
+        # Rivals keep their own sizes.
+        return replace(base, method=method, seed=seed)
     return replace(base, method=method, guide="surface" if name == "surface" else "view",
                    size=sizes.painted_size, views=sizes.painted_views, steps=sizes.painted_steps,
                    seed=seed)

@@ -37,7 +37,7 @@ class Sizes:
     network_seconds: float
 
 
-QUICK = Sizes(256.0, 256, 384, 256, 7, 20, 24, 6, 15.0)
+QUICK = Sizes(256.0, 256, 384, 384, 7, 20, 24, 6, 15.0)
 """About a minute a portrait and method."""
 FULL = Sizes(384.0, 384, 768, 576, 15, 90, 48, 24, 240.0)
 """The methods' own sizes."""
