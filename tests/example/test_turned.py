@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
+from scipy.ndimage import label
 from scipy.spatial.transform import Rotation
 
 from lfportrait.errors import UserError
@@ -57,6 +58,14 @@ def portrait(pose):
     mask[place[kept, 1], place[kept, 0]] = 1
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     return Exemplar(image.astype(np.uint8), pose.project(GENERIC_LANDMARKS), "turned", mask)
+
+
+def test_the_frontal_mask_is_one_person():
+    exemplar = portrait(posed(30.0))
+    exemplar.mask[205:230, 5:30] = 1  # somebody's hand
+    mask = frontal_view(exemplar, face_pose(exemplar.landmarks)).mask
+    assert mask[110, 120] > 0.99
+    assert label(mask > 0.5)[1] == 1
 
 
 @settings(max_examples=25, deadline=None)

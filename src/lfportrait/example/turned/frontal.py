@@ -20,6 +20,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.ndimage import map_coordinates
 
 from ...errors import UserError
@@ -148,10 +149,21 @@ def frontal_view(exemplar: Exemplar, pose: FacePose) -> Frontal:
     mask = None
     if exemplar.mask is not None:
         values = [_sampled(exemplar.mask, places) for places in (own, other)]
-        mask = np.asarray(share * values[0] + (1 - share) * values[1], np.float32)
+        mask = _one_person(np.asarray(share * values[0] + (1 - share) * values[1], np.float32),
+                           head.landmarks)
     places = np.where(share[..., None] > 0.5, own, other)
     return Frontal(np.asarray(np.clip(image, 0, 255) + 0.5, np.uint8), head.landmarks,
                    1 - share, np.asarray(places, np.float32), mask, pose)
+
+
+def _one_person(mask: Float32, landmarks: Float64) -> Float32:
+    """A mask [h, w] without pieces that do not hang together with the face."""
+    pieces = ndimage.label(mask > 0.5)[0]
+    x, y = np.clip(landmarks[30].astype(int), 0, np.array(mask.shape[::-1]) - 1)
+    person = ndimage.distance_transform_edt(pieces != pieces[y, x])
+    # Soft edges belong to the nearest piece.
+    other = ndimage.distance_transform_edt((pieces == 0) | (pieces == pieces[y, x]))
+    return np.asarray(np.where(other < person, 0, mask), np.float32)
 
 
 class _Head:
