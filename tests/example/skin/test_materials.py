@@ -145,7 +145,7 @@ def test_right_below_the_chin_what_is_darker_is_neck_unless_it_is_purer(painter,
 def test_a_hat_is_told_by_the_face_alone_not_by_locks_beside_it(painter):
     exemplar, regions = painter.exemplar, painter.transfer.regions
     image, hair = exemplar.image.copy(), regions.hair.copy()
-    # Half of the face in deep shade, and locks that labels take for skin, as they do ears.
+    # Locks that labels take for skin, as they do ears, in the hat's colour.
     x, y = exemplar.landmarks[[21, 22]].mean(axis=0).astype(int) - [0, 9]
     left, right = (int(exemplar.landmarks[n, 0]) for n in (0, 16))
     beside = np.zeros(image.shape[:2], bool)

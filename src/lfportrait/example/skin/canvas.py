@@ -59,6 +59,13 @@ class Canvas:
         spread(np.ascontiguousarray(values, np.float32), self.slots, out)
         return out
 
+    def gathered(self, picture: Float32, count: int, empty: float = 0.0) -> Float32:
+        """What owners show of a picture [H, W], for each of ``count`` places of the lists, [N]."""
+        own = self.own
+        out = np.full(count, empty, np.float32)
+        out[self.slots[own]] = picture[own]
+        return out
+
 
 def canvas_of(skin: Skin, step: int) -> tuple[Canvas, Skin]:
     """The canvas at every ``step``-th pixel, and the skin with the lists that it shows alone.

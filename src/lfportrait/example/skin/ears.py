@@ -44,8 +44,8 @@ def shade_ears(skin: Skin, canvas: Canvas, color: Float32) -> None:
         weight = weight * (1 - skin.hair)
     own = canvas.own
     slots = canvas.slots[own]
-    paint = np.full(len(weight), np.nan, np.float32)
-    paint[slots] = np.log(np.maximum(grey(color)[own], 0) + np.float32(DARKEST))
+    luma = canvas.gathered(grey(color), len(weight), np.nan)
+    paint = np.log(np.maximum(luma, 0) + np.float32(DARKEST))
     photo = np.log(np.maximum(skin.tone + skin.detail, 0) + np.float32(DARKEST))
     known = np.isfinite(paint)
     face = known & skin.outwards & (skin.ears < 0.1) & (skin.seen > 0.5)

@@ -46,9 +46,7 @@ def carried_light(skin: Skin, canvas: Canvas, core: NDArray[np.bool_], color: Fl
     light
         float32 [N], to be added to the tones; 0 in the face and far from it.
     """
-    own = canvas.own
-    paint = np.zeros(len(core), np.float32)
-    paint[canvas.slots[own]] = grey(color)[own]
+    paint = canvas.gathered(grey(color), len(core))
     cells = Cells.over(skin.flat, CELL * skin.plane.height)
     light = cells.carried(paint - tone, core & skin.outwards, BLUR, REACH)
     return np.where(core, np.float32(0), light)

@@ -229,9 +229,8 @@ class SkinPainter:
         planes = canvas.spread(np.stack([values, np.ones_like(values)], axis=1))
         sums, known = (broad_blur(np.ascontiguousarray(planes[..., n] * own), sigma)
                        for n in range(2))
-        out = np.array(values)
-        out[canvas.slots[own]] = sums[own] / np.maximum(known[own], np.float32(1e-3))
-        return out
+        mean = np.asarray(sums / np.maximum(known, np.float32(1e-3)), np.float32)
+        return canvas.gathered(mean, len(values))
 
     def _paint_face(self, skin: Skin, guide: SurfaceGuide, canvas: Canvas, position: Float32,
                     anchor: Float32, ratio: Float32, core: NDArray[np.bool_]) -> Float32:

@@ -161,13 +161,18 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
         the colour of skin is skin. Else all right below the jaw is neck: for photos, whose bodies
         are painted of it.
     """
+    return _shares(picture, _Small.of(picture), regions, labels, strict)
+
+
+def _shares(picture: Exemplar, small: _Small, regions: Regions, labels: NDArray[np.uint8],
+            strict: bool) -> Float32:
+    """`picture_shares` of a picture that has been made small."""
     shares = material_shares(labels)
     # Labels fall off gently beyond the outline: what lies there is background all the same.
     shares[regions.person < 0.5] = np.eye(len(MATERIALS), dtype=np.float32)[GROUND]
     body = shares[..., NECK] > 0.02
     if not body.any():
         return shares
-    small = _Small.of(picture)
     right, down = regions.frame.local(body.shape)
     if strict:
         plain = small.part(_cheeks(picture, labels, down))
@@ -218,14 +223,13 @@ def _cheeks(picture: Exemplar, labels: NDArray[np.uint8], down: NDArray[np.float
     return np.asarray(_plain_skin(labels) & (down > CHEEKS[0]) & (down < CHEEKS[1]) & inside)
 
 
-def _overlooked(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+def _overlooked(exemplar: Exemplar, small: _Small, regions: Regions, labels: NDArray[np.uint8],
                 skin: Float32) -> Float32:
     """Shares of ``skin`` [h, w] that are hair, by their colours: hair's, not the cheeks'.
 
     Highlights are skin.
     """
     _, down = regions.frame.local(skin.shape)
-    small = _Small.of(exemplar)
     face = soft_face(skin.shape, exemplar.landmarks).astype(np.float32) / np.float32(255)
     face[down < 0] = 0
     plain = small.part(_cheeks(exemplar, labels, down))
@@ -247,14 +251,14 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     temples that the networks overlook. Clothes of the colours of the background are background
     beside the neck.
     """
-    shares = picture_shares(exemplar, regions, labels, strict)
-    covered = _overlooked(exemplar, regions, labels, shares[..., SKIN])
+    small = _Small.of(exemplar)
+    shares = _shares(exemplar, small, regions, labels, strict)
+    covered = _overlooked(exemplar, small, regions, labels, shares[..., SKIN])
     shares[..., HAIR] += covered
     shares[..., SKIN] -= covered
     behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
     if not worn.any() or behind.sum() < 50:
         return shares
-    small = _Small.of(exemplar)
     there = small.part(behind)
     chosen = there | small.part(worn)
     alike = np.zeros(there.shape, np.float32)

@@ -21,7 +21,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.ndimage import map_coordinates
 
 from ...errors import UserError
 from ...face import GENERIC_LANDMARKS, FacePose, face_pose, generic_depth
@@ -254,8 +253,8 @@ def _hidden(points: Float64, pose: FacePose) -> NDArray[np.bool_]:
     for along in np.arange(0.02, 1.2, 2 * RELIEF):
         ahead = points + along * pose.rotation[2]
         row, column = ((ahead[..., axis] - low[axis]) / RELIEF for axis in (1, 0))
-        deep = map_coordinates(surface, [row, column], order=1, cval=-np.inf) - ahead[..., 2]
-        out |= (deep > 0.005) & (_reach(ahead[..., 0], ahead[..., 1], 0.47, 0.02, 0.7) < 1)
+        deep = ndimage.map_coordinates(surface, [row, column], order=1, cval=-np.inf)
+        out |= (deep - ahead[..., 2] > 0.005) & (_reach(ahead[..., 0], ahead[..., 1], 0.47, 0.02, 0.7) < 1)
     return out
 
 
