@@ -253,8 +253,9 @@ def _hidden(points: Float64, pose: FacePose) -> NDArray[np.bool_]:
     for along in np.arange(0.02, 1.2, 2 * RELIEF):
         ahead = points + along * pose.rotation[2]
         row, column = ((ahead[..., axis] - low[axis]) / RELIEF for axis in (1, 0))
-        deep = ndimage.map_coordinates(surface, [row, column], order=1, cval=-np.inf)
-        out |= (deep - ahead[..., 2] > 0.005) & (_reach(ahead[..., 0], ahead[..., 1], 0.47, 0.02, 0.7) < 1)
+        found = ndimage.map_coordinates(surface, [row, column], order=1, cval=-np.inf)
+        deep = found - ahead[..., 2]
+        out |= (deep > 0.005) & (_reach(ahead[..., 0], ahead[..., 1], 0.47, 0.02, 0.7) < 1)
     return out
 
 
