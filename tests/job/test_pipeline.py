@@ -14,7 +14,8 @@ from lfportrait.errors import UserError
 from lfportrait.field import ReconstructConfig
 from lfportrait.files import read_image
 from lfportrait.job.pipeline import MakeConfig, make
-from lfportrait.lightfield import Display, deinterlace, render_view
+from lfportrait.job.steps import fitted
+from lfportrait.lightfield import Display, EncodeConfig, deinterlace, render_view
 from lfportrait.stylize import StylizeConfig
 from tests.job.forking import Forker
 
@@ -82,6 +83,19 @@ def test_the_coded_picture_is_made_of_the_views(undisturbed):
         direct = render_view(styled, PANEL, view, CONFIG.encode)
         picture, owned = deinterlace(image, PANEL, view)
         assert np.array_equal(picture[owned], direct[owned])
+
+
+def test_no_finer_lattice_than_the_display_shows():
+    def points(display, **encode):
+        config = fitted(MakeConfig(), [(Display.preset(display), EncodeConfig(**encode))])
+        return config.reconstruct.at_most
+
+    assert points("generic-4k") == points("lookingglass-portrait") == 256
+    assert 320 <= points("generic-8k") < points("lookingglass-32-portrait") == 512
+    assert points("generic-4k", size=2.0) > 256, "a head that is cropped by the panel"
+    own = MakeConfig(reconstruct=ReconstructConfig(at_most=300))
+    fit = fitted(own, [(Display.preset("lookingglass-32-portrait"), EncodeConfig())])
+    assert fit.reconstruct.at_most == 300
 
 
 def test_a_second_run_does_nothing_again(undisturbed, inputs):

@@ -71,6 +71,12 @@ class Camera:
         """Camera centres in the world, float64 [V, 3]."""
         return self.pose[:, :3, 3]
 
+    @property
+    def pixel(self) -> float:
+        """Size of a pixel at the origin, in world units; the median of the cameras."""
+        distance = np.linalg.norm(self.position, axis=1)
+        return float(np.median(distance / self.focal.mean(axis=1)))
+
     def scaled(self, factor: float) -> Camera:
         """The same cameras with pictures ``factor`` times as large (sizes rounded)."""
         width = np.maximum(1, np.rint(self.width * factor)).astype(np.int64)

@@ -4,15 +4,16 @@
 holds and renders it, `storage` is its file, `surface` its surface as points or as a mesh.
 """
 
+from .config import ReconstructConfig, lattice_points
 from .grid import Rendering, SampleWeights, VoxelField, camera_row
 from .harmonics import C0
 from .quality import held_out_quality
-from .reconstruction import ReconstructConfig, reconstruct, reconstruct_with_figures
+from .reconstruction import reconstruct, reconstruct_with_figures
 from .storage import read_arrays, save_checkpoint, save_field
 from .surface import Mesh, PointCloud, field_mesh, field_points
 from .texture import SurfaceTexture
 
 __all__ = ["C0", "Mesh", "PointCloud", "ReconstructConfig", "Rendering", "SampleWeights",
            "SurfaceTexture", "VoxelField", "camera_row", "field_mesh", "field_points",
-           "held_out_quality", "read_arrays", "reconstruct", "reconstruct_with_figures",
-           "save_checkpoint", "save_field"]
+           "held_out_quality", "lattice_points", "read_arrays", "reconstruct",
+           "reconstruct_with_figures", "save_checkpoint", "save_field"]

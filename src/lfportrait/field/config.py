@@ -10,10 +10,18 @@ import tyro
 
 from ..errors import UserError
 
-__all__ = ["ReconstructConfig"]
+__all__ = ["ReconstructConfig", "lattice_points"]
 
 _LEAST = 0.4
 """Share of a coarse level's usual rays that it has however short the time is."""
+
+
+def lattice_points(pixel: float) -> int:
+    """Lattice points to two world units for pixels of this size (world units, at the origin).
+
+    A voxel is about two pixels; 256 to 512.
+    """
+    return int(np.clip(32 * round(1.04 / max(pixel, 1e-3) / 32), 256, 512))
 
 
 @dataclass(frozen=True)
@@ -25,7 +33,10 @@ class ReconstructConfig:
     quarter, half and all of --finest for photos with mattes, 96 192 for photos of a room."""
     finest: int = 0
     """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
-    about two pixels, but at least 256 points and at most 512 (`make` takes 256)."""
+    about two pixels, but at least 256 points and at most --at-most."""
+    at_most: int = 512
+    """Most lattice points that --finest 0 takes; `make` takes no more than the display shows, but
+    at least 256."""
     rays: tuple[float, ...] = ()
     """Training rays of each level in millions; by default 1 5 12, more above 256 points, and 4 8
     for a room. With a time budget two fifths of these are the least of coarse levels, which go on
@@ -156,9 +167,9 @@ class ReconstructConfig:
         UserError
             If levels do not fit together or a value makes no sense.
         """
-        finest = self.finest or int(np.clip(32 * round(1.04 / max(pixel, 1e-3) / 32), 256, 512))
+        finest = self.finest or min(lattice_points(pixel), self.at_most)
         if finest < 16:
-            raise UserError(f"--finest must be at least 16, not {finest}")
+            raise UserError(f"--finest and --at-most must be at least 16, not {finest}")
         usual = (finest // 4,) * (finest >= 64) + (finest // 2, finest)
         resolutions = self.resolutions or ((96, 192) if room else usual)
         levels = len(resolutions)

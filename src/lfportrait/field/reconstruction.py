@@ -81,10 +81,9 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     UserError
         If nothing is left to train on.
     """
-    distance = np.linalg.norm(capture.cameras.position, axis=1)
-    pixel = float(np.median(distance / capture.cameras.focal.mean(axis=1)))
-    config = (config or ReconstructConfig()).resolved(capture.alphas is None,
-                                                      float(distance.min()), pixel)
+    distance = float(np.linalg.norm(capture.cameras.position, axis=1).min())
+    config = (config or ReconstructConfig()).resolved(capture.alphas is None, distance,
+                                                      capture.cameras.pixel)
     events = EventLog(log) if log is not None else None
     meter = (Meter(events, measure_every=measure_every)
              if events is not None or measure_every > 0 else None)

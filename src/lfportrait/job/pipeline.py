@@ -59,6 +59,7 @@ from .steps import (
     capture_key,
     code_key,
     field_key,
+    fitted,
     look_at,
     painting_key,
     save_folder,
@@ -274,6 +275,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
         get_networks(Path(photos), None if isinstance(style, Exemplar) else Path(style),
                      config.keep_background, offline=offline, quiet=quiet)
     exemplar = style if isinstance(style, Exemplar) else Exemplar.load(style)
+    config = fitted(config, [(panel, config.encode)])
     job = _Job(Path(out), photos, exemplar, panel, config, device, seed, quiet)
     with warmup or Warmup(("reconstruct", "transfer", "stylize", "encode")) as job.warmup:
         return job.run()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,16 +21,24 @@ import numpy as np
 from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
-from ..field import ReconstructConfig, VoxelField, reconstruct_with_figures
+from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
 from ..files import write_image
 from ..keys import key_of
-from ..lightfield import Display, EncodeConfig, ViewMask, encode_with_figures, quilt_of, write_coded
+from ..lightfield import (
+    Display,
+    EncodeConfig,
+    Placement,
+    ViewMask,
+    encode_with_figures,
+    quilt_of,
+    write_coded,
+)
 from ..progress import Progress
 from ..share import PageConfig
 from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
 
-__all__ = ["MakeConfig", "capture_key", "code_key", "field_key", "look_at",
+__all__ = ["MakeConfig", "capture_key", "code_key", "field_key", "fitted", "look_at",
            "painting_key", "save_folder", "source_files", "source_key", "style_key", "write_code",
            "write_field", "write_styled"]
 
@@ -53,6 +61,17 @@ class MakeConfig:
     """Do not cut the person out of photos that have no alpha channel."""
     sweep_size: int = 512
     """Height of the sweep video in pixels."""
+
+
+def fitted(config: MakeConfig, shown: Iterable[tuple[Display, EncodeConfig]]) -> MakeConfig:
+    """The same with a lattice no finer than the finest of some displays shows a head.
+
+    All later stages pay for each voxel; photos show more than most displays do.
+    """
+    points = [lattice_points(Placement.of(display, encode).pixel(display))
+              for display, encode in shown]
+    at_most = min(config.reconstruct.at_most, max(points, default=256))
+    return replace(config, reconstruct=replace(config.reconstruct, at_most=at_most))
 
 
 def source_files(photos: Path) -> list[Path]:
@@ -123,9 +142,6 @@ def write_field(capture: Path, target: Path, config: MakeConfig, seed: int,
                 progress: Progress | None, checkpoint: Path | None = None) -> dict[str, Any]:
     """Reconstruct the field of the capture in a folder; its figures."""
     settings = replace(config.reconstruct, seed=seed)
-    if not settings.finest:
-        # A display's views have a few hundred rows; all later stages pay for each voxel.
-        settings = replace(settings, finest=256)
     result, figures = reconstruct_with_figures(Capture.load(capture), settings, progress,
                                                checkpoint=checkpoint)
     result.save(target)

@@ -88,6 +88,13 @@ class Placement:
         return Placement(scale, (config.shift_x, config.shift_y, config.focus),
                          math.radians(config.turn), config.depth_scale)
 
+    def pixel(self, display: Display) -> float:
+        """Size in world units of what an eye sees as one pixel of the head.
+
+        To an eye each lens shows one sub-pixel of a row, and a colour takes three of them.
+        """
+        return 2.0 / display.height * math.sqrt(display.pitch) / self.scale
+
     # Flattening all of space about the panel, eyes included, changes no picture: rays still meet
     # the panel and the scene in the same places. So the head keeps its shape for the kernels, and
     # its place and the eyes' distance are those before the flattening, in the "deep" frame.

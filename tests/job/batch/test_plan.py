@@ -66,6 +66,18 @@ def test_one_sitters_parameters_are_nobody_elses(studio, jobs_text):
     assert "anna/capture" not in found
 
 
+def test_the_lattice_is_as_fine_as_the_finest_display_shows(studio, jobs_text):
+    text = jobs_text.replace("resolutions = [16, 32]\nrays = [0.04, 0.08]\n", "")
+    fine = text + '[[display]]\nname = "large"\npanel = "generic-8k"\n'
+    before, after = planned(studio, text), planned(studio, fine)
+    assert before.tasks["anna/field"].config.reconstruct.at_most == 256
+    assert 256 < after.tasks["anna/field"].config.reconstruct.at_most < 512
+    assert "anna/capture" not in changed(before, after)
+    # A head that takes a third of the panel is shown by a third of its pixels.
+    small = fine.replace('panel = "generic-8k"', 'panel = "generic-8k"\nencode.size = 0.25')
+    assert planned(studio, small).tasks["anna/field"].key == before.tasks["anna/field"].key
+
+
 def test_photos_that_change_redo_their_sitter(studio, jobs_text):
     jobs = load_jobs(studio / "jobs.toml")
     paintings = dict.fromkeys(jobs.styles, ("a", "b"))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...capture import Capture
 from ...errors import UserError
+from ...measure import peak_memory_bytes
 from ...progress import Progress
 from ..background import Background, BackgroundTrainer
 from ..config import ReconstructConfig
@@ -28,6 +29,7 @@ from .casting import Caster
 from .checkpoint import deflated, read_checkpoint, write_checkpoint
 from .lattice import Lattice, box_shape
 from .meter import Meter
+from .outlook import outlook
 from .pixels import Batches, TrainingPixels
 from .poses import PoseRefiner
 from .steps import color_gains, falling, smooth_run
@@ -136,9 +138,17 @@ class Trainer:
         self.log.append({"resolution": resolution, "voxels": self.lattice.count,
                          "train_psnr": round(-10 * float(np.log10(max(error, 1e-12))), 2),
                          "seconds": round(time.perf_counter() - begun, 2)})
+        if self.level == 0 and len(config.resolutions) > 1 and self.data.has_alpha:
+            self._foretell(begun)
         self.level, self.step, self.level_done = self.level + 1, 0, 0.0
         self.behind, self.batches, self.table, self.recent = None, None, None, np.zeros(2)
         self.save()
+
+    def _foretell(self, begun: float) -> None:
+        """Say what the levels after the first will take."""
+        if self.progress is not None and self.lattice is not None:
+            self.progress.say(outlook(self.config, time.perf_counter() - begun,
+                                      self.lattice.count, self.lays_mattes, peak_memory_bytes()))
 
     def _first(self, resolution: int) -> None:
         """The lattice to start from."""

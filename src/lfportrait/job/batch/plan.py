@@ -14,7 +14,7 @@ that nothing else needs; a task before them is only done if one of them is not t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,10 +22,19 @@ from typing import Any
 
 from ...errors import UserError
 from ...keys import key_of
-from ...lightfield import Display
+from ...lightfield import Display, EncodeConfig
 from ...measure import usable_cores
 from ...stages import finished_record
-from ..steps import MakeConfig, capture_key, code_key, field_key, look_at, source_key, style_key
+from ..steps import (
+    MakeConfig,
+    capture_key,
+    code_key,
+    field_key,
+    fitted,
+    look_at,
+    source_key,
+    style_key,
+)
 from .jobs_file import Jobs, Panel, Sitter
 
 __all__ = ["STAGES", "Plan", "Task", "draw_plan", "finished"]
@@ -191,6 +200,7 @@ class _Portraits:
         key = capture_key(self.source, config, self.sitter.seed)
         capture = self._task("capture", "capture", ("capture", "photo.jpg"), key, needs=(),
                              config=config, source=str(self.sitter.source))
+        config = fitted(config, self._shown())
         key = field_key(key, config)
         field = self._task("field", "field", ("field.npz",), key, needs=(capture.name,),
                            config=config)
@@ -201,6 +211,14 @@ class _Portraits:
         order = [capture.name, field.name,
                  *(task.name for task in found.values() if task.stage == "skin")]
         return [found[name] for name in dict.fromkeys([*order, *found])]
+
+    def _shown(self) -> Iterator[tuple[Display, EncodeConfig]]:
+        """The displays that the sitter's field is coded for, and how."""
+        for style in self.sitter.styles:
+            for name in self.sitter.displays:
+                panel = self.jobs.panels[name]
+                encode = self.jobs.parameters(self.sitter.name, style, panel.name).encode
+                yield panel.display, encode
 
     def _styled(self, style: str, field: Task) -> list[Task]:
         """A sitter in a style: the skin, the styled field, and all that is made of it."""
