@@ -8,7 +8,8 @@ import json
 import os
 import struct
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,10 +18,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from .errors import UserError
+from .measure import usable_cores
 
 __all__ = [
-    "atomic_path", "atomic_write", "picture_format", "read_image", "read_json", "write_exr",
-    "write_image", "write_json",
+    "atomic_path", "atomic_write", "picture_format", "read_image", "read_images", "read_json",
+    "write_exr", "write_image", "write_json",
 ]
 
 
@@ -121,6 +123,19 @@ def read_image(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
         raise UserError(f"no such file: {path}") from error
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise UserError(f"can't read the picture {path}: {error}") from error
+
+
+def read_images(paths: Iterable[str | os.PathLike[str]],
+                ) -> Iterator[NDArray[np.uint8] | UserError]:
+    """Read pictures in order, several at a time: `read_image`'s pictures, or its errors."""
+    def read(path: str | os.PathLike[str]) -> NDArray[np.uint8] | UserError:
+        try:
+            return read_image(path)
+        except UserError as error:
+            return error
+
+    with ThreadPoolExecutor(usable_cores()) as threads:  # decoders let go of Python's lock
+        yield from threads.map(read, paths)
 
 
 def picture_format(path: str | os.PathLike[str]) -> str:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lfportrait.capture import Camera, Capture, Lens, is_calibrated, undistort
 from lfportrait.capture.formats.assembly import assemble
 from lfportrait.errors import UserError
-from lfportrait.files import write_image
+from lfportrait.files import read_images, write_image
 
 from .test_camera import random_similarity, rig
 from .test_capture import ANGLE, MARKER, TO_NERF, colmap_model, spot, spot_error, write_transforms
@@ -302,3 +302,19 @@ def test_masks_of_colmap_sets_become_alpha(tmp_path: Path) -> None:
         path.write_bytes(b"no picture")
     with pytest.warns(UserWarning), pytest.raises(UserError, match="none of the photos"):
         Capture.load(tmp_path)
+
+
+def test_pictures_come_in_order_and_damaged_ones_as_errors(tmp_path):
+    shades = [40, 90, 160, 220]
+    paths = [tmp_path / f"{shade}.png" for shade in shades]
+    for path, shade in zip(paths, shades):
+        write_image(path, np.full((300 - shade, 8, 3), shade, np.uint8))
+    paths[2].write_bytes(paths[2].read_bytes()[:60])
+    paths.append(tmp_path / "missing.png")
+    found = list(read_images(paths))
+    for shade, picture in zip(shades, found):
+        if shade == 160:
+            assert isinstance(picture, UserError) and "160.png" in str(picture)
+        else:
+            assert picture.shape == (300 - shade, 8, 3) and (picture == shade).all()
+    assert isinstance(found[4], UserError) and "no such file" in str(found[4])

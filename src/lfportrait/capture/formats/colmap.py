@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from ...files import read_image
+from ...files import read_images
 from ..distortion import Lens
 from .assembly import Views, assemble, with_mask
 
@@ -229,11 +229,9 @@ def load_colmap(model: Path, root: Path, holdout: int) -> Views:
     lenses, images = read_model(model)
     folder = _photo_folder(model, root, [image.name for image in images])
     kept, pictures = [], []
-    for image in images:
-        try:
-            picture = read_image(folder / image.name)
-        except UserError as error:
-            warnings.warn(f"{error}; left out", stacklevel=2)
+    for image, picture in zip(images, read_images(folder / image.name for image in images)):
+        if isinstance(picture, UserError):
+            warnings.warn(f"{picture}; left out", stacklevel=2)
             continue
         masks = [root / "masks" / name for name in (
             f"{image.name}.png", str(Path(image.name).with_suffix(".png")))]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from ...files import read_image, read_json
+from ...files import read_images, read_json
 from ..distortion import Lens
 from .assembly import Views, assemble, with_mask
 
@@ -144,11 +144,10 @@ def load_transforms(files: list[Path], holdout: int) -> Views:
         raise UserError(f"none of the pictures named in {files[0]} exist")
     entries.sort(key=lambda entry: (bool(entry[5]), entry[0].name))
     lenses, pictures, poses, names, held = [], [], [], [], []
-    for path, pose, frame, data, root, test in entries:
-        try:
-            picture = read_image(path)
-        except UserError as error:
-            warnings.warn(f"{error}; left out", stacklevel=2)
+    read = read_images(entry[0] for entry in entries)
+    for (path, pose, frame, data, root, test), picture in zip(entries, read):
+        if isinstance(picture, UserError):
+            warnings.warn(f"{picture}; left out", stacklevel=2)
             continue
         picture = with_mask(picture, _mask_places(root, path, frame))
         try:
