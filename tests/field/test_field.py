@@ -340,6 +340,9 @@ def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path)
             if done > 600:
                 raise Stop
 
+        def say(self, line):
+            pass
+
     with pytest.raises(Stop):
         reconstruct_with_figures(capture, config, Interrupt(), checkpoint=checkpoint)
     assert checkpoint.is_file()

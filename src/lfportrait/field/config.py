@@ -119,6 +119,9 @@ class ReconstructConfig:
     given ones."""
     sweep: bool = True
     """Start a room from the surfaces that a plane sweep of small photos finds, not from haze."""
+    close: bool = True
+    """Close a head behind, where no photo shows it, smoothly and in the colours around it, once the
+    field has been tested; for persons that are cut out and have landmarks."""
     trim: bool = True
     """Cut a bust's frayed lower end by a plane, and drop crumbs, once it has been tested; for
     persons that are cut out and have landmarks."""

@@ -20,11 +20,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..capture import Capture
 from ..device import computing_device
 from ..measure import peak_memory_bytes
 from ..progress import Progress
+from .closing import close_back
 from .config import ReconstructConfig
 from .grid import VoxelField
 from .quality import held_out_quality
@@ -71,10 +73,11 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     field, figures
         The field and the figures for ``--json``: ``test.psnr`` (dB) and ``test.ssim`` over the
         held-out views, ``train.rays``, ``train.rays_per_second``, ``voxels``, ``seconds``;
-        ``trimmed`` (rows dropped and the plane's height) where a frayed end was cut off after the
-        test; with ``measure_every`` also ``curve``, a list of `CurvePoint`; with ``refine_poses``
-        also ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB); where
-        mattes were laid anew, also ``test.psnr_at_given_mattes``.
+        ``closed`` (share of the surface, rows added) where the head was open behind, ``trimmed``
+        (rows dropped and the plane's height) where a frayed end was cut off, both after the test;
+        with ``measure_every`` also ``curve``, a list of `CurvePoint`; with ``refine_poses`` also
+        ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB); where mattes
+        were laid anew, also ``test.psnr_at_given_mattes``.
 
     Raises
     ------
@@ -143,13 +146,26 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
         figures["train"]["casting"] = casting_figures(trainer)
     figures["seconds"] = {"train": round(trained, 3),
                           "test": round(time.perf_counter() - begun, 3)}
-    if config.trim and capture.alphas is not None and capture.landmarks is not None:
-        cut = find_cut(field, capture.landmarks, trainer.capture.cameras[trainer.views])
-        if cut is not None:
-            field = trim(field, cut)
-            figures["trimmed"] = {"voxels": figures["voxels"] - len(field.density),
-                                  "height": round(cut.height, 4)}
-            figures["voxels"] = len(field.density)
+    if capture.alphas is not None and capture.landmarks is not None:
+        field = _finished(field, trainer.capture, capture.landmarks, config, figures)
     if progress is not None and "test" in figures:
         progress.update(progress.total, f"held-out views {figures['test']['psnr']:.2f} dB")
     return field, figures
+
+
+def _finished(field: VoxelField, capture: Capture, landmarks: NDArray[np.floating],
+              config: ReconstructConfig, figures: dict[str, Any]) -> VoxelField:
+    """The head with a back and a clean lower end; what was done goes to the figures."""
+    cut = (find_cut(field, landmarks, capture.cameras[capture.training()]) if config.trim
+           else None)
+    if config.close:
+        field, closed = close_back(field, landmarks, capture, cut)
+        if closed is not None:
+            figures["closed"] = {"share": round(closed.share, 4), "voxels": closed.points}
+    if cut is not None:
+        count = len(field.density)
+        field = trim(field, cut)
+        figures["trimmed"] = {"voxels": count - len(field.density),
+                              "height": round(cut.height, 4)}
+    figures["voxels"] = len(field.density)
+    return field

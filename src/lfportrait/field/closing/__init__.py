@@ -1,0 +1,14 @@
+"""The back of a head that no photo shows: closed, and coloured like what lies around it.
+
+Photos taken in an arc before a person leave the head open behind: thin, ragged, and who looks from
+there sees the face from inside. The surface is read off along rays towards an axis in the middle
+of neck and head (`chart`): distances, with one row a height and, above the brows, one an elevation.
+Where no photo looks at it (`photos`), the distance is continued from what lies around, as a plate
+under tension that bends as little as it can (Smith and Wessel 1990), and kept behind what any photo
+sees; colours diffuse into the gap (`plate`). The lattice gets a shell of points there (`shell`).
+What photos saw stays as it is.
+"""
+
+from .back import Closed, close_back
+
+__all__ = ["Closed", "close_back"]

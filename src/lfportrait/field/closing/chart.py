@@ -1,0 +1,171 @@
+"""A chart of a head's surface: its distances from an axis in the middle of neck and head."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse.csgraph import connected_components
+
+from ..grid import VoxelField
+from ..harmonics import C0
+from ..trimming import OPAQUE, Cut
+
+__all__ = ["Chart", "chart_of", "coherent", "normals_of", "read_surface"]
+
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+CELL = 2.0
+"""Width of the chart's cells in voxels."""
+WITHIN = 5
+"""Voxels behind the half of the light within which nine tenths must be gone: a surface."""
+STEP = 2.5
+"""Cells that belong together are no further apart than this many of their widths."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Rays towards the axis: one a cell, rows from below to the crown, columns all around.
+
+    Attributes
+    ----------
+    axis
+        float64 [V, 3], where each row's rays end.
+    elevation
+        float64 [V], of each row's rays, radians.
+    angle
+        float64 [U], of each column's rays, 0 in front, radians.
+    cell
+        Distance of rows, world units.
+    level
+        Number of rows below the brows, whose rays are horizontal.
+    """
+
+    axis: Float64
+    elevation: Float64
+    angle: Float64
+    cell: float
+    level: int
+
+    @property
+    def rays(self) -> Float64:
+        """Unit vectors away from the axis, float64 [V, U, 3]."""
+        flat, up = np.cos(self.elevation)[:, None], np.sin(self.elevation)[:, None]
+        return np.stack(np.broadcast_arrays(flat * np.sin(self.angle), up,
+                                            flat * np.cos(self.angle)), axis=-1)
+
+    def points(self, distance: Float64) -> Float64:
+        """Points at distances [V, U], [V, U, 3]."""
+        return self.axis[:, None] + self.rays * distance[..., None]
+
+    def places(self, points: Float64) -> tuple[Float64, Float64]:
+        """(row, column) of points [N, 3], [2, N], and their distances from the axis, [N]."""
+        rows = (points[:, 1] - self.axis[0, 1]) / self.cell
+        x, z = (points[:, k] - np.interp(points[:, 1], self.axis[:, 1], self.axis[:, k])
+                for k in (0, 2))
+        y = np.maximum(points[:, 1] - self.axis[-1, 1], 0.0)
+        flat = np.hypot(x, z)
+        elevation = np.arctan2(y, flat)
+        step = self.elevation[-1] - self.elevation[-2]
+        rows = np.where(y > 0, self.level - 1 + elevation / step, rows)
+        column = (np.arctan2(x, z) - self.angle[0]) / (self.angle[1] - self.angle[0])
+        return np.stack([rows, column % len(self.angle)]), np.hypot(flat, y)
+
+
+def chart_of(field: VoxelField, landmarks: NDArray[np.floating], lowest: float) -> Chart:
+    """Rays around the middle of head and neck: a head's width behind the foremost points."""
+    cell = CELL * float(field.spacing.mean())
+    ears = np.asarray(landmarks, np.float64)[[0, 16]]
+    radius = 0.5 * float(np.linalg.norm(ears[0] - ears[1]))
+    middle, top = float(ears[:, 0].mean()), float(np.nanmean(landmarks[17:27, 1]))
+    points = field.lattice_points()[field.density > OPAQUE]
+    heights = np.arange(lowest, top, cell)
+    row = ((points[:, 1] - lowest) / cell).astype(int)
+    depth = np.full(len(heights), np.nan)
+    for k in range(len(heights)):
+        here = points[np.abs(row - k) <= 1]
+        front = here[np.abs(here[:, 0] - middle) < 0.3 * radius, 2]
+        if len(front):
+            half = 0.5 * float(np.ptp(here[:, 0]))
+            depth[k] = np.percentile(front, 99) - min(half, radius)
+    known = np.isfinite(depth)
+    depth = np.interp(heights, heights[known], depth[known])
+    depth = ndimage.gaussian_filter1d(depth, 0.15 * radius / cell, mode="nearest")
+    above = np.arange(1, int(0.5 * np.pi * radius / cell)) * cell / radius
+    axis = np.stack([np.full(len(heights), middle), heights, depth], axis=1)
+    columns = int(2 * np.pi * radius / cell)
+    return Chart(np.concatenate([axis, np.repeat(axis[-1:], len(above), axis=0)]),
+                  np.concatenate([np.zeros(len(heights)), above]),
+                  (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi, cell, len(heights))
+
+
+def read_surface(field: VoxelField, chart: Chart, cut: Cut | None) -> tuple[Float64, Float64]:
+    """Distances of the surface, [V, U], NaN where none is opaque, and colours [V, U, 3]."""
+    voxel = float(field.spacing.mean())
+    # A row more, for what lies outside.
+    density = np.append(np.maximum(field.density, 0), np.float32(0)) * voxel
+    colors = np.concatenate([np.clip(0.5 + C0 * field.sh[:, :, 0], 0, 1), np.zeros((1, 3))])
+    scale, offset = field.lattice[3:6], field.lattice[6:9]
+    size = np.array(field.links.shape[::-1])
+    # A ray each, flat; those that are through drop out.
+    rays = chart.rays.reshape(-1, 3)
+    origins = np.repeat(chart.axis, len(chart.angle), axis=0)
+    found = np.full(len(rays), np.nan)
+    color, clear = np.zeros((len(rays), 3)), np.ones(len(rays))
+    left, since = np.arange(len(rays)), np.zeros(len(rays), np.int64)
+    reach = float(np.linalg.norm(np.abs(field.bounds - chart.axis[-1]).max(axis=0)))
+    for distance in np.arange(reach, 0.0, -voxel):
+        points = origins[left] + rays[left] * distance
+        places = np.rint(points * scale + offset).astype(np.int64)
+        inside: Bools = np.all((places >= 0) & (places < size), axis=1)
+        if cut is not None:
+            inside &= cut.above(points) > 0
+        x, y, z = np.where(inside[:, None], places, 0).T
+        rows = np.where(inside, field.links[z, y, x], -1)
+        before = clear[left]
+        after = before * np.exp(-density[rows])
+        color[left] += (before - after)[:, None] * colors[rows]
+        # Between two samples, where half of the light is gone.
+        part = (before - 0.5) / np.maximum(before - after, 1e-9)
+        hit = (before >= 0.5) & (after < 0.5)
+        found[left[hit]] = distance + voxel * (1.0 - part[hit])
+        clear[left] = after
+        since[left] += after < 0.5
+        left = left[since[left] <= WITHIN]
+    solid = np.isfinite(found) & (clear < 0.1)
+    shape = len(chart.axis), len(chart.angle)
+    return (np.where(solid, found, np.nan).reshape(shape),
+            (color / np.maximum(1.0 - clear, 1e-6)[:, None]).reshape(*shape, 3))
+
+
+def coherent(chart: Chart, distance: Float64) -> Bools:
+    """The cells of the largest piece of surface without jumps, [V, U]."""
+    points = chart.points(distance)
+    number = np.arange(distance.size).reshape(distance.shape)
+    pairs = []
+    for axis in (0, 1):
+        other = np.roll(number, -1, axis)
+        gap = np.linalg.norm(points - np.roll(points, -1, axis), axis=-1)
+        wide = np.maximum(chart.cell, distance * (chart.angle[1] - chart.angle[0]))
+        near = gap < STEP * wide
+        if axis == 0:
+            near[-1] = False
+        pairs.append(np.stack([number[near], other[near]]))
+    first, second = np.concatenate(pairs, axis=1)
+    graph = sparse.coo_array((np.ones(len(first)), (first, second)), (distance.size,) * 2)
+    labels = connected_components(graph, directed=False)[1]
+    return np.asarray((labels == np.bincount(labels).argmax()).reshape(distance.shape)
+                      & np.isfinite(distance))
+
+
+def normals_of(chart: Chart, distance: Float64) -> Float64:
+    """Outward normals [V, U, 3] of the surface."""
+    points = chart.points(distance)
+    across = np.roll(points, -1, 1) - np.roll(points, 1, 1)
+    normal = np.cross(np.gradient(points, axis=0), across)
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    return np.asarray(np.where((normal * chart.rays).sum(axis=-1, keepdims=True) < 0, -normal,
+                               normal))

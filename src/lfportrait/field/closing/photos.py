@@ -1,0 +1,90 @@
+"""What photos see of a field, and what they see past."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...capture import Capture
+from ..grid import VoxelField
+from .chart import Chart
+
+__all__ = ["Photos", "behind_what_is_seen"]
+
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+PHOTOS = 40
+"""Photos, at most, that are asked what they see."""
+class Photos:
+    """What the training photos see of a field: its depth in each of them."""
+
+    def __init__(self, field: VoxelField, capture: Capture) -> None:
+        self.voxel = float(field.spacing.mean())
+        views = capture.training()
+        views = views[np.linspace(0, len(views) - 1, min(PHOTOS, len(views))).astype(int)]
+        # So many must see a place for it to be known: fewer see it at a grazing angle alone.
+        self.enough = min(3, 1 + len(views) // 20)
+        # Pixels about as wide as a voxel.
+        self.cameras = capture.cameras[views].scaled(
+            float(np.clip(capture.cameras.pixel / self.voxel, 0.1, 1.0)))
+        self._depths = []
+        for view in range(len(views)):
+            shot = field.render(self.cameras, view)
+            self._depths.append(np.where(shot.alpha > 0.5, shot.depth, np.inf))
+        # Next to an outline the surface goes back steeply, and then there is none.
+        self._first = [ndimage.minimum_filter(depth, 3) for depth in self._depths]
+        self._last = [ndimage.maximum_filter(depth, 3) for depth in self._depths]
+        self._matter = [ndimage.maximum_filter(np.where(np.isfinite(depth), depth, -np.inf), 3)
+                        for depth in self._depths]
+
+    def seen(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
+             ) -> NDArray[np.int32]:
+        """How many views see points [N, 3] on a surface, int32 [N].
+
+        ``outwards`` [N, 3], unit: only from directions with a cosine above ``least`` to it.
+        """
+        votes = np.zeros(len(points), np.int32)
+        for view, shown, place, depth in self._shown(points):
+            sees = ((depth > self._first[view][place] - 2.5 * self.voxel)
+                    & (depth < self._matter[view][place] + 2.5 * self.voxel))
+            if outwards is not None:
+                away = self.cameras.position[view] - points[shown]
+                away /= np.linalg.norm(away, axis=1, keepdims=True)
+                sees &= (away * outwards[shown]).sum(axis=1) > least
+            votes[shown] += sees
+        return votes
+
+    def past(self, points: Float64) -> Bools:
+        """Whether a view sees past points [N, 3], or nearly so, bool [N]."""
+        found = np.zeros(len(points), bool)
+        for view, shown, place, depth in self._shown(points):
+            found[shown] |= depth < self._last[view][place] - 0.75 * self.voxel
+        return found
+
+    def _shown(self, points: Float64,
+               ) -> Iterator[tuple[int, Bools, tuple[NDArray[np.int64], ...], Float64]]:
+        """For each view: its number, which points it shows, their (row, column) and depths."""
+        for view, picture in enumerate(self._depths):
+            pixels, depth = (part[0] for part in self.cameras[view].project(points))
+            column, row = np.floor(pixels).astype(np.int64).T
+            shown = ((depth > 0) & (row >= 0) & (column >= 0) & (row < picture.shape[0])
+                     & (column < picture.shape[1]))
+            yield view, shown, (row[shown], column[shown]), depth[shown]
+
+
+def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bools, photos: Photos,
+                         ) -> Float64:
+    """Distances [V, U] so short, where ``asked``, that no photo sees past them."""
+    cells = np.flatnonzero(asked)
+    origin = np.broadcast_to(chart.axis[:, None], (*asked.shape, 3)).reshape(-1, 3)
+    rays, out = chart.rays.reshape(-1, 3), distance.copy()
+    limit = out.reshape(-1)
+    while len(cells):
+        cells = cells[photos.past(origin[cells] + rays[cells] * limit[cells, None])]
+        limit[cells] -= photos.voxel
+        cells = cells[limit[cells] > photos.voxel]
+    return out

@@ -1,0 +1,81 @@
+"""Values of a chart continued where they are not known; columns go around, rows do not."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse import linalg
+
+__all__ = ["continued", "large_pieces", "smoothed"]
+
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+TENSION = 0.05
+"""Weight of the slope against the bending, in cells."""
+
+
+def smoothed(values: Float64, known: Bools, width: float) -> Float64:
+    """Values [V, U, ...] blurred, of the known ones alone."""
+    sigma = (width, width, *(0,) * (values.ndim - 2))
+    mode = ("nearest", "wrap", *("nearest",) * (values.ndim - 2))
+    mask = known.astype(np.float64).reshape(*known.shape, *(1,) * (values.ndim - 2))
+    total = ndimage.gaussian_filter(np.where(mask > 0, values, 0.0), sigma, mode=mode)
+    weight = ndimage.gaussian_filter(mask, sigma, mode=mode)
+    return np.asarray(total / np.maximum(weight, 1e-9), np.float64)
+
+
+def large_pieces(cells: Bools, area: Float64, least: float) -> Bools:
+    """The cells, [V, U], of pieces with an area of ``least`` or more; columns go around."""
+    pieces, count = ndimage.label(np.tile(cells, 2), np.ones((3, 3), np.int8))
+    sizes = ndimage.sum_labels(np.tile(area, 2), pieces, np.arange(count + 1))
+    sizes[0] = 0.0
+    large = (sizes >= least)[pieces]
+    half = cells.shape[1]
+    return np.asarray(large[:, :half] | large[:, half:])
+
+
+def _operators(shape: tuple[int, int]) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Second differences [N, N] and first differences [2 N, N] of a chart of N cells."""
+    def differences(n: int, wraps: bool) -> tuple[sparse.csr_array, sparse.csr_array]:
+        first = sparse.diags_array([-np.ones(n), np.ones(n - 1)], offsets=[0, 1]).tolil()
+        if wraps:
+            first[n - 1, 0] = 1.0
+        else:
+            first[n - 1, n - 1] = 0.0
+        first = first.tocsr()
+        return first, -(first.T @ first)
+
+    rows, columns = shape
+    (up, bend_up), (on, bend_on) = differences(rows, False), differences(columns, True)
+    one, all_around = sparse.eye_array(rows), sparse.eye_array(columns)
+    return ((sparse.kron(bend_up, all_around) + sparse.kron(one, bend_on)).tocsr(),
+            sparse.vstack([sparse.kron(up, all_around), sparse.kron(one, on)]).tocsr())
+
+
+def continued(values: Float64, known: Bools, *, bending: float = 0.0,
+              upwards: float = 1.0) -> Float64:
+    """Values [V, U, C] with the unknown ones solved for: a plate under tension, or a membrane.
+
+    Parameters
+    ----------
+    values, known
+        float64 [V, U, C], bool [V, U]; some cells are known.
+    bending
+        Weight of bending; 0: a membrane (Laplace's equation).
+    upwards
+        How strongly a membrane holds together across rows, over along them.
+    """
+    bend, slope = _operators((known.shape[0], known.shape[1]))
+    weights = np.repeat([upwards, 1.0], known.size)
+    matrix = slope.T @ (sparse.diags_array(weights) @ slope)
+    if bending > 0:
+        matrix = bending * (bend.T @ bend) + TENSION ** 2 * matrix
+    matrix = matrix.tocsr()
+    free = np.flatnonzero(~known.ravel())
+    flat = np.where(known[..., None], values, 0.0).reshape(known.size, -1)
+    right = -(matrix[free] @ flat)
+    solve = linalg.splu(matrix[free][:, free].tocsc())
+    flat[free] = solve.solve(np.ascontiguousarray(right))
+    return flat.reshape(values.shape)

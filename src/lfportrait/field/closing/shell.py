@@ -1,0 +1,142 @@
+"""The new surface as lattice points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ..grid import VoxelField
+from ..harmonics import C0
+from ..trimming import Cut
+from .chart import Chart
+from .photos import Photos
+
+__all__ = ["Shell", "with_shell"]
+
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+SHELL = 5.0
+"""Voxels of the shell's thickness."""
+STEEP = 4.0
+"""Optical depth of a voxel one voxel below the new surface; at most twice that."""
+
+
+@dataclass(frozen=True)
+class Shell:
+    """The surface that is new: distances [V, U], their slant, colours [V, U, 3], where."""
+
+    chart: Chart
+    distance: Float64
+    cosine: Float64
+    colors: Float64
+    gap: Bools
+    voxel: float
+
+    def depth(self, points: Float64) -> tuple[Float64, Float64]:
+        """How deep points [N, 3] lie within, in voxels (-inf beside the gap), and places [2, N]."""
+        places, away = self.chart.places(points)
+        row, column = np.rint(places).astype(np.int64)
+        rows, columns = self.gap.shape
+        inside = (row >= 0) & (row < rows)
+        inside &= self.gap[np.clip(row, 0, rows - 1), column % columns]
+        deep = np.full(len(points), -np.inf)
+        deep[inside] = ((self._at(self.distance, places[:, inside]) - away[inside])
+                        * self._at(self.cosine, places[:, inside]) / self.voxel)
+        return deep, places
+
+    def coefficients(self, places: Float64, basis: int) -> NDArray[np.float32]:
+        """Coefficients [N, 3, B] of the colours at places: the same from all sides."""
+        sh = np.zeros((places.shape[1], 3, basis), np.float32)
+        for k in range(3):
+            sh[:, k, 0] = (self._at(self.colors[..., k], places) - 0.5) / C0
+        return sh
+
+    @staticmethod
+    def _at(values: Float64, places: Float64) -> Float64:
+        return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
+
+
+def _density(deep: Float64, voxel: float) -> NDArray[np.float32]:
+    """Densities that fall through zero at the surface."""
+    return np.asarray(np.clip(STEEP * deep, -STEEP, 2.0 * STEEP) / voxel, np.float32)
+
+
+def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
+               ) -> tuple[VoxelField, int]:
+    """The field with the shell; what lies outside of it goes. Also the number of new points."""
+    chart, voxel = shell.chart, shell.voxel
+    corners = chart.points(shell.distance + 3 * voxel)[shell.gap]
+    field = _widened(field, corners.min(axis=0), corners.max(axis=0))
+    density, sh = _changed(field, shell, photos)
+    cells, deep, places = _new_cells(field, shell, cut)
+    kept = ~photos.past(_points(field, cells)) | (deep < 0)
+    cells, deep, places = cells[kept], deep[kept], places[:, kept]
+    links = field.links.copy()
+    links[tuple(cells.T[::-1])] = np.arange(len(cells), dtype=np.int32) + len(density)
+    return VoxelField(links, np.concatenate([density, _density(deep, voxel)]),
+                      np.concatenate([sh, shell.coefficients(places, field.basis)]), field.center,
+                      field.radius, field.frame, field.background), len(cells)
+
+
+def _changed(field: VoxelField, shell: Shell, photos: Photos,
+             ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Densities and coefficients of the rows there are: what photos saw of the surface stays."""
+    density, sh = field.density.copy(), field.sh.copy()
+    points = field.lattice_points()
+    deep, places = shell.depth(points)
+    near = (deep > -np.inf) & (deep < SHELL)
+    seen, past = photos.seen(points[near]), photos.past(points[near])
+    dim = np.flatnonzero(near)[seen < 2]
+    sh[dim] = shell.coefficients(places[:, dim], field.basis)
+    # Outlines, each of which a single photo sees, stay where they are on the surface.
+    near[near] = ((seen == 0) & (~past | (deep[near] < 0))
+                  | (seen < 2) & (deep[near] < -1.5))
+    fresh = _density(deep[near], shell.voxel)
+    density[near] = np.where(fresh > 0, np.maximum(density[near], fresh), fresh)
+    return density, sh
+
+
+def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None,
+               ) -> tuple[NDArray[np.int64], Float64, Float64]:
+    """Lattice cells (x, y, z) [N, 3] that the shell needs, how deep they lie, places [2, N]."""
+    chart, voxel = shell.chart, shell.voxel
+    inwards = (SHELL / shell.cosine + 1) * voxel
+    corners = np.concatenate([chart.points(shell.distance + by)[shell.gap]
+                              for by in (3 * voxel, -inwards)])
+    low, high = (np.rint(f(corners, axis=0) * field.lattice[3:6] + field.lattice[6:9]).astype(int)
+                 for f in (np.min, np.max))
+    size = np.array(field.links.shape[::-1])
+    low, high = np.clip(low, 0, size - 1), np.clip(high + 1, 1, size)
+    found = []
+    for k in range(low[2], high[2]):  # slab by slab: the box may hold a hundred million
+        j, i = np.nonzero(field.links[k, low[1]:high[1], low[0]:high[0]] < 0)
+        cells = np.stack([i + low[0], j + low[1], np.full(len(i), k)], axis=1)
+        points = _points(field, cells)
+        deep, places = shell.depth(points)
+        new = (deep > -2) & (deep < SHELL)
+        if cut is not None:
+            new &= cut.above(points) > -2 * voxel
+        found.append((cells[new], deep[new], places[:, new]))
+    cells, deep, places = zip(*found)
+    return np.concatenate(cells), np.concatenate(deep), np.concatenate(places, axis=1)
+
+
+def _points(field: VoxelField, cells: NDArray[np.int64]) -> Float64:
+    """World positions of lattice cells (x, y, z) [N, 3]."""
+    return np.asarray((cells - field.lattice[6:9]) / field.lattice[3:6], np.float64)
+
+
+def _widened(field: VoxelField, low: Float64, high: Float64) -> VoxelField:
+    """The same field in a box that holds the corners ``low`` and ``high`` as well."""
+    spacing = field.spacing
+    before = np.maximum(np.ceil((field.bounds[0] - low) / spacing), 0).astype(int)
+    after = np.maximum(np.ceil((high - field.bounds[1]) / spacing), 0).astype(int)
+    if not (before.any() or after.any()):
+        return field
+    links = np.pad(field.links, list(zip(before[::-1], after[::-1])), constant_values=-1)
+    return replace(field, links=links, center=field.center + 0.5 * (after - before) * spacing,
+                   radius=field.radius + 0.5 * (after + before) * spacing)

@@ -1,0 +1,170 @@
+"""A head that is open behind is closed, smoothly; what photos saw stays."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from lfportrait.capture import Camera, Capture
+from lfportrait.field import VoxelField
+from lfportrait.field.closing import close_back
+from lfportrait.field.closing.chart import Chart
+from lfportrait.field.closing.plate import continued, large_pieces
+from lfportrait.metrics import psnr
+from tests.fields import head_field
+from tests.portraits import HEAD_LANDMARKS
+
+SIZE = 64
+VOXEL = 2 / SIZE
+
+
+def cameras(angles, side=160):
+    return Camera.arc(np.asarray(angles, float), distance=5.0, width=side, height=side,
+                      focal=5.0 * side / 2.4)
+
+
+def photos(angles):
+    """A capture whose pictures are empty: they are not looked at."""
+    found = cameras(angles)
+    blank = [np.zeros((160, 160, 3), np.uint8)] * len(found)
+    matte = [np.zeros((160, 160), np.uint8)] * len(found)
+    return Capture(found, blank, matte, [f"{k}.png" for k in range(len(found))],
+                   np.zeros(len(found), bool))
+
+
+FRONT = photos(np.linspace(-62, 62, 25))
+
+
+def opened(field, angle=150.0, rag=0.0):
+    """The field without what lies further around than ``angle``, and without its inside."""
+    points = field.lattice_points()
+    around = np.degrees(np.abs(np.arctan2(points[:, 0], points[:, 2])))
+    ends = angle + rag * np.random.default_rng(0).standard_normal(len(points))
+    density = np.where(around < ends, field.density, 0)
+    density[np.linalg.norm(points * [1, 0.6, 1], axis=1) < 0.45 - 6 * VOXEL] = 0
+    return VoxelField(field.links, density.astype(np.float32), field.sh)
+
+
+@pytest.mark.parametrize("angle, rag, side", [(150.0, 0.0, 62), (150.0, 8.0, 62), (128.0, 3.0, 40)])
+def test_an_open_back_is_closed_where_it_was(angle, rag, side):
+    whole = head_field(SIZE)
+    field = opened(whole, angle, rag)
+    closed, told = close_back(field, HEAD_LANDMARKS, photos(np.linspace(-side, side, 25)))
+    assert told is not None and 0.01 < told.share < 0.5
+    behind = cameras([150, 180, 210])
+    for view in range(3):
+        truth, before, after = (one.render(behind, view) for one in (whole, field, closed))
+        inside = truth.alpha > 0.99
+        inside[125:] = False  # the lower end is open in the truth, too
+        assert (after.alpha[inside] > 0.9).mean() > 0.98
+        # Through the gap one looks onto the face's inside, or past it all.
+        wrong = [inside & ~np.isclose(one.depth, truth.depth, rtol=0, atol=4.5 * VOXEL)
+                 for one in (before, after)]
+        assert wrong[1].sum() < 0.03 * inside.sum()
+        if view == 1:
+            assert wrong[0].sum() > 0.1 * inside.sum()
+            gap = wrong[0] & ~wrong[1]
+            assert np.abs(after.depth[gap] - truth.depth[gap]).mean() < 2 * VOXEL
+            assert psnr(after.color, truth.color) > psnr(before.color, truth.color) + 1
+
+
+def test_photos_see_what_they_saw():
+    field = opened(head_field(SIZE), rag=8.0)
+    closed, _ = close_back(field, HEAD_LANDMARKS, FRONT)
+    for view in range(0, 25, 4):
+        before, after = (one.render(FRONT.cameras, view).color for one in (field, closed))
+        assert psnr(after, before) > 36
+
+
+def test_a_head_seen_from_all_sides_is_left_alone():
+    field = opened(head_field(SIZE))
+    same, told = close_back(field, HEAD_LANDMARKS, photos(np.arange(0, 360, 15)))
+    assert same is field and told is None
+
+
+def test_a_closed_head_is_left_alone():
+    # Photos from the side and a little behind see the back, at an angle.
+    field = head_field(SIZE)
+    same, told = close_back(field, HEAD_LANDMARKS, photos(np.linspace(-125, 125, 41)))
+    assert same is field and told is None
+
+
+def test_left_and_right_do_not_matter():
+    field = opened(head_field(SIZE), 140.0)
+    mirrored = VoxelField(np.ascontiguousarray(field.links[:, :, ::-1]), field.density, field.sh)
+    one, told = close_back(field, HEAD_LANDMARKS, FRONT)
+    other, again = close_back(mirrored, HEAD_LANDMARKS, FRONT)
+    assert told.share == pytest.approx(again.share, rel=0.02)
+    behind = cameras([160, 200])
+    first = one.render(behind, 0).color
+    assert psnr(other.render(behind, 1).color[:, ::-1], first) > 35
+
+
+def test_the_box_grows_with_the_head():
+    # A lattice that ends where the photos' matter does.
+    field = opened(head_field(SIZE), 130.0)
+    filled = np.nonzero((field.links >= 0) & (field.density[field.links] > 0))
+    first = int(filled[0].min())
+    cropped = VoxelField(np.ascontiguousarray(field.links[first:]), field.density, field.sh,
+                         field.center + np.array([0, 0, first * VOXEL / 2]),
+                         field.radius - np.array([0, 0, first * VOXEL / 2]))
+    keep = np.unique(cropped.links[cropped.links >= 0])
+    links = cropped.links.copy()
+    links[links >= 0] = np.searchsorted(keep, links[links >= 0])
+    cropped = VoxelField(links.astype(np.int32), field.density[keep], field.sh[keep],
+                         cropped.center, cropped.radius)
+    one, _ = close_back(field, HEAD_LANDMARKS, FRONT)
+    other, _ = close_back(cropped, HEAD_LANDMARKS, FRONT)
+    behind = cameras([180])
+    assert psnr(other.render(behind, 0).color, one.render(behind, 0).color) > 40
+
+
+def chart(rows=30, level=20, columns=48):
+    axis = np.stack([np.full(rows, 0.02), np.minimum(np.arange(rows), level - 1) * 0.05 - 1.0,
+                     0.01 * np.minimum(np.arange(rows), level - 1)], axis=1)
+    elevation = np.maximum(np.arange(rows) - (level - 1), 0) * 0.12
+    angle = (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi
+    return Chart(axis, elevation, angle, 0.05, level)
+
+
+def test_a_chart_knows_its_points_places():
+    one = chart()
+    distance = 0.3 + 0.1 * np.random.default_rng(0).random((30, 48))
+    places, away = one.places(one.points(distance).reshape(-1, 3))
+    rows, columns = np.mgrid[:30, :48]
+    assert np.allclose(places[0], rows.ravel(), atol=1e-6)
+    assert np.allclose(np.cos((places[1] - columns.ravel()) * 2 * np.pi / 48), 1, atol=1e-6)
+    assert np.allclose(away, distance.ravel(), atol=1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(some.integers(0, 10 ** 6))
+def test_a_membrane_stays_within_what_it_hangs_from(seed):
+    random = np.random.default_rng(seed)
+    known = random.random((9, 12)) < 0.3
+    known[random.integers(9), random.integers(12)] = True
+    values = random.random((9, 12, 2))
+    found = continued(values, known)
+    assert np.allclose(found[known], values[known])
+    assert found.min() >= values[known].min() - 1e-9
+    assert found.max() <= values[known].max() + 1e-9
+
+
+def test_a_plate_goes_on_as_it_curves():
+    columns, gap = 72, 14
+    angle = 2 * np.pi * (np.arange(columns) + 0.5) / columns
+    values = np.repeat((0.3 + 0.05 * np.cos(angle) + 0.02 * np.sin(angle))[None], 12, axis=0)
+    known = np.ones((12, columns), bool)
+    known[:, 20:20 + gap] = False
+    plate = continued(values[..., None], known, bending=1.0)[..., 0]
+    membrane = continued(values[..., None], known)[..., 0]
+    assert np.abs(plate - values).max() < 0.25 * np.abs(membrane - values).max()
+
+
+def test_pieces_hang_together_around_the_seam():
+    cells = np.zeros((10, 20), bool)
+    cells[4:6, :3] = cells[4:6, -3:] = True
+    cells[1, 10] = True
+    found = large_pieces(cells, np.ones((10, 20)), 8.0)
+    assert found[4:6, :3].all() and found[4:6, -3:].all() and not found[1, 10]
+    assert found.sum() == 12
