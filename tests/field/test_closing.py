@@ -11,7 +11,7 @@ from lfportrait.field.closing import close_back
 from lfportrait.field.closing.chart import Chart
 from lfportrait.field.closing.plate import continued, large_pieces
 from lfportrait.metrics import psnr
-from tests.fields import head_field
+from tests.fields import head_field, shell_field
 from tests.portraits import HEAD_LANDMARKS
 
 SIZE = 64
@@ -117,6 +117,18 @@ def test_the_box_grows_with_the_head():
     other, _ = close_back(cropped, HEAD_LANDMARKS, FRONT)
     behind = cameras([180])
     assert psnr(other.render(behind, 0).color, one.render(behind, 0).color) > 40
+
+
+@settings(max_examples=15, deadline=None)
+@given(some.integers(0, 10 ** 6), some.floats(0.05, 2.0), some.floats(-1.5, 1.5))
+def test_whatever_the_face_and_the_field_it_ends_well(seed, size, height):
+    field = shell_field(32, basis=1, seed=seed)
+    landmarks = HEAD_LANDMARKS * size + np.array([0.0, height, 0.0])
+    closed, told = close_back(field, landmarks, FRONT)
+    assert (closed is field) == (told is None)
+    rows = np.sort(closed.links[closed.links >= 0])
+    assert np.array_equal(rows, np.arange(len(closed.density)))
+    assert np.isfinite(closed.density).all() and np.isfinite(closed.sh).all()
 
 
 def chart(rows=30, level=20, columns=48):

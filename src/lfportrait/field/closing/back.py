@@ -11,7 +11,7 @@ from scipy import ndimage
 from ...capture import Camera, Capture
 from ..grid import VoxelField
 from ..trimming import OPAQUE, Cut
-from .chart import chart_of, coherent, normals_of, read_surface
+from .chart import Chart, chart_of, coherent, normals_of, read_surface
 from .photos import Photos, behind_what_is_seen
 from .plate import continued, large_pieces, smoothed
 from .shell import Shell, with_shell
@@ -72,11 +72,14 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
     points = field.lattice_points()[field.density > OPAQUE]
     if cut is not None:
         points = points[cut.above(points) > 0]
-    if (not np.isfinite(np.asarray(landmarks)[[0, 8, 16]]).all() or len(points) < 1000
-            or _all_around(capture.cameras[capture.training()])):
+    told = np.isfinite(landmarks)
+    if not (told[[0, 16]].all() and told[17:27].any() and len(points) >= 1000) or _all_around(
+            capture.cameras[capture.training()]):
         return field, None
     voxel = float(field.spacing.mean())
     chart = chart_of(field, landmarks, float(points[:, 1].min()))
+    if chart is None:
+        return field, None
     distance, colors = read_surface(field, chart, cut)
     photos = Photos(field, capture)
     known = np.isfinite(distance)
@@ -96,14 +99,22 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
     whole = behind_what_is_seen(chart, whole, gap, photos)
     normal = normals_of(chart, smoothed(whole, np.ones_like(known), 1.0))
     cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
-    # Hair, neck and collar lie above each other: colours come from the sides.
-    well = known.copy()
-    well[well] = photos.seen(chart.points(distance)[well], chart.rays[well]) >= photos.enough
-    shades = continued(smoothed(colors, well, 3.0), well, upwards=0.03)
+    shades = _shades(chart, chart.points(distance), colors, known, photos)
     shell = Shell(chart, whole, cosine, np.clip(shades, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel)
     closed, count = with_shell(field, shell, photos, cut)
     return closed, Closed(share, count)
+
+
+def _shades(chart: Chart, points: Float64, colors: Float64, known: Bools, photos: Photos,
+            ) -> Float64:
+    """Colours [V, U, 3] everywhere, from the cells that photos see well."""
+    well = known.copy()
+    well[well] = photos.seen(points[well], chart.rays[well]) >= photos.enough
+    if not well.any():
+        well = known
+    # Hair, neck and collar lie above each other: colours come from the sides.
+    return continued(smoothed(colors, well, 3.0), well, upwards=0.03)
 
 
 def _all_around(cameras: Camera) -> bool:

@@ -75,14 +75,19 @@ class Chart:
         return np.stack([rows, column % len(self.angle)]), np.hypot(flat, y)
 
 
-def chart_of(field: VoxelField, landmarks: NDArray[np.floating], lowest: float) -> Chart:
-    """Rays around the middle of head and neck: a head's width behind the foremost points."""
+def chart_of(field: VoxelField, landmarks: NDArray[np.floating], lowest: float) -> Chart | None:
+    """Rays around the middle of head and neck: half its width behind the foremost points.
+
+    From the height ``lowest`` up; None where face and field do not fit.
+    """
     cell = CELL * float(field.spacing.mean())
     ears = np.asarray(landmarks, np.float64)[[0, 16]]
     radius = 0.5 * float(np.linalg.norm(ears[0] - ears[1]))
     middle, top = float(ears[:, 0].mean()), float(np.nanmean(landmarks[17:27, 1]))
     points = field.lattice_points()[field.density > OPAQUE]
     heights = np.arange(lowest, top, cell)
+    if not (radius > 4 * cell and len(heights) > 4):
+        return None
     row = ((points[:, 1] - lowest) / cell).astype(int)
     depth = np.full(len(heights), np.nan)
     for k in range(len(heights)):
@@ -92,6 +97,8 @@ def chart_of(field: VoxelField, landmarks: NDArray[np.floating], lowest: float) 
             half = 0.5 * float(np.ptp(here[:, 0]))
             depth[k] = np.percentile(front, 99) - min(half, radius)
     known = np.isfinite(depth)
+    if not known.any():
+        return None
     depth = np.interp(heights, heights[known], depth[known])
     depth = ndimage.gaussian_filter1d(depth, 0.15 * radius / cell, mode="nearest")
     above = np.arange(1, int(0.5 * np.pi * radius / cell)) * cell / radius

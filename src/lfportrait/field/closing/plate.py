@@ -12,7 +12,7 @@ __all__ = ["continued", "large_pieces", "smoothed"]
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-TENSION = 0.05
+TENSION = 0.02
 """Weight of the slope against the bending, in cells."""
 
 
@@ -74,6 +74,8 @@ def continued(values: Float64, known: Bools, *, bending: float = 0.0,
         matrix = bending * (bend.T @ bend) + TENSION ** 2 * matrix
     matrix = matrix.tocsr()
     free = np.flatnonzero(~known.ravel())
+    if not len(free):
+        return values
     flat = np.where(known[..., None], values, 0.0).reshape(known.size, -1)
     right = -(matrix[free] @ flat)
     solve = linalg.splu(matrix[free][:, free].tocsc())

@@ -111,7 +111,7 @@ def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None,
                  for f in (np.min, np.max))
     size = np.array(field.links.shape[::-1])
     low, high = np.clip(low, 0, size - 1), np.clip(high + 1, 1, size)
-    found = []
+    found = [(np.empty((0, 3), np.int64), np.empty(0), np.empty((2, 0)))]
     for k in range(low[2], high[2]):  # slab by slab: the box may hold a hundred million
         j, i = np.nonzero(field.links[k, low[1]:high[1], low[0]:high[0]] < 0)
         cells = np.stack([i + low[0], j + low[1], np.full(len(i), k)], axis=1)
@@ -121,8 +121,9 @@ def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None,
         if cut is not None:
             new &= cut.above(points) > -2 * voxel
         found.append((cells[new], deep[new], places[:, new]))
-    cells, deep, places = zip(*found)
-    return np.concatenate(cells), np.concatenate(deep), np.concatenate(places, axis=1)
+    return (np.concatenate([part[0] for part in found]),
+            np.concatenate([part[1] for part in found]),
+            np.concatenate([part[2] for part in found], axis=1))
 
 
 def _points(field: VoxelField, cells: NDArray[np.int64]) -> Float64:
