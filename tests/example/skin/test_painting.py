@@ -1,10 +1,13 @@
 """A painted skin: the exemplar's colours, each place once, the same on every chart."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from lfportrait.example.skin import Painting, SkinPainter
+from lfportrait.example.skin.painting import NAPE, THROAT, _meeting_behind
 
 SKIN, HAIR, CLOTHES, GROUND = (225, 180, 150), (60, 40, 30), (160, 60, 50), (90, 130, 170)
 
@@ -92,3 +95,19 @@ def test_the_same_seed_gives_the_same_bytes(painter, skin, preview):
                     for seed in (0, 1))
     assert isinstance(again, Painting)
     assert preview.color.tobytes() == again.color.tobytes() != other.color.tobytes()
+
+
+def test_the_guide_comes_around_a_bare_nape_to_the_throat(skin):
+    plane, half = skin.plane, np.pi * skin.plane.radius
+    angle = np.linspace(-1, 1, 401)
+    flat = np.stack([angle * half, np.full(401, 0.9 * plane.height)], axis=1).astype(np.float32)
+    bare = replace(skin, flat=flat, hair=np.zeros(401, np.float32))
+    found = _meeting_behind(bare)
+    front = np.abs(angle) < NAPE
+    assert np.array_equal(found[front], flat[front])
+    # Both ends meet, without a jump on the way.
+    assert np.allclose(found[[0, -1]], [0, THROAT * plane.height], atol=1e-4)
+    assert np.linalg.norm(np.diff(found, axis=0), axis=1).max() < 0.06 * half
+    assert np.array_equal(_meeting_behind(replace(bare, hair=np.ones(401, np.float32))), flat)
+    above = replace(bare, flat=flat * np.float32([1, -1]))
+    assert np.array_equal(_meeting_behind(above), above.flat)

@@ -172,6 +172,22 @@ def test_hair_at_the_temples_has_no_level_edge(skin):
     assert not told[(up < 0.1) & (angle < 0.88)].any()
 
 
+def test_hair_goes_on_behind_as_the_photos_leave_it(skin):
+    """A strip of the nape that no photo saw is bare between bare places, hairy between hairy."""
+    up, angle = np.meshgrid(np.linspace(-0.7, 1, 86), np.linspace(0, np.pi, 126))
+    up, angle = up.ravel(), angle.ravel()
+    seen = (angle < 0.9 * np.pi).astype(np.float32)
+    for line in (-0.35, -0.6):
+        truth = (up > line) & (angle > 0.9) | (up > 0.45)
+        colors = np.where(truth[:, None], [0.2, 0.15, 0.1], [0.9, 0.7, 0.6])
+        colors[seen == 0] = 0.5
+        flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
+        told = _told_apart(skin.plane, colors.astype(np.float32), flat.astype(np.float32), seen,
+                           up > 0.7, (angle < 0.7) & (up < 0.1), -0.75)
+        clear = (np.abs(up - line) > 0.08) & (seen == 0) & (up < 0.2)
+        assert ((told > 0.5) == truth)[clear].mean() > 0.97
+
+
 def test_a_network_that_contradicts_itself_is_not_believed(field, skin, monkeypatch):
     random = np.random.default_rng(0)
     monkeypatch.setattr("lfportrait.models.missing", lambda names: [])

@@ -37,6 +37,7 @@ __all__ = ["ExemplarMaterials", "into", "light_neck", "matched_looks", "material
            "resized_materials", "sitter_looks", "sitter_shares"]
 
 Float32 = NDArray[np.float32]
+Bools = NDArray[np.bool_]
 
 CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255]], np.float32)
 """A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
@@ -56,6 +57,8 @@ SHARP = 8.0
 """How much narrower skin's way into neck is than the guide makes it."""
 FEW = 100
 """Fewer places than this say nothing of how tones are distributed."""
+SHOWN = 0.4
+"""Cosine to the best photo from which on a place tells how the sitter's tones are distributed."""
 SPREAD = 2.0
 """Tones of neck and clothes are drawn apart by no more: a plain shirt gets no stripes from an
 exemplar's white collar on a dark coat."""
@@ -88,7 +91,7 @@ class ExemplarMaterials:
     detail: Float32
     nearest: NDArray[np.int32]
     deep: NDArray[np.int32]
-    present: NDArray[np.bool_]
+    present: Bools
 
     @property
     def luma(self) -> Float32:
@@ -112,7 +115,7 @@ class ExemplarMaterials:
         return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present)
 
 
-def _nearest(there: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.int32]:
+def _nearest(there: Bools, shape: tuple[int, ...]) -> NDArray[np.int32]:
     """Flat index of the nearest pixel of a mask of every second pixel, int32 [h, w]."""
     rows, columns = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
     if not there.any():
@@ -126,7 +129,7 @@ def _nearest(there: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.int
     return np.asarray(y * shape[1] + x, np.int32)
 
 
-def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: NDArray[np.bool_]) -> Float32:
+def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: Bools) -> Float32:
     """Shares of `MATERIALS` of a skin's N places, float32 [N, 6]; no background, no features.
 
     Features are painted with the face; elsewhere nobody wants an eye.
@@ -194,7 +197,8 @@ def _parted(shares: Float32, one: int, other: int) -> None:
     shares[:, other] = both - shares[:, one]
 
 
-def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials) -> None:
+def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
+               shown: Bools | None = None) -> None:
     """Let skin stand in for a neck that the exemplar shows in another light, in place.
 
     The sitter's face says how light his neck would be in the exemplar's paint. Where the exemplar's
@@ -209,8 +213,10 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials) -> Non
         float32 [N] in [0, 1], the sitter's.
     theirs
         The exemplar's materials.
+    shown
+        bool [N], places that photos show; others don't tell how light a neck is. None: all.
     """
-    neck, face = shares[:, NECK] > 0.5, shares[:, SKIN] > 0.5
+    neck, face = (_told(shares[:, part], shown) for part in (NECK, SKIN))
     their_neck, their_face = (theirs.shares[..., part] > 0.5 for part in (NECK, SKIN))
     if min(part.sum() for part in (neck, face, their_neck, their_face)) < FEW:
         return
@@ -222,8 +228,15 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials) -> Non
     shares[:, NECK] -= other
 
 
-def _like(tone: Float32, ours: NDArray[np.bool_], reference: Float32,
-          theirs: NDArray[np.bool_]) -> Float32:
+def _told(share: Float32, shown: Bools | None) -> Bools:
+    """Places [N] that are mostly of a material: those that are shown, where they are enough."""
+    inside = share > 0.5
+    told = inside if shown is None else inside & shown
+    return told if told.sum() >= FEW else inside
+
+
+def _like(tone: Float32, ours: Bools, reference: Float32,
+          theirs: Bools) -> Float32:
     """Tones [N], changed so that ``ours`` are distributed as ``theirs`` of the reference are."""
     wanted = Distribution.of(reference, theirs.astype(np.float32))
     return match_histogram(np.ascontiguousarray(tone[None]), wanted,
@@ -232,24 +245,25 @@ def _like(tone: Float32, ours: NDArray[np.bool_], reference: Float32,
 
 def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tuple[Float32, Float32]:
     """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each."""
-    tone, detail = matched_looks(skin.tone, skin.detail, shares, theirs)
+    tone, detail = matched_looks(skin.tone, skin.detail, shares, theirs, shown=skin.seen > SHOWN)
     return tone, detail * skin.seen
 
 
 def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: ExemplarMaterials,
-                  reference: Float32 | None = None) -> tuple[Float32, Float32]:
+                  reference: Float32 | None = None, shown: Bools | None = None,
+                  ) -> tuple[Float32, Float32]:
     """Tones and detail [N] of places as the exemplar would have them, float32 [N] each.
 
     Tones are distributed as the exemplar's of the same material (`SPREAD`). Detail is made as
     strong as its strokes, within bounds: noise of a plain place does not become strokes. Nothing is
     said about the background: both are 0 there. ``reference`` [h, w] are the exemplar's tones, by
-    default ``theirs.tone``.
+    default ``theirs.tone``; of the places only those ``shown``, bool [N], tell how ours lie.
     """
     reference = theirs.tone if reference is None else reference
     out, strong = (np.zeros(len(shares), np.float32) for _ in range(2))
     for material in (SKIN, HAIR, NECK, CLOTHES):
         share = shares[:, material]
-        inside = share > 0.5
+        inside = _told(share, shown)
         there = theirs.shares[..., material] > 0.5
         if not (share > 0).any():
             continue

@@ -39,6 +39,7 @@ from .light import carried_light
 from .materials import (
     LEAST,
     ROAM,
+    SHOWN,
     ExemplarMaterials,
     into,
     light_neck,
@@ -69,6 +70,9 @@ would be drawn out to the neck's back."""
 STEADY, EDGE = 0.02, 0.03
 """Sigmas of the blurs that this, and the edge of what is painted so, are told by, over the face's
 size."""
+NAPE, THROAT = 0.7, 1.2
+"""Where a nape begins, over half a turn; how far below the brows the throat lies, over the face's
+height."""
 STRETCHED = 0.7
 """A guide that changes more slowly than this against the surface would stretch its paint."""
 
@@ -205,7 +209,7 @@ class SkinPainter:
         low, high = (np.asarray(end(skin.flat, axis=0), np.float64) for end in (np.min, np.max))
         nodes = guide.nodes(low, high, spacing)
         out = np.empty((len(skin.flat), 3), np.float32)
-        sample_nodes(nodes, low, spacing, skin.flat, out)
+        sample_nodes(nodes, low, spacing, _meeting_behind(skin), out)
         return np.ascontiguousarray(out[:, :2]), out[:, 2]
 
     def _core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float,
@@ -278,7 +282,7 @@ class SkinPainter:
         source, theirs = self._source(round(size, 3))
         unit = self.exemplar.size * size / 50
         shares = sitter_shares(skin, labels, theirs.present)
-        light_neck(shares, skin.tone, theirs)
+        light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
         tone, detail = sitter_looks(skin, shares, theirs)
         flesh = shares[:, [SKIN, NECK]].sum(axis=1)
         tone += flesh * carried_light(skin, canvas, core, color, tone)
@@ -331,6 +335,23 @@ class SkinPainter:
             self._sources = {size: (PatchSource.of(picture, material_guides(
                 theirs.shares, theirs.tone, theirs.detail, self._weights())), theirs)}
         return self._sources[size]
+
+
+def _meeting_behind(skin: Skin) -> Float32:
+    """Unwrapped places [N, 2], as the guide is asked: bare napes come around to the throat.
+
+    Left and right of the nape the guide ends at the exemplar's left and right; what it paints there
+    may be light on one side and shade on the other, with a line between them.
+    """
+    flat, plane = skin.flat, skin.plane
+    turn = (np.abs(flat[:, 0]) / plane.radius / np.pi - NAPE) / (1 - NAPE)
+    turn = np.clip(np.where(flat[:, 1] > 0, turn, 0), 0, 1)
+    if skin.hair is not None:
+        turn *= skin.hair < 0.5
+    turn *= turn * (3 - 2 * turn)
+    x, y = flat.T
+    return np.stack([x * (1 - turn), y + turn * np.maximum(THROAT * plane.height - y, 0)],
+                    axis=1).astype(np.float32)
 
 
 class _Clock:

@@ -24,6 +24,7 @@ from ..guides.appearance import grey
 from ..guides.blurs import broad_blur, gaussian_blur
 from ..kernels.atlas import best_facing, exchange
 from ..surface_guide import HeadPlane
+from .cells import Cells
 from .charts import Atlas, draw_atlas
 from .regions import REGIONS, hair_by_place, skin_regions
 
@@ -303,9 +304,10 @@ def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
     hair = np.zeros(len(colors), np.float32)
     hair[chosen] = 1 / (1 + np.exp(np.clip((from_hair - from_face) / 0.5, -30, 30)))
     hair[~around] = 0
-    # What no photo saw goes on as hair goes on.
-    unseen = around & (seen <= 0.5)
-    hair[unseen] = hair_by_place(plane, flat[unseen])
+    # What no photo saw goes on as it begins, and further on as hair goes on.
+    unseen, told = around & (seen <= 0.5), around & (seen > 0.5)
+    beside = Cells.over(flat, 0.03 * plane.height).carried(3 * hair - 1.5, told, 1.0, 20.0)
+    hair[unseen] = np.clip(hair_by_place(plane, flat[unseen]) + beside[unseen], 0, 1)
     return np.asarray(hair, np.float32)
 
 

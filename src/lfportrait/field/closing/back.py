@@ -86,6 +86,8 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
     # Outlines, seen along the surface, tell where it is; but nobody sees a face from inside.
     known[known] = photos.seen(chart.points(distance)[known], chart.rays[known], INSIDE) > 1
     known &= coherent(chart, np.where(known, distance, np.nan))
+    # Crumbs in the gap are none of the surface around it.
+    known = large_pieces(known, np.ones(known.shape), LEAST * known.size)
     if known.mean() < KNOWN:
         return field, None
     gap = ~known & (np.abs(chart.angle) > BEHIND)
