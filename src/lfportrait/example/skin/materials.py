@@ -235,8 +235,7 @@ def _told(share: Float32, shown: Bools | None) -> Bools:
     return told if told.sum() >= FEW else inside
 
 
-def _like(tone: Float32, ours: Bools, reference: Float32,
-          theirs: Bools) -> Float32:
+def _like(tone: Float32, ours: Bools, reference: Float32, theirs: Bools) -> Float32:
     """Tones [N], changed so that ``ours`` are distributed as ``theirs`` of the reference are."""
     wanted = Distribution.of(reference, theirs.astype(np.float32))
     return match_histogram(np.ascontiguousarray(tone[None]), wanted,
