@@ -77,7 +77,7 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
             capture.cameras[capture.training()]):
         return field, None
     voxel = float(field.spacing.mean())
-    chart = chart_of(field, landmarks, float(points[:, 1].min()))
+    chart = chart_of(points, voxel, landmarks)
     if chart is None:
         return field, None
     distance, colors = read_surface(field, chart, cut)

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..grid import VoxelField
 from ..harmonics import C0
-from ..trimming import OPAQUE, Cut
+from ..trimming import Cut
 
 __all__ = ["Chart", "chart_of", "coherent", "normals_of", "read_surface"]
 
@@ -75,16 +75,27 @@ class Chart:
         return np.stack([rows, column % len(self.angle)]), np.hypot(flat, y)
 
 
-def chart_of(field: VoxelField, landmarks: NDArray[np.floating], lowest: float) -> Chart | None:
+def chart_of(points: Float64, voxel: float, landmarks: NDArray[np.floating]) -> Chart | None:
     """Rays around the middle of head and neck: half its width behind the foremost points.
 
-    From the height ``lowest`` up; None where face and field do not fit.
+    Parameters
+    ----------
+    points
+        float64 [N, 3], lattice points of the surface, world units; the lowest begins the chart.
+    voxel
+        Their distance.
+    landmarks
+        [68, 3], iBUG order; the jaw's ends and a brow are known.
+
+    Returns
+    -------
+    chart
+        None where face and field do not fit.
     """
-    cell = CELL * float(field.spacing.mean())
+    cell, lowest = CELL * voxel, float(points[:, 1].min())
     ears = np.asarray(landmarks, np.float64)[[0, 16]]
     radius = 0.5 * float(np.linalg.norm(ears[0] - ears[1]))
     middle, top = float(ears[:, 0].mean()), float(np.nanmean(landmarks[17:27, 1]))
-    points = field.lattice_points()[field.density > OPAQUE]
     heights = np.arange(lowest, top, cell)
     if not (radius > 4 * cell and len(heights) > 4):
         return None

@@ -20,15 +20,23 @@ Bools = NDArray[np.bool_]
 PHOTOS = 40
 """Photos, at most, that are asked what they see."""
 class Photos:
-    """What the training photos see of a field: its depth in each of them."""
+    """What the training photos see of a field: its depth in each of them.
+
+    Attributes
+    ----------
+    voxel
+        Of the field, world units.
+    enough
+        So many must see a place for it to be known: fewer see it at a grazing angle alone.
+    cameras
+        Those that are asked, with pixels about as wide as a voxel.
+    """
 
     def __init__(self, field: VoxelField, capture: Capture) -> None:
         self.voxel = float(field.spacing.mean())
         views = capture.training()
         views = views[np.linspace(0, len(views) - 1, min(PHOTOS, len(views))).astype(int)]
-        # So many must see a place for it to be known: fewer see it at a grazing angle alone.
         self.enough = min(3, 1 + len(views) // 20)
-        # Pixels about as wide as a voxel.
         self.cameras = capture.cameras[views].scaled(
             float(np.clip(capture.cameras.pixel / self.voxel, 0.1, 1.0)))
         self._depths = []

@@ -107,7 +107,7 @@ def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None,
     inwards = (SHELL / shell.cosine + 1) * voxel
     corners = np.concatenate([chart.points(shell.distance + by)[shell.gap]
                               for by in (3 * voxel, -inwards)])
-    low, high = (np.rint(f(corners, axis=0) * field.lattice[3:6] + field.lattice[6:9]).astype(int)
+    low, high = (np.rint((f(corners, axis=0) - field.bounds[0]) / field.spacing - 0.5).astype(int)
                  for f in (np.min, np.max))
     size = np.array(field.links.shape[::-1])
     low, high = np.clip(low, 0, size - 1), np.clip(high + 1, 1, size)
@@ -128,7 +128,7 @@ def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None,
 
 def _points(field: VoxelField, cells: NDArray[np.int64]) -> Float64:
     """World positions of lattice cells (x, y, z) [N, 3]."""
-    return np.asarray((cells - field.lattice[6:9]) / field.lattice[3:6], np.float64)
+    return np.asarray(field.bounds[0] + field.spacing * (cells + 0.5), np.float64)
 
 
 def _widened(field: VoxelField, low: Float64, high: Float64) -> VoxelField:
