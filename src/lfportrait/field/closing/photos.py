@@ -19,6 +19,8 @@ Bools = NDArray[np.bool_]
 
 PHOTOS = 40
 """Photos, at most, that are asked what they see."""
+
+
 class Photos:
     """What the training photos see of a field: its depth in each of them.
 

@@ -27,7 +27,21 @@ STEEP = 4.0
 
 @dataclass(frozen=True)
 class Shell:
-    """The surface that is new: distances [V, U], their slant, colours [V, U, 3], where."""
+    """The surface that is new.
+
+    Attributes
+    ----------
+    chart, distance
+        Of the whole surface, float64 [V, U], world units.
+    cosine
+        float64 [V, U], between the chart's rays and the surface's normals.
+    colors
+        float64 [V, U, 3] in [0, 1].
+    gap
+        bool [V, U], where it is new.
+    voxel
+        Of the field, world units.
+    """
 
     chart: Chart
     distance: Float64
@@ -57,6 +71,8 @@ class Shell:
 
     @staticmethod
     def _at(values: Float64, places: Float64) -> Float64:
+        """Values [V, U] at places [2, N], [N]: columns go around, rows end."""
+        places = np.stack([np.clip(places[0], 0, len(values) - 1), places[1]])
         return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
 
 
