@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -30,6 +31,8 @@ from tests.portraits import HEAD_LANDMARKS
 
 ALL = np.ones(len(MATERIALS), bool)
 PLANE = HeadPlane(HEAD_LANDMARKS)
+SHADE = 101, 80, 65
+"""The drawn face's skin in the shade."""
 
 
 @pytest.fixture(scope="module")
@@ -159,6 +162,52 @@ def test_a_hat_is_told_by_the_face_alone_not_by_locks_beside_it(painter):
     labels[beside] = 255 * np.eye(len(LABELS), dtype=np.uint8)[LABELS.index("skin")]
     shares = painted_shares(Exemplar(image, exemplar.landmarks), found, labels)
     assert shares[y, x, HAIR] > 0.8
+
+
+def _bearded(exemplar, beard, chin, lip):
+    """The drawn face with paint along the jaw, on the chin and on the upper lip; and where."""
+    points, image = exemplar.landmarks, exemplar.image.copy()
+    there = {name: np.zeros(image.shape[:2], np.uint8) for name in ("beard", "chin", "lip")}
+    ends = points[[48, 54]] + 0.3 * (points[[3, 13]] - points[[48, 54]])
+    nose = points[[35, 31]] + 0.2 * (points[51] - points[[35, 31]])
+    jaw = np.concatenate([points[3:14], ends[1:], points[54:47:-1], ends[:1]])
+    cv2.fillPoly(there["beard"], [jaw.astype(np.int32)], 1)
+    cv2.fillPoly(there["chin"], [points[[5, 6, 7, 8, 9, 10, 11, 54, 57, 48]].astype(np.int32)], 1)
+    cv2.fillPoly(there["lip"], [np.concatenate([points[[48, 51, 54]], nose]).astype(np.int32)], 1)
+    for part in there.values():
+        cv2.fillPoly(part, [points[48:60].astype(np.int32)], 0)
+    for name, color in (("beard", beard), ("chin", chin), ("lip", lip)):
+        if color is not None:
+            image[there[name] > 0] = color
+    return Exemplar(image, points), there["beard"] > 0
+
+
+@pytest.mark.parametrize("color", [(170, 80, 30), (70, 50, 40), (25, 25, 25), (150, 150, 155)])
+def test_a_beard_stays_in_the_face_whatever_its_colour(painter, color):
+    regions, labels = painter.transfer.regions, painter.transfer.labels
+    bare = painted_shares(painter.exemplar, regions, labels)
+    exemplar, there = _bearded(painter.exemplar, color, color, color)
+    there &= bare[..., SKIN] > 0.9
+    shares = painted_shares(exemplar, regions, labels)
+    assert shares[there][:, FEATURES].mean() > 0.75 and bare[there][:, FEATURES].mean() < 0.02
+    cheek = ((exemplar.landmarks[30] + exemplar.landmarks[14]) / 2).astype(int)
+    assert shares[cheek[1], cheek[0], SKIN] > 0.95
+    assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4)
+    # Photos' bodies are painted of all that is right below the jaw.
+    photo = painted_shares(exemplar, regions, labels, strict=False)
+    assert photo[there][:, FEATURES].mean() < 0.02
+
+
+@pytest.mark.parametrize("colors", [{"beard": None, "chin": None, "lip": (40, 40, 60)},
+                                    {"beard": SHADE, "chin": SHADE, "lip": SHADE},
+                                    {"beard": (90, 90, 90), "chin": (90, 90, 90), "lip": None},
+                                    {"beard": None, "chin": (140, 90, 75), "lip": (90, 40, 120)}])
+def test_shade_or_paint_on_a_chin_or_lip_is_no_beard(painter, colors):
+    regions, labels = painter.transfer.regions, painter.transfer.labels
+    exemplar, _ = _bearded(painter.exemplar, **colors)
+    bare = painted_shares(painter.exemplar, regions, labels)
+    shares = painted_shares(exemplar, regions, labels)
+    assert np.abs(shares - bare)[..., FEATURES].max() < 0.02
 
 
 def test_a_coat_in_the_colour_of_skin_begins_away_from_the_neck(painter):

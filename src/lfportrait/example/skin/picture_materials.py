@@ -43,6 +43,12 @@ PURER, LEAST_CHROMA = 1.1, 10.0
 """So many times the chroma of the face's purest tenth, or of greys, is a collar's, no neck's."""
 LOOKED_AT = 30.0
 """Colours are compared in a picture whose face is at least of this size: all of it is blurred."""
+BEARD = 0.7, 1.0
+"""Chin and lip so far from the cheeks' hue, over its spread, begin to be bearded, and are."""
+MOUSTACHE = 0.4, 0.7
+"""The same of the lip's way to the chin, over the way to the cheeks: it is, and it is not."""
+FEW = 30
+"""Fewer pixels than this have no colour."""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colours than this are taken for it."""
 
@@ -243,6 +249,61 @@ def _overlooked(exemplar: Exemplar, small: _Small, regions: Regions, labels: NDA
     return skin * small.whole(hair)
 
 
+def _beard(exemplar: Exemplar, small: _Small, regions: Regions, labels: NDArray[np.uint8],
+           skin: Float32) -> Float32:
+    """Shares of ``skin`` [h, w] that are a beard.
+
+    Chin and upper lip under a beard are alike, and both are of another hue than the cheeks; shade
+    is not, and paint that differs from chin to lip is none. What is more like that chin than like
+    the cheeks is beard.
+    """
+    _, down = regions.frame.local(skin.shape)
+    points = exemplar.landmarks
+    plain = small.part(_cheeks(exemplar, labels, down))
+    chin = small.part(_between(skin.shape, points[57], points[8], (0.25, 0.9), 0.6))
+    lip = small.part(_between(skin.shape, points[33], points[51], (0.2, 0.85), 1.2))
+    low = (small.part(down) > CHEEKS[1] - 0.05) & (small.part(skin) > 0.02)
+    if min(part.sum() for part in (plain, chin, lip)) < FEW:
+        return np.zeros_like(skin)
+    chosen = low | plain | chin | lip
+    colors = small.blurred(LIKE_SKIN[0][0] / 2)[chosen]
+    sure = _bearded(*(colors[part[chosen]] for part in (plain, chin, lip)))
+    if sure == 0:
+        return np.zeros_like(skin)
+    beard = np.zeros(low.shape, np.float32)
+    to_plain, to_chin = (skin_distance(colors, part[chosen]) for part in (plain, chin))
+    beard[chosen] = sure * np.clip(0.5 + (to_plain - to_chin) / 0.4, 0, 1)
+    return skin * small.whole(beard * low)
+
+
+def _bearded(plain: Float32, chin: Float32, lip: Float32) -> float:
+    """How surely chin and upper lip are bearded, by colours [N, 3] of theirs and of plain skin.
+
+    Chroma over lightness is compared, which shade leaves as it is.
+    """
+    from skimage.color import rgb2lab
+
+    looks = [lab[..., 1:] / (lab[..., :1] + 10) for lab in (
+        rgb2lab(np.clip(part, 0, 1)) for part in (plain, chin, lip))]
+    skin, chin, lip = (np.median(part, axis=0) for part in looks)
+    apart = min(np.linalg.norm(chin - skin), np.linalg.norm(lip - skin))
+    spread = np.linalg.norm(looks[0].std(axis=0)) + 0.02
+    unlike = np.linalg.norm(lip - chin) / max(apart, 1e-3)
+    (least, most), (alike, other) = BEARD, MOUSTACHE
+    return float(np.clip((apart / spread - least) / (most - least), 0, 1)
+                 * np.clip((other - unlike) / (other - alike), 0, 1))
+
+
+def _between(shape: tuple[int, ...], top: NDArray[np.floating], bottom: NDArray[np.floating],
+             along: tuple[float, float], across: float) -> NDArray[np.bool_]:
+    """A part of the way from one landmark to another, so wide to both sides, bool [h, w]."""
+    way = (bottom - top) / max(float((bottom - top) @ (bottom - top)), 1e-6)
+    rows, columns = np.indices(shape[:2])
+    x, y = columns - top[0], rows - top[1]
+    down, right = x * way[0] + y * way[1], x * way[1] - y * way[0]
+    return np.asarray((down > along[0]) & (down < along[1]) & (np.abs(right) < across))
+
+
 def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                    strict: bool = True) -> Float32:
     """Shares of `MATERIALS` of a painting, float32 [h, w, 6]: `picture_shares`, and a little more.
@@ -256,6 +317,10 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     covered = _overlooked(exemplar, small, regions, labels, shares[..., SKIN])
     shares[..., HAIR] += covered
     shares[..., SKIN] -= covered
+    if strict:
+        beard = _beard(exemplar, small, regions, labels, shares[..., SKIN])
+        shares[..., FEATURES] += beard
+        shares[..., SKIN] -= beard
     behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
     if not worn.any() or behind.sum() < 50:
         return shares
