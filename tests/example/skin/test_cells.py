@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.ndimage import grey_closing
+from scipy.ndimage import grey_closing, grey_opening
 
 from lfportrait.example.skin.cells import Cells
 
@@ -32,7 +32,8 @@ def test_nothing_inside_is_carried_nowhere(flat):
     assert not Cells.over(flat, 0.1).carried(flat[:, 0], np.zeros(len(flat), bool), 1, 5).any()
 
 
-def test_a_closing_is_that_of_a_picture():
+@pytest.mark.parametrize(("name", "whole"), [("closed", grey_closing), ("opened", grey_opening)])
+def test_closing_and_opening_are_those_of_a_picture(name, whole):
     # One place a cell, in any order.
     random = np.random.default_rng(3)
     picture = random.uniform(size=(12, 17)).astype(np.float32)
@@ -40,6 +41,17 @@ def test_a_closing_is_that_of_a_picture():
     order = random.permutation(picture.size)
     flat = 0.25 * np.stack([columns, rows], axis=1)[order].astype(np.float32) + np.float32(7)
     y, x = np.mgrid[-2:3, -2:3]
-    wanted = grey_closing(picture, footprint=np.hypot(y, x) <= 2, mode="nearest")
-    closed = Cells.over(flat, 0.25).closed(picture.reshape(-1)[order], 2)
-    assert np.allclose(closed, wanted.reshape(-1)[order], atol=1e-5)
+    wanted = whole(picture, footprint=np.hypot(y, x) <= 2, mode="nearest")
+    found = getattr(Cells.over(flat, 0.25), name)(picture.reshape(-1)[order], 2)
+    assert np.allclose(found, wanted.reshape(-1)[order], atol=1e-5)
+
+
+def test_what_hangs_together_with_a_seed_stays(flat):
+    first, second = (np.hypot(flat[:, 0] - x, flat[:, 1]) for x in (-1, 1))
+    values = np.maximum(np.clip(1.5 - 2 * first, 0, 1), np.clip(1.5 - 2 * second, 0, 1))
+    left = flat[:, 0] < 0
+    joined = Cells.over(flat, 0.05).joined(values, first < 0.1)
+    assert np.allclose(joined[left & (values > 0.6)], values[left & (values > 0.6)], atol=0.1)
+    assert not joined[~left].any()
+    # Seeds that lie beside all of it hold nothing.
+    assert not Cells.over(flat, 0.05).joined(values, np.abs(flat[:, 0]) < 0.05).any()

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, gaussian_filter, grey_closing, map_coordinates
+from scipy.ndimage import (
+    binary_dilation,
+    distance_transform_edt,
+    gaussian_filter,
+    grey_closing,
+    grey_opening,
+    label,
+    map_coordinates,
+)
 
 __all__ = ["Cells"]
 
@@ -38,11 +46,30 @@ class Cells:
 
     def closed(self, values: Float32, reach: int) -> Float32:
         """Values [N] after a closing by a disk of ``reach`` cells, float32 [N]."""
+        return self._at(grey_closing(self._filled(values), footprint=_disk(reach), mode="nearest"))
+
+    def opened(self, values: Float32, reach: int) -> Float32:
+        """Values [N] after an opening by a disk of ``reach`` cells, float32 [N]."""
+        return self._at(grey_opening(self._filled(values), footprint=_disk(reach), mode="nearest"))
+
+    def joined(self, values: Float32, seeds: NDArray[np.bool_]) -> Float32:
+        """Values [N] of what hangs together with seeds, bool [N]; 0 elsewhere.
+
+        What is above one half hangs together, and has its slopes of two cells with it.
+        """
+        means = self._filled(values)
+        pieces, count = label(means > 0.5)
+        kept = np.zeros(count + 1, bool)
+        row, column = np.rint(self.places[seeds, ::-1]).astype(int).T
+        kept[pieces[row, column]] = True
+        kept[0] = False
+        return self._at(means * binary_dilation(kept[pieces], iterations=2))
+
+    def _filled(self, values: Float32) -> Float64:
+        """Means of the cells, those of the nearest where there is no place."""
         known, means = self._means(values, np.ones(len(values), bool))
-        y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1]
         _, nearest = distance_transform_edt(~known, return_indices=True)
-        return self._at(grey_closing(means[tuple(nearest)], footprint=np.hypot(y, x) <= reach,
-                                     mode="nearest"))
+        return np.asarray(means[tuple(nearest)], np.float64)
 
     def carried(self, values: Float32, inside: NDArray[np.bool_], blur: float, reach: float,
                 ) -> Float32:
@@ -78,3 +105,9 @@ class Cells:
         """A grid's values at the places, float32 [N]."""
         return np.asarray(map_coordinates(grid, self.places[:, ::-1].T, order=1, mode="nearest"),
                           np.float32)
+
+
+def _disk(reach: int) -> NDArray[np.bool_]:
+    """A disk of cells."""
+    y, x = np.mgrid[-reach:reach + 1, -reach:reach + 1]
+    return np.asarray(np.hypot(y, x) <= reach)

@@ -286,7 +286,7 @@ def _bearded(plain: Float32, chin: Float32, lip: Float32) -> float:
     looks = [lab[..., 1:] / (lab[..., :1] + 10) for lab in (
         rgb2lab(np.clip(part, 0, 1)) for part in (plain, chin, lip))]
     skin, chin, lip = (np.median(part, axis=0) for part in looks)
-    apart = min(np.linalg.norm(chin - skin), np.linalg.norm(lip - skin))
+    apart = min(float(np.linalg.norm(part - skin)) for part in (chin, lip))
     spread = np.linalg.norm(looks[0].std(axis=0)) + 0.02
     unlike = np.linalg.norm(lip - chin) / max(apart, 1e-3)
     (least, most), (alike, other) = BEARD, MOUSTACHE

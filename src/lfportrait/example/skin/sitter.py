@@ -3,8 +3,9 @@
 A `Skin` is computed once from a field and its landmarks, and kept beside the field; it knows
 nothing of any exemplar. Besides the atlas (`charts`) it holds, for every pixel that owns its
 surface point, what the sitter shows there: light and shade, detail, hair (by the segmentation
-network, asked about the charts that stand upright), clothes (what lies below the chin and differs
-in colour from the face), ears, and how well the photos saw it.
+network, asked about the charts that stand upright, else by its colour or its `relief`), clothes
+(what lies below the chin and differs in colour from the face), ears, and how well the photos saw
+it.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from ..surface_guide import HeadPlane
 from .cells import Cells
 from .charts import Atlas, draw_atlas
 from .regions import REGIONS, hair_by_place, skin_regions
+from .relief import around_face, hair_by_relief
 
 BEFORE, BEHIND = 2.5, 7.0
 """Lattice points up to so many voxels before a chart's surface, and under it, take its colour."""
@@ -142,15 +144,18 @@ class Skin:
         flat = plane.unwrap(points).astype(np.float32)
         colors = atlas.color.reshape(-1, 3)[index]
         known = _hair_in_front(atlas, index) if networks else None
+        tone, detail, appearance, contours = _looks(atlas, index, _unit(plane) * pixels)
+        ears = _ears(plane.landmarks, points)
         if known is not None and _plausible(plane, points, known * seen):
             hair: Float32 | None = _hair_behind(plane, colors, flat, seen, known)
         else:
             hair = _hair_by_color(plane, colors, flat, seen)
-        tone, detail, appearance, contours = _looks(atlas, index, _unit(plane) * pixels)
+            if hair is None:
+                hair = hair_by_relief(plane, flat, contours, seen, ears)
         depth = (plane.origin[1] - points[:, 1]) / plane.height
         clothes = _clothes(atlas, index, points, depth, hair)
         return Skin(atlas, plane, pixels, index, flat, tone, detail, appearance,
-                    contours * seen, hair, clothes, _ears(plane.landmarks, points), seen,
+                    contours * seen, hair, clothes, ears, seen,
                     normals[:, 2] > -0.2, _row_places(field, atlas))
 
     @functools.cached_property
@@ -293,10 +298,7 @@ def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
 
     ``lowest`` is how far it hangs below the brows, in units of the face's height upwards.
     """
-    up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
-    # Above the brows; towards the temples hair grows further down.
-    around = (up > 0.35 - 0.25 * np.clip((angle - 0.4) / 0.3, 0, 1)) | (
-        (angle > 0.9) & (up > lowest))
+    around = around_face(plane, flat, lowest)
     chosen = (around | hairy | bare) & (seen > 0.5)
     # A neck in the shade is not of the face's colour, but of the hair's even less.
     from_face = skin_distance(colors[chosen], bare[chosen], 1.0)

@@ -23,7 +23,7 @@ from .sitter import Skin
 
 __all__ = ["load_skin", "save_skin", "skin_key"]
 
-VERSION = 10
+VERSION = 11
 _LISTS = ("index", "flat", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
           "seen", "outwards", "rows")
 
