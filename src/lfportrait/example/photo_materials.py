@@ -43,13 +43,13 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
     position
         float32 [H, W, 2], exemplar pixels; no NaN.
     painted
-        float32 [h, w, 6], `painted_shares`.
+        float32 [h, w, 7], `painted_shares`.
     present
-        bool [6], what the exemplar shows enough of; others stand in for the rest.
+        bool [7], what the exemplar shows enough of; others stand in for the rest.
 
     Returns
     -------
-    float32 [H, W, 6].
+    float32 [H, W, 7].
     """
     shares = picture_shares(Exemplar(photo, regions.landmarks), regions, labels, strict=False)
     if regions.hair is None:
@@ -103,7 +103,7 @@ def photo_looks(photo: NDArray[np.uint8], landmarks: Float64, shares: Float32,
     Parameters
     ----------
     photo, landmarks, shares
-        uint8 [H, W, 3], its [68, 2], and its `photo_shares` [H, W, 6].
+        uint8 [H, W, 3], its [68, 2], and its `photo_shares` [H, W, 7].
     theirs
         The exemplar's.
 

@@ -52,7 +52,7 @@ CELL = 8
 """How rigid the guide is, is told on every so many pixels."""
 BENT = 0.3
 """A guide whose derivative is further from a multiple of the identity than this is not rigid."""
-EVEN = np.array([1, 1, 1, 2, 2, 1], np.float32)
+EVEN = np.array([1, 1, 1, 2, 2, 1, 1], np.float32)
 """How much more often than evenly a pixel of each of `MATERIALS` may be used."""
 PLAIN_EVEN = 8.0
 """The same of a plain background: paper may well repeat, but vignettes must not lie in patches."""

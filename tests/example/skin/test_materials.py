@@ -15,6 +15,7 @@ from lfportrait.example.skin.materials import (
 )
 from lfportrait.example.skin.picture_materials import (
     CLOTHES,
+    EARS,
     FEATURES,
     GROUND,
     HAIR,
@@ -210,6 +211,34 @@ def test_shade_or_paint_on_a_chin_or_lip_is_no_beard(painter, colors):
     assert np.abs(shares - bare)[..., FEATURES].max() < 0.02
 
 
+def test_ears_lie_beside_the_face(painter):
+    exemplar, regions = painter.exemplar, painter.transfer.regions
+    points = exemplar.landmarks
+    middle = ((points[0] + points[16]) / 2).astype(int)
+    ears = np.zeros(exemplar.image.shape[:2], bool)
+    for x in (int(points[0, 0]) - 6, int(points[16, 0]) + 6):
+        ears[middle[1] - 2:middle[1] + 12, x - 4:x + 5] = True
+    hair = np.where(ears, 0, regions.hair)
+    found = Regions(points, np.maximum(regions.person, ears), hair)
+    labels = found.labels()
+    labels[ears] = 255 * np.eye(len(LABELS), dtype=np.uint8)[LABELS.index("skin")]
+    image = exemplar.image.copy()
+    image[ears] = (215, 165, 140)
+    there = Exemplar(image, points)
+    shares = painted_shares(there, found, labels)
+    assert shares[ears][:, EARS].mean() > 0.8
+    assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4)
+    cheeks = ((points[30] + points[[2, 14]]) / 2).astype(int)
+    assert not shares[cheeks[:, 1], cheeks[:, 0], EARS].any()
+    assert not painted_shares(there, found, labels, strict=False)[..., EARS].any()
+    # What is of these ears may be painted with them, or with skin; the rest stays away.
+    theirs = ExemplarMaterials.of(image.astype(np.float32) / 255, shares, exemplar.size)
+    assert theirs.present[EARS]
+    inside = shares[..., EARS] > 0.8
+    near = {part: shares[..., part].ravel()[theirs.nearest[part][inside]] for part in (SKIN, EARS)}
+    assert np.median(near[SKIN]) > 0.6 and np.median(near[EARS]) > 0.8
+
+
 def test_a_coat_in_the_colour_of_skin_begins_away_from_the_neck(painter):
     exemplar, regions = painter.exemplar, painter.transfer.regions
     image = exemplar.image.copy()
@@ -303,10 +332,11 @@ def test_an_exemplar_without_a_body_has_no_clothes(painter):
 def test_the_nearest_place_of_a_material_is_of_it(painter, shares):
     picture = painter.exemplar.image.astype(np.float32) / np.float32(255)
     theirs = ExemplarMaterials.of(picture, shares, painter.exemplar.size)
-    assert theirs.present.all()
+    # Its ears lie under its hair.
+    assert theirs.present.tolist() == [True] * EARS + [False]
     height, width = shares.shape[:2]
     y, x = np.indices((height, width))
-    for material in range(len(MATERIALS)):
+    for material in range(EARS):
         for places in (theirs.nearest[material], theirs.deep[material]):
             assert places.min() >= 0 and places.max() < height * width
             assert np.quantile(shares[..., material].ravel()[places], 0.02) > 0.4
@@ -334,7 +364,7 @@ def test_a_material_that_is_not_there_moves_nothing(painter, shares):
     bald[..., SKIN] += bald[..., HAIR]
     bald[..., HAIR] = 0
     theirs = ExemplarMaterials.of(picture, bald, painter.exemplar.size)
-    assert theirs.present.tolist() == [True, False, True, True, True, True]
+    assert theirs.present.tolist() == [True, False, True, True, True, True, False]
     index = np.arange(picture[..., 0].size).reshape(picture.shape[:2])
     assert np.array_equal(theirs.nearest[HAIR], index)
     assert np.array_equal(theirs.deep[HAIR], index)
@@ -372,7 +402,10 @@ def test_the_sitters_materials_are_told_by_the_sitter(hairy):
     assert np.allclose(dressed[:, CLOTHES], 1)
     eared = sitter_shares(_like(sitter, hair=nothing, ears=everything, clothes=nothing), labels,
                           ALL)
-    assert np.allclose(eared[:, SKIN], 1)
+    assert np.allclose(eared[:, [SKIN, EARS]].sum(axis=1), 1)
+    # The painter's, where he shows them, or his skin, whichever is more alike.
+    assert (eared[:, EARS] > eared[:, SKIN]).all() and (eared[:, SKIN] > 0.4).all()
+    assert not bare[:, EARS].any()
 
 
 def test_where_the_guide_leads_off_the_exemplar_hair_stays_hair_and_the_rest_is_neck():
@@ -402,7 +435,8 @@ def test_what_the_exemplar_lacks_has_a_stand_in():
 
     assert np.allclose(without(HAIR)[:, SKIN], whole[:, SKIN] + whole[:, HAIR])
     assert np.allclose(without(CLOTHES)[:, NECK], whole[:, NECK] + whole[:, CLOTHES])
-    assert np.allclose(without(CLOTHES, NECK)[:, SKIN], 1 - whole[:, HAIR], atol=1e-4)
+    assert np.allclose(without(EARS)[:, SKIN], whole[:, SKIN] + whole[:, EARS])
+    assert np.allclose(without(CLOTHES, NECK, EARS)[:, SKIN], 1 - whole[:, HAIR], atol=1e-4)
 
 
 def test_tones_become_those_of_the_exemplars_material(painter, shares):

@@ -22,6 +22,7 @@ from ..kernels.sites import nearest_sites
 from ..patches import SCALE
 from .picture_materials import (
     CLOTHES,
+    EARS,
     FEATURES,
     GROUND,
     HAIR,
@@ -39,7 +40,8 @@ __all__ = ["ExemplarMaterials", "into", "light_neck", "matched_looks", "material
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
-CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255]], np.float32)
+CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255],
+                  [174, 150]], np.float32)
 """A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
 PIECE = 0.3
 """Side of the pieces that the search begins with, over the exemplar's face size."""
@@ -62,9 +64,11 @@ SHOWN = 0.4
 SPREAD = 2.0
 """Tones of neck and clothes are drawn apart by no more: a plain shirt gets no stripes from an
 exemplar's white collar on a dark coat."""
+EITHER = 0.51
+"""Share of ears in what a sitter's ears are painted of; the rest is skin."""
 LIT = 0.06, 0.12
 """A neck whose tone is so much off begins to be painted, and is wholly painted, as skin."""
-STAND_INS = ((CLOTHES, NECK), (NECK, SKIN), (HAIR, SKIN))
+STAND_INS = ((CLOTHES, NECK), (NECK, SKIN), (HAIR, SKIN), (EARS, SKIN))
 """What stands in for a material that the exemplar does not show, in this order."""
 
 
@@ -75,15 +79,15 @@ class ExemplarMaterials:
     Attributes
     ----------
     shares
-        float32 [h, w, 6] by `MATERIALS`.
+        float32 [h, w, 7] by `MATERIALS`.
     tone, detail
         float32 [h, w], luma blurred, and what that leaves out.
     nearest
-        int32 [6, h, w], flat index of the nearest pixel of each material.
+        int32 [7, h, w], flat index of the nearest pixel of each material.
     deep
         The same, of the nearest pixel well inside each material.
     present
-        bool [6], materials that it shows.
+        bool [7], materials that it shows.
     """
 
     shares: Float32
@@ -107,6 +111,8 @@ class ExemplarMaterials:
         nearest, deep = (np.empty((len(MATERIALS), *luma.shape), np.int32) for _ in range(2))
         for material in range(len(MATERIALS)):
             inside = shares[::2, ::2, material] > 0.6
+            if material == EARS:
+                inside |= shares[::2, ::2, [SKIN, EARS]].sum(axis=-1) > 0.6
             nearest[material] = _nearest(inside, luma.shape)
             depth = distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
             limit = min(DEPTH * size / 2, 0.6 * float(depth.max(initial=0.0)))
@@ -130,7 +136,7 @@ def _nearest(there: Bools, shape: tuple[int, ...]) -> NDArray[np.int32]:
 
 
 def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: Bools) -> Float32:
-    """Shares of `MATERIALS` of a skin's N places, float32 [N, 6]; no background, no features.
+    """Shares of `MATERIALS` of a skin's N places, float32 [N, 7]; no background, no features.
 
     Features are painted with the face; elsewhere nobody wants an eye.
 
@@ -141,7 +147,7 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: Bools) -> Floa
     labels
         uint8 [N, K], the exemplar's where the guide leads.
     present
-        bool [6], what the exemplar shows; others stand in for the rest.
+        bool [7], what the exemplar shows; others stand in for the rest.
     """
     shares = material_shares(labels)
     shares[:, SKIN] += shares[:, FEATURES]
@@ -169,7 +175,9 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: Bools) -> Floa
         shares[:, HAIR] = skin.hair
     ears = skin.ears if skin.hair is None else skin.ears * (1 - skin.hair)
     shares *= (1 - ears)[:, None]
-    shares[:, SKIN] += ears
+    # Skin or the painter's ears, whichever is more alike.
+    shares[:, SKIN] += (1 - EITHER) * ears
+    shares[:, EARS] += EITHER * ears
     shares *= (1 - skin.clothes)[:, None]
     shares[:, CLOTHES] = skin.clothes
     shares[:, NECK] += shares[:, GROUND]
@@ -208,7 +216,7 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     Parameters
     ----------
     shares
-        float32 [N, 6] of the sitter's places; skin grows at the neck's cost.
+        float32 [N, 7] of the sitter's places; skin grows at the neck's cost.
     tone
         float32 [N] in [0, 1], the sitter's.
     theirs
@@ -261,9 +269,10 @@ def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: Exemp
     reference = theirs.tone if reference is None else reference
     out, strong = (np.zeros(len(shares), np.float32) for _ in range(2))
     for material in (SKIN, HAIR, NECK, CLOTHES):
-        share = shares[:, material]
+        alike = [SKIN, EARS] if material == SKIN else [material]
+        share = shares[:, alike].sum(axis=1)
         inside = _told(share, shown)
-        there = theirs.shares[..., material] > 0.5
+        there = theirs.shares[..., alike].sum(axis=-1) > 0.5
         if not (share > 0).any():
             continue
         if inside.sum() < FEW or there.sum() < FEW:
@@ -288,7 +297,7 @@ def material_guides(shares: Float32, tone: Float32, detail: Float32,
     Parameters
     ----------
     shares, tone, detail
-        float32 [..., 6] by `MATERIALS`, and [...].
+        float32 [..., 7] by `MATERIALS`, and [...].
     weights
         Of tone, detail and materials.
     """

@@ -49,7 +49,7 @@ from .materials import (
     sitter_looks,
     sitter_shares,
 )
-from .picture_materials import HAIR, MATERIALS, NECK, SKIN, painted_shares
+from .picture_materials import EARS, HAIR, MATERIALS, NECK, SKIN, painted_shares
 from .sitter import Skin
 
 __all__ = ["Painting", "SkinConfig", "SkinPainter"]
@@ -284,7 +284,7 @@ class SkinPainter:
         shares = sitter_shares(skin, labels, theirs.present)
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
         tone, detail = sitter_looks(skin, shares, theirs)
-        flesh = shares[:, [SKIN, NECK]].sum(axis=1)
+        flesh = shares[:, [SKIN, NECK, EARS]].sum(axis=1)
         tone += flesh * carried_light(skin, canvas, core, color, tone)
         guides = material_guides(shares, tone, detail, self._weights())
         wanted = into(shares, theirs, position * np.float32(size))

@@ -1,6 +1,7 @@
-"""What a picture is made of, pixel by pixel: shares of skin, hair, neck, clothes and background.
+"""What a picture is made of, pixel by pixel: shares of skin, hair, neck, clothes, background, ears.
 
-Regions of the picture tell most of it. What lies below the jaw is told by its colour and place.
+Regions of the picture tell most of it. What lies below the jaw is told by its colour and place,
+and so is a beard; ears by their place alone.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from ..guides.labels import LABELS, soft_face
 from ..guides.regions import Regions
 from .sitter import skin_distance
 
-__all__ = ["CLOTHES", "FEATURES", "GROUND", "HAIR", "MATERIALS", "NECK", "PLAIN", "SKIN",
+__all__ = ["CLOTHES", "EARS", "FEATURES", "GROUND", "HAIR", "MATERIALS", "NECK", "PLAIN", "SKIN",
            "material_shares", "painted_shares", "picture_shares"]
 
 Float32 = NDArray[np.float32]
 
-MATERIALS = ("skin", "hair", "neck", "clothes", "background", "features")
-SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES = range(6)
+MATERIALS = ("skin", "hair", "neck", "clothes", "background", "features", "ears")
+SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES, EARS = range(7)
 PLAIN = 0.08
 """A background whose colours deviate by no more than this (standard deviation) is plain."""
 BARE = 1.12
@@ -47,6 +48,8 @@ BEARD = 0.7, 1.0
 """Chin and lip so far from the cheeks' hue, over its spread, begin to be bearded, and are."""
 MOUSTACHE = 0.4, 0.7
 """The same of the lip's way to the chin, over the way to the cheeks: it is, and it is not."""
+EAR, EAR_BEGINS = (-0.15, 0.75), 0.9
+"""Ears lie between these (brows 0, chin 1), and this far from the middle, over half the width."""
 FEW = 30
 """Fewer pixels than this have no colour."""
 LIKE_GROUND = 1.2
@@ -138,7 +141,7 @@ class _Small:
 
 
 def material_shares(labels: NDArray[np.uint8]) -> Float32:
-    """Shares of `MATERIALS`, float32 [..., 6], by soft labels, uint8 [..., K]: a body is neck."""
+    """Shares of `MATERIALS`, float32 [..., 7], by soft labels, uint8 [..., K]: a body is neck."""
     share = labels.astype(np.float32) / np.float32(255)
     named = {name: share[..., n] for n, name in enumerate(LABELS)}
     out = np.zeros((*labels.shape[:-1], len(MATERIALS)), np.float32)
@@ -152,7 +155,7 @@ def material_shares(labels: NDArray[np.uint8]) -> Float32:
 
 def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                    strict: bool = True) -> Float32:
-    """Shares of `MATERIALS` of a picture with its soft labels, float32 [h, w, 6].
+    """Shares of `MATERIALS` of a picture with its soft labels, float32 [h, w, 7].
 
     Below the jaw, what is of the face's colour, or right below it, is neck, the rest clothes; and
     where the background is plain, what looks like it there is background.
@@ -294,6 +297,17 @@ def _bearded(plain: Float32, chin: Float32, lip: Float32) -> float:
                  * np.clip((other - unlike) / (other - alike), 0, 1))
 
 
+def _beside(exemplar: Exemplar, regions: Regions) -> Float32:
+    """Where ears are, if they show: beside the face, from the brows to the mouth; [h, w]."""
+    shape = exemplar.image.shape[:2]
+    right, down = regions.frame.local(shape)
+    face = soft_face(shape, exemplar.landmarks).astype(np.float32) / np.float32(255)
+    upright = np.clip(np.minimum(down - EAR[0], EAR[1] - down) / 0.05 + 0.5, 0, 1)
+    half = 0.5 * regions.frame.width / regions.frame.height
+    aside = np.clip((np.abs(right) / half - EAR_BEGINS) / 0.05 + 0.5, 0, 1)
+    return np.asarray(upright * aside * np.clip(2 * (0.75 - face), 0, 1), np.float32)
+
+
 def _between(shape: tuple[int, ...], top: NDArray[np.floating], bottom: NDArray[np.floating],
              along: tuple[float, float], across: float) -> NDArray[np.bool_]:
     """A part of the way from one landmark to another, so wide to both sides, bool [h, w]."""
@@ -306,11 +320,11 @@ def _between(shape: tuple[int, ...], top: NDArray[np.floating], bottom: NDArray[
 
 def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                    strict: bool = True) -> Float32:
-    """Shares of `MATERIALS` of a painting, float32 [h, w, 6]: `picture_shares`, and a little more.
+    """Shares of `MATERIALS` of a painting, float32 [h, w, 7]: `picture_shares`, and a little more.
 
     What is dark and unlike the cheeks around the face is hair: a fringe, a hat, locks at the
     temples that the networks overlook. Clothes of the colours of the background are background
-    beside the neck.
+    beside the neck. Of heads (``strict``), a beard is a feature of the face, and ears are no skin.
     """
     small = _Small.of(exemplar)
     shares = _shares(exemplar, small, regions, labels, strict)
@@ -321,6 +335,8 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
         beard = _beard(exemplar, small, regions, labels, shares[..., SKIN])
         shares[..., FEATURES] += beard
         shares[..., SKIN] -= beard
+        shares[..., EARS] = shares[..., SKIN] * _beside(exemplar, regions)
+        shares[..., SKIN] -= shares[..., EARS]
     behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
     if not worn.any() or behind.sum() < 50:
         return shares
