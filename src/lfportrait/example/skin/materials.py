@@ -224,8 +224,9 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     shown
         bool [N], places that photos show; others don't tell how light a neck is. None: all.
     """
-    neck, face = (_told(shares[:, part], shown) for part in (NECK, SKIN))
-    their_neck, their_face = (theirs.shares[..., part] > 0.5 for part in (NECK, SKIN))
+    neck, face = (_told(shares[:, part].sum(axis=1), shown) for part in ([NECK], [SKIN, EARS]))
+    their_neck, their_face = (theirs.shares[..., part].sum(axis=-1) > 0.5
+                              for part in ([NECK], [SKIN, EARS]))
     if min(part.sum() for part in (neck, face, their_neck, their_face)) < FEW:
         return
     by_face, by_neck = (_like(tone, ours, theirs.tone, those)
