@@ -75,3 +75,17 @@ def test_the_face_of_a_painting_is_looked_for_once(monkeypatch, tmp_path):
     for _ in range(2):
         with pytest.raises(UserError, match="no face found in the style"):
             Exemplar.load(tmp_path / "wall.png")
+
+
+def test_an_exemplar_is_made_as_small_as_asked():
+    face = drawn_face(240, 180)
+    small = face.within(face.size / 3)
+    assert small.image.shape == (80, 60, 3) and small.mask.shape == (80, 60)
+    assert small.size == pytest.approx(face.size / 3, rel=1e-6) and small.name == face.name
+    # Each pixel is the mean of those that it covers.
+    means = face.image.reshape(80, 3, 60, 3, 3).mean(axis=(1, 3))
+    assert np.abs(small.image - means).max() <= 1
+    assert np.allclose(small.mask, face.mask.reshape(80, 3, 60, 3).mean(axis=(1, 3)), atol=1e-5)
+    bare = Exemplar(face.image, face.landmarks).within(face.size / 2.3)
+    assert bare.mask is None and bare.size == pytest.approx(face.size / 2.3, rel=0.02)
+    assert face.within(face.size) is face and face.within(1e9) is face

@@ -7,7 +7,7 @@ import pytest
 
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
-from lfportrait.example import Exemplar
+from lfportrait.example import Exemplar, Skin, SkinPainter
 from lfportrait.job.specimens import ball_capture
 from lfportrait.stylize import StyledField, StylizeConfig, kept_skin, paint, stylize_with_figures
 from lfportrait.stylize.notices import eye_opening, mouth_opening, notices
@@ -106,6 +106,18 @@ def test_regions_can_be_kept_from_the_photo(head, capture, violet, styled):
     assert np.abs(kept.sh[clothes, :, 0] * 0.28209479 + 0.5 - kept.photo[clothes]).max() < 0.02
     with pytest.raises(UserError, match="hat"):
         stylize_with_figures(head, capture, violet, replace(PREVIEW, keep=("hat",)))
+
+
+def test_of_a_large_exemplar_no_more_is_used_than_the_skin_can_show(head, capture):
+    skin = Skin.of(head, capture.landmarks, capture.cameras, 40.0)
+    large = drawn_face(640, 480)
+    assert large.size > 2 * skin.face
+    painting = paint(skin, large, PREVIEW)
+    assert np.array_equal(painting.color, paint(skin, large.within(2 * skin.face), PREVIEW).color)
+    # The same paint: in the mean hardly other than that of all pixels.
+    whole = SkinPainter(large).paint(skin, 2)
+    own = np.isfinite(whole.color).all(axis=-1) & (whole.color.sum(axis=-1) > 0)
+    assert np.abs(painting.color[own].mean(axis=0) - whole.color[own].mean(axis=0)).max() < 0.03
 
 
 def test_without_agreement_chunks_alone_paint_the_head(head, capture, violet):

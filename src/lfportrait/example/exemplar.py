@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from .. import face, models
 from ..errors import UserError
@@ -67,6 +68,21 @@ class Exemplar:
     def size(self) -> float:
         """Size of the face in pixels, see `face_size`."""
         return face_size(self.landmarks)
+
+    def within(self, size: float) -> Exemplar:
+        """The same with a face of so many pixels (`face_size`) at most: made smaller, or itself."""
+        factor = size / self.size
+        if factor >= 1:
+            return self
+        height, width = self.image.shape[:2]
+        shape = max(round(factor * width), 1), max(round(factor * height), 1)
+
+        def small(plane: NDArray[Any]) -> NDArray[Any]:
+            return np.asarray(Image.fromarray(plane).resize(shape, Image.Resampling.BOX))
+
+        return replace(self, image=small(self.image),
+                       mask=None if self.mask is None else small(self.mask),
+                       landmarks=self.landmarks * np.divide(shape, (width, height)))
 
     def regions(self) -> Regions:
         """Where its person and hair are (`find_regions`).

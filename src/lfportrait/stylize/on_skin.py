@@ -34,6 +34,8 @@ Float32 = NDArray[np.float32]
 
 PREVIEW = 2
 """Pixels of the skin per painted pixel in a preview."""
+FINER = 2.0
+"""Pixels of an exemplar, at most, per pixel of the skin."""
 
 
 def paint(skin: Skin, exemplar: Exemplar, config: StylizeConfig | None = None) -> Painting:
@@ -50,7 +52,13 @@ def paint(skin: Skin, exemplar: Exemplar, config: StylizeConfig | None = None) -
         a `SkinPainter`.
     """
     config = config or StylizeConfig()
-    return _painter(exemplar, config).paint(skin, PREVIEW if config.preview else 1)
+    painter = _painter(_fitting(exemplar, skin), config)
+    return painter.paint(skin, PREVIEW if config.preview else 1)
+
+
+def _fitting(exemplar: Exemplar, skin: Skin) -> Exemplar:
+    """The exemplar without what is finer than a skin can show: that would only cost time."""
+    return exemplar.within(FINER * skin.face)
 
 
 def _painter(exemplar: Exemplar, config: StylizeConfig) -> SkinPainter:
@@ -80,7 +88,7 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
     views = _Views(field, skin, config)
     colors, textures, rows = [], [], []
     constants: Any = None
-    for exemplar in exemplars:
+    for exemplar in (_fitting(one, skin) for one in exemplars):
         clock = time.perf_counter()
         if progress is not None:
             progress.update(progress.done, f"paint after {exemplar.name}")
