@@ -263,8 +263,8 @@ def _beard(exemplar: Exemplar, small: _Small, regions: Regions, labels: NDArray[
     _, down = regions.frame.local(skin.shape)
     points = exemplar.landmarks
     plain = small.part(_cheeks(exemplar, labels, down))
-    chin = small.part(_between(skin.shape, points[57], points[8], (0.25, 0.9), 0.6))
-    lip = small.part(_between(skin.shape, points[33], points[51], (0.2, 0.85), 1.2))
+    chin = _between(small, points[57], points[8], (0.25, 0.9), 0.6)
+    lip = _between(small, points[33], points[51], (0.2, 0.85), 1.2)
     low = (small.part(down) > CHEEKS[1] - 0.05) & (small.part(skin) > 0.02)
     if min(part.sum() for part in (plain, chin, lip)) < FEW:
         return np.zeros_like(skin)
@@ -308,11 +308,11 @@ def _beside(exemplar: Exemplar, regions: Regions) -> Float32:
     return np.asarray(upright * aside * np.clip(2 * (0.75 - face), 0, 1), np.float32)
 
 
-def _between(shape: tuple[int, ...], top: NDArray[np.floating], bottom: NDArray[np.floating],
+def _between(small: _Small, top: NDArray[np.floating], bottom: NDArray[np.floating],
              along: tuple[float, float], across: float) -> NDArray[np.bool_]:
-    """A part of the way from one landmark to another, so wide to both sides, bool [h, w]."""
+    """A part of the way from one landmark to another, so wide to both sides; of a small picture."""
     way = (bottom - top) / max(float((bottom - top) @ (bottom - top)), 1e-6)
-    rows, columns = np.indices(shape[:2])
+    rows, columns = small.factor * np.indices(small.image.shape[:2])
     x, y = columns - top[0], rows - top[1]
     down, right = x * way[0] + y * way[1], x * way[1] - y * way[0]
     return np.asarray((down > along[0]) & (down < along[1]) & (np.abs(right) < across))
