@@ -87,10 +87,10 @@ def projections(skin: Skin, step: int = 1) -> NDArray[np.float64]:
 def row_charts(skin: Skin) -> NDArray[np.uint8]:
     """The chart that shows each lattice row's place, uint8 [R]; 255 where none does."""
     out = np.full(len(skin.rows), 255, np.uint8)
+    x, y = np.ascontiguousarray(skin.rows.T)
     for n, (x0, y0, x1, y1, dx, dy) in enumerate(skin.atlas.boxes.tolist()):
         # A comparison with NaN is false.
-        inside = ((skin.rows >= [x0 + dx, y0 + dy]) & (skin.rows < [x1 + dx, y1 + dy])).all(axis=1)
-        out[inside] = n
+        out[(x >= x0 + dx) & (x < x1 + dx) & (y >= y0 + dy) & (y < y1 + dy)] = n
     return out
 
 
