@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import binary_erosion
 
 from lfportrait.example import LABELS, Exemplar, Regions
 from lfportrait.example.skin.materials import (
@@ -208,7 +209,32 @@ def test_shade_or_paint_on_a_chin_or_lip_is_no_beard(painter, colors):
     exemplar, _ = _bearded(painter.exemplar, **colors)
     bare = painted_shares(painter.exemplar, regions, labels)
     shares = painted_shares(exemplar, regions, labels)
-    assert np.abs(shares - bare)[..., FEATURES].max() < 0.02
+    face = bare[..., SKIN] > 0.5
+    assert np.abs(shares - bare)[face][:, FEATURES].max() < 0.02
+
+
+def test_clothes_are_of_one_cloth(painter):
+    exemplar, regions, labels = (painter.exemplar, painter.transfer.regions,
+                                 painter.transfer.labels)
+    image = exemplar.image.copy()
+    x, y = exemplar.landmarks[8].astype(int)
+    worn = painted_shares(exemplar, regions, labels)[..., CLOTHES] > 0.9
+    hand = np.zeros_like(worn)
+    hand[y + 16:y + 26, x - 30:x - 12] = True
+    hand &= worn
+    assert 50 < hand.sum() < 0.3 * worn.sum()
+    image[hand] = (240, 220, 200)
+    shares = painted_shares(Exemplar(image, exemplar.landmarks), regions, labels)
+    inside, rest = (binary_erosion(part, iterations=3) for part in (hand, worn & ~hand))
+    assert shares[inside][:, FEATURES].mean() > 0.9 and shares[rest][:, CLOTHES].mean() > 0.9
+    assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4)
+    photo = painted_shares(Exemplar(image, exemplar.landmarks), regions, labels, strict=False)
+    assert photo[inside][:, FEATURES].max() < 0.02
+    # Of two colours each is half of the cloth.
+    image = exemplar.image.copy()
+    image[worn & (np.indices(worn.shape)[1] // 10 % 2 == 0)] = (30, 30, 35)
+    striped = painted_shares(Exemplar(image, exemplar.landmarks), regions, labels)
+    assert striped[worn][:, CLOTHES].mean() > 0.85
 
 
 def test_ears_lie_beside_the_face(painter):

@@ -52,6 +52,9 @@ EAR, EAR_BEGINS = (-0.15, 0.75), 0.9
 """Ears lie between these (brows 0, chin 1), and this far from the middle, over half the width."""
 FEW = 30
 """Fewer pixels than this have no colour."""
+CLOTH, LEAST_CLOTH = (1.5, 4.0), 0.5
+"""Most clothes lie so near to their middle colour; what is so far from most is none of them, if no
+more than the other part is."""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colours than this are taken for it."""
 
@@ -324,7 +327,8 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
 
     What is dark and unlike the cheeks around the face is hair: a fringe, a hat, locks at the
     temples that the networks overlook. Clothes of the colours of the background are background
-    beside the neck. Of heads (``strict``), a beard is a feature of the face, and ears are no skin.
+    beside the neck. Of heads (``strict``), a beard is a feature of the face, ears are no skin, and
+    clothes are of one cloth.
     """
     small = _Small.of(exemplar)
     shares = _shares(exemplar, small, regions, labels, strict)
@@ -337,9 +341,17 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
         shares[..., SKIN] -= beard
         shares[..., EARS] = shares[..., SKIN] * _beside(exemplar, regions)
         shares[..., SKIN] -= shares[..., EARS]
+    _hide_ground(small, shares)
+    if strict:
+        _part_clothes(small, shares)
+    return shares
+
+
+def _hide_ground(small: _Small, shares: Float32) -> None:
+    """Let clothes of the colours of the background be background, in place."""
     behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
     if not worn.any() or behind.sum() < 50:
-        return shares
+        return
     there = small.part(behind)
     chosen = there | small.part(worn)
     alike = np.zeros(there.shape, np.float32)
@@ -348,7 +360,26 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
     shares[..., GROUND] += ground
     shares[..., CLOTHES] -= ground
-    return shares
+
+
+def _part_clothes(small: _Small, shares: Float32) -> None:
+    """Let what is far from most of the clothes' colours be none, in place.
+
+    Hands, a bare chest, the shade beside a neck, a collar: on a sitter's shoulder they would be
+    stains. They are painted nowhere.
+    """
+    worn = small.part(shares[..., CLOTHES]) > 0.5
+    if worn.sum() < FEW:
+        return
+    colors = small.blurred(LIKE_HAIR[0][0] * 2)[worn]
+    most = skin_distance(colors, np.ones(len(colors), bool)) < CLOTH[0]
+    like = np.ones(worn.shape, np.float32)
+    like[worn] = _near(skin_distance(colors, most), CLOTH[1])
+    if most.sum() < FEW or like[worn].mean() < LEAST_CLOTH:
+        return
+    stains = shares[..., CLOTHES] * (1 - small.whole(like))
+    shares[..., FEATURES] += stains
+    shares[..., CLOTHES] -= stains
 
 
 def _near(distance: Float32, limit: NDArray[np.floating] | float) -> Float32:
