@@ -31,7 +31,7 @@ from ..progress import Progress
 
 __all__ = ["transfer_folder", "transfer_photo", "transfer_video"]
 
-DOUBTFUL = 50.0
+DOUBTFUL = 77.0
 """Degrees beyond which the landmarks of a turned photo are often wrong."""
 
 

@@ -23,6 +23,7 @@ from .guides.position import fold_inside, folded_position_guide
 from .guides.regions import Regions
 from .kernels.labels import own_body, shrink_label
 from .styleblit import label_words
+from .turned.aside import SPACING, FaceAside
 
 __all__ = ["FlatGuide"]
 
@@ -67,7 +68,7 @@ class FlatGuide:
 
     def __call__(self, cover: Float32, landmarks: Float64, regions: Regions,
                  labels: NDArray[np.uint8], grid: int, contours: bool,
-                 hold: bool = False) -> Float32:
+                 hold: bool = False, aside: FaceAside | None = None) -> Float32:
         """Position guide of a photo, float32 [H, W, 2]; NaN where it is not covered.
 
         Parameters
@@ -82,9 +83,12 @@ class FlatGuide:
             Whether hairline and outline join the landmarks.
         hold
             Lay neck and body onto the exemplar's, and hold person and background on their sides.
+        aside
+            What is seen of a face that is turned far to one side; ``landmarks`` are its own.
         """
-        sources, targets, weights, softness = match_regions(
-            landmarks, regions, self.exemplar.landmarks, self.regions, contours)
+        points = match_regions(landmarks, regions, self.exemplar.landmarks, self.regions, contours)
+        sources, targets, weights, softness = (
+            points if aside is None else self._seen(aside, *points))
         scale, shape = self.exemplar.size / face_size(landmarks), self.exemplar.image.shape
 
         def move(nodes: Float32) -> None:
@@ -99,6 +103,19 @@ class FlatGuide:
         return folded_position_guide(cover, sources, targets, weights, softness,
                                      shape, self._box, grid,
                                      move if contours else None)
+
+    def _seen(self, aside: FaceAside, sources: Float64, targets: Float64, weights: Float64,
+              softness: Float64) -> tuple[Float64, Float64, Float64, Float64]:
+        """Control points with those of what is seen of a turned face, without those hidden."""
+        more = aside.in_exemplar(self.exemplar.landmarks)
+        weights = weights.copy()
+        weights[:68][aside.hidden] *= 1 - aside.share
+        kept = weights > 0
+        soft = np.full(len(more), 0.5 * SPACING * aside.pose.scale)
+        return (np.concatenate([sources[kept], aside.places]),
+                np.concatenate([targets[kept], more]),
+                np.concatenate([weights[kept], np.full(len(more), aside.share)]),
+                np.concatenate([softness[kept], soft]))
 
     def _meet(self, nodes: Float32, labels: NDArray[np.uint8], scale: float, grid: int,
               keep: float) -> None:

@@ -18,7 +18,8 @@ from .guides.blurs import broad_blur, gaussian_blur, shrunk
 from .guides.labels import missing_labels, soft_face, without_hair
 from .guides.maps import Guides, anchor_scale, relative_stretch, sample_labels
 from .guides.position import pixel_centres
-from .guides.regions import Regions, find_regions
+from .guides.regions import Regions
+from .guides.scalp import photo_regions
 from .kernels.labels import pixel_weights
 from .kernels.vote import blend
 from .photo_guide import FlatGuide
@@ -33,7 +34,7 @@ from .styleblit import (
     synthesise,
 )
 from .table import TableConfig, cached_table
-from .turned import suited
+from .turned import face_aside, suited
 
 if TYPE_CHECKING:
     from .photo_patches import PhotoPatches
@@ -86,6 +87,9 @@ class TransferConfig:
     """Error of copying from a wrong region (hair for skin, lips for skin, ...), 0 to 200."""
     contours: bool = True
     """Let hairline and outline of the head join the landmarks in the position guide."""
+    aside: float = 20.0
+    """The guide of a photo whose face is turned by more degrees follows what is seen of a generic
+    head, not landmarks that are hidden; 90 = never."""
     steadiness: float = 10.0
     """Factor of `blit.gain` in the views of a capture, 1 to 20: there a look-up that only one view
     makes is a stroke that jumps."""
@@ -168,8 +172,12 @@ class Transfer:
         photo = np.asarray(image[..., :3])
         start = time.perf_counter()
         flat = position is None
+        aside = face_aside(points, config.aside) if flat else None
         if position is None and regions is None:
-            regions = find_regions(photo, points, mask, size=384)
+            regions = photo_regions(photo, points, mask)
+        if aside is not None and regions is not None:
+            points = aside.landmarks
+            regions = Regions(points, regions.person, regions.hair)
         guided = time.perf_counter()
         if position is None:
             assert regions is not None
@@ -178,7 +186,7 @@ class Transfer:
             labels = regions.labels(self._like)
             hold = seeds_anchor is not None or self._flat.turned(points, regions)
             position = self._flat(cover, points, regions, labels, config.grid, config.contours,
-                                  hold)
+                                  hold, aside)
             if config.region == "picture" and not hold:
                 person = self._flat.own_shoulders(position, points, labels, person)
         else:
@@ -373,5 +381,6 @@ def face_landmarks(image: NDArray[np.generic]) -> NDArray[np.float64]:
     landmarks = detect_landmarks(np.asarray(image, np.uint8))
     if landmarks is None:
         raise UserError("no face found in the photo; give a picture in which one face is seen "
-                        "from the front, larger than about 60 pixels")
+                        "with both eyes or nearly so (turned by 70 degrees at most), larger than "
+                        "about 60 pixels")
     return landmarks

@@ -21,6 +21,7 @@ from .points import FROM_MEDIAPIPE, centred
 
 __all__ = ["detect_faces", "detect_landmarks", "face_yaw"]
 
+_AROUND = 1.5
 _MANY = 8
 """Faces that are looked for in a picture."""
 
@@ -154,6 +155,26 @@ def _windows(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
                 yield x, y, x + w, y + h
 
 
+def _inside_a_head(image: NDArray[np.uint8], points: NDArray[np.float64]) -> bool:
+    """Whether what was taken for a face, [68, 2], is a part of a larger head: a profile's ear.
+
+    Above and beside a face, one and a half times as far from the brows as the chin, no person is.
+    """
+    if not models.available("person-segmentation"):
+        return False
+    from .segmentation import person_matte
+
+    brows = points[17:27].mean(axis=0)
+    down = _AROUND * (points[8] - brows)
+    turns = np.radians(np.arange(-90, 91, 30))
+    around = brows - np.multiply.outer(np.cos(turns), down) + np.multiply.outer(
+        np.sin(turns), [down[1], -down[0]])
+    x, y = np.floor(around).astype(np.int64).T
+    if min(x.min(), y.min()) < 0 or x.max() >= image.shape[1] or y.max() >= image.shape[0]:
+        return False
+    return bool((person_matte(np.ascontiguousarray(image))[y, x] > 0.9).all())
+
+
 def _second_opinion(image: NDArray[np.uint8], points: NDArray[np.float64],
                     ) -> NDArray[np.float64]:
     """The mean of MediaPipe's landmarks and face-api's, where both saw the same face.
@@ -201,6 +222,8 @@ def detect_landmarks(image: NDArray[np.uint8], *, turns: tuple[int, ...] = (0,),
             faces = _meshes(turned[y0:y1, x0:x1])
             if faces:
                 points = faces[0] + np.array([x0, y0])
+                if (x1 - x0, y1 - y0) != (width, height) and _inside_a_head(turned, points):
+                    continue
                 if thorough:
                     points = _second_opinion(turned, points)
                 return _turn_back(points, turn, image.shape)

@@ -61,7 +61,8 @@ def _prepare(field: VoxelField, capture: Capture, exemplar: Exemplar, config: St
              ) -> tuple[list[StyleView], dict[str, float]]:
     """Render and transfer all views."""
     cameras = style_cameras(field, config.size, config.arc, config.views, config.pitches)
-    transfer = Transfer(exemplar, replace(config.transfer, seed=config.seed))
+    # By landmarks alone, as published.
+    transfer = Transfer(exemplar, replace(config.transfer, seed=config.seed, aside=90.0))
     guide = None
     if config.guide == "surface":
         assert capture.landmarks is not None

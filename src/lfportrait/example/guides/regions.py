@@ -27,6 +27,11 @@ Float64 = NDArray[np.float64]
 RAYS = np.radians(np.arange(-75, 76, 15.0))
 """Directions of the rays to hairline and outline: from straight up, clockwise."""
 
+BACK = 0.8, 1.4
+"""Turns of a head (`FaceFrame.turn`) between which more and more of its back is seen."""
+DEPTH = 0.8
+"""How much further a turned head reaches behind its face, in units of the frame's height."""
+
 
 @dataclass
 class Regions:
@@ -149,14 +154,33 @@ def _person_prior(frame: FaceFrame, shape: tuple[int, ...], points: Float64) -> 
     """Probability of the person from the landmarks alone: a head on a neck on shoulders."""
     right, down = frame.local(shape)
     half = max(0.5 * frame.width / frame.height, 0.42)
+    turn = frame.turn(points)
+    across = right
+    right = _without_back(right, turn, half)
     head = np.hypot(right / (half * 1.25), (down + 0.05) / np.where(down < -0.05, 0.88, 1.1))
     neck = np.abs(right) / (half * 0.85 + np.clip(down - 1.15, 0, None) * 2.2)
     away = np.where(down > 0.8, np.minimum(head, np.where(down > 1.0, neck, 2.0)), head)
     prior = 1 / (1 + np.exp((away - 1.0) / 0.12))
     prior = np.where(away > 1.5, 0.0, prior)
-    face = np.maximum(polygon(shape, points[:27][[*range(17), 26, 25, 24, 19, 18, 17]]),
-                      (np.hypot(right / (half * 0.7), (down + 0.1) / 0.45) < 1))
+    forehead = np.hypot(across / (half * 0.7), (down + 0.1) / 0.45) < 1
+    if abs(turn) > BACK[1]:
+        # Before the brows of a profile there is nothing any more.
+        forehead &= np.sign(turn) * across < 0
+    face = np.maximum(polygon(shape, points[:27][[*range(17), 26, 25, 24, 19, 18, 17]]), forehead)
     return np.asarray(np.where(face > 0, 1.0, prior), np.float32)
+
+
+def _without_back(right: Float32, turn: float, half: float) -> Float32:
+    """Places across a head [H, W] without what is seen of its back where it is turned.
+
+    As far behind the face as a turned head's ear they count as its middle; ``half`` is half the
+    face's width.
+    """
+    first, last = BACK
+    back = np.float32(DEPTH * np.clip((abs(turn) - first) / (last - first), 0, 1))
+    behind = -np.sign(turn) * right
+    return np.asarray(np.where(behind > 0, -np.sign(turn) * np.maximum(
+        behind - back, np.minimum(behind, 0.5 * half)), right), np.float32)
 
 
 def _hair_prior(frame: FaceFrame, person: Float32, points: Float64) -> Float32:

@@ -1,11 +1,13 @@
-"""Paintings whose face is turned: the frontal picture that is painted from.
+"""Faces that are turned, with the help of a head that stands for any.
 
-`frontal` unrolls the painting by the pose of its face (`lfportrait.face.face_pose`), with the help
-of a head that stands for any; `mesh` draws that head onto the painting.
+`frontal` unrolls a painting by the pose of its face (`lfportrait.face.face_pose`): the frontal
+picture is what is painted from. `mesh` draws the head onto the painting. `aside` tells what a photo
+shows of a face that is turned far.
 """
 
+from .aside import FaceAside, face_aside
 from .frontal import FRONTAL, PROFILE, Frontal, frontal_view, frontalised, suited
 from .mesh import head_mesh
 
-__all__ = ["FRONTAL", "PROFILE", "Frontal", "frontal_view", "frontalised", "head_mesh",
-           "suited"]
+__all__ = ["FRONTAL", "PROFILE", "FaceAside", "Frontal", "face_aside", "frontal_view",
+           "frontalised", "head_mesh", "suited"]
