@@ -265,3 +265,29 @@ def test_mattes_find_person_and_hair(shared_data, networks):
 def test_no_face_is_found_where_there_is_none(shared_data, networks):
     noise = np.random.default_rng(0).integers(0, 256, (200, 200, 3), dtype=np.uint8)
     assert detect_landmarks(noise) is None
+
+
+@pytest.mark.parametrize(("radius", "kept"), [(150, False), (30, True)])
+def test_an_ear_in_a_crop_is_no_face(monkeypatch, radius, kept):
+    """A profile's ear is taken for a face in crops; a person is all around it."""
+    module = sys.modules["lfportrait.face.detect"]
+    photo = np.zeros((300, 300, 3), np.uint8)
+    photo[150, 150] = 255
+    ear = np.zeros((68, 2))
+    ear[17:27, 1], ear[8, 1] = -10.0, 15.0
+
+    def meshes(image, most=1):
+        row, column = np.argwhere(image[..., 0] == 255)[0]
+        return [] if len(image) == 300 else [ear + np.array([column, row])]
+
+    y, x = np.mgrid[:300, :300]
+    matte = (np.hypot(x - 150, y - 150) < radius).astype(np.float32)
+    monkeypatch.setattr(module, "_meshes", meshes)
+    monkeypatch.setattr(module, "_second_opinion", lambda image, points: points)
+    monkeypatch.setattr(module.models, "available", lambda name: name == "person-segmentation")
+    monkeypatch.setattr("lfportrait.face.segmentation.person_matte", lambda image: matte)
+    monkeypatch.setattr(module, "_windows", lambda height, width: [
+        (0, 0, width, height), (45, 45, 255, 255)])
+    found = module.detect_landmarks(photo)
+    assert (found is not None) == kept
+    assert not kept or np.array_equal(found, ear + 150)

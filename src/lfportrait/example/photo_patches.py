@@ -23,6 +23,8 @@ from PIL import Image
 from .exemplar import Exemplar, face_size
 from .guides.blurs import broad_blur, enlarged, gaussian_blur
 from .guides.labels import soft_face
+from .guides.maps import relative_stretch
+from .guides.position import pixel_centres
 from .guides.regions import Regions
 from .kernels.patches import ACTIVE, FIXED, OUTSIDE
 from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
@@ -54,6 +56,9 @@ BENT = 0.3
 """A guide whose derivative is further from a multiple of the identity than this is not rigid."""
 EVEN = np.array([1, 1, 1, 2, 2, 1, 1], np.float32)
 """How much more often than evenly a pixel of each of `MATERIALS` may be used."""
+DRAWN_OUT, CALM = 0.45, 0.02
+"""The side of a turned face is patches where the guide changes more slowly than this, blurred by so
+much over the face's size."""
 PLAIN_EVEN = 8.0
 """The same of a plain background: paper may well repeat, but vignettes must not lie in patches."""
 
@@ -99,7 +104,7 @@ class PhotoPatches:
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
-               result: TransferResult, scale: float) -> Float32:
+               result: TransferResult, scale: float, turned: bool = False) -> Float32:
         """Lay patches around the face of a photo that StyleBlit has painted.
 
         Parameters
@@ -112,6 +117,9 @@ class PhotoPatches:
             StyleBlit's, of the same photo and exemplar.
         scale
             Exemplar pixels per pixel of the photo (`Transfer.scale`).
+        turned
+            Whether the face is turned far: its side, which the exemplar shows as a narrow strip, is
+            patches, too.
 
         Returns
         -------
@@ -126,7 +134,7 @@ class PhotoPatches:
         guides = result.guides
         place = guides.anchor + result.synthesis.shift
         work = _Work(eight, landmarks, regions, guides.position, place, painted,
-                     scale)
+                     scale, turned)
         if step > 1:
             work = work.shrunk(round(width / step), round(height / step))
         color, core = self._lay(work)
@@ -220,6 +228,7 @@ class _Work:
     place: Float32
     painted: Float32
     scale: float
+    turned: bool
 
     def shrunk(self, width: int, height: int) -> _Work:
         """The same at another size."""
@@ -234,7 +243,7 @@ class _Work:
         nearest = Image.Resampling.NEAREST
         return _Work(photo, points, regions, _resized(self.position, size, nearest),
                      _resized(self.place, size, nearest), _resized(self.painted, size),
-                     self.scale / float(ratio.mean()))
+                     self.scale / float(ratio.mean()), self.turned)
 
 
 def _resized(planes: Float32, size: tuple[int, int],
@@ -253,7 +262,16 @@ def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
     half = 0.5 * frame.width / frame.height
     forehead = (np.hypot(right / (0.95 * half), down / 0.75) < 1) & (down < 0.1)
     broad = gaussian_blur(np.asarray(skin * kept, np.float32), max(1.0, 0.02 * frame.height))
-    return np.asarray(((soft > 0.5) & (skin > 0.5)) | (forehead & (broad > 0.9)), bool)
+    face = (soft > 0.5) & (skin > 0.5)
+    if work.turned:
+        plane = np.float32(work.scale) * pixel_centres(soft.shape)
+        steady = relative_stretch(np.nan_to_num(work.position), plane)
+        steady = broad_blur(steady, CALM * face_size(work.landmarks))
+        # Not the features: of a nose patches would make several.
+        near = -np.sign(frame.turn(work.landmarks))
+        eyes = (work.landmarks[[36, 45]] - frame.origin) @ frame.right / frame.height
+        face &= (steady > DRAWN_OUT) | (near * right < (near * eyes).max())
+    return np.asarray(face | (forehead & (broad > 0.9)), bool)
 
 
 def _rigid(position: Float32) -> Bools:

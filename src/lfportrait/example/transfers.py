@@ -230,7 +230,7 @@ class Transfer:
                               self.exemplar.image.shape[:2], self.appearance)
         if config.quality == "best" and flat and seeds is not None:
             assert regions is not None
-            made.image = self._refined(photo, points, regions, made)
+            made.image = self._refined(photo, points, regions, made, aside is not None)
         if not (flat and self.covers_all):
             painted, made.image = made.image, np.empty(photo.shape, np.float32)
             blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), painted, cover,
@@ -238,7 +238,7 @@ class Transfer:
         return made
 
     def _refined(self, photo: NDArray[np.generic], points: NDArray[np.float64], regions: Regions,
-                 made: TransferResult) -> Float32:
+                 made: TransferResult, turned: bool) -> Float32:
         """The picture with patches around the face; its seconds are noted."""
         from .photo_patches import PhotoPatches
 
@@ -246,7 +246,7 @@ class Transfer:
         if self._patches is None:
             self._patches = PhotoPatches(self.exemplar, self.regions, self.labels,
                                          seed=self.config.seed)
-        image = self._patches.refine(photo, points, regions, made, self.scale(points))
+        image = self._patches.refine(photo, points, regions, made, self.scale(points), turned)
         made.seconds["patches_seconds"] = time.perf_counter() - start
         return image
 

@@ -28,7 +28,7 @@ FINE = 0.02
 """What is finer than this over that height is texture."""
 SMOOTH = 1.0
 """Hair of skin's colours is rougher than this times skin."""
-LIKE = 0.65
+LIKE = 0.6
 """Overlap of its colours with the skin's: smooth hair shares less."""
 SURE = 0.2
 """Share of what may be hair that is hair rather than not; a head of hair has more of it."""
