@@ -1,8 +1,11 @@
-"""What a network takes for hair on a shaven head, told from hair by colour and roughness."""
+"""What a network takes for hair on a shaven head, told from hair; heads and ears from the side."""
 
 import numpy as np
 import pytest
 
+from lfportrait.demo import SITTER, landmarks
+from lfportrait.demo.studio import photograph
+from lfportrait.evaluate import head_cameras
 from lfportrait.example.guides import scalp
 from lfportrait.example.guides.regions import Regions, find_regions
 from lfportrait.example.guides.scalp import is_scalp, photo_regions
@@ -75,3 +78,20 @@ def test_a_head_seen_from_the_side_is_a_person(monkeypatch, yaw):
                         lambda *_: (np.ones_like(person), None))
     found = find_regions(image, pose.project(GENERIC_LANDMARKS))
     assert found.person.mean() < 0.9
+
+
+@pytest.mark.parametrize("yaw", [-70.0, 70.0])
+def test_the_ear_of_a_head_in_profile_is_no_hair(yaw):
+    marks = landmarks(SITTER)
+    cameras = head_cameras(marks, (yaw,), SIZE, room=1.25, back=0.25)
+    picture = photograph(SITTER, cameras)
+    person = picture.image[..., 3] / np.float32(255)
+    found = find_regions(picture.image[..., :3], cameras.project(marks)[0][0], person,
+                         networks=False)
+    behind, down = found.frame.local((SIZE, SIZE))
+    behind = -np.sign(found.frame.turn(found.landmarks)) * behind
+    head = (person > 0.99) & (down < 1)
+    ear = head & (picture.surface == 0) & (behind > 0.7) & (down < 0.5)
+    hair = head & (picture.surface == 1)
+    assert ear.sum() > 200
+    assert found.hair[ear].mean() < 0.3 and found.hair[hair].mean() > 0.9

@@ -29,6 +29,9 @@ RAYS = np.radians(np.arange(-75, 76, 15.0))
 
 BACK = 0.8, 1.4
 """Turns of a head (`FaceFrame.turn`) between which more and more of its back is seen."""
+EAR = 0.9, 0.3, 0.3, 0.4
+"""The ear of a head in profile, which hair may cover: how far behind and below the middle of the
+brows, and half the width and height of its surroundings, in units of the frame's height."""
 DEPTH = 0.8
 """How much further a turned head reaches behind its face, in units of the frame's height."""
 
@@ -195,6 +198,11 @@ def _hair_prior(frame: FaceFrame, person: Float32, points: Float64) -> Float32:
     face = polygon(shape, points[[*range(17), 26, 25, 24, 19, 18, 17]])
     forehead = np.hypot(right / (half * 0.75), down / 0.38) < 1
     prior = np.where((face > 0) | forehead | (down > 1.0), 0.0, prior)
+    turn = frame.turn(points)
+    if abs(turn) > BACK[0]:
+        behind, below, width, height = EAR
+        ear = np.hypot((-np.sign(turn) * right - behind) / width, (down - below) / height) < 1
+        prior = np.where(ear, np.minimum(prior, 0.5), prior)
     return np.asarray(np.clip(prior, 0, 0.97) * person, np.float32)
 
 
