@@ -1,5 +1,6 @@
 """A painting that is finer than the lattice comes back from a field with its texture."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from lfportrait.stylize.mixing.texels import mixed_texels
 from lfportrait.stylize.skin_fit import look_up_rows, row_labels
 from lfportrait.stylize.skin_texture import (
     MARGIN,
+    _keen,
     projections,
     row_charts,
     surface_texture,
@@ -178,3 +180,26 @@ def test_a_file_keeps_the_textures_of_all_styles(tmp_path, field, looked_up, pai
         again = StyledField.load(tmp_path / "a.npz")
         assert np.array_equal(again.painted_texels, styled.painted_texels)
         assert np.array_equal(again.mix().texture.texels, styled.texture.texels)
+
+
+@pytest.mark.parametrize("width", [0.8, 1.2])
+def test_what_is_looked_up_between_texels_is_as_sharp_as_painted(width):
+    rng = np.random.default_rng(3)
+    painted = cv2.GaussianBlur(rng.normal(size=(120, 140, 3)).astype(np.float32), (0, 0), width)
+    # A view that is turned and a little larger: its pixels fall anywhere between texels.
+    place = cv2.getRotationMatrix2D((70, 60), 17.0, 1.13)
+
+    def seen(picture, how):
+        return cv2.warpAffine(picture, place, (140, 120), flags=how)[20:-20, 20:-20]
+
+    wanted = seen(painted, cv2.INTER_LANCZOS4)
+    plain, keen = (seen(one, cv2.INTER_LINEAR) for one in (painted, _keen(painted)))
+
+    def energy(picture):
+        return sum((np.diff(picture, axis=axis) ** 2).mean() for axis in (0, 1))
+
+    assert ((keen - wanted) ** 2).mean() < 0.7 * ((plain - wanted) ** 2).mean()
+    assert 0.85 < energy(keen) / energy(wanted) < 1.1
+    assert energy(plain) < 0.85 * energy(wanted)
+    # What is plain stays as it is.
+    assert np.allclose(_keen(np.full((9, 9, 3), 0.25, np.float32)), 0.25, atol=1e-6)

@@ -22,6 +22,11 @@ Float32 = NDArray[np.float32]
 
 MARGIN = 12
 """Texels kept around what a chart owns, so that cells at a border find theirs in either chart."""
+KEEN = 0.1
+"""Looking up between texels blurs: on average, over where a look-up falls, detail of four texels
+keeps 2/3 of its energy, of two 1/3. The texture makes up for it (generalised sampling): neighbours
+on either side are taken off with this weight. So views are nearest to what was painted, looked up
+by a filter of eight texels (Lanczos)."""
 SOLID = 0.9
 """Where a chart's own view is clearer than this, nothing is known of the surface's colour."""
 
@@ -47,11 +52,18 @@ def surface_texture(styled: VoxelField, painting: Painting) -> SurfaceTexture:
         solid = shot.alpha > SOLID
         lattice = shot.color / np.maximum(shot.alpha, np.float32(SOLID))[..., None]
         detail[there] = np.where(solid[..., None], painting.color[there] - lattice, 0)
+    detail = _keen(detail)
     own = (atlas.own & (skin.slots >= 0))[::step, ::step][:shape[0], :shape[1]]
     near = cv2.dilate(own.astype(np.uint8), np.ones((2 * MARGIN // step + 1,) * 2, np.uint8))
     detail *= near[..., None]
     return SurfaceTexture.of(detail, projections(skin, step), row_charts(skin),
                              skin.pixels / step)
+
+
+def _keen(detail: Float32) -> Float32:
+    """Differences [H, W, 3] that a bilinear look-up shows as sharp as they were."""
+    row = np.array([-KEEN, 1 + 2 * KEEN, -KEEN], np.float32)
+    return np.asarray(cv2.sepFilter2D(detail, -1, row, row), np.float32)
 
 
 def _size(skin: Skin, n: int, step: int) -> tuple[int, int]:
