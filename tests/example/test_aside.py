@@ -33,7 +33,7 @@ def test_the_far_side_is_hidden_and_lies_on_the_outline(yaw):
     edge = distance_transform_edt(mask) + distance_transform_edt(~mask)
     column, row = np.floor(found.landmarks[found.hidden]).astype(int).T
     assert edge[row, column].max() < 0.04 * SCALE
-    # Before, the jaw's lay in the cheek.
+    # The jaw's own landmarks lie in the cheek.
     column, row = np.floor(points[list(far)]).astype(int).T
     assert edge[row, column].max() > 0.15 * SCALE
 
