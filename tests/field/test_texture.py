@@ -12,7 +12,7 @@ from lfportrait.errors import UserError
 from lfportrait.field import SurfaceTexture, VoxelField, save_checkpoint
 from lfportrait.field.grid import TEXEL
 from lfportrait.field.kernels.bricks import build_bricks
-from lfportrait.field.kernels.texture import NONE, cell_charts, halve
+from lfportrait.field.kernels.texture import NONE, PROBES, REACH, cell_charts, halve
 from lfportrait.field.texture import FULL, STEPS
 from lfportrait.lightfield import (
     Display,
@@ -67,21 +67,26 @@ def halved(texels):
     return np.floor((blurred[1::2, 1::2][:high, :wide] + 32) / 64)
 
 
-def looked_up(field, points, level=0):
-    """What a texture says at world points [N, 3], float64 [N, 3]."""
+def charts_at(field, points):
+    """The chart of the cell of each world point [N, 3], -1 for none."""
+    scale, offset = field.lattice[3:6], field.lattice[6:9]
+    cells = voted(field.links, field.texture.charts)
+    places = np.clip((points * scale + offset).astype(int), 0,
+                     np.array(field.links.shape[::-1]) - 2)
+    return cells[places[:, 2], places[:, 1], places[:, 0]]
+
+
+def looked_up(field, points, charts, level=0):
+    """What a texture says at world points [N, 3] in these charts, float64 [N, 3]."""
     texture = field.texture
     size = 2 ** (level // STEPS)
     texels = np.ascontiguousarray(texture.words(level)).view(np.int8).reshape(
         *texture.words(level).shape, 4)[..., :3].astype(float)
-    scale, offset = field.lattice[3:6], field.lattice[6:9]
-    cells = voted(field.links, texture.charts)
     out = np.zeros((len(points), 3))
     for n, point in enumerate(points):
-        x, y, z = np.clip((point * scale + offset).astype(int), 0,
-                          np.array(field.links.shape[::-1]) - 2)
-        if cells[z, y, x] < 0:
+        if charts[n] < 0:
             continue
-        u, v, w = texture.projections[cells[z, y, x]] @ np.append(point, 1)
+        u, v, w = texture.projections[charts[n]] @ np.append(point, 1)
         u, v = u / w / size - 0.5, v / w / size - 0.5
         if not (0 <= u < texels.shape[1] - 1 and 0 <= v < texels.shape[0] - 1):
             continue
@@ -90,6 +95,45 @@ def looked_up(field, points, level=0):
         row = part[0] + (v - j) * (part[1] - part[0])
         out[n] = (row[0] + (u - i) * (row[1] - row[0])) / FULL
     return out
+
+
+def slope(depths, middle, apart):
+    """The smaller of the ways from depths[middle] to either side, per pixel; 0 where unknown."""
+    ways = []
+    for side in (-1, 1):
+        steps = min(apart, middle if side < 0 else len(depths) - 1 - middle)
+        if steps > 0 and np.isfinite(depths[middle + side * steps]):
+            ways.append(side * (depths[middle + side * steps] - depths[middle]) / steps)
+    return min(ways, key=abs, default=0.0)
+
+
+def piece(shot, camera, y, x, spacing, covered):
+    """Places in the world that the pixel of a rendering looks up, [n, 3]."""
+    focal, away = camera.focal[0, 0], float(shot.depth[y, x])
+    position, turn = camera.pose[0, :3, 3], camera.pose[0, :3, :3]
+    apart = max(1, int(focal / away * spacing + 0.5))
+    slopes = np.array([slope(shot.depth[y].astype(float), x, apart),
+                       slope(shot.depth[:, x].astype(float), y, apart)])
+
+    def at(right, down):
+        """The plane through the pixel's place with these slopes, so many pixels away."""
+        depth = away + slopes @ [right, down]
+        eye = [(x + 0.5 + right - camera.center[0, 0]) / focal,
+               (y + 0.5 + down - camera.center[0, 1]) / focal, 1.0]
+        return position + turn @ (depth * np.array(eye))
+
+    place = at(0.0, 0.0)
+    steepest = slopes / max(np.linalg.norm(slopes), 1e-12)
+    # A short way, as if there were no perspective.
+    along = (at(*(1e-3 * steepest)) - at(*(-1e-3 * steepest))) / 2e-3
+    length = math.hypot(np.linalg.norm(slopes), away / focal)
+    across = max(away / focal, covered)
+    longer = min(length / across, PROBES)
+    if longer <= 1.0:
+        return place[None]
+    count = math.ceil(longer)
+    reach = REACH * math.sqrt(longer ** 2 - 1) * across / length
+    return place + ((np.arange(count) + 0.5) / count - 0.5)[:, None] * reach * along
 
 
 @pytest.mark.parametrize("field", [shell_field(), shell_field(basis=1, shape=(9, 24, 13)),
@@ -101,19 +145,38 @@ def test_a_view_shows_what_a_plain_look_up_finds(field, far):
     plain = dataclasses.replace(field, texture=None).render(camera, background=0.0)
     shot = field.render(camera, background=0.0)
     assert np.array_equal(shot.alpha, plain.alpha) and np.array_equal(shot.depth, plain.depth)
-    points = plain.points(camera, 0).reshape(-1, 3)
-    known = np.isfinite(points[:, 0])
-    assert known.sum() > 20
+    known = np.argwhere(np.isfinite(plain.depth) & (plain.alpha > 0.5))
+    assert len(known) > 20
     footprint = np.linalg.norm(camera.pose[0, :3, 3] - field.center) / camera.focal[0].mean()
     level = field.texture.level(TEXEL * footprint)
     assert level == (5 if far == 1.0 else 12)
-    share = np.clip(4 * plain.alpha.reshape(-1)[known] - 2, 0, 1)[:, None]
-    wanted = plain.color.reshape(-1, 3).astype(float)
-    wanted[known] += share * looked_up(field, points[known], level)
-    # A point on the border of two cells may be found in either.
-    away = np.abs(np.maximum(wanted, 0) - shot.color.reshape(-1, 3)).max(axis=1)
-    assert (away > 2e-3).mean() < 0.01
+    covered = 2 ** (level / STEPS) / field.texture.pixels / TEXEL
+    pieces = [piece(plain, camera, y, x, 1 / field.lattice[3], covered) for y, x in known]
+    assert max(map(len, pieces)) > (3 if far == 1.0 else 1)
+    middles = charts_at(field, np.array([places.mean(axis=0) for places in pieces]))
+    wanted = plain.color.astype(float)
+    for (y, x), places, chart in zip(known, pieces, middles):
+        share = min(4 * float(plain.alpha[y, x]) - 2, 1.0)
+        wanted[y, x] += share * looked_up(field, places, [chart] * len(places), level).mean(axis=0)
+    # A point on the border of two cells may be found in either, and so may a count.
+    away = np.abs(np.maximum(wanted, 0) - shot.color).max(axis=2)
+    assert (away > 2e-3).mean() < 0.02
     assert np.abs(shot.color - plain.color).max() > 0.03
+
+
+def test_a_flat_texture_is_flat_where_the_surface_turns_away():
+    field = waving(20.0)
+    texture = dataclasses.replace(field.texture, texels=np.full((*SHAPE, 3), 60, np.int8))
+    field, bare = (dataclasses.replace(field, texture=each) for each in (texture, None))
+    camera = Camera.arc([35.0], distance=4.0, width=64, height=64, focal=70.0)
+    shot, plain = field.render(camera, 0), bare.render(camera, 0)
+    with np.errstate(invalid="ignore"):
+        steep = np.linalg.norm(np.gradient(plain.depth), axis=0) > 2 * 4.0 / 70.0
+    solid = (plain.alpha > 0.8) & (plain.color > 0.05).all(axis=2)
+    assert (steep & solid).sum() > 30
+    found = (shot.color - plain.color)[solid]
+    share = np.minimum(4 * plain.alpha[solid] - 2, 1)[:, None]
+    assert np.abs(found - share * 60 / 254).max() < 1e-3
 
 
 def test_cells_take_the_chart_of_most_corners():

@@ -1,7 +1,10 @@
 """Known colours of a head's surface come back from the field that was painted with them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.ndimage import binary_erosion
 
 from lfportrait.capture import Camera
 from lfportrait.example import Painting, Skin
@@ -10,6 +13,7 @@ from lfportrait.stylize.skin_fit import (
     ASIDE,
     chart_pixels,
     chart_views,
+    for_lattice,
     look_up_rows,
     row_labels,
     show_painting,
@@ -73,6 +77,26 @@ def test_rows_take_the_colour_of_the_surface_above_them(field, painting):
     above = 0.6 * points[ball] / np.linalg.norm(points[ball], axis=1)[:, None]
     error = np.abs(model.colors[ball] - known_color(above)).max(axis=1)
     assert np.median(error) < 0.03 and np.quantile(error, 0.95) < 0.15
+
+
+def waves(painting, field, period, step):
+    """A painting of vertical waves, so many lattice points long, and where the skin is known."""
+    atlas = painting.skin.atlas
+    known = (atlas.owner >= 0)[::step, ::step]
+    x = np.arange(known.shape[1]) * step / (field.spacing.mean() * painting.skin.pixels)
+    wave = 0.5 + 0.4 * np.sin(2 * np.pi * x / period)
+    color = np.where(known[..., None], wave[:, None].repeat(3, axis=1), 0).astype(np.float32)
+    return replace(painting, color=color, step=step), known
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_below_a_texture_a_lattice_has_no_strokes_that_it_can_not_show(field, painting, step):
+    fine, known = waves(painting, field, 1.5, step)
+    inside = binary_erosion(known, iterations=12)
+    assert np.abs(for_lattice(fine, field).color[inside] - 0.5).max() < 0.03
+    coarse, _ = waves(painting, field, 30.0, step)
+    # Nothing is known beside the skin: it must not darken its border.
+    assert np.abs(for_lattice(coarse, field).color - coarse.color)[known].max() < 0.06
 
 
 def test_rows_have_the_regions_of_the_surface_above_them(field, painting):

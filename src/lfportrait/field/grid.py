@@ -214,9 +214,10 @@ class VoxelField:
             camera_row(cameras, view), (width, height), step, threshold, stop, color, alpha, depth)
         if self.texture is not None:
             away = float(np.linalg.norm(cameras.pose[view, :3, 3] - self.center))
-            rows = self.texture_rows(TEXEL * away / float(cameras.focal[view].mean()))
-            add_texture(bricks.table, *rows, self.lattice, camera_row(cameras, view),
-                        (width, height), alpha, depth, color)
+            footprint = TEXEL * away / float(cameras.focal[view].mean())
+            add_texture(bricks.table, *self.texture_rows(footprint),
+                        self.texture.width(footprint) / TEXEL, self.lattice,
+                        camera_row(cameras, view), (width, height), alpha, depth, color)
         image = color.reshape(height, width, 3)
         opacity = alpha.reshape(height, width)
         behind = np.asarray(background, np.float32)

@@ -1,4 +1,4 @@
-"""Detail of a field's surface that its lattice is too coarse for: a texture, looked up once a ray.
+"""Detail of a field's surface that its lattice is too coarse for: a texture, seen where rays end.
 
 Lattice points are some four strokes' widths apart. So a painted head carries, beside the colours of
 its lattice, what these leave out of the painting: the difference, in a few far pictures of the head
@@ -9,7 +9,8 @@ small error of the depth does not move a stroke.
 
 What looks from further away than the texture was painted for takes a coarser one, as texture
 pyramids do (Williams 1983), in steps of a quarter of an octave: a step of a whole one would show
-some sizes of picture half as sharp as they could be.
+some sizes of picture half as sharp as they could be. Where the surface is turned away from a
+rendered pixel, several look-ups share its long piece of surface; a coded sub-pixel takes one.
 """
 
 from __future__ import annotations
@@ -119,6 +120,10 @@ class SurfaceTexture:
         wanted = math.log2(max(footprint * self.pixels, 1e-9))
         level = STEPS * round(wanted) if whole else round(wanted * STEPS)
         return min(max(level, 0), (len(self._octaves) - 1) * STEPS)
+
+    def width(self, footprint: float) -> float:
+        """Width of the detail, in world units, of the level nearest to ``footprint``."""
+        return float(2.0 ** (self.level(footprint) / STEPS) / self.pixels)
 
     def words(self, level: int) -> NDArray[np.int32]:
         """Texels of a level as the kernels take them, int32 [h, w] of its octave; kept once made.

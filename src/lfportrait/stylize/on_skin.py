@@ -24,7 +24,7 @@ from ..files import write_image
 from ..progress import Progress
 from .config import StylizeConfig
 from .fit import ColorModel
-from .skin_fit import chart_views, look_up_rows, show_painting
+from .skin_fit import chart_views, for_lattice, look_up_rows, show_painting
 from .skin_texture import surface_texture
 from .views import StyleView
 
@@ -96,7 +96,7 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
         painting = painter.paint(skin, PREVIEW if config.preview else 1)
         painted = time.perf_counter()
         model = ColorModel(field, config.background)
-        look_up_rows(model, painting)
+        look_up_rows(model, for_lattice(painting, field) if config.texture else painting)
         figures: dict[str, Any] = {"style": exemplar.name, "painting": painting.seconds,
                                    "pose": face_pose(exemplar.landmarks).angles,
                                    "materials": painter.materials()}
