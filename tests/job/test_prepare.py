@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import CalibrateConfig
-from lfportrait.job import pipeline
+from lfportrait.job import find_face, prepare
 from tests.capture.calibration.test_head_motion import COUNT, photos
 from tests.capture.test_calibrate import pose_errors
 
@@ -15,9 +15,9 @@ def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
     found, mattes, boxes = photos(3.0)
     mattes[5] = np.zeros_like(mattes[5])
     found = replace(found, figures={"blurred": [], "left_out": []})
-    monkeypatch.setattr(pipeline, "calibrate", lambda *_: found)
+    monkeypatch.setattr(prepare, "calibrate", lambda *_: found)
     given, looked, cut, marked = iter(mattes), [], [], []
-    monkeypatch.setattr(pipeline, "problem_sheet",
+    monkeypatch.setattr(prepare, "problem_sheet",
                         lambda photos, marks, sheet, frames: marked.append(marks))
 
     def landmarks(capture, progress):
@@ -29,9 +29,9 @@ def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
         return capture, "network"
     monkeypatch.setattr("lfportrait.face.landmarks_of_capture", landmarks)
     monkeypatch.setattr("lfportrait.face.person_matte", lambda image, up: next(given))
-    monkeypatch.setattr(pipeline, "cut_person", cutting)
+    monkeypatch.setattr(prepare, "cut_person", cutting)
     with pytest.warns(UserWarning, match=r"1 photos show too little .*: 5\.png; which"):
-        capture, figures = pipeline.prepare_capture(tmp_path, CalibrateConfig(),
+        capture, figures = prepare.prepare_capture(tmp_path, CalibrateConfig(),
                                                     sheet=tmp_path / "sheet.jpg")
     # The face is looked for once more, as it is what the cameras follow.
     assert looked == [COUNT, COUNT - 1] and cut == [(COUNT - 1, COUNT - 1)]
@@ -52,8 +52,30 @@ def test_a_data_sets_face_is_looked_for_once(tmp_path, monkeypatch):
     monkeypatch.setattr("lfportrait.face.landmarks_of_capture", landmarks)
     replace(found, cameras=boxes).save(tmp_path / "capture")
     for _ in range(2):
-        capture, figures = pipeline.prepare_capture(tmp_path / "capture", CalibrateConfig(),
+        capture, figures = prepare.prepare_capture(tmp_path / "capture", CalibrateConfig(),
                                                     keep_background=True)
         assert np.array_equal(capture.landmarks, points)
         assert figures["landmarks"] == {"views": 5, "error_px": 0.7}
     assert looked == [COUNT]
+
+
+def test_a_face_is_found_without_moving_the_frame(tmp_path, monkeypatch):
+    found, _, _ = photos(0.0)
+    points = np.random.default_rng(0).normal(size=(68, 3))
+    looked = []
+
+    def landmarks(capture, progress):
+        looked.append(len(capture))
+        return points, {"views": 5}
+    monkeypatch.setattr("lfportrait.face.landmarks_of_capture", landmarks)
+    monkeypatch.setattr("lfportrait.models.missing", lambda names: [])
+    faced = find_face(found)
+    assert np.array_equal(faced.landmarks, points) and faced.cameras is found.cameras
+    assert find_face(faced) is faced and looked == [COUNT]
+
+
+def test_without_its_network_no_face_is_looked_for(monkeypatch):
+    found, _, _ = photos(0.0)
+    monkeypatch.setattr("lfportrait.models.missing", lambda names: list(names))
+    with pytest.warns(UserWarning, match="models fetch face-landmarker"):
+        assert find_face(found) is found

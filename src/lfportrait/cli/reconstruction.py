@@ -98,7 +98,7 @@ class Reconstruct(Common):
     def run(self) -> dict[str, Any]:
         """Reconstruct and save."""
         from ..field import reconstruct_with_figures
-        from ..job import cut_person
+        from ..job import cut_person, find_face
 
         capture = Capture.load(self.capture)
         mattes = str(capture.figures.get("mattes", "given"))
@@ -111,6 +111,9 @@ class Reconstruct(Common):
                     capture, mattes = cut_person(capture, progress)
             except UserError as error:
                 raise UserError(f"{error}; or keep the room with --keep-background") from error
+        if capture.alphas is not None and (self.config.close or self.config.trim):
+            with self.progress("face") as progress:
+                capture = find_face(capture, progress)
         with self.progress("reconstruct") as progress:
             result, figures = reconstruct_with_figures(
                 capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint,

@@ -17,34 +17,21 @@ share           all of them                     ``portrait.html``, ``sweep.mp4``
 
 from __future__ import annotations
 
-import json
 import sys
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from .. import models
-from ..capture import (
-    CalibrateConfig,
-    Capture,
-    PhotosError,
-    calibrate,
-    follow_head,
-    is_calibrated,
-    portrait_frame_from_landmarks,
-)
+from ..capture import Capture
 from ..device import computing_device
 from ..errors import UserError
 from ..example import Exemplar
 from ..field import VoxelField
 from ..files import write_json
-from ..keys import kept_arrays, key_of
+from ..keys import key_of
 from ..lanes.compiling import compiling_progress
 from ..lightfield import Display
 from ..measure import machine, peak_memory_bytes
@@ -52,8 +39,7 @@ from ..progress import Progress
 from ..stages import StageFolder, check_writable
 from ..version import __version__
 from .networks import get_networks
-from .person import cut_person, rough_mattes
-from .photo_check import problem_sheet
+from .prepare import prepare_capture
 from .steps import (
     MakeConfig,
     capture_key,
@@ -72,153 +58,7 @@ from .steps import (
 from .summary import share_job
 from .warmup import Warmup
 
-__all__ = ["MakeConfig", "make", "prepare_capture"]
-
-
-def _with_landmarks(capture: Capture, reframe: bool, progress: Progress | None,
-                    ) -> tuple[Capture, dict[str, Any]]:
-    """The capture with the face's landmarks, and in its frame if it may be moved; figures.
-
-    Those of a calibrated data set are kept in the user's cache, as each command looks for them.
-    """
-    points, figures = (_landmarks(capture, progress) if reframe
-                       else _kept_landmarks(capture, progress))
-    if points is None:
-        return capture, figures
-    if reframe:
-        similarity = portrait_frame_from_landmarks(points, capture.cameras)
-        points = points @ similarity[:3, :3].T + similarity[:3, 3]
-        capture = capture.reframed(similarity)
-    return replace(capture, landmarks=points), figures
-
-
-def _landmarks(capture: Capture, progress: Progress | None,
-               ) -> tuple[NDArray[np.float64] | None, dict[str, Any]]:
-    from ..face import landmarks_of_capture
-
-    return landmarks_of_capture(capture, progress)
-
-
-def _kept_landmarks(capture: Capture, progress: Progress | None,
-                    ) -> tuple[NDArray[np.float64] | None, dict[str, Any]]:
-    from ..face import detectors_key
-
-    def find() -> dict[str, NDArray[Any]]:
-        points, figures = _landmarks(capture, progress)
-        return {"figures": np.array(json.dumps(figures)),
-                **({} if points is None else {"points": points})}
-
-    cameras = capture.cameras
-    key = key_of(capture.images, capture.alphas, cameras.pose, cameras.focal, cameras.center,
-                 detectors_key())
-    kept = kept_arrays("landmarks", key, find)
-    return kept.get("points"), json.loads(str(kept["figures"]))
-
-
-def _following(capture: Capture, soft: list[NDArray[np.float32]], config: CalibrateConfig,
-               progress: Progress | None,
-               ) -> tuple[Capture, list[NDArray[np.float32]], dict[str, Any]]:
-    """The capture and its rough mattes, its cameras following a head that moved; figures."""
-    if progress is not None:
-        progress.update(0, "looking whether the head moved")
-    followed, motion = follow_head(capture, soft, config.seed,
-                                   None if progress is None else progress.say)
-    figures = {"moved": motion.moved, "followed": bool(motion.followed),
-               "pixels": motion.pixels if np.isfinite(motion.pixels) else None,
-               "pixels_after": motion.after if np.isfinite(motion.after) else None,
-               "degrees": motion.degrees,
-               "left_out": [name for name in capture.names if name not in followed.names]}
-    if not motion.followed:
-        return capture, soft, figures
-    return followed, [soft[view] for view in motion.followed], figures
-
-
-def _tell_left_out(figures: dict[str, Any], photos: Path, config: CalibrateConfig,
-                   sheet: Path | None) -> None:
-    """Warn of the photos that following the head leaves out, and mark them, too."""
-    left_out = figures["head_motion"]["left_out"]
-    if not left_out:
-        return
-    where = ""
-    if sheet is not None:
-        marks = _marks(figures["calibration"]) | dict.fromkeys(left_out, "head not seen")
-        problem_sheet(photos, marks, sheet, config.video_frames)
-        where = f"; which: {sheet}"
-    warnings.warn(f"{len(left_out)} photos show too little of the head, which moved, and are left "
-                  f"out: {', '.join(left_out)}{where}", stacklevel=2)
-
-
-def _marks(calibration: dict[str, Any]) -> dict[str, str]:
-    """What is wrong with the photos that calibration leaves out, by their names."""
-    return (dict.fromkeys(calibration["blurred"], "blurred")
-            | dict.fromkeys(calibration["left_out"], "not placed"))
-
-
-def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
-                    need_face: bool = False, progress: Progress | None = None,
-                    sheet: Path | None = None) -> tuple[Capture, dict[str, Any]]:
-    """Photos, a video or a calibrated data set -> a capture in the portrait frame.
-
-    Finds the cameras where there are none, the landmarks of the face in 3D and, for photos without
-    an alpha channel, the person's mattes.
-
-    Parameters
-    ----------
-    photos
-        Folder, video file or data set.
-    config
-        Calibration.
-    keep_background
-        Keep the room behind the person.
-    need_face
-        Raise `UserError` where no face is found, instead of going on without landmarks.
-    progress
-        Progress line.
-    sheet
-        File for a contact sheet, written where photos are left out or can't be placed: which.
-
-    Returns
-    -------
-    capture, figures
-        The capture and the run's figures: views, how they were calibrated, landmark errors.
-    """
-    photos = Path(photos)
-    if not photos.exists():
-        raise UserError(f"there is no folder or file {photos}; name the folder of your photos")
-    if is_calibrated(photos):
-        capture = Capture.load(photos)
-        figures: dict[str, Any] = {"source": "calibrated"}
-        fresh = False
-    else:
-        try:
-            capture = calibrate(photos, config, progress)
-        except PhotosError as error:
-            if sheet is not None:
-                problem_sheet(photos, error.marks, sheet, config.video_frames)
-                raise UserError(f"{error}; which photos: {sheet}") from error
-            raise
-        figures = {"source": "photos", "calibration": capture.figures}
-        marks = _marks(capture.figures)
-        if marks and sheet is not None:
-            problem_sheet(photos, marks, sheet, config.video_frames)
-            warnings.warn(f"which photos are left out: {sheet}", stacklevel=2)
-        fresh = True
-    if capture.landmarks is None:
-        capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress)
-        if capture.landmarks is None and need_face:
-            raise UserError(f"no face was found in the photos of {photos}; a portrait needs a few "
-                            "photos that show the face from the front, upright and in focus")
-    if capture.alphas is None and not keep_background:
-        soft = rough_mattes(capture, progress)
-        if fresh:
-            capture, soft, figures["head_motion"] = _following(capture, soft, config, progress)
-            if figures["head_motion"]["followed"]:
-                capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress)
-            _tell_left_out(figures, photos, config, sheet)
-        capture, figures["mattes"] = cut_person(capture, progress, soft=soft)
-    figures["views"] = len(capture)
-    figures["held_out"] = int(capture.held_out.sum())
-    return capture, figures
+__all__ = ["MakeConfig", "make"]
 
 
 def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,

@@ -30,7 +30,7 @@ from ...measure import cost_of
 from ...share import sweep_cameras, sweep_frames, write_page, write_video
 from ...stages import StageFolder
 from ...stylize import load_styled
-from ..pipeline import prepare_capture
+from ..prepare import prepare_capture
 from ..steps import save_folder, write_code, write_field, write_styled
 from .plan import Task, finished
 
