@@ -2,22 +2,29 @@
 
 `steps` has them as functions, `pipeline` joins them, `stages` sees that nothing finished is done
 twice, `prepare` makes captures of photos, `person` cuts the person out of those with a background,
-`summary` fills the report.
-`photo_check` looks at photos before any of that, `check_picture` draws what it found; `style_check`
-and `style_picture` do the same for a painting, `style_landmarks` keeps its landmarks. `batch` is a
-room of its own: many jobs at once.
+`summary` fills the report. `photo_check` looks at photos before any of that, `check_drawing` draws
+what it found; `style_check` and `style_drawing` do the same for a painting, `style_landmarks` keeps
+its landmarks. `batch` is a room of its own: many jobs at once. Modules are imported when something
+of them is asked for.
 """
 
-from .check_picture import check_picture
-from .person import cut_person
-from .photo_check import PhotoCheck, PhotoFacts, check_photos
-from .pipeline import MakeConfig, make
-from .prepare import find_face, prepare_capture
-from .style_check import StyleCheck, check_style, chosen_face
-from .style_landmarks import add_style
-from .style_picture import style_picture
-from .warmup import Warmup
+from typing import TYPE_CHECKING
+
+from ..lazy import attach
+
+if TYPE_CHECKING:
+    from .check_drawing import check_picture
+    from .person import cut_person
+    from .photo_check import PhotoCheck, PhotoFacts, check_photos
+    from .pipeline import MakeConfig, make
+    from .prepare import find_face, prepare_capture
+    from .style_check import StyleCheck, check_style, chosen_face
+    from .style_drawing import style_picture
+    from .style_landmarks import add_style
+    from .warmup import Warmup
 
 __all__ = ["MakeConfig", "PhotoCheck", "PhotoFacts", "StyleCheck", "Warmup", "add_style",
            "check_photos", "check_picture", "check_style", "chosen_face", "cut_person",
            "find_face", "make", "prepare_capture", "style_picture"]
+
+__getattr__, __dir__ = attach(__name__, __file__)

@@ -14,7 +14,7 @@ from ..example import Exemplar
 from ..face import face_pose, read_landmarks, write_landmarks
 from ..files import read_image, write_image
 from .style_check import StyleCheck, chosen_face
-from .style_picture import draw_faces, draw_mesh
+from .style_drawing import draw_faces, draw_mesh
 
 __all__ = ["add_style"]
 

@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from ..capture import FAIR, GOOD, INK, PAPER, font
 from ..example import head_mesh
-from .check_picture import wrapped
+from .check_drawing import wrapped
 from .style_check import StyleCheck
 
 __all__ = ["draw_faces", "draw_mesh", "style_picture"]
