@@ -62,12 +62,15 @@ class ReconstructConfig:
     """Learning rate of the density at the start; by default 10, and 7 for a room. Of photos with
     mattes it is that of 256 points, and goes with the resolution."""
     lr_sigma_final: float = -1.0
-    """Learning rate of the density at the end; by default 2, and 1 for a room."""
+    """Learning rate of the density at the end; by default 4, and 1 for a room."""
     lr_sh: float = 2.5
     """Learning rate of the colours at the start: one over the number of rays that a lattice point's
     colour is the running mean of. (Colours step as in SART, not by RMSProp as in svox2.)"""
-    lr_sh_final: float = 0.5
-    """Learning rate of the colours at the end."""
+    lr_sh_final: float = -1.0
+    """Learning rate of the colours at the end; by default 1, and 0.5 for a room."""
+    averaged: float = -1.0
+    """Share of the last level, at its end, whose states the field is the mean of (Polyak and
+    Juditsky 1992), 0 to 1; 0: the last state alone; by default 0.3, and 0 for a room."""
     rms_beta: float = 0.95
     """Decay of RMSProp's running mean, for the density."""
     lr_sigma_bg: float = 3.0
@@ -95,7 +98,7 @@ class ReconstructConfig:
     0.01, and 0.02 for a room."""
     max_voxels: float = 8.0
     """Millions of lattice points at most: before they are more, the weakest are dropped. A million
-    takes about 0.55 GB while training (two threads, degree 2)."""
+    takes about 0.65 GB while training (two threads, degree 2)."""
     background: float = 1.0
     """Grey level behind photos without mattes, and behind test views."""
     background_nlayers: int = -1
@@ -191,6 +194,8 @@ class ReconstructConfig:
             raise UserError("give one --batch, or as many as --resolutions")
         if not 0 <= self.importance <= 1:
             raise UserError(f"--importance must be from 0 to 1, not {self.importance:g}")
+        if self.averaged > 1:
+            raise UserError(f"--averaged must be from 0 to 1, not {self.averaged:g}")
         if self.sh_degree not in (0, 1, 2):
             raise UserError(f"--sh-degree must be 0, 1 or 2, not {self.sh_degree}")
 
@@ -202,7 +207,9 @@ class ReconstructConfig:
             self, resolutions=resolutions, rays=rays,
             batch=tuple(batch[min(level, len(batch) - 1)] for level in range(levels)),
             lr_sigma=chosen(self.lr_sigma, 10.0, 7.0),
-            lr_sigma_final=chosen(self.lr_sigma_final, 2.0, 1.0),
+            lr_sigma_final=chosen(self.lr_sigma_final, 4.0, 1.0),
+            lr_sh_final=chosen(self.lr_sh_final, 1.0, 0.5),
+            averaged=chosen(self.averaged, 0.3, 0.0),
             lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
             lambda_tv_sh=chosen(self.lambda_tv_sh, 0.0, 5e-3),
             lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),

@@ -16,6 +16,7 @@ from ...capture import Capture
 from ...files import atomic_write
 from ..background import Background, BackgroundTrainer
 from ..config import ReconstructConfig
+from .averaging import Average
 from .lattice import Lattice
 from .pixels import Batches
 from .poses import PoseRefiner
@@ -38,6 +39,7 @@ class State(Protocol):
     gains: NDArray[np.float64]
     test_gains: NDArray[np.float64]
     recent: NDArray[np.float64]
+    average: Average | None
     table: NDArray[np.int32] | None
     laid: NDArray[np.uint8] | None
     poses: PoseRefiner | None
@@ -93,6 +95,8 @@ def write_checkpoint(trainer: State, path: Path) -> None:
             state["background_mean_square"] = trainer.behind.mean_square
     if trainer.batches is not None:
         state |= trainer.batches.state
+    if trainer.average is not None:
+        state |= trainer.average.state
     if trainer.laid is not None:
         state["mattes"] = trainer.laid
     if trainer.table is not None:
@@ -111,6 +115,7 @@ def read_checkpoint(trainer: State, path: Path) -> None:
         level, step, rays = (int(count) for count in state["counts"])
         lattice = Lattice(state["links"], state["density"], state["rows"], state["center"],
                           state["radius"])
+        average = Average.restored(state, lattice)
         gains, test_gains, recent = state["gains"], state["test_gains"], state["recent"]
         elapsed = float(state["elapsed"])
         level_done, lr_sigma = (float(number) for number in state["rates"])
@@ -125,6 +130,7 @@ def read_checkpoint(trainer: State, path: Path) -> None:
     trainer.level, trainer.step, trainer.rays_done, trainer.lattice = level, step, rays, lattice
     trainer.gains, trainer.test_gains, trainer.recent = gains, test_gains, recent
     trainer.level_done, trainer.table = level_done, state.get("table")
+    trainer.average = average
     trainer.place(capture)
     if mattes is not None:
         trainer.lay_mattes(mattes)

@@ -11,7 +11,7 @@ __all__ = ["outlook"]
 _GROWTH = 2.55
 """Lattice points grow with the resolution to this power: more than a surface, whose shell gets as
 thin as its voxels only in the end. Measured: 2.2 to 2.8."""
-_BYTES, _BYTES_LAID = 350, 480
+_BYTES, _BYTES_LAID = 460, 590
 """Memory a lattice point, while mattes are given and where they are laid anew."""
 
 

@@ -25,6 +25,7 @@ from ..grid import VoxelField
 from ..kernels.bricks import row_width
 from ..kernels.descent import descend
 from ..quality import held_out_quality
+from .averaging import Average
 from .casting import Caster
 from .checkpoint import deflated, read_checkpoint, write_checkpoint
 from .lattice import Lattice, box_shape
@@ -70,6 +71,7 @@ class Trainer:
         self.batches: Batches | None = None
         self.table: NDArray[np.int32] | None = None
         self.recent = np.zeros(2)
+        self.average: Average | None = None
         # Exposures: what photos are divided by; held-out photos have theirs, too.
         self.gains = np.ones((len(self.views), 3))
         self.test_gains = np.ones((len(capture.testing()), 3))
@@ -217,6 +219,8 @@ class Trainer:
         """Remove what no ray sees, what mattes rule out and what floats, after the last level."""
         assert self.lattice is not None
         lattice = self.lattice
+        if self.average is not None:
+            self.average.put(lattice)
         keep = lattice.seen(self._largest_weights(), self.config.prune)
         if self.data.has_alpha:
             assert self.capture.alphas is not None
@@ -355,6 +359,9 @@ class Trainer:
                 behind.step(rays, ground, slopes,
                             float(config.lr_color_bg * 0.05 ** done),
                             float(config.lr_sigma_bg * rate / config.lr_sigma))
+            if finest and Average.due(was, self.level_done, config.averaged):
+                self.average = self.average or Average(lattice, 3 * self.basis)
+                self.average.add(lattice)
             self.step += 1
             self.rays_done += 16 * len(tiles)
             added = caster.losses.sum(axis=0)
