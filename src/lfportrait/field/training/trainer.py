@@ -273,7 +273,9 @@ class Trainer:
         shares = config.shares()
         own = shares[self.level] * (1.0 - self.level_done)
         share = max(least, own / (own + sum(shares[self.level + 1:])))
-        return now + share * max(1.0, 0.93 * config.time_budget - (now - self.began))
+        faced = self.capture.landmarks is not None and (config.close or config.trim)
+        whole = config.training_seconds(self.data.has_alpha, faced)
+        return now + share * max(1.0, whole - (now - self.began))
 
     def background_trainer(self, mean_square: NDArray[np.float32] | None = None,
                             ) -> BackgroundTrainer | None:
