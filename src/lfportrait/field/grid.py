@@ -185,7 +185,7 @@ class VoxelField:
 
     def render(self, cameras: Camera, view: int = 0, *, background: float | Any = 1.0,
                step: float = 0.5, threshold: float = 1e-2, stop: float = 1e-3,
-               device: str = "auto") -> Rendering:
+               anisotropic: bool = True, device: str = "auto") -> Rendering:
         """Render one view.
 
         Parameters
@@ -200,6 +200,9 @@ class VoxelField:
             Densities up to this are skipped.
         stop
             A ray ends when its transmittance falls below this.
+        anisotropic
+            Filter the texture along the surface where that is turned away; False looks up one place
+            a pixel, as coded pictures and the page do.
         device
             Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
         """
@@ -215,8 +218,8 @@ class VoxelField:
         if self.texture is not None:
             away = float(np.linalg.norm(cameras.pose[view, :3, 3] - self.center))
             footprint = TEXEL * away / float(cameras.focal[view].mean())
-            add_texture(bricks.table, *self.texture_rows(footprint),
-                        self.texture.width(footprint) / TEXEL, self.lattice,
+            covered = self.texture.width(footprint) / TEXEL if anisotropic else np.inf
+            add_texture(bricks.table, *self.texture_rows(footprint), covered, self.lattice,
                         camera_row(cameras, view), (width, height), alpha, depth, color)
         image = color.reshape(height, width, 3)
         opacity = alpha.reshape(height, width)

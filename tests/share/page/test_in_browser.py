@@ -25,7 +25,7 @@ def looks(field, opened, views=range(5)):
     """The page's and the renderer's pictures of some views, on black, and opacities."""
     cameras = orbit_cameras(5, SIZE, field)
     for view in views:
-        seen = field.render(cameras, view, background=0.0)
+        seen = field.render(cameras, view, background=0.0, anisotropic=False)
         yield opened.view(cameras, view), np.clip(seen.color, 0, 1), seen.alpha
 
 
@@ -73,7 +73,7 @@ def close(field, turn=20.0):
 
 def test_strokes_are_as_sharp_as_the_renderers(opened, head):
     camera = close(head)
-    color = np.clip(head.render(camera, background=0.0).color, 0, 1)
+    color = np.clip(head.render(camera, background=0.0, anisotropic=False).color, 0, 1)
     blurred = np.clip(head.with_sh(head.sh).render(camera, background=0.0).color, 0, 1)
     opened.show(0, 1, 1)
     drawn = opened.view(camera, 0)[..., :3]
@@ -98,7 +98,7 @@ def test_a_device_with_small_textures_shows_coarser_strokes(opened, head):
     for drawn, color, _ in looks(head, opened, [0]):
         assert decibels(drawn[..., :3], color) > 48  # from there it takes the second level anyway
     camera = close(head)
-    sharp = sharpness(np.clip(head.render(camera, background=0.0).color, 0, 1))
+    sharp = sharpness(np.clip(head.render(camera, background=0.0, anisotropic=False).color, 0, 1))
     assert 0.2 < sharpness(opened.view(camera, 0)[..., :3]) / sharp < 0.9
     opened.run(begin_with, 0)
 

@@ -185,9 +185,9 @@ _floats, _load, _store = LANES.floats, LANES.load, LANES.store
 def add_texture(table, cells, charts, texels, covered, lattice, camera, size, alpha, depth, color):
     """Add the texture to a rendered view, in place.
 
-    Where the surface is turned away, a pixel sees a long piece of it: the mean of several places
-    along that is taken (as in Feline: McCormack et al. 1999), so that strokes neither flicker nor
-    blur across it.
+    Anisotropic filtering: where the surface is turned away, a pixel sees a long piece of it, and
+    the mean of several places along that is taken (as in Feline: McCormack et al. 1999), so that
+    strokes neither flicker nor blur across it.
 
     Parameters
     ----------
