@@ -32,7 +32,7 @@ def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
     monkeypatch.setattr(prepare, "cut_person", cutting)
     with pytest.warns(UserWarning, match=r"1 photos show too little .*: 5\.png; which"):
         capture, figures = prepare.prepare_capture(tmp_path, CalibrateConfig(),
-                                                    sheet=tmp_path / "sheet.jpg")
+                                                   sheet=tmp_path / "sheet.jpg")
     # The face is looked for once more, as it is what the cameras follow.
     assert looked == [COUNT, COUNT - 1] and cut == [(COUNT - 1, COUNT - 1)]
     assert figures["head_motion"]["followed"] and figures["head_motion"]["left_out"] == ["5.png"]
@@ -41,33 +41,33 @@ def test_cameras_follow_a_head_that_moved(tmp_path, monkeypatch):
     assert np.median(pose_errors(capture.cameras.pose, true)[0]) < 0.3
 
 
-def test_a_data_sets_face_is_looked_for_once(tmp_path, monkeypatch):
-    found, _, boxes = photos(0.0)
-    points = np.random.default_rng(0).normal(size=(68, 3))
-    looked = []
+@pytest.fixture
+def face(monkeypatch):
+    """Landmarks that each search finds, and how many views each had."""
+    points, looked = np.random.default_rng(0).normal(size=(68, 3)), []
 
     def landmarks(capture, progress):
         looked.append(len(capture))
         return points, {"views": 5, "error_px": 0.7}
     monkeypatch.setattr("lfportrait.face.landmarks_of_capture", landmarks)
+    return points, looked
+
+
+def test_a_data_sets_face_is_looked_for_once(tmp_path, face):
+    found, _, boxes = photos(0.0)
+    points, looked = face
     replace(found, cameras=boxes).save(tmp_path / "capture")
     for _ in range(2):
         capture, figures = prepare.prepare_capture(tmp_path / "capture", CalibrateConfig(),
-                                                    keep_background=True)
+                                                   keep_background=True)
         assert np.array_equal(capture.landmarks, points)
         assert figures["landmarks"] == {"views": 5, "error_px": 0.7}
     assert looked == [COUNT]
 
 
-def test_a_face_is_found_without_moving_the_frame(tmp_path, monkeypatch):
+def test_a_face_is_found_without_moving_the_frame(monkeypatch, face):
     found, _, _ = photos(0.0)
-    points = np.random.default_rng(0).normal(size=(68, 3))
-    looked = []
-
-    def landmarks(capture, progress):
-        looked.append(len(capture))
-        return points, {"views": 5}
-    monkeypatch.setattr("lfportrait.face.landmarks_of_capture", landmarks)
+    points, looked = face
     monkeypatch.setattr("lfportrait.models.missing", lambda names: [])
     faced = find_face(found)
     assert np.array_equal(faced.landmarks, points) and faced.cameras is found.cameras

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
@@ -118,12 +117,9 @@ class Stylize(Common):
         if not self.style:
             raise UserError("no style is given; name a painting: --style PICTURE")
         exemplars = [Exemplar.load(style) for style in self.style]
-        with ThreadPoolExecutor(1) as pool:
-            # A large file is read while pictures are decoded.
-            loading = pool.submit(VoxelField.load, self.field)
-            capture, _ = prepare_capture(self.capture, CalibrateConfig(), keep_background=True,
-                                         need_face=True)
-            voxels = loading.result()
+        voxels = VoxelField.load(self.field)
+        capture, _ = prepare_capture(self.capture, CalibrateConfig(), keep_background=True,
+                                     need_face=True)
         with self.progress("stylize") as progress:
             skin = (kept_skin(self.field, voxels, capture, self.config.pixels)
                     if self.config.on_skin else None)

@@ -157,10 +157,17 @@ class ReconstructConfig:
         return tuple(count / sum(self.rays) for count in self.rays)
 
     def training_seconds(self, matted: bool, faced: bool) -> float:
-        """How much of the time budget is there for training.
+        """Seconds of the time budget that are there for training.
 
         What comes after takes a fixed time on a head: points are dropped and held-out views looked
-        at (7 s on two cores), and with the landmarks of a face the head is closed and trimmed.
+        at (7 s on two cores), and with a face's landmarks the head is closed and trimmed (5 s).
+
+        Parameters
+        ----------
+        matted
+            Whether the photos have mattes.
+        faced
+            Whether a head with landmarks is closed or trimmed.
         """
         after = 0.07 * self.time_budget
         if matted:

@@ -51,14 +51,13 @@ def find_face(capture: Capture, progress: Progress | None = None) -> Capture:
     if capture.landmarks is not None:
         return capture
     if models.missing(["face-landmarker"]):
-        warnings.warn("no face is looked for, so the head's back stays open and its lower end "
-                      "frayed: `lfportrait models fetch face-landmarker` gets the network",
-                      stacklevel=2)
+        warnings.warn("no face is looked for: a head stays open behind and frayed below; for that, "
+                      "`lfportrait models fetch face-landmarker` gets the network", stacklevel=2)
         return capture
-    return with_landmarks(capture, False, progress)[0]
+    return _with_landmarks(capture, False, progress)[0]
 
 
-def with_landmarks(capture: Capture, reframe: bool, progress: Progress | None,
+def _with_landmarks(capture: Capture, reframe: bool, progress: Progress | None,
                     ) -> tuple[Capture, dict[str, Any]]:
     """The capture with the face's landmarks, and in its frame if it may be moved; figures.
 
@@ -187,7 +186,7 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
             warnings.warn(f"which photos are left out: {sheet}", stacklevel=2)
         fresh = True
     if capture.landmarks is None:
-        capture, figures["landmarks"] = with_landmarks(capture, fresh, progress)
+        capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress)
         if capture.landmarks is None and need_face:
             raise UserError(f"no face was found in the photos of {photos}; a portrait needs a few "
                             "photos that show the face from the front, upright and in focus")
@@ -196,7 +195,7 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
         if fresh:
             capture, soft, figures["head_motion"] = _following(capture, soft, config, progress)
             if figures["head_motion"]["followed"]:
-                capture, figures["landmarks"] = with_landmarks(capture, fresh, progress)
+                capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress)
             _tell_left_out(figures, photos, config, sheet)
         capture, figures["mattes"] = cut_person(capture, progress, soft=soft)
     figures["views"] = len(capture)

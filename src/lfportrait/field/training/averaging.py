@@ -27,7 +27,14 @@ class Average:
     lattice
         Whose states are added.
     columns
-        Values of a row that are colours; the others are left alone.
+        Values of a row that are colours, from the first on; the others are left alone.
+
+    Attributes
+    ----------
+    density, rows
+        float32 [N + 1] and [N + 1, columns], sums of the states.
+    count
+        Number of states.
     """
 
     def __init__(self, lattice: Lattice, columns: int) -> None:

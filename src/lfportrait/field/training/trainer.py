@@ -221,6 +221,7 @@ class Trainer:
         lattice = self.lattice
         if self.average is not None:
             self.average.put(lattice)
+            self.average = None  # as large as the lattice
         keep = lattice.seen(self._largest_weights(), self.config.prune)
         if self.data.has_alpha:
             assert self.capture.alphas is not None
