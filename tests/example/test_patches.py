@@ -25,14 +25,10 @@ from lfportrait.example.patches import (
     PatchConfig,
     PatchSource,
     PatchTarget,
-    coarser_owner,
-    doubled,
-    halved,
-    middles,
     occupancy,
-    settled,
     synthesise_patches,
 )
+from tests.example.owners import random_owners
 from tests.reference import patches as plain
 
 STATES = (OUTSIDE, FOREIGN, ACTIVE, FIXED)
@@ -230,72 +226,6 @@ def test_votes_from_beyond_the_exemplar_do_not_count():
     assert np.allclose(out, plain.vote(field, error, state, picture, 2, 1, out), atol=1e-5)
 
 
-# -- levels ---------------------------------------------------------------------------------------
-
-
-def test_levels_of_the_pyramid_fit_together():
-    planes = np.random.default_rng(4).random((7, 6, 2)).astype(np.float32)
-    small = halved(planes)
-    assert small.shape == (4, 3, 2)
-    assert np.allclose(small[1, 2], planes[2:4, 4:6].mean(axis=(0, 1)))
-    assert np.allclose(small[3, 0], planes[6, :2].mean(axis=0))
-    identity = (np.arange(20)[:, None] * 16 + np.arange(16)).astype(np.int32)
-    fine = doubled(identity, (40, 32), 16, (40, 32))
-    inside = fine[MARGIN:-MARGIN, MARGIN:-MARGIN]
-    assert np.array_equal(inside, np.arange(40 * 32).reshape(40, 32)[2:-2, 2:-2])
-
-
-def test_a_pyramid_ends_where_no_patch_fits():
-    source = PatchSource.of(np.zeros((50, 30, 3), np.float32), np.zeros((50, 30, 4), np.float32))
-    assert [picture.shape[:2] for picture in source.pictures] == [(50, 30), (25, 15), (13, 8)]
-    assert [planes.shape[:2] for planes in source.guides] == [(50, 30), (25, 15), (13, 8)]
-
-
-def test_the_middle_of_a_coarse_pixel_lies_in_the_picture():
-    rows, columns = np.meshgrid(np.arange(7), np.arange(10), indexing="ij")
-    for level, shape in ((0, (7, 10)), (1, (4, 5)), (2, (2, 3))):
-        places = middles(level, shape, (7, 10))
-        assert np.array_equal(rows[places][:, 0] >> level, np.arange(shape[0]))
-        assert np.array_equal(columns[places][0] >> level, np.arange(shape[1]))
-
-
-def test_owners_that_have_owners_hand_their_pixels_on():
-    owner = np.array([[0, 0, 1, 2], [-1, 6, 5, 4]], np.int32)
-    found = settled(owner)
-    # Two that own each other, and those of nobody, have no end: each keeps itself.
-    assert found.tolist() == [[0, 0, 0, 0], [-1, 5, 6, 7]]
-    assert np.array_equal(settled(found), found)
-
-
-def _random_owners(seed, shape=(32, 48)):
-    random = np.random.default_rng(seed)
-    size = shape[0] * shape[1]
-    owner = np.where(random.random(size) < 0.5, np.arange(size), random.integers(0, size, size))
-    owner[random.random(size) < 0.2] = -1
-    loose = (owner >= 0) & (owner[owner] < 0)
-    owner[loose] = -1
-    return settled(owner.reshape(shape).astype(np.int32))
-
-
-@pytest.mark.parametrize("level", [0, 1, 2])
-def test_owners_of_coarser_levels_own_themselves(level):
-    owner = _random_owners(level)
-    shape = 32 >> level, 48 >> level
-    coarse = coarser_owner(owner, level, shape)
-    flat = coarse.ravel()
-    assert coarse.shape == shape and coarse.dtype == np.int32
-    assert np.array_equal(flat[flat[flat >= 0]], flat[flat >= 0])
-    step = 2 ** level
-    middle = owner[step // 2::step, step // 2::step]
-    assert np.array_equal(coarse < 0, middle < 0)
-    place = (middle // 48 >> level) * shape[1] + (middle % 48 >> level)
-    moved = (middle >= 0) & (coarse != place)
-    assert moved.sum() < 0.7 * (middle >= 0).sum()
-    # Only those change hands whose owner is not its own there.
-    before = np.where(middle >= 0, place, -1).ravel()
-    assert (before[place[moved]] != place[moved]).all()
-
-
 # -- synthesis ------------------------------------------------------------------------------------
 
 CONFIG = PatchConfig(style_weight=0.3, uniformity=200.0, levels=3, votes=3, passes=2, reach=8)
@@ -374,7 +304,7 @@ def test_copies_hold_their_owners_colour_and_place():
 def test_the_same_seed_gives_the_same_bytes_whatever_the_number_of_threads():
     source = _exemplar()
     target, _ = _shifted(source, height=54, width=44)
-    target.owner = _random_owners(5, (54, 44))
+    target.owner = random_owners(5, (54, 44))
     index = np.arange(target.owner.size).reshape(54, 44)
     target.state = np.select([target.owner < 0, target.owner == index], [OUTSIDE, ACTIVE],
                              FOREIGN).astype(np.uint8)

@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels.atlas import exchange
+from .kernels.patch_levels import finer_places, level_places
 from .kernels.patches import (
     ACTIVE,
     CELL,
     CHANNELS,
-    FIXED,
     MARGIN,
     count_uses,
     patch_errors,
@@ -34,7 +34,7 @@ from .kernels.patches import (
     vote_patches,
 )
 
-__all__ = ["SCALE", "PatchConfig", "PatchSource", "PatchTarget", "coarser_owner",
+__all__ = ["SCALE", "PatchConfig", "PatchSource", "PatchTarget", "at_middles", "coarser_owner",
            "halved", "middles", "occupancy", "settled", "synthesise_patches"]
 
 Float32 = NDArray[np.float32]
@@ -154,22 +154,6 @@ def halved(planes: Float32) -> Float32:
     return np.asarray(total * np.float32(0.25), np.float32)
 
 
-def flat(v: NDArray[Any], u: NDArray[Any], source: tuple[int, int]) -> Int32:
-    """Flat indices of rows ``v`` and columns ``u``, kept a patch's margin inside ``source``."""
-    v = np.clip(v, MARGIN, source[0] - 1 - MARGIN)
-    u = np.clip(u, MARGIN, source[1] - 1 - MARGIN)
-    return np.ascontiguousarray(v * source[1] + u, np.int32)
-
-
-def doubled(places: Int32, shape: tuple[int, int], coarse_width: int,
-            source: tuple[int, int]) -> Int32:
-    """A level's places on the next finer one, int32 ``shape``; ``source`` is the exemplar there."""
-    y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
-    coarse = places[y // 2, x // 2]
-    v, u = 2 * (coarse // coarse_width) + y % 2, 2 * (coarse % coarse_width) + x % 2
-    return flat(v, u, source)
-
-
 def occupancy(places: Int32, source: tuple[int, int], state: UInt8 | None = None) -> Float32:
     """How many patches are copied from each cell of an exemplar of size ``source``, [h, w]."""
     uses = np.empty((-(-source[0] // CELL), -(-source[1] // CELL)), np.float32)
@@ -184,6 +168,17 @@ def middles(level: int, shape: tuple[int, int], full: tuple[int, int]) -> tuple[
     step = 2 ** level
     return np.ix_(np.minimum(np.arange(shape[0]) * step + step // 2, full[0] - 1),
                   np.minimum(np.arange(shape[1]) * step + step // 2, full[1] - 1))
+
+
+def at_middles(plane: NDArray[Any], level: int, shape: tuple[int, int]) -> NDArray[Any]:
+    """A plane [H, W, ...] at the middles of a level's pixels, in C order."""
+    if level == 0:
+        return np.ascontiguousarray(plane)
+    step = 2 ** level
+    inner = plane[step // 2::step, step // 2::step]
+    if inner.shape[:2] != shape:  # the last row or column is not whole
+        inner = plane[middles(level, shape, (plane.shape[0], plane.shape[1]))]
+    return np.ascontiguousarray(inner)
 
 
 def settled(owner: Int32, rounds: int = 3) -> Int32:
@@ -201,7 +196,7 @@ def coarser_owner(owner: Int32, level: int, shape: tuple[int, int]) -> Int32:
     if level == 0:
         return owner
     width = owner.shape[1]
-    middle = owner[middles(level, shape, (owner.shape[0], width))]
+    middle = at_middles(owner, level, shape)
     coarse = np.where(middle >= 0, ((middle // width) >> level) * shape[1]
                       + ((middle % width) >> level), -1).astype(np.int32)
     return settled(coarse, 2)
@@ -251,17 +246,17 @@ class _Level:
         self.patches = _interleaved(self.picture * self.root, source.guides[level])
         padded = np.pad(planes, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
         self.target = _interleaved(np.zeros((*padded.shape[:2], 3), np.float32), padded)
-        places = middles(level, self.shape, target.shape)
         self.state = (np.full(self.shape, ACTIVE, np.uint8) if target.state is None
-                      else np.ascontiguousarray(target.state[places]))
+                      else at_middles(target.state, level, self.shape))
         self.owner = (None if target.owner is None
                       else coarser_owner(target.owner, level, self.shape))
         self.trust = (np.ones((*self.shape, 2), np.float32) if target.trust is None
-                      else np.ascontiguousarray(target.trust[places]))
-        self._want(target, places)
+                      else at_middles(target.trust, level, self.shape))
+        self._want(target)
         self.even = self._even(target)
-        self.start = self._flat(target.start[places])
-        self.guided = self._flat(target.guided[places])
+        self.start = self._flat(target.start)
+        self.guided = (self.start if target.guided is target.start
+                       else self._flat(target.guided))
         self.fixed: Float32 | None = None
         if target.colors is not None:
             self.fixed = target.colors
@@ -269,15 +264,18 @@ class _Level:
                 self.fixed = halved(self.fixed)
         self.voted: Float32 | None = None
 
-    def _want(self, target: PatchTarget, places: tuple[Any, Any]) -> None:
+    def _want(self, target: PatchTarget) -> None:
         """Wanted places, their weights and the limit on this level."""
         step = 2 ** self.level
         if target.wanted is None or target.weight is None:
             self.wanted = np.zeros((*self.shape, 2), np.float32)
             self.weight = np.zeros(self.shape, np.float32)
         else:
-            self.wanted = np.ascontiguousarray(target.wanted[places] / np.float32(step))
-            self.weight = target.weight[places] * np.float32(SCALE ** 2 * step ** 2)
+            self.wanted = at_middles(target.wanted, self.level, self.shape)
+            if self.level:
+                self.wanted = self.wanted / np.float32(step)
+            self.weight = (at_middles(target.weight, self.level, self.shape)
+                           * np.float32(SCALE ** 2 * step ** 2))
         self.limit = np.float32(target.limit / step ** 2)
 
     def _even(self, target: PatchTarget) -> Float32:
@@ -293,16 +291,19 @@ class _Level:
         return np.maximum(target.even[np.ix_(y, x)], np.float32(0.3 * overall)) * CELL ** 2
 
     def _flat(self, places: Float32) -> Int32:
-        coarse = np.nan_to_num(places) / np.float32(2 ** self.level)
-        return flat(coarse[..., 1].astype(np.int64), coarse[..., 0].astype(np.int64), self.size)
+        """Places [H, W, 2] of the finest level as this one's flat indices."""
+        out = np.empty(self.shape, np.int32)
+        level_places(np.ascontiguousarray(places), 2 ** self.level, self.size, out)
+        return out
 
     def first_places(self, coarser: Int32 | None) -> Int32:
         """Where the search begins: what the coarser level found, or the given start."""
         if coarser is None:
             return self.start.copy()
-        places = doubled(coarser, self.shape, self.source.pictures[self.level + 1].shape[1],
-                         self.size)
-        return np.where(self.state == FIXED, self.start, places)
+        out = np.empty(self.shape, np.int32)
+        finer_places(coarser, self.source.pictures[self.level + 1].shape[1], self.state,
+                     self.start, self.size, out)
+        return out
 
     def improve(self, places: Int32, radius: int, seed: int, reach: int) -> Float32:
         """Search better patches for the voted colours, in place; new colours [H, W, 3]."""

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..example import Exemplar, Painting, Skin, SkinPainter
-from ..face import face_pose
 from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
 from ..progress import Progress
@@ -98,7 +97,7 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
         model = ColorModel(field, config.background)
         look_up_rows(model, for_lattice(painting, field) if config.texture else painting)
         figures: dict[str, Any] = {"style": exemplar.name, "painting": painting.seconds,
-                                   "pose": face_pose(exemplar.landmarks).angles,
+                                   "pose": painter.pose.angles,
                                    "materials": painter.materials()}
         if not config.preview and config.iterations > 0:
             known = model.seen.copy()

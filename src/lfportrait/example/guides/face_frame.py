@@ -52,11 +52,12 @@ class FaceFrame:
 
     def local(self, shape: tuple[int, ...]) -> tuple[Float32, Float32]:
         """Coordinates of all pixels of a picture in units of ``height``: (right, down)."""
-        y, x = np.mgrid[:shape[0], :shape[1]].astype(np.float32)
-        x, y = x + 0.5 - np.float32(self.origin[0]), y + 0.5 - np.float32(self.origin[1])
-        unit = np.float32(1 / self.height)
-        return ((x * np.float32(self.right[0]) + y * np.float32(self.right[1])) * unit,
-                (x * np.float32(self.down[0]) + y * np.float32(self.down[1])) * unit)
+        y, x = (np.arange(n, dtype=np.float32) + np.float32(0.5) - np.float32(at)
+                for n, at in zip(shape[:2], self.origin[::-1]))
+        # Row and column by themselves: no products of whole pictures.
+        along, below = (np.asarray(way / self.height, np.float32)
+                        for way in (self.right, self.down))
+        return x * along[0] + (y * along[1])[:, None], x * below[0] + (y * below[1])[:, None]
 
     def point(self, right: NDArray[np.floating], down: NDArray[np.floating]) -> Float64:
         """Picture coordinates [N, 2] of local ones."""

@@ -5,13 +5,14 @@ A preview paints every second pixel: it needs a quarter of the lists.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.atlas import spread
-from ..patches import coarser_owner, middles
+from ..patches import at_middles, coarser_owner
 from .sitter import Skin
 
 __all__ = ["Canvas", "canvas_of"]
@@ -39,15 +40,14 @@ class Canvas:
         shape = atlas.depth.shape[0] // step, atlas.depth.shape[1] // step
         if step == 1:
             return Canvas(1, atlas.owner, skin.slots, np.isfinite(atlas.depth))
-        places = middles(level, shape, atlas.depth.shape)
         owner = coarser_owner(atlas.owner, level, shape)
         # An owner shows what its middle shows, even if that is another's.
-        slots = skin.slots[places].reshape(-1)
+        slots = at_middles(skin.slots, level, shape).reshape(-1)
         filled = np.where(owner >= 0, slots[np.maximum(owner, 0)], -1)
         return Canvas(step, owner, np.ascontiguousarray(filled.reshape(shape)),
-                       np.isfinite(atlas.depth[places]))
+                       np.isfinite(at_middles(atlas.depth, level, shape)))
 
-    @property
+    @functools.cached_property
     def own(self) -> NDArray[np.bool_]:
         """Pixels that own their surface point, bool [H, W]."""
         index = np.arange(self.owner.size, dtype=np.int32).reshape(self.owner.shape)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from ...face import face_pose
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
 from ..guides.blurs import broad_blur
@@ -137,12 +138,20 @@ class SkinPainter:
         Parameters; ``transfer`` those of the face.
     seed
         Of chunks and search.
+
+    Attributes
+    ----------
+    exemplar
+        As it is painted by: from the front.
+    pose
+        Of the face in the painting.
     """
 
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
                  transfer: TransferConfig | None = None, seed: int = 0) -> None:
         # Of a face that is turned, the frontal picture.
-        exemplar = frontalised(exemplar)
+        self.pose = face_pose(exemplar.landmarks)
+        exemplar = frontalised(exemplar, self.pose)
         self.exemplar, self.seed = exemplar, seed
         self.config = config or SkinConfig()
         self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed))
@@ -312,10 +321,10 @@ class SkinPainter:
         planes = canvas.spread(np.concatenate(
             [wanted, begin, weight[:, None], trust[:, None], skin.seen[:, None]], axis=1))
         exchange(canvas.owner, color)
-        target = PatchTarget(
-            canvas.spread(guides), planes[..., 2:4], planes[..., 2:4], planes[..., :2],
-            planes[..., 4], float((ROAM * unit) ** 2), even,
-            np.ascontiguousarray(planes[..., 5:7]), state, canvas.owner, color)
+        asked, start, much, sure = (np.ascontiguousarray(planes[..., part]) for part in (
+            slice(2), slice(2, 4), 4, slice(5, 7)))
+        target = PatchTarget(canvas.spread(guides), start, start, asked, much,
+                             float((ROAM * unit) ** 2), even, sure, state, canvas.owner, color)
         return target, source
 
     def _weights(self) -> tuple[float, float, float]:

@@ -6,7 +6,7 @@ and so is a beard; ears by their place alone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import functools
 from typing import Any
 
 import numpy as np
@@ -59,9 +59,15 @@ LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colours than this are taken for it."""
 
 
-@dataclass(frozen=True)
 class _Small:
     """A picture as small as its colours may be compared in, which are blurred anyway.
+
+    Parameters
+    ----------
+    picture
+        Painting or photo.
+    regions, labels
+        What is known of it.
 
     Attributes
     ----------
@@ -73,21 +79,42 @@ class _Small:
         Height and width of the picture.
     size
         Of its face, in the small picture's pixels.
+    right, down
+        float32 [h, w], the picture's pixels in the face's frame.
     """
 
-    image: Float32
-    factor: int
-    shape: tuple[int, int]
-    size: float
+    def __init__(self, picture: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> None:
+        self.factor = int(np.clip(picture.size / LOOKED_AT, 1, 3))
+        self.image: Float32 = np.stack(
+            [shrunk(plane / np.float32(255), self.factor)
+             for plane in np.moveaxis(picture.image.astype(np.float32), -1, 0)], axis=-1)
+        self.shape = picture.image.shape[0], picture.image.shape[1]
+        self.size = picture.size / self.factor
+        self.points, self.labels = picture.landmarks, labels
+        self.right, self.down = regions.frame.local(self.shape)
+        self._blurred: dict[float, Float32] = {}
 
-    @staticmethod
-    def of(picture: Exemplar) -> _Small:
-        """A picture made small."""
-        factor = int(np.clip(picture.size / LOOKED_AT, 1, 3))
-        image = np.stack([shrunk(plane / np.float32(255), factor)
-                          for plane in np.moveaxis(picture.image.astype(np.float32), -1, 0)],
-                         axis=-1)
-        return _Small(image, factor, picture.image.shape[:2], picture.size / factor)
+    @functools.cached_property
+    def face(self) -> Float32:
+        """The face without its forehead, soft; float32 [h, w] of the picture in [0, 1]."""
+        return soft_face(self.shape, self.points).astype(np.float32) / np.float32(255)
+
+    @functools.cached_property
+    def cheeks(self) -> NDArray[np.bool_]:
+        """The part of the face that is bare, of the small picture.
+
+        A forehead may lie under a fringe, or a mask's hair that is none to the network, and a chin
+        under a beard. What lies beside the face and is skin to the labels may be locks or a hat.
+        """
+        down = self.part(self.down)
+        return np.asarray(self.plain_skin() & (down > CHEEKS[0]) & (down < CHEEKS[1])
+                          & (self.part(self.face) > np.float32(230 / 255)))
+
+    def plain_skin(self) -> NDArray[np.bool_]:
+        """Skin without features, of the small picture."""
+        labels = self.part(self.labels)
+        features = labels[..., [LABELS.index(n) for n in ("brows", "eyes", "nose", "lips")]]
+        return np.asarray((labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30))
 
     def part(self, plane: NDArray[Any]) -> NDArray[Any]:
         """Every so many pixels of a plane of the picture, [h, w]."""
@@ -99,8 +126,11 @@ class _Small:
 
     def blurred(self, sigma: float) -> Float32:
         """The small picture blurred; ``sigma`` over the face's size."""
-        return np.stack([broad_blur(np.ascontiguousarray(self.image[..., c]), sigma * self.size)
-                         for c in range(3)], axis=-1)
+        if sigma not in self._blurred:
+            self._blurred[sigma] = np.stack(
+                [broad_blur(np.ascontiguousarray(self.image[..., c]), sigma * self.size)
+                 for c in range(3)], axis=-1)
+        return self._blurred[sigma]
 
     def alike(self, sample: NDArray[np.bool_], places: NDArray[np.bool_],
               tests: tuple[tuple[float, float], ...], allowed: Float32 | None = None) -> Float32:
@@ -116,9 +146,9 @@ class _Small:
                                     limit * scale) for blur, limit in tests], axis=0)
         return out
 
-    def like_plain_ground(self, labels: NDArray[np.uint8], body: NDArray[np.bool_]) -> Float32:
+    def like_plain_ground(self, body: NDArray[np.bool_]) -> Float32:
         """How much the body looks like the background; 0 where that is not plain."""
-        behind = self.part(labels[..., LABELS.index("background")]) > 250
+        behind = self.part(self.labels[..., LABELS.index("background")]) > 250
         if not behind.any() or self.image[behind].std(axis=0).max() >= PLAIN:
             return np.zeros(behind.shape, np.float32)
         return self.alike(behind, self.part(body), LIKE_PLAIN)
@@ -173,21 +203,20 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
         the colour of skin is skin. Else all right below the jaw is neck: for photos, whose bodies
         are painted of it.
     """
-    return _shares(picture, _Small.of(picture), regions, labels, strict)
+    return _shares(_Small(picture, regions, labels), regions, strict)
 
 
-def _shares(picture: Exemplar, small: _Small, regions: Regions, labels: NDArray[np.uint8],
-            strict: bool) -> Float32:
+def _shares(small: _Small, regions: Regions, strict: bool) -> Float32:
     """`picture_shares` of a picture that has been made small."""
-    shares = material_shares(labels)
+    shares = material_shares(small.labels)
     # Labels fall off gently beyond the outline: what lies there is background all the same.
     shares[regions.person < 0.5] = np.eye(len(MATERIALS), dtype=np.float32)[GROUND]
     body = shares[..., NECK] > 0.02
     if not body.any():
         return shares
-    right, down = regions.frame.local(body.shape)
+    right, down = small.right, small.down
     if strict:
-        plain = small.part(_cheeks(picture, labels, down))
+        plain = small.cheeks
         # Shoulders and chest may be bare, but coats are larger.
         far = np.clip((np.hypot(right / 0.8, np.maximum(down - 0.8, 0)) - 0.5) / 0.5, 0, 1)
         alike = small.alike(plain, small.part(body), LIKE_SKIN,
@@ -195,10 +224,10 @@ def _shares(picture: Exemplar, small: _Small, regions: Regions, labels: NDArray[
         pure = small.whole(small.pure(plain))
         alike = small.whole(alike) * (1 - pure)
     else:
-        plain = small.part(_plain_skin(labels))
+        plain = small.plain_skin()
         alike = small.whole(small.alike(plain, small.part(body), LIKE_SKIN[:1]))
     bare, other = shares[..., NECK] * alike, shares[..., NECK] * (1 - alike)
-    ground = small.whole(small.like_plain_ground(labels, body))
+    ground = small.whole(small.like_plain_ground(body))
     shares[..., GROUND] += ground * (other if strict else other + bare)
     other *= 1 - ground
     shadow = np.asarray(np.clip((BARE - down) / 0.15, 0, 1), np.float32)
@@ -218,57 +247,33 @@ def _shares(picture: Exemplar, small: _Small, regions: Regions, labels: NDArray[
     return shares
 
 
-def _plain_skin(labels: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Skin without features, [h, w]."""
-    features = labels[..., [LABELS.index(n) for n in ("brows", "eyes", "nose", "lips")]]
-    return np.asarray((labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30))
-
-
-def _cheeks(picture: Exemplar, labels: NDArray[np.uint8], down: NDArray[np.floating],
-            ) -> NDArray[np.bool_]:
-    """The part of the face that is bare, [h, w].
-
-    A forehead may lie under a fringe, or a mask's hair that is none to the network, and a chin
-    under a beard. What lies beside the face and is skin to the labels may be locks or a hat.
-    """
-    inside = soft_face(labels.shape[:2], picture.landmarks) > 230
-    return np.asarray(_plain_skin(labels) & (down > CHEEKS[0]) & (down < CHEEKS[1]) & inside)
-
-
-def _overlooked(exemplar: Exemplar, small: _Small, regions: Regions, labels: NDArray[np.uint8],
-                skin: Float32) -> Float32:
+def _overlooked(small: _Small, skin: Float32) -> Float32:
     """Shares of ``skin`` [h, w] that are hair, by their colours: hair's, not the cheeks'.
 
     Highlights are skin.
     """
-    _, down = regions.frame.local(skin.shape)
-    face = soft_face(skin.shape, exemplar.landmarks).astype(np.float32) / np.float32(255)
-    face[down < 0] = 0
-    plain = small.part(_cheeks(exemplar, labels, down))
-    known = small.part(labels[..., LABELS.index("hair")]) > 200
+    face = np.where(small.part(small.down) < 0, np.float32(0), small.part(small.face))
+    plain = small.cheeks
+    known = small.part(small.labels[..., LABELS.index("hair")]) > 200
     looked_at = small.part(skin) > 0.02
     hair = 1 - small.alike(plain, looked_at, LIKE_SKIN)
     hair *= small.alike(known, looked_at, LIKE_HAIR)
     hair *= small.darker(plain, 0.75)
-    hair *= 1 - gaussian_blur(np.ascontiguousarray(small.part(face)),
-                              LIKE_SKIN[-1][0] * small.size)
+    hair *= 1 - gaussian_blur(np.ascontiguousarray(face), LIKE_SKIN[-1][0] * small.size)
     return skin * small.whole(hair)
 
 
-def _beard(exemplar: Exemplar, small: _Small, regions: Regions, labels: NDArray[np.uint8],
-           skin: Float32) -> Float32:
+def _beard(small: _Small, skin: Float32) -> Float32:
     """Shares of ``skin`` [h, w] that are a beard.
 
     Chin and upper lip under a beard are alike, and both are of another hue than the cheeks; shade
     is not, and paint that differs from chin to lip is none. What is more like that chin than like
     the cheeks is beard.
     """
-    _, down = regions.frame.local(skin.shape)
-    points = exemplar.landmarks
-    plain = small.part(_cheeks(exemplar, labels, down))
+    points, plain = small.points, small.cheeks
     chin = _between(small, points[57], points[8], (0.25, 0.9), 0.6)
     lip = _between(small, points[33], points[51], (0.2, 0.85), 1.2)
-    low = (small.part(down) > CHEEKS[1] - 0.05) & (small.part(skin) > 0.02)
+    low = (small.part(small.down) > CHEEKS[1] - 0.05) & (small.part(skin) > 0.02)
     if min(part.sum() for part in (plain, chin, lip)) < FEW:
         return np.zeros_like(skin)
     chosen = low | plain | chin | lip
@@ -300,15 +305,12 @@ def _bearded(plain: Float32, chin: Float32, lip: Float32) -> float:
                  * np.clip((other - unlike) / (other - alike), 0, 1))
 
 
-def _beside(exemplar: Exemplar, regions: Regions) -> Float32:
+def _beside(small: _Small, regions: Regions) -> Float32:
     """Where ears are, if they show: beside the face, from the brows to the mouth; [h, w]."""
-    shape = exemplar.image.shape[:2]
-    right, down = regions.frame.local(shape)
-    face = soft_face(shape, exemplar.landmarks).astype(np.float32) / np.float32(255)
-    upright = np.clip(np.minimum(down - EAR[0], EAR[1] - down) / 0.05 + 0.5, 0, 1)
+    upright = np.clip(np.minimum(small.down - EAR[0], EAR[1] - small.down) / 0.05 + 0.5, 0, 1)
     half = 0.5 * regions.frame.width / regions.frame.height
-    aside = np.clip((np.abs(right) / half - EAR_BEGINS) / 0.05 + 0.5, 0, 1)
-    return np.asarray(upright * aside * np.clip(2 * (0.75 - face), 0, 1), np.float32)
+    aside = np.clip((np.abs(small.right) / half - EAR_BEGINS) / 0.05 + 0.5, 0, 1)
+    return np.asarray(upright * aside * np.clip(2 * (0.75 - small.face), 0, 1), np.float32)
 
 
 def _between(small: _Small, top: NDArray[np.floating], bottom: NDArray[np.floating],
@@ -330,16 +332,16 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     beside the neck. Of heads (``strict``), a beard is a feature of the face, ears are no skin, and
     clothes are of one cloth.
     """
-    small = _Small.of(exemplar)
-    shares = _shares(exemplar, small, regions, labels, strict)
-    covered = _overlooked(exemplar, small, regions, labels, shares[..., SKIN])
+    small = _Small(exemplar, regions, labels)
+    shares = _shares(small, regions, strict)
+    covered = _overlooked(small, shares[..., SKIN])
     shares[..., HAIR] += covered
     shares[..., SKIN] -= covered
     if strict:
-        beard = _beard(exemplar, small, regions, labels, shares[..., SKIN])
+        beard = _beard(small, shares[..., SKIN])
         shares[..., FEATURES] += beard
         shares[..., SKIN] -= beard
-        shares[..., EARS] = shares[..., SKIN] * _beside(exemplar, regions)
+        shares[..., EARS] = shares[..., SKIN] * _beside(small, regions)
         shares[..., SKIN] -= shares[..., EARS]
     _hide_ground(small, shares)
     if strict:

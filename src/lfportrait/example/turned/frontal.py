@@ -85,15 +85,17 @@ class Frontal:
     pose: FacePose
 
 
-def frontalised(exemplar: Exemplar) -> Exemplar:
+def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
     """An exemplar from the front: itself, if its face is turned by less than `FRONTAL` degrees.
+
+    ``pose`` is its face's, if it is known.
 
     Raises
     ------
     UserError
         If the face is next to a profile.
     """
-    pose = face_pose(exemplar.landmarks)
+    pose = pose or face_pose(exemplar.landmarks)
     if abs(pose.yaw) < FRONTAL:
         return exemplar
     if abs(pose.yaw) > PROFILE:
