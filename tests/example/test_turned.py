@@ -18,7 +18,7 @@ from lfportrait.example.turned import (
     frontalised,
     suited,
 )
-from lfportrait.example.turned.frontal import _normals, clearness
+from lfportrait.example.turned.seen import _normals, clearness
 from lfportrait.face import FacePose, face_pose
 from lfportrait.face.generic_head import GENERIC_LANDMARKS, MIRRORED, generic_depth
 

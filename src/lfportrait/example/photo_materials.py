@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .exemplar import Exemplar, face_size
-from .guides.appearance import grey
+from .guides.appearance import grey, skin_distance
 from .guides.blurs import broad_blur, gaussian_blur
 from .guides.regions import Regions
 from .skin.materials import STAND_INS, ExemplarMaterials, matched_looks
 from .skin.picture_materials import CLOTHES, GROUND, HAIR, PLAIN, SKIN, picture_shares
-from .skin.sitter import BLUR, contours, skin_distance
+from .skin.sitter import BLUR, contours
 
 __all__ = ["has_plain_ground", "photo_looks", "photo_shares"]
 

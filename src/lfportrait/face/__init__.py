@@ -16,6 +16,7 @@ from .generic_head import GENERIC_LANDMARKS, generic_depth
 from .mask import face_mask
 from .points import read_landmarks, write_landmarks
 from .pose import FacePose, face_pose
+from .symmetry import symmetric_landmarks
 from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "parts",
     "person_matte",
     "read_landmarks",
+    "symmetric_landmarks",
     "triangulate",
     "write_landmarks",
 ]

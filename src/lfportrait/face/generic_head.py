@@ -55,22 +55,23 @@ _BEHIND = -0.05
 """Depth of what lies around the head."""
 
 
-def generic_depth(x: Float64, y: Float64) -> Float64:
+def generic_depth(x: Float64, y: Float64, landmarks: Float64 = GENERIC_LANDMARKS) -> Float64:
     """Depth of the head's front surface at places (x, y), any one shape, float64.
 
     Continuous; the face's where there is a face, the egg's around it, next to none beyond.
+    ``landmarks`` [68, 3] are of a face of other proportions.
     """
     from scipy.interpolate import RBFInterpolator
 
     egg = 1 - ((x - _SKULL[0]) / _RADII[0]) ** 2 - ((y - _SKULL[1]) / _RADII[1]) ** 2
     skull = np.where(egg > 0, _SKULL[2] + _RADII[2] * np.sqrt(np.maximum(egg, 0)), _BEHIND)
     # The face ends where its landmarks end; the brows' line goes on a little into the forehead.
-    spline = RBFInterpolator(GENERIC_LANDMARKS[:, :2], GENERIC_LANDMARKS[:, 2],
+    spline = RBFInterpolator(landmarks[:, :2], landmarks[:, 2],
                              kernel="thin_plate_spline", smoothing=1e-4)
     face = spline(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
-    low, high = GENERIC_LANDMARKS[8, 1], GENERIC_LANDMARKS[17:27, 1].max()
+    low, high = landmarks[8, 1], landmarks[17:27, 1].max()
     middle, half = (low + high) / 2, (high - low) / 2
-    away = np.sqrt((x / GENERIC_LANDMARKS[16, 0]) ** 2 + ((y - middle) / (1.25 * half)) ** 2)
+    away = np.sqrt((x / landmarks[16, 0]) ** 2 + ((y - middle) / (1.25 * half)) ** 2)
     share = np.clip((1.15 - away) / 0.3, 0, 1)
     share = share * share * (3 - 2 * share)
     return np.asarray(share * face + (1 - share) * np.maximum(skull, _BEHIND), np.float64)

@@ -8,9 +8,9 @@ import pytest
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import face_size
-from lfportrait.example.guides.appearance import grey
+from lfportrait.example.guides.appearance import grey, skin_distance
 from lfportrait.example.skin import Skin, load_skin, save_skin, skin_key
-from lfportrait.example.skin.sitter import _told_apart, skin_distance
+from lfportrait.example.skin.sitter import _told_apart
 from tests.example.skin.conftest import PIXELS
 from tests.portraits import HEAD_LANDMARKS
 

@@ -14,7 +14,7 @@ from ..kernels.guides import blur_difference, count_values, map_values
 from ..kernels.labels import luma
 from .blurs import gaussian_taps
 
-__all__ = ["Distribution", "appearance_guide", "grey", "match_histogram"]
+__all__ = ["Distribution", "appearance_guide", "grey", "match_histogram", "skin_distance"]
 
 Float32 = NDArray[np.float32]
 
@@ -99,3 +99,30 @@ def match_histogram(values: Float32, reference: Float32 | Distribution,
     out = values.copy()
     map_values(out, table.astype(np.float32), np.float32(1))
     return out
+
+
+def skin_distance(colors: NDArray[np.floating], face: NDArray[np.bool_],
+                  light: float = 0.4) -> Float32:
+    """How far colours are from those of the face, in standard deviations, float32 [...].
+
+    Parameters
+    ----------
+    colors
+        float [..., 3], sRGB in [0, 1].
+    face
+        bool [...], skin of the face.
+    light
+        How much light and shade count against hue and chroma.
+    """
+    from skimage.color import rgb2lab
+
+    values = rgb2lab(np.clip(colors, 0, 1)).astype(np.float32)
+    values *= np.array([light, 1.0, 1.0], np.float32)
+    if face.sum() < 50:
+        return np.zeros(colors.shape[:-1], np.float32)
+    sample = values[face]
+    spread = np.cov(sample.T) + np.diag([9.0, 9.0, 9.0])
+    away = (values - np.median(sample, axis=0)).reshape(-1, 3)
+    root = np.linalg.cholesky(np.linalg.inv(spread)).astype(np.float32)
+    return np.asarray(np.sqrt(((away @ root) ** 2).sum(axis=1)), np.float32).reshape(
+        colors.shape[:-1])

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..exemplar import Exemplar
-from ..guides.appearance import grey
+from ..guides.appearance import grey, skin_distance
 from ..guides.blurs import broad_blur, enlarged, gaussian_blur, shrunk
 from ..guides.labels import LABELS, soft_face
 from ..guides.regions import Regions
-from .sitter import skin_distance
 
 __all__ = ["CLOTHES", "EARS", "FEATURES", "GROUND", "HAIR", "MATERIALS", "NECK", "PLAIN", "SKIN",
            "material_shares", "painted_shares", "picture_shares"]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...capture import Camera
 from ...field import VoxelField
 from ..exemplar import face_size
-from ..guides.appearance import grey
+from ..guides.appearance import grey, skin_distance
 from ..guides.blurs import broad_blur, gaussian_blur
 from ..kernels.atlas import best_facing, exchange
 from ..surface_guide import HeadPlane
@@ -33,7 +33,7 @@ from .relief import around_face, hair_by_relief
 BEFORE, BEHIND = 2.5, 7.0
 """Lattice points up to so many voxels before a chart's surface, and under it, take its colour."""
 
-__all__ = ["PIXELS", "Skin", "contours", "skin_distance"]
+__all__ = ["PIXELS", "Skin", "contours"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -320,33 +320,6 @@ def _plausible(plane: HeadPlane, points: Float32, hair: Float32) -> bool:
     """
     above = (points[:, 1] > plane.origin[1]) & np.isfinite(hair)
     return bool(above.any() and hair[above].mean() > 0.2)
-
-
-def skin_distance(colors: NDArray[np.floating], face: NDArray[np.bool_],
-                  light: float = 0.4) -> Float32:
-    """How far colours are from those of the face, in standard deviations, float32 [...].
-
-    Parameters
-    ----------
-    colors
-        float [..., 3], sRGB in [0, 1].
-    face
-        bool [...], skin of the face.
-    light
-        How much light and shade count against hue and chroma.
-    """
-    from skimage.color import rgb2lab
-
-    values = rgb2lab(np.clip(colors, 0, 1)).astype(np.float32)
-    values *= np.array([light, 1.0, 1.0], np.float32)
-    if face.sum() < 50:
-        return np.zeros(colors.shape[:-1], np.float32)
-    sample = values[face]
-    spread = np.cov(sample.T) + np.diag([9.0, 9.0, 9.0])
-    away = (values - np.median(sample, axis=0)).reshape(-1, 3)
-    root = np.linalg.cholesky(np.linalg.inv(spread)).astype(np.float32)
-    return np.asarray(np.sqrt(((away @ root) ** 2).sum(axis=1)), np.float32).reshape(
-        colors.shape[:-1])
 
 
 def _clothes(atlas: Atlas, index: NDArray[np.int32], points: Float32, depth: Float64,

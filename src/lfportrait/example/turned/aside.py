@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from ...face import GENERIC_LANDMARKS, FacePose, face_pose, face_yaw, generic_depth
-from .frontal import clearness, painted_places
+from .seen import clearness, painted_places
 
 __all__ = ["SPACING", "FaceAside", "face_aside"]
 

@@ -2,19 +2,19 @@
 
 Guides lead from a head to the place of a painting that shows the same, and strokes are copied as
 they lie. Neither is there for the half of a face that the painter did not show. So a painting whose
-face is turned is unrolled first: every place of a frontal picture is a place of a generic head,
-the head's pose leads from there to the painting, and a smooth warp takes what the painter and the
-person have of their own (the landmarks' residuals). What turns away from the painter, or lies
-behind nose or brow, is taken from its mirror image on the other side, with the light of the side
-where it comes to lie: faces are symmetric enough (Hassner et al. 2015). The seam between the two
-runs where they differ least (graph cut: Kwatra et al. 2003). An eye and a mouth that can be seen at
-all are kept; the rest of the gaze is shifted, not mirrored, so that both eyes look the same way.
+face is turned is unrolled first: every place of a frontal picture is a place of a generic head with
+the painted person's proportions, as their symmetry tells them; the head's pose leads from there to
+the painting, and a smooth warp takes what is left of the landmarks' residuals. What turns away from
+the painter, or lies behind nose or brow, is taken from its mirror image on the other side, with the
+light of the side where it comes to lie: faces are symmetric enough (Hassner et al. 2015). The seam
+between the two runs where they differ least (graph cut: Kwatra et al. 2003). An eye and a mouth
+that can be seen at all are kept; the rest of the gaze is shifted, not mirrored, so that both eyes
+look the same way.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -23,8 +23,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...errors import UserError
-from ...face import GENERIC_LANDMARKS, FacePose, face_pose, generic_depth
+from ...face import FacePose, face_pose, generic_depth, symmetric_landmarks
 from ..exemplar import Exemplar
+from .light import Sides, blurred, relit
+from .seen import clearness, head_oval, painted_places
 
 __all__ = ["FRONTAL", "PROFILE", "Frontal", "frontal_view", "frontalised", "suited"]
 
@@ -41,20 +43,12 @@ FULL = 0.85
 """The same from which on its mirror image is not thought of: the seam lies between the two."""
 CUT = 160.0
 """Pixels a unit of the head in the pictures that the seam is looked for in."""
-DARK = 24.0
-"""Added to values before their logarithm: the darkest paint is no blacker than that."""
-UNLIKE = 0.6
-"""Difference of logarithms that is hardly one of light alone."""
 FEATURE = 0.22
 """The same for eyes, brows and mouth, which would else look like a mirror's."""
 SURE = 0.15
 """The same for telling its light from that of its mirror image."""
-SMALL = 8
-"""Light changes slowly: it is looked at in pictures of this fraction of the size."""
 COARSE = 6
 """The maps are made every so many pixels."""
-RELIEF = 0.01
-"""Distance of the points of the relief that hides parts of the head, in its units."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +127,8 @@ def frontal_view(exemplar: Exemplar, pose: FacePose) -> Frontal:
     Where the exemplar has no mask the person is segmented: a place of the head that falls beside
     it was not painted.
     """
-    person = exemplar.regions().person if exemplar.mask is None else exemplar.mask
+    regions = exemplar.regions()
+    person = regions.person if exemplar.mask is None else exemplar.mask
     head = _Head(exemplar, pose)
     own, clear = head.places, head.clear
     # A little within the outline: paint there is mixed with what lies behind.
@@ -141,11 +136,14 @@ def frontal_view(exemplar: Exemplar, pose: FacePose) -> Frontal:
     within = cv2.erode(np.asarray(person, np.float32), np.ones((side, side), np.uint8))
     beside = 1 - np.clip(2 * _sampled(within, own), 0, 1)
     clear = clear * (1 - beside * head.inside)
+    hair = None if regions.hair is None else _sampled(regions.hair, own)
+    if hair is not None:
+        clear = clear * (1 - _over_the_cheek(hair, head))
     ours = _sampled(exemplar.image, own)
     other, theirs = _mirror_image(exemplar.image, own, head.landmarks, pose.scale)
     share = _own_share(ours, theirs, clear, clear[:, ::-1], head.needed, pose.scale)
     both = head.face * ((clear > SURE) & (clear[:, ::-1] > SURE))
-    theirs = _relit(ours, theirs, share, both, head.face, pose.scale)
+    theirs = relit(Sides(ours, theirs, share, both, head.face, hair, pose.scale))
     image = share[..., None] * ours + (1 - share[..., None]) * theirs
     mask = None
     if exemplar.mask is not None:
@@ -155,6 +153,18 @@ def frontal_view(exemplar: Exemplar, pose: FacePose) -> Frontal:
     places = np.where(share[..., None] > 0.5, own, other)
     return Frontal(np.asarray(np.clip(image, 0, 255) + 0.5, np.uint8), head.landmarks,
                    1 - share, np.asarray(places, np.float32), mask, pose)
+
+
+def _over_the_cheek(hair: Float32, head: _Head) -> Float32:
+    """Where hair [h, w] hangs over the far cheek, but not over the near one; float32 [h, w].
+
+    A head whose hair does not hang there would have a dark patch.
+    """
+    height, width = hair.shape
+    below = np.arange(height)[:, None] > head.landmarks[36:48, 1].max()
+    away = np.arange(width)[None] + 0.5 - head.center[0]
+    far = below & (away * head.pose.rotation[2, 0] < 0)
+    return np.asarray(far * head.face * np.clip(2 * (hair - hair[:, ::-1]), 0, 1), np.float32)
 
 
 def _one_person(mask: Float32, landmarks: Float64) -> Float32:
@@ -177,16 +187,17 @@ class _Head:
         height, width = exemplar.image.shape[:2]
         self.pose, self.size = pose, (width, height)
         self.center = np.array([width / 2, pose.shift[1]])
-        self.landmarks = self.center + pose.scale * GENERIC_LANDMARKS[:, :2] * [1.0, -1.0]
+        own = symmetric_landmarks(exemplar.landmarks, pose)
+        self.landmarks = self.center + pose.scale * own[:, :2] * [1.0, -1.0]
         # Every few pixels, symmetric about the axis, a little over the border.
         columns, rows = -(-width // COARSE) + 1, -(-height // COARSE) + 1
         across = (np.arange(columns) - (columns - 1) / 2) * COARSE
         down = np.arange(rows) * COARSE
         x, y = np.meshgrid(across / pose.scale, (self.center[1] - down) / pose.scale)
-        points = np.stack([x, y, generic_depth(x, y)], axis=-1)
-        self.places = self._full(painted_places(points, exemplar.landmarks, pose))
-        self.clear = self._full(clearness(points, pose))[..., 0]
-        self.needed = self._full(_needed(x, y))[..., 0]
+        points = np.stack([x, y, generic_depth(x, y, own)], axis=-1)
+        self.places = self._full(painted_places(points, exemplar.landmarks, pose, own))
+        self.clear = self._full(clearness(points, pose, own))[..., 0]
+        self.needed = self._full(_needed(x, y, own))[..., 0]
         self.inside = self._full(_oval(x, y, 0.45, 0.02, 0.66))[..., 0]
         self.face = self._full(_oval(x, y, 0.4, -0.06, 0.58))[..., 0]
 
@@ -202,93 +213,24 @@ class _Head:
         return np.asarray(found.reshape(height, width, -1), np.float32)
 
 
-def painted_places(points: Float64, painted: Float64, pose: FacePose) -> Float64:
-    """Where a painting with landmarks [68, 2] has points [h, w, 3] of the generic head, [h, w, 2].
+def _needed(x: Float64, y: Float64, head: Float64) -> Float64:
+    """How clearly a place must be seen to be taken as it was painted: less in eyes and mouth.
 
-    By the pose, and by a smooth warp of what it leaves over of the landmarks.
+    ``head`` [68, 3] are the head's landmarks.
     """
-    from scipy.interpolate import RBFInterpolator
-
-    known = np.isfinite(painted).all(axis=1)
-    # On the far side the jaw's landmarks slide along the outline: the pose knows better.
-    far = GENERIC_LANDMARKS[:, 0] * np.sign(pose.rotation[2, 0]) < 0
-    known &= ~(far & (np.arange(68) < 17))
-    left = painted[known] - pose.project(GENERIC_LANDMARKS[known])
-    warp = RBFInterpolator(GENERIC_LANDMARKS[known, :2], left, kernel="thin_plate_spline",
-                           smoothing=2e-3)
-    flat = points.reshape(-1, 3)
-    moves = warp(flat[:, :2]).reshape(*points.shape[:2], 2)
-    # Outside the face the residuals fade: there is nothing that they were measured on.
-    low, high = GENERIC_LANDMARKS[8, 1], GENERIC_LANDMARKS[17:27, 1].max()
-    reach = np.sqrt((points[..., 0] / GENERIC_LANDMARKS[16, 0]) ** 2
-                    + ((points[..., 1] - (low + high) / 2) / (0.5 * (high - low))) ** 2)
-    fade = np.exp(-(np.maximum(reach - 1.1, 0) / 0.5) ** 2)
-    limit = 0.3 * pose.scale
-    return np.asarray(pose.project(points)
-                      + fade[..., None] * np.clip(moves, -limit, limit), np.float64)
-
-
-def clearness(points: Float64, pose: FacePose) -> Float64:
-    """How clearly the painter saw points [h, w, 3]: cosine to his direction, 0 if hidden, [h, w].
-
-    The points are a height field, rows downwards.
-    """
-    facing = np.asarray(_normals(points) @ pose.rotation[2], np.float64)
-    facing[_hidden(points, pose)] = 0.0
-    return facing
-
-
-def _normals(points: Float64) -> Float64:
-    """Unit normals of a height field of points [h, w, 3], +z outwards; rows run downwards."""
-    down, across = np.gradient(points, axis=0), np.gradient(points, axis=1)
-    normal = np.cross(-down, across) * -1.0
-    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True), np.float64)
-
-
-def _hidden(points: Float64, pose: FacePose) -> NDArray[np.bool_]:
-    """Which points [h, w, 3] the painter sees something else before, bool [h, w].
-
-    A ray to him runs below the head's surface somewhere.
-    """
-    surface, low = _relief()
-    out = np.zeros(points.shape[:2], bool)
-    for along in np.arange(0.02, 1.2, 2 * RELIEF):
-        ahead = points + along * pose.rotation[2]
-        row, column = ((ahead[..., axis] - low[axis]) / RELIEF for axis in (1, 0))
-        found = ndimage.map_coordinates(surface, [row, column], order=1, cval=-np.inf)
-        deep = found - ahead[..., 2]
-        out |= (deep > 0.005) & (_reach(ahead[..., 0], ahead[..., 1], 0.47, 0.02, 0.7) < 1)
-    return out
-
-
-@lru_cache(maxsize=1)
-def _relief() -> tuple[Float64, tuple[float, float]]:
-    """Depth of the generic head every `RELIEF` units, [y, x], and (x, y) of its first point."""
-    low = (-0.55, -0.8)
-    x, y = np.meshgrid(np.arange(low[0], 0.56, RELIEF), np.arange(low[1], 0.81, RELIEF))
-    return generic_depth(x, y), low
-
-
-def _needed(x: Float64, y: Float64) -> Float64:
-    """How clearly a place must be seen to be taken as it was painted: less in eyes and mouth."""
     out = np.full(x.shape, CLEAR)
     for numbers, wide, high in ((range(36, 42), 0.12, 0.075), (range(42, 48), 0.12, 0.075),
                                 (range(17, 22), 0.13, 0.05), (range(22, 27), 0.13, 0.05),
                                 (range(48, 60), 0.17, 0.1)):
-        middle = GENERIC_LANDMARKS[list(numbers), :2].mean(axis=0)
+        middle = head[list(numbers), :2].mean(axis=0)
         away = np.hypot((x - middle[0]) / wide, (y - middle[1]) / high)
-        out -= (CLEAR - FEATURE) * np.clip(2 - away, 0, 1)
+        out -= (CLEAR - FEATURE) * np.clip((1.5 - away) / 0.5, 0, 1)
     return np.maximum(out, FEATURE)
 
 
 def _oval(x: Float64, y: Float64, wide: float, middle: float, high: float) -> Float64:
     """1 in an oval about the axis, 0 around it, soft between."""
-    return np.asarray(np.clip((1.05 - _reach(x, y, wide, middle, high)) / 0.1, 0, 1), np.float64)
-
-
-def _reach(x: Float64, y: Float64, wide: float, middle: float, high: float) -> Float64:
-    """Distance from the middle of an oval about the axis, 1 on it."""
-    return np.asarray(np.sqrt((x / wide) ** 2 + ((y - middle) / high) ** 2), np.float64)
+    return np.asarray(np.clip((1.05 - head_oval(x, y, wide, middle, high)) / 0.1, 0, 1), np.float64)
 
 
 def _mirror_image(image: NDArray[np.uint8], own: Float32, landmarks: Float64, scale: float,
@@ -308,7 +250,7 @@ def _mirror_image(image: NDArray[np.uint8], own: Float32, landmarks: Float64, sc
         shifted = np.asarray(cv2.remap(own, x + np.float32(away[0]), y + np.float32(away[1]),
                                        cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE),
                              np.float32)
-        soft = _blurred(opening, max(0.01 * scale, 0.5))[..., None]
+        soft = blurred(opening, max(0.01 * scale, 0.5))[..., None]
         paint = np.asarray(paint + soft * (_sampled(image, shifted) - paint), np.float32)
         places = np.where(soft > 0.5, shifted, places)
     return places, paint
@@ -325,7 +267,7 @@ def _own_share(ours: Float32, theirs: Float32, clear: Float32, mirrored: Float32
     always = (clear > np.where(needed < CLEAR, needed, FULL)) | (clear >= mirrored)
     shrink = min(1.0, CUT / scale)
     size = tuple(max(int(side * shrink), 8) for side in clear.shape[::-1])
-    images = [np.asarray(cv2.resize(_blurred(one, 0.02 * scale), size,
+    images = [np.asarray(cv2.resize(blurred(one, 0.02 * scale), size,
                                     interpolation=cv2.INTER_AREA), np.float32)
               for one in (ours, theirs)]
     masks = [np.asarray(cv2.resize(np.asarray(~never_here, np.uint8) * 255, size,
@@ -340,7 +282,7 @@ def _own_share(ours: Float32, theirs: Float32, clear: Float32, mirrored: Float32
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     for step in (cv2.MORPH_OPEN, cv2.MORPH_CLOSE):
         own = np.asarray(cv2.morphologyEx(own, step, kernel), np.float32)
-    return _blurred(own, 0.015 * scale)
+    return blurred(own, 0.015 * scale)
 
 
 def _sampled(picture: NDArray[np.generic], places: Float32) -> Float32:
@@ -348,45 +290,3 @@ def _sampled(picture: NDArray[np.generic], places: Float32) -> Float32:
     x, y = (np.ascontiguousarray(places[..., axis]) - np.float32(0.5) for axis in range(2))
     return np.asarray(cv2.remap(np.asarray(picture, np.float32), x, y, cv2.INTER_CUBIC,
                                 borderMode=cv2.BORDER_REFLECT_101), np.float32)
-
-
-def _relit(ours: Float32, theirs: Float32, share: Float32, both: Float32, face: Float32,
-           scale: float) -> Float32:
-    """The mirror image in the light of the place that it comes to, float32 [h, w, 3].
-
-    Where the two meet they differ by the light alone, seen broadly. That difference goes on from
-    the seam into the mirrored side, and fades: a lit cheek does not end at a line of shadow.
-    ``both`` [h, w] is 1 where either is on the face; hair and hats (outside ``face``) stay.
-    """
-    seam = _blurred(4 * share * (1 - share), 0.06 * scale)
-    seam = both * seam / max(float(seam.max()), 1e-3)
-    if not seam.any():
-        return theirs
-    broad = 0.04 * scale
-    known = np.maximum(_blurred(both, broad), np.float32(1e-3))
-    size = max(ours.shape[1] // SMALL, 8), max(ours.shape[0] // SMALL, 8)
-    # Light multiplies: a brighter cheek makes no grey of a black hat beside it.
-    brightness = [np.log(np.maximum(one, 0) + DARK) for one in (ours, theirs)]
-    differing = _blurred(both[..., None] * (brightness[0] - brightness[1]), broad)
-    differing = np.asarray(differing / known[..., None], np.float32)
-    # What is told apart by more than light (hair and skin) says little of the light.
-    like = np.exp(-(np.abs(differing).max(axis=-1) / UNLIKE) ** 2)
-    seam = np.asarray(seam * like, np.float32)
-    weight, light = (np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.float32)
-                     for plane in (seam, differing))
-    # From broad to narrow: near the seam its own difference counts, further away a mean of more.
-    mean: Float32 = np.zeros_like(light)
-    for reach in (0.4, 0.2, 0.1, 0.05):
-        total = _blurred(weight, reach * scale / SMALL)[..., None]
-        here = _blurred(light * weight[..., None], reach * scale / SMALL) / (
-            total + np.float32(1e-5))
-        sure = np.clip(total / (0.2 * float(total.max()) + 1e-6), 0, 1)
-        mean = np.asarray(mean + sure * (here - mean), np.float32)
-    change = cv2.resize(mean, ours.shape[1::-1], interpolation=cv2.INTER_CUBIC)
-    lit = np.exp(brightness[1] + face[..., None] * change) - DARK
-    return np.asarray(lit, np.float32)
-
-
-def _blurred(picture: Float32, sigma: float) -> Float32:
-    """A picture under a Gaussian of so many pixels."""
-    return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.float32)

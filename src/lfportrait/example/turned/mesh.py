@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...face import FacePose, generic_depth
-from .frontal import COARSE, clearness, painted_places
+from .frontal import COARSE
+from .seen import clearness, painted_places
 
 __all__ = ["head_mesh"]
 

@@ -1,0 +1,79 @@
+"""Light carried over to a mirrored side: what a strip of the painter's own paint tells of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lfportrait.example.turned.light import DARK, Sides, blurred, relit
+
+SHAPE = 120, 160
+SKIN = np.array([220.0, 170.0, 110.0])
+SHADE = np.array([-0.5, 0.0, 0.4])
+"""Another hue, in logarithms of the channels."""
+
+
+def sides(change, seen=130, hair=None):
+    """Stripes on the left, mirrored to the right, where the painter's own are in another light.
+
+    What he showed of the right ends at column ``seen``.
+    """
+    columns = np.indices(SHAPE)[1]
+    strokes = 1 + 0.1 * np.sin(0.9 * columns)
+    left = SKIN * strokes[..., None]
+    theirs = np.where((columns < 80)[..., None], left, left[:, ::-1])
+    lit = np.exp(np.log(theirs + DARK) + change) - DARK
+    ours = np.where((columns < 80)[..., None], left, lit)
+    share = blurred((columns < 90).astype(np.float32), 3.0)
+    both = (columns < seen).astype(np.float32)
+    return Sides(np.asarray(ours, np.float32), np.asarray(theirs, np.float32), share, both,
+                 np.ones(SHAPE, np.float32), hair, 100.0)
+
+
+def difference(one, two):
+    """Of broad colours in logarithms, at a mirrored place, [3]."""
+    parts = [np.log(blurred(np.asarray(each, np.float32), 6.0) + DARK)[60, 110]
+             for each in (one, two)]
+    return parts[0] - parts[1]
+
+
+@pytest.mark.parametrize("hair", [None, np.zeros(SHAPE, np.float32)])
+def test_shade_of_another_hue_comes_to_the_mirrored_side(hair):
+    given = sides(SHADE, hair=hair)
+    found = relit(given)
+    assert np.abs(difference(found, given.ours)).max() < 0.08
+    assert np.abs(difference(given.theirs, given.ours)).max() > 0.3
+    # Strokes stay: light changes broad colours alone.
+    contrast = [each[60, 100:120].std(axis=0) / each[60, 100:120].mean(axis=0)
+                for each in (found, given.theirs)]
+    assert np.allclose(*contrast, atol=0.02)
+
+
+def test_light_goes_on_behind_what_was_seen():
+    given = sides(SHADE, seen=105, hair=np.zeros(SHAPE, np.float32))
+    assert np.abs(difference(relit(given), given.ours)).max() < 0.2
+
+
+def test_dark_hair_over_the_far_cheek_is_no_shade():
+    dark = np.full(3, -1.4)
+    given = sides(dark, hair=np.zeros(SHAPE, np.float32))
+    assert np.abs(difference(relit(given), given.theirs)).max() < 0.3
+    # Brown hair differs less; there the mask tells.
+    hair = np.zeros(SHAPE, np.float32)
+    hair[:, 80:] = 1
+    given = sides(np.full(3, -0.6), hair=hair)
+    assert np.abs(difference(relit(given), given.theirs)).max() < 0.05
+
+
+def test_light_makes_a_highlight_no_brighter_than_all_paint():
+    given = sides(np.full(3, 0.3), seen=95, hair=np.zeros(SHAPE, np.float32))
+    given = replace(given, ours=0.6 * given.ours, theirs=0.6 * given.theirs)
+    given.theirs[:, 105:116] = 230
+    found = blurred(relit(given), 4.0)[60]
+    assert (found[110] < 236).all()
+    assert (found[98] > 1.15 * blurred(given.theirs, 4.0)[60, 98]).all()
+
+
+def test_where_nothing_was_seen_twice_the_mirror_image_stays():
+    given = sides(SHADE)
+    assert relit(replace(given, both=np.zeros(SHAPE, np.float32))) is given.theirs
