@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from .exemplar import Exemplar, face_size
-from .guides.blurs import broad_blur, enlarged, gaussian_blur
+from .guides.appearance import grey
+from .guides.blurs import broad_blur, enlarged, gaussian_blur, shrunk
 from .guides.labels import soft_face
 from .guides.maps import relative_stretch
 from .guides.position import pixel_centres
@@ -37,7 +38,16 @@ from .skin.materials import (
     pieces,
     resized_materials,
 )
-from .skin.picture_materials import FEATURES, GROUND, HAIR, MATERIALS, SKIN, painted_shares
+from .skin.picture_materials import (
+    EARS,
+    FEATURES,
+    GROUND,
+    HAIR,
+    MATERIALS,
+    NECK,
+    SKIN,
+    painted_shares,
+)
 
 if TYPE_CHECKING:
     from .result import TransferResult
@@ -59,6 +69,15 @@ EVEN = np.array([1, 1, 1, 2, 2, 1, 1], np.float32)
 DRAWN_OUT, CALM = 0.45, 0.02
 """The side of a turned face is patches where the guide changes more slowly than this, blurred by so
 much over the face's size."""
+COVERED = 0.15, 0.03
+"""Share of hair in the exemplar's face, blurred by so much over the face's size, from which on it
+is not copied onto a bare one."""
+EDGE = 0.03
+"""Blur by which the edge of what is painted so is told, over the face's size."""
+LIGHT = 0.03, 1.5, 5.0
+"""Side of the cells that light is carried in, over the face's height, and blurs in cells."""
+UTMOST = 0.2
+"""Tones are carried by no more than this: beyond it is a cast shadow, not light."""
 PLAIN_EVEN = 8.0
 """The same of a plain background: paper may well repeat, but vignettes must not lie in patches."""
 
@@ -101,6 +120,10 @@ class PhotoPatches:
                  config: PhotoPatchesConfig | None = None, seed: int = 0) -> None:
         self.exemplar, self.config, self.seed = exemplar, config or PhotoPatchesConfig(), seed
         self._shares = painted_shares(exemplar, regions, labels, strict=False)
+        hair = self._shares[..., HAIR]
+        if regions.hair is not None:
+            hair = np.maximum(hair, regions.hair)
+        self._covered = broad_blur(np.ascontiguousarray(hair), COVERED[1] * exemplar.size)
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
@@ -157,7 +180,6 @@ class PhotoPatches:
         planes = photo_shares(work.photo, work.regions, labels, position, self._shares,
                               theirs.present)
         tone, detail, trust = photo_looks(work.photo, work.landmarks, planes, theirs)
-        guides = material_guides(planes, tone, detail, self._weights())
         shares = planes.reshape(-1, len(MATERIALS))
         soft = soft_face(work.photo.shape, work.landmarks).astype(np.float32) / np.float32(255)
         rigid = _rigid(work.position * np.float32(size))
@@ -166,6 +188,11 @@ class PhotoPatches:
         begin, kept = self._begin(work, shares, theirs, wanted, rigid, size)
         core = covered & _core(work, soft, kept.reshape(soft.shape),
                                (shares[:, SKIN] + shares[:, FEATURES]).reshape(soft.shape))
+        # Eyes and brows stay: patches of features would take those of others.
+        core &= self._bare(work) | (planes[..., FEATURES] > 0.2)
+        flesh = planes[..., [SKIN, NECK, EARS]].sum(axis=-1)
+        tone = tone + flesh * _carried_light(work, core, tone)
+        guides = material_guides(planes, tone, detail, self._weights())
         # Where StyleBlit's chunks are of the right material and not stretched, they stay.
         wanted = np.where(kept[:, None], begin, wanted)
         # But not under the photo's patterns; those of its hair are none.
@@ -188,6 +215,22 @@ class PhotoPatches:
                              work.painted)
         color, _ = synthesise_patches(target, source, config.patches, self.seed)
         return color, core.astype(np.float32)
+
+    def _bare(self, work: _Work) -> Bools:
+        """Where StyleBlit has not laid the exemplar's hair over a face, bool [H, W].
+
+        A fringe, a curl, the shade at its hairline: on a higher forehead they would be stains.
+        """
+        height, width = self._covered.shape
+        x, y = (np.clip(np.nan_to_num(work.place[..., axis]), 0, size - 1).astype(np.int64)
+                for axis, size in ((0, width), (1, height)))
+        hair = self._covered[y, x]
+        if work.regions.hair is not None:
+            hair = hair * (1 - work.regions.hair)
+        # No crumbs, and no edges of chunks.
+        bare = gaussian_blur(np.asarray(hair < COVERED[0], np.float32),
+                             max(1.0, EDGE * face_size(work.landmarks)))
+        return np.asarray(bare > 0.8)
 
     def _weights(self) -> tuple[float, float, float]:
         return self.config.tone_weight, self.config.detail_weight, self.config.material_weight
@@ -272,6 +315,22 @@ def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
         eyes = (work.landmarks[[36, 45]] - frame.origin) @ frame.right / frame.height
         face &= (steady > DRAWN_OUT) | (near * right < (near * eyes).max())
     return np.asarray(face | (forehead & (broad > 0.9)), bool)
+
+
+def _carried_light(work: _Work, core: Bools, tone: Float32) -> Float32:
+    """How much lighter the face is painted than its tones ask for, carried on; [H, W].
+
+    Patches beside the face begin in its painted light, not in the photo's.
+    """
+    cell = max(1, round(LIGHT[0] * work.regions.frame.height))
+    known = shrunk(np.asarray(core, np.float32), cell)
+    light = shrunk(np.asarray(core * (grey(work.painted) - tone), np.float32), cell)
+    near, far = (gaussian_blur(known, sigma) for sigma in LIGHT[1:])
+    mean = gaussian_blur(light, LIGHT[1]) / np.maximum(near, np.float32(1e-4))
+    wide = gaussian_blur(light, LIGHT[2]) / np.maximum(far, np.float32(1e-4))
+    mixed = np.where(near > 0.02, mean, wide) * np.clip(4 * far, 0, 1)
+    out = enlarged(np.asarray(np.clip(mixed, -UTMOST, UTMOST), np.float32), cell, tone.shape)
+    return np.where(core, np.float32(0), out)
 
 
 def _rigid(position: Float32) -> Bools:
