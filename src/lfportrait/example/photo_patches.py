@@ -22,7 +22,7 @@ from PIL import Image
 
 from .exemplar import Exemplar, face_size
 from .guides.appearance import grey
-from .guides.blurs import broad_blur, enlarged, gaussian_blur, shrunk
+from .guides.blurs import broad_blur, enlarged, gaussian_blur
 from .guides.labels import soft_face
 from .guides.maps import relative_stretch
 from .guides.position import pixel_centres
@@ -30,6 +30,9 @@ from .guides.regions import Regions
 from .kernels.patches import ACTIVE, FIXED, OUTSIDE
 from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
+from .skin.cells import Cells
+from .skin.light import BLUR, REACH
+from .skin.light import CELL as CELL_OF_LIGHT
 from .skin.materials import (
     ROAM,
     ExemplarMaterials,
@@ -74,8 +77,6 @@ COVERED = 0.15, 0.03
 is not copied onto a bare one."""
 EDGE = 0.03
 """Blur by which the edge of what is painted so is told, over the face's size."""
-LIGHT = 0.03, 1.5, 5.0
-"""Side of the cells that light is carried in, over the face's height, and blurs in cells."""
 UTMOST = 0.2
 """Tones are carried by no more than this: beyond it is a cast shadow, not light."""
 PLAIN_EVEN = 8.0
@@ -318,19 +319,15 @@ def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
 
 
 def _carried_light(work: _Work, core: Bools, tone: Float32) -> Float32:
-    """How much lighter the face is painted than its tones ask for, carried on; [H, W].
+    """How much lighter the face is painted than its tones ask for, carried on; float32 [H, W].
 
-    Patches beside the face begin in its painted light, not in the photo's.
+    Patches beside the face begin in its painted light, not in the photo's, as on a skin
+    (`skin.light`).
     """
-    cell = max(1, round(LIGHT[0] * work.regions.frame.height))
-    known = shrunk(np.asarray(core, np.float32), cell)
-    light = shrunk(np.asarray(core * (grey(work.painted) - tone), np.float32), cell)
-    near, far = (gaussian_blur(known, sigma) for sigma in LIGHT[1:])
-    mean = gaussian_blur(light, LIGHT[1]) / np.maximum(near, np.float32(1e-4))
-    wide = gaussian_blur(light, LIGHT[2]) / np.maximum(far, np.float32(1e-4))
-    mixed = np.where(near > 0.02, mean, wide) * np.clip(4 * far, 0, 1)
-    out = enlarged(np.asarray(np.clip(mixed, -UTMOST, UTMOST), np.float32), cell, tone.shape)
-    return np.where(core, np.float32(0), out)
+    cells = Cells.over(pixel_centres(core.shape).reshape(-1, 2),
+                       CELL_OF_LIGHT * work.regions.frame.height)
+    light = cells.carried((grey(work.painted) - tone).reshape(-1), core.reshape(-1), BLUR, REACH)
+    return np.where(core, np.float32(0), np.clip(light.reshape(core.shape), -UTMOST, UTMOST))
 
 
 def _rigid(position: Float32) -> Bools:
