@@ -101,7 +101,7 @@ def test_nodes_hold_the_guide_at_their_places(guide):
     assert same.mean() > 0.5
     # What differs was led to the background, and is moved onto the person.
     person = guide.regions.person
-    nearest = guide.nearest[guided[..., 1].astype(int), guided[..., 0].astype(int)]
+    nearest = guide.regions.nearest[guided[..., 1].astype(int), guided[..., 0].astype(int)]
     assert np.allclose(nodes[~same][:, :2], nearest[~same])
     x, y = nodes[..., 0].astype(int), nodes[..., 1].astype(int)
     assert (person[y, x] > 0.5).mean() > 0.99

@@ -1,5 +1,7 @@
 """A painting that is finer than the lattice comes back from a field with its texture."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -9,11 +11,11 @@ from lfportrait.evaluate.sharpness import sharpness
 from lfportrait.example import Painting, Skin
 from lfportrait.field import VoxelField
 from lfportrait.stylize import StyledField
+from lfportrait.stylize.chart_lattice import MARGIN, SOLID, chart_camera, chart_lattice
 from lfportrait.stylize.fit import ColorModel
 from lfportrait.stylize.mixing.texels import mixed_texels
 from lfportrait.stylize.skin_fit import look_up_rows, row_labels
 from lfportrait.stylize.skin_texture import (
-    MARGIN,
     _keen,
     projections,
     row_charts,
@@ -64,6 +66,33 @@ def styled_field(field, looked_up, painting, textures, names):
     labels, regions = row_labels(painting.skin)
     return StyledField.of(field, np.stack([colors] * len(names)), names, 1 - colors, labels,
                           regions, textures, texel_rows(painting.skin, textures[0]))
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_what_the_lattice_leaves_out_is_told_as_by_rendering_it(looked_up, painting, step):
+    skin = painting.skin
+    lattice = chart_lattice(looked_up, skin, step)
+    picture = np.ascontiguousarray(painting.color[::step, ::step])
+    detail = lattice.left_out(picture, np.asarray(C0 * looked_up.sh[:, :, 0] + 0.5, np.float32))
+    assert not detail[~lattice.near].any()
+    for n, (x0, y0, x1, y1, dx, dy) in enumerate(skin.atlas.boxes.tolist()):
+        part = (slice((y0 + dy) // step, (y0 + dy) // step + (y1 - y0) // step),
+                slice((x0 + dx) // step, (x0 + dx) // step + (x1 - x0) // step))
+        shot = looked_up.render(chart_camera(skin, n, step), 0, background=0.0, step=0.5)
+        solid = (shot.alpha > SOLID + 0.02) & lattice.near[part]
+        wanted = picture[part] - shot.color / np.maximum(shot.alpha, SOLID)[..., None]
+        assert solid.mean() > 0.02
+        assert np.sqrt(((detail[part] - wanted)[solid] ** 2).mean()) < 0.004
+
+
+def test_maps_of_previews_are_kept_for_the_same_density(looked_up, painting):
+    skin = painting.skin
+    first = chart_lattice(looked_up, skin, 2)
+    other = looked_up.with_sh(looked_up.sh * 0.5)
+    assert chart_lattice(other, skin, 2) is first
+    thinner = replace(looked_up, density=looked_up.density * 0.5)
+    assert chart_lattice(thinner, skin, 2) is not first
+    assert chart_lattice(looked_up, skin, 1) is not chart_lattice(looked_up, skin, 1)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, -70.0, 150.0])

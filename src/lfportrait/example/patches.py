@@ -15,6 +15,7 @@ Patch synthesis of this kind touches patents; see docs/methods.md before you use
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -213,31 +214,44 @@ def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchCo
     places
         int32 [H, W], flat index of the exemplar's pixel behind each patch's middle.
     """
-    guides = [target.guides]
-    while len(guides) < min(config.levels, len(source.pictures)):
-        guides.append(halved(guides[-1]))
+    levels = range(min(config.levels, len(source.pictures)) - 1, -1, -1)
+    guides = _pyramid(target.guides, len(levels))
+    fixed = None if target.colors is None else _pyramid(target.colors, len(levels))
     places: Int32 | None = None
     colors = np.zeros((1, 1, 3), np.float32)
-    for level in range(len(guides) - 1, -1, -1):
-        engine = _Level(target, source, guides[level], level, config)
-        places = engine.first_places(places)
-        votes = config.last_votes if level == 0 and config.last_votes else config.votes
-        radii = [MARGIN] * votes + [1] * (config.polish and level == 0)
-        # The coarsest level is small, and what it finds is what all others build on.
-        widest = (max(engine.size) if 0 < level == len(guides) - 1
-                  else max(2, config.reach >> max(0, level - 1)))
-        for turn, radius in enumerate(radii):
-            colors = engine.improve(places, radius, seed * 1000003 + 1000 * level + 10 * turn,
-                                    widest)
+    with ThreadPoolExecutor(1) as aside:
+        # Finer levels are laid out while the search goes on in coarser ones.
+        engines = [aside.submit(_Level, target, source, guides[level],
+                                None if fixed is None else fixed[level], level, config)
+                   for level in levels]
+        for level in levels:
+            engine = engines.pop(0).result()
+            places = engine.first_places(places)
+            votes = config.last_votes if level == 0 and config.last_votes else config.votes
+            radii = [MARGIN] * votes + [1] * (config.polish and level == 0)
+            # The coarsest level is small, and what it finds is what all others build on.
+            widest = (max(engine.size) if 0 < level == levels[0]
+                      else max(2, config.reach >> max(0, level - 1)))
+            for turn, radius in enumerate(radii):
+                colors = engine.improve(places, radius,
+                                        seed * 1000003 + 1000 * level + 10 * turn, widest)
     assert places is not None
     return colors, places
+
+
+def _pyramid(planes: Float32, levels: int) -> list[Float32]:
+    """Planes [H, W, C], each half the size of the one before."""
+    out = [planes]
+    while len(out) < levels:
+        out.append(halved(out[-1]))
+    return out
 
 
 class _Level:
     """One level of the pyramid: votes and searches alternate on it."""
 
-    def __init__(self, target: PatchTarget, source: PatchSource, planes: Float32, level: int,
-                 config: PatchConfig) -> None:
+    def __init__(self, target: PatchTarget, source: PatchSource, planes: Float32,
+                 fixed: Float32 | None, level: int, config: PatchConfig) -> None:
         self.config, self.level, self.source = config, level, source
         self.picture = source.pictures[level]
         self.size = self.picture.shape[0], self.picture.shape[1]
@@ -257,11 +271,7 @@ class _Level:
         self.start = self._flat(target.start)
         self.guided = (self.start if target.guided is target.start
                        else self._flat(target.guided))
-        self.fixed: Float32 | None = None
-        if target.colors is not None:
-            self.fixed = target.colors
-            for _ in range(level):
-                self.fixed = halved(self.fixed)
+        self.fixed = fixed
         self.voted: Float32 | None = None
 
     def _want(self, target: PatchTarget) -> None:
@@ -345,9 +355,16 @@ class _Level:
 
     def _show(self, colours: Float32) -> None:
         """Write the voted colours into the target picture."""
-        padded = np.pad(colours, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
-        padded *= self.root
-        self.target[:-16].view(np.float16).reshape(*padded.shape[:2], CHANNELS)[..., :3] = padded
+        height, width = self.shape
+        shown = self.target[:-16].view(np.float16).reshape(
+            height + 2 * MARGIN, width + 2 * MARGIN, CHANNELS)[..., :3]
+        np.multiply(colours, self.root, out=shown[MARGIN:-MARGIN, MARGIN:-MARGIN],
+                    casting="same_kind")
+        # The border is repeated around it.
+        shown[MARGIN:-MARGIN, :MARGIN] = shown[MARGIN:-MARGIN, MARGIN:MARGIN + 1]
+        shown[MARGIN:-MARGIN, -MARGIN:] = shown[MARGIN:-MARGIN, -MARGIN - 1:-MARGIN]
+        shown[:MARGIN] = shown[MARGIN]
+        shown[-MARGIN:] = shown[-MARGIN - 1]
 
 
 def _interleaved(colours: Float32, planes: Float32) -> NDArray[np.uint16]:

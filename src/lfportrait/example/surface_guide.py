@@ -20,7 +20,6 @@ import functools
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from ..errors import UserError
 from .back_of_head import Patchwork, Sites
@@ -197,27 +196,6 @@ class SurfaceGuide:
         """Pieces for what lies behind the cheeks."""
         return Patchwork(self.exemplar, self.regions)
 
-    @functools.cached_property
-    def nearest(self) -> Float32:
-        """For every exemplar pixel the nearest one well inside the person, [h, w, 2] (x, y).
-
-        Below the chin of an exemplar that shows no body, a pixel stays where it is.
-        """
-        frame, person = self.regions.frame, self.regions.person
-        margin = 0.03 * frame.height
-        depth_inside = distance_transform_edt(np.pad(person > 0.5, 1, mode="edge"))[1:-1, 1:-1]
-        inside = depth_inside > margin
-        own = np.moveaxis(np.indices(person.shape), 0, -1)
-        nearest = own.copy()
-        if inside.any():
-            _, index = distance_transform_edt(~inside, return_indices=True)
-            nearest = np.moveaxis(index, 0, -1)
-        _, down = frame.local(person.shape)
-        last_row = down > self.regions.lowest() - 0.1
-        if not (inside & last_row).any():
-            nearest = np.where((down > 1.0)[..., None], own, nearest)
-        return np.asarray(nearest[..., ::-1] + 0.5, np.float32)
-
     def _pixels(self, position: Float32) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Columns and rows of the exemplar's pixels at positions [N, 2], or next to them."""
         height, width = self.regions.person.shape
@@ -227,7 +205,7 @@ class SurfaceGuide:
     def _onto_person(self, position: Float32) -> Float32:
         """Move positions [N, 2] that lie outside the exemplar's person to its nearest place."""
         x, y = self._pixels(position)
-        near = self.nearest[y, x]
+        near = self.regions.nearest[y, x]
         moved = np.abs(near - np.stack([x, y], axis=1) - np.float32(0.5)).max(axis=1) > 0.1
         return np.where(moved[:, None], near, position)
 

@@ -64,8 +64,15 @@ def look_up_rows(model: ColorModel, painting: Painting) -> None:
 def row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
     """Soft regions of a field's rows, uint8 [N, R], and the regions' names.
 
-    Rows that no chart shows belong to none.
+    Rows that no chart shows belong to none. Kept with the skin.
     """
+    if "row labels" not in skin.kept:
+        skin.kept["row labels"] = _row_labels(skin)
+    found: tuple[NDArray[np.uint8], tuple[str, ...]] = skin.kept["row labels"]
+    return found
+
+
+def _row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
     labels, names = skin.labels
     slots = skin.slots
     known = np.isfinite(skin.rows[:, 0])

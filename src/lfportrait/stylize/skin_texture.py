@@ -10,25 +10,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..capture import Camera
 from ..example import Painting, Skin
-from ..field import SurfaceTexture, VoxelField
+from ..field import C0, SurfaceTexture, VoxelField
+from .chart_lattice import chart_lattice
 from .mixing.texels import BLOCK
-from .skin_fit import chart_pixels
 
 __all__ = ["row_charts", "surface_texture", "texel_rows"]
 
 Float32 = NDArray[np.float32]
 
-MARGIN = 12
-"""Texels kept around what a chart owns, so that cells at a border find theirs in either chart."""
 KEEN = 0.1
 """Looking up between texels blurs: on average, over where a look-up falls, detail of four texels
 keeps 2/3 of its energy, of two 1/3. The texture makes up for it (generalised sampling): neighbours
 on either side are taken off with this weight. So views are nearest to what was painted, looked up
 by a filter of eight texels (Lanczos)."""
-SOLID = 0.9
-"""Where a chart's own view is clearer than this, nothing is known of the surface's colour."""
 
 
 def surface_texture(styled: VoxelField, painting: Painting) -> SurfaceTexture:
@@ -37,25 +32,15 @@ def surface_texture(styled: VoxelField, painting: Painting) -> SurfaceTexture:
     Parameters
     ----------
     styled
-        The field with its colours after the painting, without a texture.
+        The field with its colours after the painting, the same in all directions.
     painting
         On the field's skin.
     """
     skin, step = painting.skin, painting.step
-    atlas = skin.atlas
-    shape = painting.color.shape[:2]
-    detail = np.zeros((*shape, 3), np.float32)
-    for n in range(len(atlas.boxes)):
-        there = tuple(slice(part.start // step, part.start // step + size) for part, size in zip(
-            chart_pixels(skin, n, 1), _size(skin, n, step)))
-        shot = styled.render(_chart_camera(skin, n, step), 0, background=0.0, step=1.0)
-        solid = shot.alpha > SOLID
-        lattice = shot.color / np.maximum(shot.alpha, np.float32(SOLID))[..., None]
-        detail[there] = np.where(solid[..., None], painting.color[there] - lattice, 0)
-    detail = _keen(detail)
-    own = (atlas.own & (skin.slots >= 0))[::step, ::step][:shape[0], :shape[1]]
-    near = cv2.dilate(own.astype(np.uint8), np.ones((2 * MARGIN // step + 1,) * 2, np.uint8))
-    detail *= near[..., None]
+    lattice = chart_lattice(styled, skin, step)
+    colors = np.asarray(C0 * styled.sh[:, :, 0] + 0.5, np.float32)
+    detail = _keen(lattice.left_out(painting.color, colors))
+    detail *= lattice.near[..., None]
     return SurfaceTexture.of(detail, projections(skin, step), row_charts(skin),
                              skin.pixels / step)
 
@@ -64,21 +49,6 @@ def _keen(detail: Float32) -> Float32:
     """Differences [H, W, 3] that a bilinear look-up shows as sharp as they were."""
     row = np.array([-KEEN, 1 + 2 * KEEN, -KEEN], np.float32)
     return np.asarray(cv2.sepFilter2D(detail, -1, row, row), np.float32)
-
-
-def _size(skin: Skin, n: int, step: int) -> tuple[int, int]:
-    """Rows and columns of a chart at every ``step``-th pixel."""
-    x0, y0, x1, y1 = skin.atlas.boxes[n, :4].tolist()
-    return (y1 - y0) // step, (x1 - x0) // step
-
-
-def _chart_camera(skin: Skin, n: int, step: int) -> Camera:
-    """The camera of the part of a chart that the atlas holds, at every ``step``-th pixel."""
-    camera = skin.atlas.cameras[n]
-    rows, columns = _size(skin, n, step)
-    corner = skin.atlas.boxes[n, :2]
-    return Camera(camera.pose, camera.focal / step, (camera.center - corner) / step,
-                  np.array([columns]), np.array([rows]))
 
 
 def projections(skin: Skin, step: int = 1) -> NDArray[np.float64]:
@@ -109,9 +79,17 @@ def row_charts(skin: Skin) -> NDArray[np.uint8]:
 def texel_rows(skin: Skin, texture: SurfaceTexture) -> NDArray[np.int32]:
     """A lattice row for each block of texels, int32 [H / 4, W / 4] rounded up: that nearest to it.
 
-    ``texture`` is of the skin.
+    ``texture`` is of the skin, with which they are kept.
     """
     shape = tuple(-(-size // BLOCK) for size in texture.texels.shape[:2])
+    key = ("texel rows", texture.pixels, shape)
+    if key not in skin.kept:
+        skin.kept[key] = _block_rows(skin, texture, shape)
+    rows: NDArray[np.int32] = skin.kept[key]
+    return rows
+
+
+def _block_rows(skin: Skin, texture: SurfaceTexture, shape: tuple[int, ...]) -> NDArray[np.int32]:
     found = np.full(shape, -1, np.int32)
     known = np.flatnonzero(np.isfinite(skin.rows[:, 0]))
     scale = texture.pixels / skin.pixels / BLOCK

@@ -17,7 +17,7 @@ def eared(skin):
     place = (side > np.quantile(side, 0.3)) & (side < np.quantile(side, 0.6))
     relief = np.sin(25 * skin.flat[:, 1]).astype(np.float32)
     return replace(skin, hair=None, ears=place.astype(np.float32), seen=np.ones_like(skin.seen),
-                   tone=np.full_like(skin.tone, 0.5), detail=np.float32(0.1) * relief, canvases={})
+                   tone=np.full_like(skin.tone, 0.5), detail=np.float32(0.1) * relief, kept={})
 
 
 def _painted(eared, values):

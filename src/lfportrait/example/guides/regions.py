@@ -9,11 +9,12 @@ compared during the synthesis (`labels`), so that skin is not painted with hair.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from .colour_segmentation import overlap, separate
 from .face_frame import FaceFrame
@@ -147,6 +148,27 @@ class Regions:
         points = np.concatenate([corners, outline[np.isfinite(outline).all(axis=1)]])
         low, high = points.min(axis=0), points.max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    @functools.cached_property
+    def nearest(self) -> Float32:
+        """For every pixel the nearest one well inside the person, [H, W, 2] (x, y).
+
+        Below the chin of a picture that shows no body, a pixel stays where it is.
+        """
+        frame, person = self.frame, self.person
+        margin = 0.03 * frame.height
+        depth_inside = distance_transform_edt(np.pad(person > 0.5, 1, mode="edge"))[1:-1, 1:-1]
+        inside = depth_inside > margin
+        own = np.moveaxis(np.indices(person.shape), 0, -1)
+        nearest = own.copy()
+        if inside.any():
+            _, index = distance_transform_edt(~inside, return_indices=True)
+            nearest = np.moveaxis(index, 0, -1)
+        _, down = frame.local(person.shape)
+        last_row = down > self.lowest() - 0.1
+        if not (inside & last_row).any():
+            nearest = np.where((down > 1.0)[..., None], own, nearest)
+        return np.asarray(nearest[..., ::-1] + 0.5, np.float32)
 
     def labels(self, like: frozenset[str] = frozenset()) -> NDArray[np.uint8]:
         """Soft labels, uint8 [H, W, len(LABELS)]; see `labels.region_labels`."""

@@ -10,6 +10,7 @@ edges and patterns of the photo stay.
 from __future__ import annotations
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -155,6 +156,14 @@ class SkinPainter:
         self.exemplar, self.seed = exemplar, seed
         self.config = config or SkinConfig()
         self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed))
+        with ThreadPoolExecutor(1) as aside:
+            aside.submit(lambda: self.transfer.regions.nearest)
+            self._prepare()
+        self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
+
+    def _prepare(self) -> None:
+        """Find the exemplar's materials and the part of its face that is copied."""
+        exemplar = self.exemplar
         soft = self.transfer.face.astype(np.float32) / np.float32(255)
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
         # The mask, too: labels know no hair within the landmarks.
@@ -169,7 +178,6 @@ class SkinPainter:
         sides = soft_face(soft.shape, exemplar.landmarks, FOREHEAD) > 255 * INSIDE
         inside = sides & ((soft > INSIDE) | (soft > 0.5) & (covered < FRINGE))
         self._face = np.stack([inside.astype(np.float32), near, covered], axis=-1)
-        self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
         """Paint a skin.
@@ -181,8 +189,15 @@ class SkinPainter:
         step
             Pixels of the atlas per painted pixel: 1, or 2 for a preview.
         """
+        with ThreadPoolExecutor(1) as aside:
+            return self._painted(skin, step, aside)
+
+    def _painted(self, skin: Skin, step: int, aside: ThreadPoolExecutor) -> Painting:
+        """The painting; what only the exemplar tells is laid out ``aside``."""
         clock = _Clock()
         guide = SurfaceGuide(skin.plane.landmarks, self.exemplar, self.transfer.regions)
+        size = skin.pixels / guide.scale / step
+        source = aside.submit(self._source, round(size, 3)) if self.config.agree else None
         canvas, places = canvas_of(skin, step)
         position, ratio = self._positions(guide, places)
         if not self.config.agree:
@@ -196,17 +211,17 @@ class SkinPainter:
         clock.lap("guides")
         core = np.ones(len(face), bool)
         if self.config.agree:
-            core = self._core(places, canvas, face, ratio,
-                              places.pixels / guide.scale / canvas.step)
+            core = self._core(places, canvas, face, ratio, size)
         color = self._paint_face(places, guide, canvas, position, anchor, ratio, core)
         clock.lap("face")
-        if not self.config.agree:
+        if source is None:
             exchange(canvas.owner, color)
             return Painting(skin, color, step, clock.seconds)
-        target, source = self._target(places, guide, canvas, position, anchor, ratio, labels,
-                                      face[:, 1], core, color)
+        pictures, theirs = source.result()
+        target = self._target(places, theirs, size, canvas, position, anchor, ratio, labels,
+                              face[:, 1], core, color)
         clock.lap("targets")
-        color, _ = synthesise_patches(target, source, self.config.patches, self.seed)
+        color, _ = synthesise_patches(target, pictures, self.config.patches, self.seed)
         shade_ears(places, canvas, color)
         exchange(canvas.owner, color)
         clock.lap("patches")
@@ -282,13 +297,11 @@ class SkinPainter:
             picture[part][crop] = result.image
         return picture
 
-    def _target(self, skin: Skin, guide: SurfaceGuide, canvas: Canvas, position: Float32,
-                anchor: Float32, ratio: Float32, labels: NDArray[np.uint8], near: Float32,
-                core: NDArray[np.bool_], color: Float32) -> tuple[PatchTarget, PatchSource]:
-        """What the patches are to do, and what they are taken from."""
+    def _target(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
+                position: Float32, anchor: Float32, ratio: Float32, labels: NDArray[np.uint8],
+                near: Float32, core: NDArray[np.bool_], color: Float32) -> PatchTarget:
+        """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar."""
         config = self.config
-        size = skin.pixels / guide.scale / canvas.step
-        source, theirs = self._source(round(size, 3))
         unit = self.exemplar.size * size / 50
         shares = sitter_shares(skin, labels, theirs.present)
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
@@ -318,14 +331,11 @@ class SkinPainter:
         demand *= (state == ACTIVE).sum() / max(int(active.sum()), 1)
         there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
         even = theirs.shares @ (demand / np.maximum(there, 1)).astype(np.float32)
-        planes = canvas.spread(np.concatenate(
-            [wanted, begin, weight[:, None], trust[:, None], skin.seen[:, None]], axis=1))
         exchange(canvas.owner, color)
-        asked, start, much, sure = (np.ascontiguousarray(planes[..., part]) for part in (
-            slice(2), slice(2, 4), 4, slice(5, 7)))
-        target = PatchTarget(canvas.spread(guides), start, start, asked, much,
-                             float((ROAM * unit) ** 2), even, sure, state, canvas.owner, color)
-        return target, source
+        asked, start, much, sure = (canvas.spread(values) for values in (
+            wanted, begin, weight[:, None], np.stack([trust, skin.seen], axis=1)))
+        return PatchTarget(canvas.spread(guides), start, start, asked, much[..., 0],
+                           float((ROAM * unit) ** 2), even, sure, state, canvas.owner, color)
 
     def _weights(self) -> tuple[float, float, float]:
         """Weights of tone, detail and materials."""

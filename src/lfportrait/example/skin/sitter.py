@@ -91,8 +91,8 @@ class Skin:
     rows
         float32 [R, 2], places in the atlas of the field's R lattice rows; NaN where no chart shows
         them.
-    canvases
-        What paintings at some resolutions share, made when first needed (`canvas`).
+    kept
+        What paintings share, made when first needed.
     """
 
     atlas: Atlas
@@ -110,7 +110,7 @@ class Skin:
     seen: Float32
     outwards: NDArray[np.bool_]
     rows: Float32
-    canvases: dict[int, Any] = dataclass_field(default_factory=dict, repr=False, compare=False)
+    kept: dict[Any, Any] = dataclass_field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
     def of(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera | None = None,
