@@ -10,6 +10,7 @@ the drawing of the house - and ends with::
 from __future__ import annotations
 
 import ast
+import sys
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -46,6 +47,6 @@ def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
         return getattr(import_module(home, package), original)
 
     def names() -> list[str]:
-        return sorted(homes)
+        return sorted({*homes, *vars(sys.modules[package])})
 
     return get, names

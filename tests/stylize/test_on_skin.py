@@ -145,6 +145,30 @@ def test_a_skin_is_kept_beside_its_field(head, capture, tmp_path, monkeypatch):
         kept_skin(path, head, replace(capture, landmarks=None), 60.0)
 
 
+def test_field_and_skin_may_be_read_while_the_exemplar_is_looked_at(head, capture, violet):
+    skin = Skin.of(head, capture.landmarks, capture.cameras, PREVIEW.pixels)
+    known, _ = stylize_with_figures(head, capture, violet, PREVIEW, skin=skin)
+    asked = []
+
+    def read():
+        asked.append("field")
+        return head
+
+    def read_skin(field):
+        asked.append("skin")
+        assert field is head
+        return skin
+    late, _ = stylize_with_figures(read, capture, violet, PREVIEW, skin=read_skin)
+    assert asked == ["field", "skin"]
+    assert np.array_equal(late.sh, known.sh)
+    assert np.array_equal(late.texture.texels, known.texture.texels)
+
+    def fails():
+        raise UserError("no such field file")
+    with pytest.raises(UserError, match="no such field"):
+        stylize_with_figures(fails, capture, violet, PREVIEW)
+
+
 def test_closed_eyes_and_open_mouths_are_told(capture, violet):
     shut, wide = violet.landmarks.copy(), violet.landmarks.copy()
     for upper, lower in ((37, 41), (38, 40), (43, 47), (44, 46)):

@@ -2,11 +2,12 @@
 
 A capture is pictures with their cameras, in the frame of the head, and what is known of the head:
 its matte in each picture, its landmarks in space. `calibrate` finds the cameras of plain photos;
-`formats` reads data sets that have them.
+`formats` reads data sets that have them. What calibrates is imported when it is asked for.
 """
 
-from .calibrate import CalibrateConfig, PhotosError, calibrate
-from .calibration.head_motion import HeadMotion, follow_head
+from typing import TYPE_CHECKING
+
+from ..lazy import attach
 from .camera import Camera
 from .capture import Capture
 from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
@@ -20,6 +21,7 @@ from .frame import (
     pose_corrections,
     without_drift,
 )
+from .late_pictures import LatePictures
 from .mattes import (
     consistent_mattes,
     matte_agreement,
@@ -32,12 +34,19 @@ from .sharpness import fineness, relative_sharpness
 from .sources import load_photos
 from .video import read_video, video_frames
 
+if TYPE_CHECKING:
+    from .calibration.head_motion import HeadMotion, follow_head
+    from .photo_cameras import CalibrateConfig, PhotosError, calibrate
+
 __all__ = [
     "BAD", "FAIR", "GOOD", "INK", "PAPER", "CalibrateConfig", "Camera", "Capture", "HeadMotion",
-    "Lens", "Photo", "PhotosError", "calibrate", "consistent_mattes", "contact_sheet", "fineness",
-    "focus_point", "follow_head", "font", "is_calibrated", "is_video", "load_photos",
+    "LatePictures", "Lens", "Photo", "PhotosError", "calibrate", "consistent_mattes",
+    "contact_sheet", "fineness", "focus_point", "follow_head", "font", "is_calibrated",
+    "is_video", "load_photos",
     "looks_normalised", "matte_agreement", "mattes_share", "picture_files",
     "portrait_frame_from_cameras", "portrait_frame_from_landmarks", "pose_corrections",
     "read_photos", "read_video", "refine_matte", "relative_sharpness", "undistort", "video_frames",
     "views_share", "without_drift",
 ]
+
+__getattr__, __dir__ = attach(__name__, __file__)

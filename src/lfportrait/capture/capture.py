@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from ..files import read_image, read_json, write_image, write_json
 from ..measure import usable_cores
 from .camera import Camera
 from .formats import load_views, transform_files
+from .late_pictures import LatePictures
 
 __all__ = ["Capture"]
 
@@ -33,7 +35,7 @@ class Capture:
         V undistorted pinholes; world = portrait frame (+y up, +z out of the face, origin in the
         middle of the head, the head inside [-1, 1]^3).
     images
-        V pictures, uint8 [H, W, 3], sRGB.
+        V pictures, uint8 [H, W, 3], sRGB; a list, or `LatePictures`.
     alphas
         V mattes, uint8 [H, W] (255 = the person), or None where there are none.
     names
@@ -49,8 +51,8 @@ class Capture:
     """
 
     cameras: Camera
-    images: list[NDArray[np.uint8]]
-    alphas: list[NDArray[np.uint8]] | None
+    images: Sequence[NDArray[np.uint8]]
+    alphas: Sequence[NDArray[np.uint8]] | None
     names: list[str]
     held_out: NDArray[np.bool_]
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
@@ -61,7 +63,8 @@ class Capture:
         count = len(self.cameras)
         if not (len(self.images) == len(self.names) == len(self.held_out) == count):
             raise ValueError("cameras, images, names and held_out must have one entry a view")
-        for view, image in enumerate(self.images):
+        # Late pictures have not been decoded for their size.
+        for view, image in enumerate(() if isinstance(self.images, LatePictures) else self.images):
             wanted = (int(self.cameras.height[view]), int(self.cameras.width[view]))
             if image.shape[:2] != wanted:
                 raise ValueError(f"{self.names[view]} is {image.shape[:2]}, its camera {wanted}")

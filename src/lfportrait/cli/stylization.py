@@ -109,23 +109,20 @@ class Stylize(Common):
 
     def run(self) -> dict[str, Any]:
         """Stylise and save."""
-        from ..capture import CalibrateConfig
         from ..field import VoxelField
-        from ..job import prepare_capture
+        from ..job import capture_of_face
         from ..stylize import kept_skin, stylize_with_figures
 
         if not self.style:
             raise UserError("no style is given; name a painting: --style PICTURE")
         exemplars = [Exemplar.load(style) for style in self.style]
-        voxels = VoxelField.load(self.field)
-        capture, _ = prepare_capture(self.capture, CalibrateConfig(), keep_background=True,
-                                     need_face=True)
+        capture = capture_of_face(self.capture)
         with self.progress("stylize") as progress:
-            skin = (kept_skin(self.field, voxels, capture, self.config.pixels)
-                    if self.config.on_skin else None)
             styled, figures = stylize_with_figures(
-                voxels, capture, exemplars, replace(self.config, seed=self.seed), progress,
-                device=self.device, dump=self.dump, skin=skin)
+                lambda: VoxelField.load(self.field), capture, exemplars,
+                replace(self.config, seed=self.seed), progress, device=self.device,
+                dump=self.dump,
+                skin=lambda voxels: kept_skin(self.field, voxels, capture, self.config.pixels))
         styled.save(self.out)
         for notice in figures["notices"]:
             print(f"note: {notice}", file=sys.stderr)

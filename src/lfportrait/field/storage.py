@@ -167,6 +167,8 @@ def load_field(path: Any) -> Loaded:
                         f"colour {sh.shape} do not fit together")
     if links.max(initial=-1) >= len(density):
         raise UserError(f"{path} is damaged: its links point beyond its {len(density)} voxels")
+    # Half floats are slow to look at.
+    sh = sh.astype(np.float32)
     if not (np.isfinite(density).all() and np.isfinite(sh).all()):
         raise UserError(f"{path} is damaged: it holds values that are not finite")
     center, radius = arrays["center"], arrays["radius"]
@@ -174,9 +176,9 @@ def load_field(path: Any) -> Loaded:
     if center.size not in (1, 3) or radius.size not in (1, 3) or frame.shape != (4, 4) or not (
             np.isfinite(center).all() and np.isfinite(radius).all() and (radius > 0).all()):
         raise UserError(f"{path} is damaged: its cube or its frame makes no sense")
-    return (np.maximum(_turned(links.astype(np.int32, copy=False)), -1),
-            np.ascontiguousarray(density, np.float32),
-            sh.astype(np.float32).reshape(len(sh), 3, -1),
+    turned = _turned(links.astype(np.int32, copy=False))
+    return (np.maximum(turned, -1, out=turned), np.ascontiguousarray(density, np.float32),
+            sh.reshape(len(sh), 3, -1),
             np.broadcast_to(center.ravel(), (3,)).astype(np.float64),
             np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
             frame.astype(np.float64), _background(arrays, path),

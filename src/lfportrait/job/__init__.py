@@ -14,6 +14,7 @@ from ..lazy import attach
 
 if TYPE_CHECKING:
     from .check_drawing import check_picture
+    from .known_captures import capture_of_face
     from .person import cut_person
     from .photo_check import PhotoCheck, PhotoFacts, check_photos
     from .pipeline import MakeConfig, make
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from .warmup import Warmup
 
 __all__ = ["MakeConfig", "PhotoCheck", "PhotoFacts", "StyleCheck", "Warmup", "add_style",
-           "check_photos", "check_picture", "check_style", "chosen_face", "cut_person",
-           "find_face", "make", "prepare_capture", "style_picture"]
+           "capture_of_face", "check_photos", "check_picture", "check_style", "chosen_face",
+           "cut_person", "find_face", "make", "prepare_capture", "style_picture"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

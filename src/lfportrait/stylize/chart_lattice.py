@@ -56,7 +56,7 @@ class ChartLattice:
         self.density = field.density
         atlas = skin.atlas
         shape = atlas.depth.shape[0] // step, atlas.depth.shape[1] // step
-        own = (atlas.own & (skin.slots >= 0))[::step, ::step][:shape[0], :shape[1]]
+        own = atlas.own[::step, ::step][:shape[0], :shape[1]]
         around = np.ones((2 * MARGIN // step + 1,) * 2, np.uint8)
         self.near = cv2.dilate(own.astype(np.uint8), around) > 0
         self._maps = [_chart_map(field, skin, step, n, self.near) if lasting
@@ -98,7 +98,9 @@ def _chart_map(field: VoxelField, skin: Skin, step: int, n: int, near: NDArray[n
     camera = chart_camera(skin, n, step)
     top, left = (part.start // step for part in chart_pixels(skin, n, 1))
     there = (slice(top, top + int(camera.height[0])), slice(left, left + int(camera.width[0])))
-    return there, field.sample_weights(camera, 0, step=0.5, inside=near[there])
+    # As views are rendered; a preview takes longer strides.
+    stride = 0.5 if step == 1 else 1.0
+    return there, field.sample_weights(camera, 0, step=stride, inside=near[there])
 
 
 def chart_camera(skin: Skin, n: int, step: int) -> Camera:

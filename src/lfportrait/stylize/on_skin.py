@@ -10,26 +10,33 @@ refine them at half the size. What the lattice is too coarse for becomes the fie
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..capture import Capture
 from ..example import Exemplar, Painting, Skin, SkinPainter
+from ..example.skin import canvas_of, face_pixels
 from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
 from ..progress import Progress
+from .chart_lattice import chart_lattice
 from .config import StylizeConfig
 from .fit import ColorModel
-from .skin_fit import chart_views, for_lattice, look_up_rows, show_painting
+from .skin_fit import chart_views, for_lattice, look_up_rows, row_labels, show_painting
 from .skin_texture import surface_texture
 from .views import StyleView
 
-__all__ = ["paint", "stylize_skin"]
+__all__ = ["LateField", "LateSkin", "Sitter", "paint", "stylize_skin"]
 
 Float32 = NDArray[np.float32]
+
+LateField = VoxelField | Callable[[], VoxelField]
+LateSkin = Skin | Callable[[VoxelField], Skin] | None
 
 PREVIEW = 2
 """Pixels of the skin per painted pixel in a preview."""
@@ -51,49 +58,110 @@ def paint(skin: Skin, exemplar: Exemplar, config: StylizeConfig | None = None) -
         a `SkinPainter`.
     """
     config = config or StylizeConfig()
-    painter = _painter(_fitting(exemplar, skin), config)
+    painter = _painter(_fitting(exemplar, skin.face), config)
     return painter.paint(skin, PREVIEW if config.preview else 1)
 
 
-def _fitting(exemplar: Exemplar, skin: Skin) -> Exemplar:
-    """The exemplar without what is finer than a skin can show: that would only cost time."""
-    return exemplar.within(FINER * skin.face)
+def _fitting(exemplar: Exemplar, face: float) -> Exemplar:
+    """The exemplar without what is finer than a skin can show: that would only cost time.
+
+    ``face`` is the size of its face in pixels.
+    """
+    return exemplar.within(FINER * face)
 
 
 def _painter(exemplar: Exemplar, config: StylizeConfig) -> SkinPainter:
     return SkinPainter(exemplar, config.painting, config.transfer, config.seed)
 
 
-class _Views:
-    """The charts as views of the fit and of the refinement, made when first needed."""
+class Sitter:
+    """A field to be painted: its skin, and what all paintings of it share.
 
-    def __init__(self, field: VoxelField, skin: Skin, config: StylizeConfig) -> None:
-        self.field, self.skin, self.config = field, skin, config
-        self._made: dict[int, list[StyleView]] = {}
+    What takes a while is made in another thread: a painting is looked at meanwhile.
 
-    def of(self, painting: Painting, step: int) -> list[StyleView]:
-        """Views at every ``step``-th pixel that should show a painting."""
-        if step not in self._made:
-            self._made[step] = chart_views(self.field, self.skin, self.config.background, step)
-        show_painting(self._made[step], painting, self.config.background, step)
-        return self._made[step]
+    Parameters
+    ----------
+    field
+        The real field, or what reads it.
+    capture
+        Its capture, with landmarks.
+    config
+        Parameters.
+    skin
+        Of the field, or what makes it; None computes it.
+    """
+
+    def __init__(self, field: LateField, capture: Capture, config: StylizeConfig,
+                 skin: LateSkin) -> None:
+        assert capture.landmarks is not None
+        self.capture, self.config = capture, config
+        self.step = PREVIEW if config.preview else 1
+        self.face = (skin.face if isinstance(skin, Skin)
+                     else face_pixels(capture.landmarks, config.pixels))
+        aside = ThreadPoolExecutor(1)
+        self._field = aside.submit(field if callable(field) else lambda: field)
+        self._skin = aside.submit(self._read, skin)
+        self._shared = aside.submit(self._share)
+        aside.shutdown(wait=False)
+        self._views: dict[int, list[StyleView]] = {}
+
+    def _read(self, skin: LateSkin) -> Skin:
+        capture = self.capture
+        if skin is None:
+            assert capture.landmarks is not None
+            skin = Skin.of(self.field, capture.landmarks, capture.cameras, self.config.pixels)
+        elif not isinstance(skin, Skin):
+            skin = skin(self.field)
+        canvas_of(skin, self.step)
+        return skin
+
+    def _share(self) -> None:
+        skin = self._skin.result()
+        if self.config.preview and self.config.texture:
+            chart_lattice(self.field, skin, self.step)
+        row_labels(skin)
+
+    @property
+    def field(self) -> VoxelField:
+        """The real field."""
+        return self._field.result()
+
+    @property
+    def skin(self) -> Skin:
+        """The field's skin."""
+        return self._skin.result()
+
+    def wait(self) -> None:
+        """Return when all is there that paintings share."""
+        self._shared.result()
+
+    def views(self, painting: Painting, step: int) -> list[StyleView]:
+        """The charts at every ``step``-th pixel as views that should show a painting."""
+        background = self.config.background
+        if step not in self._views:
+            self._views[step] = chart_views(self.field, self.skin, background, step)
+        show_painting(self._views[step], painting, background, step)
+        return self._views[step]
 
 
-def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
-                 config: StylizeConfig, progress: Progress | None,
-                 dump: Path | None,
+def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeConfig,
+                 progress: Progress | None, dump: Path | None,
                  ) -> tuple[list[Float32], list[SurfaceTexture], dict[str, Any]]:
     """Colours of a field's rows, float32 [N, 3], and textures, by exemplar, and figures."""
-    views = _Views(field, skin, config)
     colors, textures, rows = [], [], []
     constants: Any = None
-    for exemplar in (_fitting(one, skin) for one in exemplars):
+    for exemplar in (_fitting(one, sitter.face) for one in exemplars):
         clock = time.perf_counter()
         if progress is not None:
             progress.update(progress.done, f"paint after {exemplar.name}")
         painter = _painter(exemplar, config)
-        painting = painter.paint(skin, PREVIEW if config.preview else 1)
+        looked_at = time.perf_counter()
+        skin = sitter.skin
+        ready = time.perf_counter()
+        painting = painter.paint(skin, sitter.step)
         painted = time.perf_counter()
+        sitter.wait()
+        field = sitter.field
         model = ColorModel(field, config.background)
         look_up_rows(model, for_lattice(painting, field) if config.texture else painting)
         figures: dict[str, Any] = {"style": exemplar.name, "painting": painting.seconds,
@@ -101,7 +169,7 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
                                    "materials": painter.materials()}
         if not config.preview and config.iterations > 0:
             known = model.seen.copy()
-            errors = model.fit(views.of(painting, 1), config.iterations, progress,
+            errors = model.fit(sitter.views(painting, 1), config.iterations, progress,
                                config.relaxation)
             model.seen = np.maximum(model.seen, known)
             figures["fit"] = {"rmse": [round(float(np.sqrt(e)), 5) for e in errors]}
@@ -115,10 +183,11 @@ def stylize_skin(field: VoxelField, skin: Skin, exemplars: Sequence[Exemplar],
             from .refinement import Constants, Refinement
 
             constants = constants or Constants()
-            figures["refinement"] = Refinement(model, views.of(painting, 2), config,
+            figures["refinement"] = Refinement(model, sitter.views(painting, 2), config,
                                                constants).run(progress)
         end = time.perf_counter()
-        figures["seconds"] = {"paint": round(painted - clock, 3),
+        figures["seconds"] = {"skin": round(ready - looked_at, 3),
+                              "paint": round(painted - ready + looked_at - clock, 3),
                               "fit": round(fitted - painted, 3),
                               "texture": round(textured - fitted, 3),
                               "refine": round(end - textured, 3)}

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from ..capture import Capture
 from ..device import computing_device
 from ..errors import UserError
-from ..example import LABELS, Exemplar, Skin
+from ..example import LABELS, Exemplar
 from ..field import C0, SurfaceTexture, VoxelField
 from ..progress import Progress
 from .config import StylizeConfig
 from .mixing import StyledField
 from .notices import notices
-from .on_skin import stylize_skin
+from .on_skin import LateField, LateSkin, Sitter, stylize_skin
 from .skin_fit import row_labels
 from .skin_texture import texel_rows
 
@@ -28,25 +28,26 @@ __all__ = ["StylizeConfig", "stylize", "stylize_with_figures"]
 Float32 = NDArray[np.float32]
 
 
-def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[Exemplar],
+def stylize(field: LateField, capture: Capture, exemplar: Exemplar | Sequence[Exemplar],
             config: StylizeConfig | None = None, progress: Progress | None = None,
             device: str = "auto", dump: Path | None = None,
-            skin: Skin | None = None) -> StyledField:
+            skin: LateSkin = None) -> StyledField:
     """Give a field the manner of an exemplar: `stylize_with_figures`' field alone."""
     return stylize_with_figures(field, capture, exemplar, config, progress, device, dump, skin)[0]
 
 
-def stylize_with_figures(field: VoxelField, capture: Capture,
+def stylize_with_figures(field: LateField, capture: Capture,
                          exemplar: Exemplar | Sequence[Exemplar],
                          config: StylizeConfig | None = None, progress: Progress | None = None,
                          device: str = "auto", dump: Path | None = None,
-                         skin: Skin | None = None) -> tuple[StyledField, dict[str, Any]]:
+                         skin: LateSkin = None) -> tuple[StyledField, dict[str, Any]]:
     """Give a field the manner of one or more exemplars.
 
     Parameters
     ----------
     field
-        The real radiance field.
+        The real radiance field, or a function that reads it, called in another thread while the
+        exemplar is looked at.
     capture
         Its capture: the landmarks in space, and where the photos were taken from.
     exemplar
@@ -60,7 +61,8 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     dump
         Folder for pictures of intermediates; None writes none.
     skin
-        Of the field, where it is known already (`Skin.of`, `Skin.kept`).
+        Of the field, where it is known already (`Skin.of`, `kept_skin`), or a function from the
+        field to it, called in that thread.
 
     Returns
     -------
@@ -86,23 +88,18 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     computes_on = computing_device(device)
     start = time.perf_counter()
     figures: dict[str, Any] = {"method": config.method, "device": computes_on}
-    labels = np.zeros((len(field.density), len(LABELS)), np.uint8)
-    regions: tuple[str, ...] = LABELS
     textures: list[SurfaceTexture] = []
     blocks = None
     if config.on_skin:
-        assert capture.landmarks is not None
-        if skin is None:
-            if progress is not None:
-                progress.update(progress.done, "skin")
-            skin = Skin.of(field, capture.landmarks, capture.cameras, config.pixels)
-        ready = time.perf_counter()
-        colors, textures, found = stylize_skin(field, skin, exemplars, config, progress, dump)
-        found["seconds"]["skin"] = round(ready - start, 3)
-        labels, regions = row_labels(skin)
+        sitter = Sitter(field, capture, config, skin)
+        colors, textures, found = stylize_skin(sitter, exemplars, config, progress, dump)
+        field = sitter.field
+        labels, regions = row_labels(sitter.skin)
         if textures:
-            blocks = texel_rows(skin, textures[0])
+            blocks = texel_rows(sitter.skin, textures[0])
     else:
+        field = field if isinstance(field, VoxelField) else field()
+        labels, regions = np.zeros((len(field.density), len(LABELS)), np.uint8), LABELS
         colors, found = _by_views(field, capture, exemplars, config, progress, dump)
     figures.update(found)
     figures["notices"] = notices(capture, exemplars, config)

@@ -1,4 +1,4 @@
 """Structure from motion, step by step: features, matches, placing the photos, the lens.
 
-`capture.calibrate` joins the steps; COLMAP (pycolmap) places the photos.
+`capture.photo_cameras` joins the steps; COLMAP (pycolmap) places the photos.
 """

@@ -4,10 +4,11 @@
 paints it by one exemplar.
 """
 
+from .canvas import canvas_of
 from .painting import Painting, SkinConfig, SkinPainter
 from .rehearsal import rehearse_painting
-from .sitter import PIXELS, Skin
+from .sitter import PIXELS, Skin, face_pixels
 from .storage import load_skin, save_skin, skin_key
 
-__all__ = ["PIXELS", "Painting", "Skin", "SkinConfig", "SkinPainter", "load_skin",
-           "rehearse_painting", "save_skin", "skin_key"]
+__all__ = ["PIXELS", "Painting", "Skin", "SkinConfig", "SkinPainter", "canvas_of", "face_pixels",
+           "load_skin", "rehearse_painting", "save_skin", "skin_key"]

@@ -42,7 +42,7 @@ class Canvas:
             return Canvas(1, atlas.owner, skin.slots, np.isfinite(atlas.depth))
         owner = coarser_owner(atlas.owner, level, shape)
         # An owner shows what its middle shows, even if that is another's.
-        slots = at_middles(skin.slots, level, shape).reshape(-1)
+        slots = skin.slots_of(at_middles(atlas.owner, level, shape)).reshape(-1)
         filled = np.where(owner >= 0, slots[np.maximum(owner, 0)], -1)
         return Canvas(step, owner, np.ascontiguousarray(filled.reshape(shape)),
                        np.isfinite(at_middles(atlas.depth, level, shape)))

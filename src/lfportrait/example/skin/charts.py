@@ -10,6 +10,7 @@ margin in which they show what their neighbours own.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,10 +94,8 @@ class Atlas:
         in the atlas the chart's pixel (0, 0) lies.
     depth
         float32 [H, W], along the chart's axis; infinite where there is no surface.
-    points
-        float32 [H, W, 3], NaN without surface.
-    color
-        float32 [H, W, 3], the head as it is, sRGB in [0, 1].
+    shown
+        [H, W, 3], the head as it is, sRGB: float32 in [0, 1], or uint8.
     owner
         int32 [H, W]: flat index of the pixel that owns the surface point here, itself where it
         does; beside the surface, within `MARGIN`, that of a near one, else -1.
@@ -107,12 +106,31 @@ class Atlas:
     cameras: Camera
     boxes: NDArray[np.int64]
     depth: Float32
-    points: Float32
-    color: Float32
+    shown: Float32 | NDArray[np.uint8]
     owner: NDArray[np.int32]
     shape: Shape
 
-    @property
+    @functools.cached_property
+    def color(self) -> Float32:
+        """The head as it is, float32 [H, W, 3], sRGB in [0, 1]."""
+        if self.shown.dtype == np.uint8:
+            return np.asarray(self.shown.astype(np.float32) / np.float32(255))
+        return np.asarray(self.shown, np.float32)
+
+    @functools.cached_property
+    def points(self) -> Float32:
+        """Places in the world, float32 [H, W, 3]; NaN without surface."""
+        points = np.full((*self.depth.shape, 3), np.nan, np.float32)
+        for row, (x0, y0, x1, y1, dx, dy) in zip(self.rows, self.boxes.tolist()):
+            there = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
+            part = np.empty((y1 - y0, x1 - x0, 3), np.float32)
+            camera = row.copy()
+            camera[14:] -= (x0, y0)
+            lift_points(np.ascontiguousarray(self.depth[there]), camera, part)
+            points[there] = part
+        return points
+
+    @functools.cached_property
     def own(self) -> NDArray[np.bool_]:
         """Pixels that own their surface point, bool [H, W]."""
         return np.asarray(self.owner.reshape(-1) == np.arange(self.owner.size, dtype=np.int32)
@@ -127,7 +145,6 @@ class Atlas:
     def bias(self) -> Float64:
         """What is added to a chart's cosine, float64 [C]."""
         return np.where(np.arange(len(self.cameras)) == 0, FRONT, 0.0)
-
 
     def locate(self, points: Float32, before: float, behind: float) -> tuple[Float32, Float32]:
         """Places of points in the atlas.
@@ -260,15 +277,14 @@ def _packed(charts: list[_Chart], parts: list[tuple[int, int, int, int]], shape:
         x, shelf = x + step_x, max(shelf, step_y)
     height = -(-(y + shelf) // ALIGN) * ALIGN
     depth = np.full((height, width), np.inf, np.float32)
-    points = np.full((height, width, 3), np.nan, np.float32)
     color = np.zeros((height, width, 3), np.float32)
     for chart, (x0, y0, x1, y1, dx, dy) in zip(charts, boxes.tolist()):
         there = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
         here = slice(y0, y1), slice(x0, x1)
-        for target, source in ((depth, chart.depth), (points, chart.points), (color, chart.color)):
+        for target, source in ((depth, chart.depth), (color, chart.color)):
             target[there] = source[here]
-    return Atlas(Camera.concatenate([chart.camera for chart in charts]), boxes, depth, points,
-                 color, np.full((height, width), -1, np.int32), shape)
+    return Atlas(Camera.concatenate([chart.camera for chart in charts]), boxes, depth, color,
+                 np.full((height, width), -1, np.int32), shape)
 
 
 def _owners(atlas: Atlas, tolerance: float) -> NDArray[np.int32]:

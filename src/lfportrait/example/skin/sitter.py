@@ -33,7 +33,7 @@ from .relief import around_face, hair_by_relief
 BEFORE, BEHIND = 2.5, 7.0
 """Lattice points up to so many voxels before a chart's surface, and under it, take its colour."""
 
-__all__ = ["PIXELS", "Skin", "contours"]
+__all__ = ["PIXELS", "Skin", "contours", "face_pixels"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -161,9 +161,18 @@ class Skin:
     @functools.cached_property
     def slots(self) -> NDArray[np.int32]:
         """Number in the lists of each pixel's owner, int32 [H, W]; -1 where there is none."""
+        return self.slots_of(self.atlas.owner)
+
+    def slots_of(self, owner: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Numbers in the lists of owners, int32 of their shape; -1 where there is none."""
+        return self._numbers[owner]
+
+    @functools.cached_property
+    def _numbers(self) -> NDArray[np.int32]:
+        """Number in the lists of each pixel of the atlas; the last one stands for no owner (-1)."""
         number = np.full(self.atlas.owner.size + 1, -1, np.int32)
         number[self.index] = np.arange(len(self.index), dtype=np.int32)
-        return number[self.atlas.owner]
+        return number
 
     @functools.cached_property
     def labels(self) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
@@ -176,6 +185,11 @@ class Skin:
     def face(self) -> float:
         """Size of the face (`face_size` of the unwrapped landmarks) in pixels of the charts."""
         return _unit(self.plane) * self.pixels
+
+
+def face_pixels(landmarks: NDArray[np.floating], pixels: float) -> float:
+    """`Skin.face` of a head with these landmarks, float64 [68, 3], before there is a skin."""
+    return _unit(HeadPlane(landmarks)) * pixels
 
 
 def _row_places(field: VoxelField, atlas: Atlas) -> Float32:

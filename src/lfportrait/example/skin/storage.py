@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from ...capture import Camera
 from ...files import atomic_write
 from ...keys import key_of
-from ..kernels.atlas import lift_points
 from ..surface_guide import HeadPlane
 from .charts import Atlas, Shape
 from .sitter import Skin
 
 __all__ = ["load_skin", "save_skin", "skin_key"]
 
-VERSION = 11
+VERSION = 12
 _LISTS = ("index", "flat", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
           "seen", "outwards", "rows")
 
@@ -37,6 +36,7 @@ def save_skin(skin: Skin, path: Path, key: str) -> None:
     """Write a skin and the key of what it was made of."""
     atlas = skin.atlas
     cameras = atlas.cameras
+    labels, regions = skin.labels
     lists: dict[str, NDArray[Any]] = {}
     for name in _LISTS:
         value = getattr(skin, name)
@@ -49,7 +49,8 @@ def save_skin(skin: Skin, path: Path, key: str) -> None:
                  landmarks=skin.plane.landmarks, boxes=atlas.boxes, depth=atlas.depth,
                  color=np.uint8(atlas.color * 255 + 0.5), owner=atlas.owner,
                  shape_normals=atlas.shape.normals, shape_low=atlas.shape.low,
-                 shape_cell=np.float64(atlas.shape.cell), pose=cameras.pose, focal=cameras.focal,
+                 shape_cell=np.float64(atlas.shape.cell), labels=labels,
+                 regions=np.array(regions), pose=cameras.pose, focal=cameras.focal,
                  center=cameras.center, width=cameras.width, height=cameras.height, **lists)
 
 
@@ -64,18 +65,12 @@ def load_skin(path: Path, key: str) -> Skin | None:
         return None
     cameras = Camera(*(arrays[name] for name in ("pose", "focal", "center", "width", "height")))
     shape = Shape(arrays["shape_normals"], arrays["shape_low"], float(arrays["shape_cell"]))
-    depth = arrays["depth"]
-    points = np.full((*depth.shape, 3), np.nan, np.float32)
-    atlas = Atlas(cameras, arrays["boxes"], depth, points,
-                  arrays["color"].astype(np.float32) / np.float32(255), arrays["owner"], shape)
-    for row, (x0, y0, x1, y1, dx, dy) in zip(atlas.rows, atlas.boxes.tolist()):
-        there = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
-        part = np.empty((y1 - y0, x1 - x0, 3), np.float32)
-        camera = row.copy()
-        camera[14:] -= (x0, y0)
-        lift_points(np.ascontiguousarray(depth[there]), camera, part)
-        points[there] = part
+    atlas = Atlas(cameras, arrays["boxes"], arrays["depth"], arrays["color"], arrays["owner"],
+                  shape)
     lists = {name: (value.astype(np.float32) if value.dtype == np.float16 else value)
              for name in _LISTS if (value := arrays.get(name)) is not None}
-    return Skin(atlas, HeadPlane(arrays["landmarks"]), float(arrays["pixels"]),
+    skin = Skin(atlas, HeadPlane(arrays["landmarks"]), float(arrays["pixels"]),
                 **{"hair": None, **lists})
+    # Found when it was written, and asked for by every painting.
+    skin.__dict__["labels"] = arrays["labels"], tuple(arrays["regions"].tolist())
+    return skin

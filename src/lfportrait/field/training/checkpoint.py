@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import zipfile
 import zlib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -66,7 +67,8 @@ def deflated(mattes: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     return np.frombuffer(zlib.compress(b"".join(map(np.ndarray.tobytes, mattes)), 1), np.uint8)
 
 
-def _inflated(data: NDArray[np.uint8], like: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
+def _inflated(data: NDArray[np.uint8], like: Sequence[NDArray[np.uint8]],
+              ) -> list[NDArray[np.uint8]]:
     """The mattes again; ``like`` has their shapes."""
     flat = np.frombuffer(zlib.decompress(data.tobytes()), np.uint8)
     ends = np.cumsum([matte.size for matte in like])

@@ -1,0 +1,53 @@
+"""Pictures that are decoded when they are first looked at.
+
+Many a command needs a capture's cameras and its landmarks alone; decoding a hundred photos takes
+longer than a preview.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["LatePictures"]
+
+Picture = NDArray[np.uint8]
+
+
+class LatePictures(Sequence[Picture]):
+    """A list of pictures that is made when something of it is first asked for.
+
+    Parameters
+    ----------
+    count
+        How many there will be.
+    decode
+        Makes them, once.
+    """
+
+    def __init__(self, count: int, decode: Callable[[], Sequence[Picture]]) -> None:
+        self._count, self._decode = count, decode
+        self._made: Sequence[Picture] | None = None
+        self._lock = threading.Lock()
+
+    def _pictures(self) -> Sequence[Picture]:
+        with self._lock:
+            if self._made is None:
+                self._made = self._decode()
+            return self._made
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> Picture: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Picture]: ...
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._pictures()[index]
