@@ -36,9 +36,9 @@ from .skin.light import CELL as CELL_OF_LIGHT
 from .skin.materials import (
     ROAM,
     ExemplarMaterials,
+    even_uses,
     into,
     material_guides,
-    pieces,
     resized_materials,
 )
 from .skin.picture_materials import (
@@ -51,6 +51,7 @@ from .skin.picture_materials import (
     SKIN,
     painted_shares,
 )
+from .skin.pieces import pieces
 
 if TYPE_CHECKING:
     from .result import TransferResult
@@ -186,11 +187,11 @@ class PhotoPatches:
         rigid = _rigid(work.position * np.float32(size))
         near = np.clip(2 * broad_blur(soft, 0.12 * face_size(work.landmarks)), 0, 1).reshape(-1)
         wanted = into(shares, theirs, position.reshape(-1, 2) * np.float32(size))
-        begin, kept = self._begin(work, shares, theirs, wanted, rigid, size)
+        begin, kept = self._begin(work, shares, theirs, wanted, tone.reshape(-1), rigid, size)
         core = covered & _core(work, soft, kept.reshape(soft.shape),
                                (shares[:, SKIN] + shares[:, FEATURES]).reshape(soft.shape))
         # Eyes and brows stay: patches of features would take those of others.
-        core &= self._bare(work) | (planes[..., FEATURES] > 0.2)
+        core &= self._bare(work) | (planes[..., FEATURES] > 0.5)
         flesh = planes[..., [SKIN, NECK, EARS]].sum(axis=-1)
         tone = tone + flesh * _carried_light(work, core, tone)
         guides = material_guides(planes, tone, detail, self._weights())
@@ -202,12 +203,10 @@ class PhotoPatches:
         weight = np.maximum(weight, config.place_weight * near * shares[:, SKIN]) / unit ** 2
         state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
         active = (state == ACTIVE).reshape(-1)
-        demand = shares[active].sum(axis=0)
-        there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
         often = EVEN.copy()
         if has_plain_ground(theirs):
             often[GROUND] = PLAIN_EVEN
-        even = theirs.shares @ (often * demand / np.maximum(there, 1)).astype(np.float32)
+        even = even_uses(shares[active], tone.reshape(-1)[active], theirs, often, theirs.luma)
         shape = soft.shape
         begin, wanted = begin.reshape(*shape, 2), wanted.reshape(*shape, 2)
         target = PatchTarget(guides, begin, begin, wanted,
@@ -245,13 +244,13 @@ class PhotoPatches:
         return self._sources[size]
 
     def _begin(self, work: _Work, shares: Float32, theirs: ExemplarMaterials, wanted: Float32,
-               rigid: Bools, size: float) -> tuple[Float32, Bools]:
+               tone: Float32, rigid: Bools, size: float) -> tuple[Float32, Bools]:
         """Where the search begins, [N, 2]: StyleBlit's chunks where [N], rigid pieces elsewhere."""
         height, width = work.painted.shape[:2]
         plane = np.stack(np.meshgrid(np.arange(width, dtype=np.float32) + np.float32(0.5),
                                      np.arange(height, dtype=np.float32) + np.float32(0.5)),
                          axis=-1).reshape(-1, 2)
-        piece = pieces(shares, theirs, wanted, plane, self.exemplar.size * size)
+        piece = pieces(shares, theirs, wanted, plane, tone, self.exemplar.size * size)
         own = np.nan_to_num(work.place).reshape(-1, 2) * np.float32(size)
         moved = into(shares, theirs, own)
         # StyleBlit lays backgrounds in rows: there the guide itself is the better beginning.

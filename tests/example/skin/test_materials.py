@@ -9,7 +9,10 @@ from scipy.ndimage import binary_erosion
 
 from lfportrait.example import LABELS, Exemplar, Regions
 from lfportrait.example.skin.materials import (
+    DARKEST,
+    RARE,
     ExemplarMaterials,
+    even_uses,
     light_neck,
     sitter_looks,
     sitter_shares,
@@ -27,6 +30,7 @@ from lfportrait.example.skin.picture_materials import (
     painted_shares,
     picture_shares,
 )
+from lfportrait.example.skin.pieces import pieces
 from lfportrait.example.skin.regions import below_hair, hair_by_place, without_bays
 from lfportrait.example.surface_guide import HeadPlane
 from tests.portraits import HEAD_LANDMARKS
@@ -498,3 +502,77 @@ def test_skin_ends_where_neck_begins():
     assert np.allclose(shares.sum(axis=1), 1, atol=1e-5)
     mixed = (shares[:, SKIN] > 0.05) & (shares[:, NECK] > 0.05)
     assert mixed.sum() < 15 and (np.diff(shares[:, SKIN]) >= -1e-6).all()
+
+
+@pytest.mark.parametrize(("off", "left"), [(0.03, 1.0), (0.75, 0.0)])
+def test_a_neck_is_painted_of_one_paint_where_most_of_it_is(off, left):
+    random = np.random.default_rng(4)
+    their = np.zeros((40, 40, len(MATERIALS)), np.float32)
+    their[:20, :, SKIN], their[20:, :, NECK] = 1, 1
+    picture = np.zeros((40, 40), np.float32)
+    picture[:20] = random.normal(0.6, 0.05, (20, 40))
+    # So much of the exemplar's neck lies in deep shade, the rest in the face's light.
+    shade = np.sort(random.random((20, 40)).ravel()).reshape(20, 40) < off
+    picture[20:] = np.where(shade, 0.2, random.normal(0.6, 0.02, (20, 40)))
+    shares = np.zeros((1000, len(MATERIALS)), np.float32)
+    shares[:700, SKIN], shares[700:, NECK] = 1, 1
+    tone = np.concatenate([random.normal(0.5, 0.05, 700), random.normal(0.5, 0.02, 300)])
+    light_neck(shares, tone.astype(np.float32), SimpleNamespace(shares=their, tone=picture))
+    assert np.allclose(shares[700:, NECK], left)
+
+
+def test_skin_is_no_darker_than_most_of_the_exemplars(painter, shares):
+    theirs = ExemplarMaterials.of(painter.exemplar.image.astype(np.float32) / 255, shares, 40.0)
+    sitter = _sitter(3000)
+    materials = np.zeros((3000, len(MATERIALS)), np.float32)
+    materials[:, SKIN] = 1
+    tone, _ = sitter_looks(sitter, materials, theirs)
+    there = theirs.shares[..., [SKIN, EARS]].sum(axis=-1) > 0.5
+    least = np.quantile(theirs.tone[there], DARKEST)
+    assert tone.min() >= least - 1e-6 and (tone < least + 1e-3).mean() > DARKEST / 2
+
+
+def test_pixels_of_a_tone_are_used_as_often_as_it_is_asked_for():
+    random = np.random.default_rng(5)
+    theirs = SimpleNamespace(tone=np.repeat(np.float32([[0.2], [0.8]]), 30, 0).repeat(60, 1),
+                             shares=np.zeros((60, 60, len(MATERIALS)), np.float32))
+    theirs.shares[..., SKIN] = 1
+    shares = np.zeros((4000, len(MATERIALS)), np.float32)
+    shares[:, SKIN] = 1
+    tone = np.where(random.random(4000) < 0.2, 0.2, 0.8).astype(np.float32)
+    even = even_uses(shares, tone, theirs, 1.0)
+    # A plain count: how many places ask for a pixel's tone, over how many pixels have it.
+    for value in (0.2, 0.8):
+        alike = theirs.tone == np.float32(value)
+        wanted = (tone == np.float32(value)).sum() / alike.sum()
+        assert np.allclose(even[alike], wanted, rtol=0.1)
+    # What nobody asks for is rare, not ruled out; of a material that is not asked for, nothing is.
+    light = even_uses(shares, np.full(4000, 0.8, np.float32), theirs, 1.0)
+    assert np.allclose(light[:30], 4000 / 3600 / RARE, rtol=1e-3)
+    shares[:] = np.eye(len(MATERIALS), dtype=np.float32)[HAIR]
+    assert not even_uses(shares, tone, theirs, 1.0).any()
+    assert np.allclose(even_uses(np.roll(shares, SKIN - HAIR, 1), tone, theirs,
+                                 2 * np.ones(len(MATERIALS), np.float32)), 2 * even)
+
+
+def test_pieces_come_from_where_the_exemplar_has_the_tone():
+    size, side = 40.0, 80
+    theirs = SimpleNamespace(tone=np.zeros((side, side), np.float32))
+    theirs.tone[:, side // 2:] = 0.8
+    own = np.arange(side * side, dtype=np.int32).reshape(side, side)
+    theirs.deep = theirs.nearest = np.repeat(own[None], len(MATERIALS), 0)
+    plane = np.random.default_rng(6).random((4000, 2)).astype(np.float32) * 200
+    shares = np.zeros((4000, len(MATERIALS)), np.float32)
+    shares[:, HAIR] = 1
+    # All are guided to the border of dark and light.
+    wanted = np.full((4000, 2), side / 2, np.float32)
+    tone = np.where(plane[:, 0] < 100, 0.0, 0.8).astype(np.float32)
+    found = pieces(shares, theirs, wanted, plane, tone, size)
+    x, y = np.clip(found, 0, side - 1).astype(int).T
+    far = np.abs(plane[:, 0] - 100) > 0.5 * size
+    assert (np.abs(theirs.tone[y, x] - tone)[far] < 0.1).mean() > 0.8
+    # They are rigid: what lies side by side comes from side by side.
+    near = plane[0] + np.float32([0.01, 0.01])
+    again = pieces(np.repeat(shares[:1], 2, 0), theirs, wanted[:2],
+                   np.stack([plane[0], near]), tone[:2], size)
+    assert np.allclose(again[1] - again[0], near - plane[0], atol=1e-4)

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
-from ..back_of_head import Sites
 from ..exemplar import Exemplar
 from ..guides.appearance import Distribution, grey, match_histogram
 from ..guides.blurs import broad_blur
-from ..kernels.sites import nearest_sites
 from ..patches import SCALE
 from .picture_materials import (
     CLOTHES,
@@ -34,8 +32,8 @@ from .picture_materials import (
 from .regions import below_hair, hair_by_place, without_bays
 from .sitter import BLUR, Skin
 
-__all__ = ["ExemplarMaterials", "into", "light_neck", "matched_looks", "material_guides", "pieces",
-           "resized_materials", "sitter_looks", "sitter_shares"]
+__all__ = ["ExemplarMaterials", "even_uses", "into", "light_neck", "matched_looks",
+           "material_guides", "resized_materials", "sitter_looks", "sitter_shares"]
 
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -43,8 +41,6 @@ Bools = NDArray[np.bool_]
 CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255],
                   [174, 150]], np.float32)
 """A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
-PIECE = 0.3
-"""Side of the pieces that the search begins with, over the exemplar's face size."""
 ROAM = 25.0
 """Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
 DEPTH = 0.2
@@ -64,10 +60,18 @@ SHOWN = 0.4
 SPREAD = 2.0
 """Tones of neck and clothes are drawn apart by no more: a plain shirt gets no stripes from an
 exemplar's white collar on a dark coat."""
+DARKEST = 0.12
+"""Skin beside the face is no darker than all but this share of the exemplar's: in the mean that is
+shade, but a painter's deepest shade has hard edges, which on a neck or a back look like stains."""
+TONES, RARE = 24, 4.0
+"""Tones that uses of the exemplar are evened out in; none is used so many times more than another.
+"""
 EITHER = 0.51
 """Share of ears in what a sitter's ears are painted of; the rest is skin."""
 LIT = 0.06, 0.12
 """A neck whose tone is so much off begins to be painted, and is wholly painted, as skin."""
+NEARLY = (0.05, 0.25), (0.5, 0.7)
+"""So little of a neck begins to be painted as skin at all, and so much of it lets all of it be."""
 STAND_INS = ((CLOTHES, NECK), (NECK, SKIN), (HAIR, SKIN), (EARS, SKIN))
 """What stands in for a material that the exemplar does not show, in this order."""
 
@@ -233,6 +237,11 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
                         for ours, those in ((face, their_face), (neck, their_neck)))
     other = np.clip((np.abs(by_face - by_neck) - LIT[0]) / (LIT[1] - LIT[0]), 0, 1)
     other *= shares[:, NECK]
+    # Mostly one of them is all of it: a neck of two paints has a seam that the sitter's has not.
+    part = float(other.sum()) / float(shares[:, NECK].sum())
+    (least, some), (most, every) = NEARLY
+    other *= np.clip((part - least) / (some - least), 0, 1)
+    other += (shares[:, NECK] - other) * np.clip((part - most) / (every - most), 0, 1)
     shares[:, SKIN] += other
     shares[:, NECK] -= other
 
@@ -253,13 +262,14 @@ def _like(tone: Float32, ours: Bools, reference: Float32, theirs: Bools) -> Floa
 
 def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tuple[Float32, Float32]:
     """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each."""
-    tone, detail = matched_looks(skin.tone, skin.detail, shares, theirs, shown=skin.seen > SHOWN)
+    tone, detail = matched_looks(skin.tone, skin.detail, shares, theirs, shown=skin.seen > SHOWN,
+                                 darkest=DARKEST)
     return tone, detail * skin.seen
 
 
 def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: ExemplarMaterials,
                   reference: Float32 | None = None, shown: Bools | None = None,
-                  ) -> tuple[Float32, Float32]:
+                  darkest: float = 0.0) -> tuple[Float32, Float32]:
     """Tones and detail [N] of places as the exemplar would have them, float32 [N] each.
 
     Tones are distributed as the exemplar's of the same material (`SPREAD`). Detail is made as
@@ -285,6 +295,8 @@ def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: Exemp
             middle = np.median(matched[inside])
             most = SPREAD * tone[inside].std() / max(float(reference[there].std()), 1e-4)
             matched = middle + (matched - middle) * np.float32(min(1.0, most))
+        if material in (SKIN, NECK) and darkest > 0:
+            matched = np.maximum(matched, np.quantile(reference[there], darkest))
         out += share * matched
         gain = theirs.detail[there].std() / max(float(detail[inside].std()), 1e-4)
         strong += share * detail * np.float32(np.clip(gain, 0.5, 2.5))
@@ -308,6 +320,44 @@ def material_guides(shares: Float32, tone: Float32, detail: Float32,
     return np.asarray(planes * roots.astype(np.float32), np.float32)
 
 
+def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
+              factor: float | Float32, reference: Float32 | None = None) -> Float32:
+    """How often each pixel of an exemplar would be used if those alike were used alike, [h, w].
+
+    Alike are pixels of a material and of a tone: were all skin to be used alike, the shade under a
+    painter's cheekbone would have to lie somewhere, and be a stain on a back.
+
+    Parameters
+    ----------
+    shares, tone
+        float32 [N, 7] and [N], the places to be painted.
+    theirs
+        The exemplar's materials.
+    factor
+        Pixels to be painted for each place, times how much more often than evenly the exemplar's
+        may be used; one number, or one for each material.
+    reference
+        float32 [h, w], the exemplar's tones, by default ``theirs.tone``.
+    """
+    reference = theirs.tone if reference is None else reference
+    factors = np.broadcast_to(np.asarray(factor, np.float32), (len(MATERIALS),))
+    steps = np.linspace(0, 1, TONES)
+    out = np.zeros(theirs.tone.shape, np.float32)
+    ours, these = (np.clip(np.rint(tones.reshape(-1) * (TONES - 1)), 0, TONES - 1).astype(int)
+                       for tones in (tone, reference))
+    for material in range(len(MATERIALS)):
+        share = theirs.shares[..., material]
+        asked, there = (gaussian_filter1d(np.bincount(bins, weights, TONES), 1.0, mode="nearest")
+                        for bins, weights in ((ours, shares[:, material]),
+                                              (these, share.reshape(-1))))
+        if asked.sum() == 0 or there.sum() == 0:
+            continue
+        alike = asked.sum() / max(there.sum(), 1.0)
+        uses = np.clip(asked / np.maximum(there, 1e-3 * there.sum()), alike / RARE, alike * RARE)
+        out += share * np.interp(reference, steps, factors[material] * uses).astype(np.float32)
+    return out
+
+
 def resized_materials(exemplar: Exemplar, shares: Float32, size: float,
                       ) -> tuple[Float32, ExemplarMaterials]:
     """An exemplar's picture, float32 [h, w, 3], and its materials at ``size`` times its own."""
@@ -318,33 +368,6 @@ def resized_materials(exemplar: Exemplar, shares: Float32, size: float,
     small = np.stack([np.asarray(Image.fromarray(shares[..., n]).resize(
         shape, Image.Resampling.BILINEAR)) for n in range(len(MATERIALS))], axis=-1)
     return picture, ExemplarMaterials.of(picture, small, exemplar.size * size)
-
-
-def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: Float32,
-           size: float) -> Float32:
-    """Rigid pieces of like material for the search to begin with, places float32 [N, 2].
-
-    Pieces lie around jittered sites of the plane [N, 2] and come from well inside the same
-    material, near the guided place or some way off: alike, but not the same next to each other.
-    ``size`` is that of the exemplar's face in pixels of the plane.
-    """
-    side = PIECE * size
-    sites = Sites.around(plane, side)
-    number = np.empty(len(plane), np.int32)
-    nearest_sites(plane, np.float32(side), sites.first, sites.points, number)
-    middles = sites.points.reshape(-1, 2)
-    guided = np.zeros_like(middles)
-    for axis in range(2):
-        count = np.maximum(np.bincount(number, minlength=len(middles)), 1)
-        guided[:, axis] = np.bincount(number, wanted[:, axis], len(middles)) / count
-    guided += 2 * np.float32(side) * (sites.chances.reshape(-1, 2) - np.float32(0.5))
-    height, width = theirs.tone.shape
-    x = np.clip(guided[:, 0], 0, width - 1).astype(np.int64)[number]
-    y = np.clip(guided[:, 1], 0, height - 1).astype(np.int64)[number]
-    found = theirs.deep[shares.argmax(axis=1), y, x]
-    piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
-    piece += plane - middles[number]
-    return into(shares, theirs, np.asarray(piece, np.float32))
 
 
 def into(shares: Float32, theirs: ExemplarMaterials, position: Float32) -> Float32:

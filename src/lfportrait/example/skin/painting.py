@@ -43,15 +43,16 @@ from .materials import (
     ROAM,
     SHOWN,
     ExemplarMaterials,
+    even_uses,
     into,
     light_neck,
     material_guides,
-    pieces,
     resized_materials,
     sitter_looks,
     sitter_shares,
 )
 from .picture_materials import EARS, HAIR, MATERIALS, NECK, SKIN, painted_shares
+from .pieces import pieces
 from .sitter import Skin
 
 __all__ = ["Painting", "SkinConfig", "SkinPainter"]
@@ -75,6 +76,8 @@ size."""
 NAPE, THROAT = 0.7, 1.2
 """Where a nape begins, over half a turn; how far below the brows the throat lies, over the face's
 height."""
+UNSEEN = 0.5
+"""So much do tones count where no photo saw them: a field closed there has likely ones."""
 STRETCHED = 0.7
 """A guide that changes more slowly than this against the surface would stretch its paint."""
 
@@ -86,11 +89,11 @@ class SkinConfig:
     agree: bool = True
     """Let patches agree outside the face; else chunks and pieces alone, which repeat and tear but
     touch no patent (docs/methods.md)."""
-    tone_weight: float = 0.3
+    tone_weight: float = 0.5
     """Weight of the photo's light and shade where patches are laid, 0 to 2."""
     detail_weight: float = 1.0
     """Weight of the photo's edges and patterns there, 0 to 4."""
-    material_weight: float = 1.5
+    material_weight: float = 3.0
     """Weight of keeping hair, skin and clothes apart, 0 to 4."""
     place_weight: float = 4.0
     """Weight of staying near the place that the guide names, around the face, 0 to 20."""
@@ -311,7 +314,7 @@ class SkinPainter:
         guides = material_guides(shares, tone, detail, self._weights())
         wanted = into(shares, theirs, position * np.float32(size))
         # Where the guide would stretch its paint, the search begins with rigid pieces.
-        rigid = pieces(shares, theirs, wanted, anchor * np.float32(size),
+        rigid = pieces(shares, theirs, wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
         begin = np.where((ratio > STRETCHED)[:, None], wanted, rigid)
         # Around the face patches stay in place; elsewhere like material will do.
@@ -327,13 +330,12 @@ class SkinPainter:
         state[own & np.append(core, False)[canvas.slots]] = FIXED
         active = np.zeros(len(core), bool)
         active[canvas.slots[state == ACTIVE]] = True
-        demand = shares[active].sum(axis=0)
-        demand *= (state == ACTIVE).sum() / max(int(active.sum()), 1)
-        there = theirs.shares.reshape(-1, len(MATERIALS)).sum(axis=0)
-        even = theirs.shares @ (demand / np.maximum(there, 1)).astype(np.float32)
+        share = (state == ACTIVE).sum() / max(int(active.sum()), 1)
+        even = even_uses(shares[active], tone[active], theirs, float(share))
         exchange(canvas.owner, color)
+        sure = np.stack([trust, UNSEEN + (1 - UNSEEN) * skin.seen], axis=1)
         asked, start, much, sure = (canvas.spread(values) for values in (
-            wanted, begin, weight[:, None], np.stack([trust, skin.seen], axis=1)))
+            wanted, begin, weight[:, None], sure))
         return PatchTarget(canvas.spread(guides), start, start, asked, much[..., 0],
                            float((ROAM * unit) ** 2), even, sure, state, canvas.owner, color)
 

@@ -27,6 +27,7 @@ from ..kernels.atlas import best_facing, exchange
 from ..surface_guide import HeadPlane
 from .cells import Cells
 from .charts import Atlas, draw_atlas
+from .ear_places import ear_places
 from .regions import REGIONS, hair_by_place, skin_regions
 from .relief import around_face, hair_by_relief
 
@@ -145,7 +146,7 @@ class Skin:
         colors = atlas.color.reshape(-1, 3)[index]
         known = _hair_in_front(atlas, index) if networks else None
         tone, detail, appearance, contours = _looks(atlas, index, _unit(plane) * pixels)
-        ears = _ears(plane.landmarks, points)
+        ears = ear_places(plane, points, flat)
         if known is not None and _plausible(plane, points, known * seen):
             hair: Float32 | None = _hair_behind(plane, colors, flat, seen, known)
         else:
@@ -352,22 +353,6 @@ def _clothes(atlas: Atlas, index: NDArray[np.int32], points: Float32, depth: Flo
     out[chosen] = 1 / (1 + np.exp(np.clip((3.5 - away) / 0.5, -30, 30)))
     out *= np.clip((depth - 1.0) / 0.15, 0, 1).astype(np.float32)
     return out if hair is None else out * (1 - hair)
-
-
-def _ears(landmarks: Float64, points: Float32) -> Float32:
-    """Soft ellipsoids behind the ends of the jaw, from the brows to below the nose, [N]."""
-    out = np.zeros(len(points), np.float32)
-    brows, foot = float(np.nanmean(landmarks[17:27, 1])), float(np.nanmean(landmarks[31:36, 1]))
-    height = brows - float(np.nanmin(landmarks[:, 1]))
-    for end, side in ((0, -1.0), (16, 1.0)):
-        if not np.isfinite(landmarks[end]).all():
-            continue
-        middle = np.array([landmarks[end, 0] + 0.05 * side * height, 0.4 * brows + 0.6 * foot,
-                           landmarks[end, 2] - 0.3 * height], np.float32)
-        reach = np.float32(height) * np.array([0.24, 0.28, 0.22], np.float32)
-        away = np.sqrt((((points - middle) / reach) ** 2).sum(-1))
-        out = np.maximum(out, np.clip((np.float32(1.15) - away) / np.float32(0.2), 0, 1))
-    return np.asarray(out, np.float32)
 
 
 def _seen(points: Float32, normals: Float32, cameras: Camera | None) -> Float32:

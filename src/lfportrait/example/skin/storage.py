@@ -22,7 +22,7 @@ from .sitter import Skin
 
 __all__ = ["load_skin", "save_skin", "skin_key"]
 
-VERSION = 12
+VERSION = 13
 _LISTS = ("index", "flat", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
           "seen", "outwards", "rows")
 

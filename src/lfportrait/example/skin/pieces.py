@@ -1,0 +1,66 @@
+"""Where the search for patches begins: rigid pieces of the exemplar, of like material and tone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..back_of_head import Sites
+from ..kernels.sites import nearest_sites
+from .materials import ExemplarMaterials, into
+from .picture_materials import MATERIALS
+
+__all__ = ["pieces"]
+
+Float32 = NDArray[np.float32]
+
+PIECE = 0.3
+"""Side of the pieces that the search begins with, over the exemplar's face size."""
+PLACES, R2 = 16, (0.7548776662, 0.5698402910)
+"""So many places are tried for a piece, one after the other of this sequence."""
+FAR, AWAY = 2.0, 0.05
+"""Breadth of where these lie, over the face's size, and the tone that so far away costs."""
+
+
+def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: Float32,
+           tone: Float32, size: float) -> Float32:
+    """Rigid pieces of like material for the search to begin with, places float32 [N, 2].
+
+    Pieces lie around jittered sites of the plane [N, 2] and come from well inside the same
+    material, near the guided place or some way off: alike, but not the same next to each other. Of
+    a few such places that is taken whose ``tone`` [N] is the nearest to the one asked for, so that
+    a dark piece does not lie beside a light one where the sitter is all alike. ``size`` is that of
+    the exemplar's face in pixels of the plane.
+    """
+    side = PIECE * size
+    sites = Sites.around(plane, side)
+    number = np.empty(len(plane), np.int32)
+    nearest_sites(plane, np.float32(side), sites.first, sites.points, number)
+    middles = sites.points.reshape(-1, 2)
+    count = np.maximum(np.bincount(number, minlength=len(middles)), 1)
+    guided = np.stack([np.bincount(number, wanted[:, axis], len(middles)) / count
+                       for axis in range(2)], axis=-1)
+    height, width = theirs.tone.shape
+    material = shares.argmax(axis=1)
+    asked = np.bincount(number, tone, len(middles)) / count
+    votes = np.bincount(number * len(MATERIALS) + material,
+                        minlength=len(middles) * len(MATERIALS))
+    kinds = votes.reshape(len(middles), -1).argmax(axis=1)
+    best, chosen = np.full(len(middles), np.inf), np.zeros((len(middles), 2))
+    for turn in range(PLACES):
+        # The R2 sequence: places that lie evenly, in another order for each site.
+        chance = (sites.chances.reshape(-1, 2) + turn * np.array(R2)) % 1
+        place = guided + FAR * size * (chance - 0.5)
+        x = np.clip(place[:, 0], 0, width - 1).astype(np.int64)
+        y = np.clip(place[:, 1], 0, height - 1).astype(np.int64)
+        there = theirs.deep[kinds, y, x]
+        off = np.abs(theirs.tone.reshape(-1)[there] - asked)
+        off += AWAY / size * np.linalg.norm(place - guided, axis=1)
+        better = off < best - 1e-6
+        best[better], chosen[better] = off[better], place[better]
+    x = np.clip(chosen[:, 0], 0, width - 1).astype(np.int64)[number]
+    y = np.clip(chosen[:, 1], 0, height - 1).astype(np.int64)[number]
+    found = theirs.deep[material, y, x]
+    piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
+    piece += plane - middles[number]
+    return into(shares, theirs, np.asarray(piece, np.float32))
