@@ -36,6 +36,7 @@ from .skin.light import CELL as CELL_OF_LIGHT
 from .skin.materials import (
     ROAM,
     ExemplarMaterials,
+    at_home,
     even_uses,
     into,
     material_guides,
@@ -186,7 +187,9 @@ class PhotoPatches:
         soft = soft_face(work.photo.shape, work.landmarks).astype(np.float32) / np.float32(255)
         rigid = _rigid(work.position * np.float32(size))
         near = np.clip(2 * broad_blur(soft, 0.12 * face_size(work.landmarks)), 0, 1).reshape(-1)
-        wanted = into(shares, theirs, position.reshape(-1, 2) * np.float32(size))
+        guided = position.reshape(-1, 2) * np.float32(size)
+        wanted = into(shares, theirs, guided)
+        home = at_home(guided, wanted, unit)
         begin, kept = self._begin(work, shares, theirs, wanted, tone.reshape(-1), rigid, size)
         core = covered & _core(work, soft, kept.reshape(soft.shape),
                                (shares[:, SKIN] + shares[:, FEATURES]).reshape(soft.shape))
@@ -200,7 +203,7 @@ class PhotoPatches:
         # But not under the photo's patterns; those of its hair are none.
         loose = np.minimum(trust.reshape(-1), 1) * (1 - shares[:, HAIR])
         weight = np.where(kept, config.chunk_weight * (1 - loose), config.far_place_weight)
-        weight = np.maximum(weight, config.place_weight * near * shares[:, SKIN]) / unit ** 2
+        weight = np.maximum(weight, config.place_weight * near * shares[:, SKIN] * home) / unit ** 2
         state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
         active = (state == ACTIVE).reshape(-1)
         often = EVEN.copy()
@@ -257,7 +260,8 @@ class PhotoPatches:
         behind = shares[:, GROUND] > 0.5
         moved[behind] = wanted[behind]
         kept = rigid.reshape(-1) & (moved == own).all(axis=1) & ~behind
-        return np.where(rigid.reshape(-1)[:, None], moved, piece), kept
+        home = behind | (at_home(own, moved, self.exemplar.size * size / 50) > 0.5)
+        return np.where((rigid.reshape(-1) & home)[:, None], moved, piece), kept
 
 
 @dataclass

@@ -32,7 +32,7 @@ from .picture_materials import (
 from .regions import below_hair, hair_by_place, without_bays
 from .sitter import BLUR, Skin
 
-__all__ = ["ExemplarMaterials", "even_uses", "into", "light_neck", "matched_looks",
+__all__ = ["ExemplarMaterials", "at_home", "even_uses", "into", "light_neck", "matched_looks",
            "material_guides", "resized_materials", "sitter_looks", "sitter_shares"]
 
 Float32 = NDArray[np.float32]
@@ -66,6 +66,9 @@ shade, but a painter's deepest shade has hard edges, which on a neck or a back l
 TONES, RARE = 24, 4.0
 """Tones that uses of the exemplar are evened out in; none is used so many times more than another.
 """
+HOME = 0.5, 3.0
+"""Places that are moved so little to their material, in 50ths of the face, are where they belong;
+those that are moved so far are not."""
 EITHER = 0.51
 """Share of ears in what a sitter's ears are painted of; the rest is skin."""
 LIT = 0.06, 0.12
@@ -379,3 +382,21 @@ def into(shares: Float32, theirs: ExemplarMaterials, position: Float32) -> Float
     moved = near != y * width + x
     found = np.stack([near % width, near // width], axis=1) + np.float32(0.5)
     return np.asarray(np.where(moved[:, None], found, position), np.float32)
+
+
+def at_home(guided: Float32, wanted: Float32, unit: float) -> Float32:
+    """How far the exemplar has the material where the guide leads, [N] in [0, 1].
+
+    A place under a hat that is to be a forehead has been moved to the rim of the hat's shade: that
+    is not where a forehead should come from.
+
+    Parameters
+    ----------
+    guided, wanted
+        float32 [N, 2], the guide's places, and those of like material next to them (`into`).
+    unit
+        A 50th of the face, in their pixels.
+    """
+    away = np.linalg.norm(wanted - guided, axis=1) / np.float32(unit)
+    near, far = HOME
+    return np.asarray(np.clip((far - away) / (far - near), 0, 1), np.float32)

@@ -43,6 +43,7 @@ from .materials import (
     ROAM,
     SHOWN,
     ExemplarMaterials,
+    at_home,
     even_uses,
     into,
     light_neck,
@@ -312,13 +313,15 @@ class SkinPainter:
         flesh = shares[:, [SKIN, NECK, EARS]].sum(axis=1)
         tone += flesh * carried_light(skin, canvas, core, color, tone)
         guides = material_guides(shares, tone, detail, self._weights())
-        wanted = into(shares, theirs, position * np.float32(size))
+        guided = position * np.float32(size)
+        wanted = into(shares, theirs, guided)
+        home = at_home(guided, wanted, unit)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
         rigid = pieces(shares, theirs, wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
-        begin = np.where((ratio > STRETCHED)[:, None], wanted, rigid)
+        begin = np.where((ratio > STRETCHED)[:, None] & (home > 0.5)[:, None], wanted, rigid)
         # Around the face patches stay in place; elsewhere like material will do.
-        hold = np.clip(2 * near, 0, 1) * shares[:, SKIN]
+        hold = np.clip(2 * near, 0, 1) * shares[:, SKIN] * home
         weight = (config.far_place_weight + (config.place_weight - config.far_place_weight)
                   * hold) * ratio ** 2 / unit ** 2
         # An ear is told by its own light and shade.
