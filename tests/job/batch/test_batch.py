@@ -12,8 +12,10 @@ import time
 from collections import Counter
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
+import torch
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
@@ -53,6 +55,13 @@ class Inline:
 @pytest.fixture
 def inline(monkeypatch):
     monkeypatch.setattr(driver_module, "LocalRunner", Inline)
+    # As many threads as a worker has: torch adds up in another order with more of them.
+    before = numba.get_num_threads(), torch.get_num_threads()
+    numba.set_num_threads(1)
+    torch.set_num_threads(1)
+    yield
+    numba.set_num_threads(before[0])
+    torch.set_num_threads(before[1])
 
 
 def started(events):
