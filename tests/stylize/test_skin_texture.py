@@ -11,10 +11,10 @@ from lfportrait.evaluate.sharpness import sharpness
 from lfportrait.example import Painting, Skin
 from lfportrait.field import VoxelField
 from lfportrait.stylize import StyledField
-from lfportrait.stylize.chart_lattice import MARGIN, SOLID, chart_camera, chart_lattice
+from lfportrait.stylize.chart_lattice import MARGIN, SOLID, chart_lattice
 from lfportrait.stylize.fit import ColorModel
 from lfportrait.stylize.mixing.texels import mixed_texels
-from lfportrait.stylize.skin_fit import look_up_rows, row_labels
+from lfportrait.stylize.skin_fit import chart_camera, look_up_rows, row_labels
 from lfportrait.stylize.skin_texture import (
     _keen,
     projections,

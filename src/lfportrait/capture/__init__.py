@@ -41,9 +41,8 @@ if TYPE_CHECKING:
 __all__ = [
     "BAD", "FAIR", "GOOD", "INK", "PAPER", "CalibrateConfig", "Camera", "Capture", "HeadMotion",
     "LatePictures", "Lens", "Photo", "PhotosError", "calibrate", "consistent_mattes",
-    "contact_sheet", "fineness", "focus_point", "follow_head", "font", "is_calibrated",
-    "is_video", "load_photos",
-    "looks_normalised", "matte_agreement", "mattes_share", "picture_files",
+    "contact_sheet", "fineness", "focus_point", "follow_head", "font", "is_calibrated", "is_video",
+    "load_photos", "looks_normalised", "matte_agreement", "mattes_share", "picture_files",
     "portrait_frame_from_cameras", "portrait_frame_from_landmarks", "pose_corrections",
     "read_photos", "read_video", "refine_matte", "relative_sharpness", "undistort", "video_frames",
     "views_share", "without_drift",

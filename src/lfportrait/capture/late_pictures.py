@@ -19,7 +19,7 @@ Picture = NDArray[np.uint8]
 
 
 class LatePictures(Sequence[Picture]):
-    """A list of pictures that is made when something of it is first asked for.
+    """Pictures, uint8 [H, W, 3] or [H, W] each, made when one of them is first asked for.
 
     Parameters
     ----------

@@ -12,11 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..capture import Camera
 from ..example import Skin
 from ..field import SampleWeights, VoxelField
 from .kernels.linear import gather_colors
-from .skin_fit import chart_pixels
+from .skin_fit import chart_camera, chart_pixels
 
 __all__ = ["ChartLattice", "chart_lattice"]
 
@@ -42,9 +41,8 @@ class ChartLattice:
     skin
         Of the field.
     step
-        Every so many pixels of the atlas.
-    lasting
-        Keep the maps; else each is made when it is needed.
+        Every so many pixels of the atlas. At the full resolution each chart's map is made when it
+        is needed: all of them take four times the room of a preview's.
 
     Attributes
     ----------
@@ -52,14 +50,14 @@ class ChartLattice:
         bool [H, W] of the atlas at that resolution: what charts own, and a margin around it.
     """
 
-    def __init__(self, field: VoxelField, skin: Skin, step: int, lasting: bool) -> None:
+    def __init__(self, field: VoxelField, skin: Skin, step: int) -> None:
         self.density = field.density
         atlas = skin.atlas
         shape = atlas.depth.shape[0] // step, atlas.depth.shape[1] // step
         own = atlas.own[::step, ::step][:shape[0], :shape[1]]
         around = np.ones((2 * MARGIN // step + 1,) * 2, np.uint8)
         self.near = cv2.dilate(own.astype(np.uint8), around) > 0
-        self._maps = [_chart_map(field, skin, step, n, self.near) if lasting
+        self._maps = [_chart_map(field, skin, step, n, self.near) if step > 1
                       else functools.partial(_chart_map, field, skin, step, n, self.near)
                       for n in range(len(atlas.boxes))]
 
@@ -83,15 +81,14 @@ class ChartLattice:
 def chart_lattice(field: VoxelField, skin: Skin, step: int) -> ChartLattice:
     """The maps of a field's colours to every ``step``-th pixel of its skin's charts.
 
-    Those of previews are kept with the skin; at the full resolution they take four times the room.
+    Those of previews are kept with the skin.
     """
-    kept: ChartLattice | None = skin.kept.get(("lattice", step))
-    if kept is not None and kept.density is field.density:
-        return kept
-    made = ChartLattice(field, skin, step, step > 1)
-    if step > 1:
-        skin.kept["lattice", step] = made
-    return made
+    if step == 1:
+        return ChartLattice(field, skin, step)
+    kept: dict[int, ChartLattice] = skin.once("lattices", dict)
+    if step not in kept or kept[step].density is not field.density:
+        kept[step] = ChartLattice(field, skin, step)
+    return kept[step]
 
 
 def _chart_map(field: VoxelField, skin: Skin, step: int, n: int, near: NDArray[np.bool_]) -> Map:
@@ -101,11 +98,3 @@ def _chart_map(field: VoxelField, skin: Skin, step: int, n: int, near: NDArray[n
     # As views are rendered; a preview takes longer strides.
     stride = 0.5 if step == 1 else 1.0
     return there, field.sample_weights(camera, 0, step=stride, inside=near[there])
-
-
-def chart_camera(skin: Skin, n: int, step: int) -> Camera:
-    """The camera of the part of a chart that the atlas holds, at every ``step``-th pixel."""
-    camera = skin.atlas.cameras[n]
-    x0, y0, x1, y1 = skin.atlas.boxes[n, :4].tolist()
-    return Camera(camera.pose, camera.focal / step, (camera.center - [x0, y0]) / step,
-                  np.array([(x1 - x0) // step]), np.array([(y1 - y0) // step]))

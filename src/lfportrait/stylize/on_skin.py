@@ -131,6 +131,12 @@ class Sitter:
         """The field's skin."""
         return self._skin.result()
 
+    def read(self, progress: Progress | None) -> Skin:
+        """The field's skin; ``progress`` tells if it takes its time."""
+        if progress is not None and not self._skin.done():
+            progress.update(progress.done, "skin")
+        return self.skin
+
     def wait(self) -> None:
         """Return when all is there that paintings share."""
         self._shared.result()
@@ -156,7 +162,7 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
             progress.update(progress.done, f"paint after {exemplar.name}")
         painter = _painter(exemplar, config)
         looked_at = time.perf_counter()
-        skin = sitter.skin
+        skin = sitter.read(progress)
         ready = time.perf_counter()
         painting = painter.paint(skin, sitter.step)
         painted = time.perf_counter()

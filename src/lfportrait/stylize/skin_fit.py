@@ -20,7 +20,8 @@ from ..field import VoxelField
 from .fit import ColorModel
 from .views import StyleView
 
-__all__ = ["chart_views", "for_lattice", "look_up_rows", "row_labels", "show_painting"]
+__all__ = ["chart_camera", "chart_pixels", "chart_views", "for_lattice", "look_up_rows",
+           "row_labels", "show_painting"]
 
 Float32 = NDArray[np.float32]
 
@@ -66,10 +67,7 @@ def row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
 
     Rows that no chart shows belong to none. Kept with the skin.
     """
-    if "row labels" not in skin.kept:
-        skin.kept["row labels"] = _row_labels(skin)
-    found: tuple[NDArray[np.uint8], tuple[str, ...]] = skin.kept["row labels"]
-    return found
+    return skin.once("row labels", lambda: _row_labels(skin))
 
 
 def _row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
@@ -102,13 +100,10 @@ def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1,
     atlas = skin.atlas
     own = atlas.own
     views = []
-    for n, (x0, y0, x1, y1, _, _) in enumerate(atlas.boxes.tolist()):
-        width, height = (x1 - x0) // step, (y1 - y0) // step
+    for n in range(len(atlas.boxes)):
         there = chart_pixels(skin, n, step)
-        camera = atlas.cameras[n]
-        camera = Camera(camera.pose, camera.focal / step,
-                        (camera.center - np.array([x0, y0])) / step, np.array([width]),
-                        np.array([height]))
+        camera = chart_camera(skin, n, step)
+        width, height = int(camera.width[0]), int(camera.height[0])
         # The networks look at whole pictures; the fit only at what a chart owns.
         inside = own[there] if step == 1 else atlas.owner[there] >= 0
         weights = field.sample_weights(camera, 0, inside=inside)
@@ -118,6 +113,14 @@ def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1,
         trust[alpha < 0.05] = 0.0
         views.append(StyleView(content, content, alpha, trust, weights, trust))
     return views
+
+
+def chart_camera(skin: Skin, n: int, step: int) -> Camera:
+    """The camera of the part of a chart that the atlas holds, at every ``step``-th pixel."""
+    camera = skin.atlas.cameras[n]
+    x0, y0, x1, y1 = skin.atlas.boxes[n, :4].tolist()
+    return Camera(camera.pose, camera.focal / step, (camera.center - [x0, y0]) / step,
+                  np.array([(x1 - x0) // step]), np.array([(y1 - y0) // step]))
 
 
 def chart_pixels(skin: Skin, n: int, step: int) -> tuple[slice, slice]:

@@ -82,11 +82,8 @@ def texel_rows(skin: Skin, texture: SurfaceTexture) -> NDArray[np.int32]:
     ``texture`` is of the skin, with which they are kept.
     """
     shape = tuple(-(-size // BLOCK) for size in texture.texels.shape[:2])
-    key = ("texel rows", texture.pixels, shape)
-    if key not in skin.kept:
-        skin.kept[key] = _block_rows(skin, texture, shape)
-    rows: NDArray[np.int32] = skin.kept[key]
-    return rows
+    return skin.once(("texel rows", texture.pixels, shape),
+                     lambda: _block_rows(skin, texture, shape))
 
 
 def _block_rows(skin: Skin, texture: SurfaceTexture, shape: tuple[int, ...]) -> NDArray[np.int32]:

@@ -27,7 +27,7 @@ def _flat(points):
 
 def _with_ear(head, side):
     """The head with a ring that stands out, the places of its disk, and those around it."""
-    near = _ellipsoids(PLANE.landmarks, head) > 0.9
+    near = _ellipsoids(PLANE, head) > 0.9
     near &= side * (head[:, 0] - PLANE.origin[0]) > 0
     middle = head[near].mean(axis=0)
     away = np.hypot(head[:, 1] - middle[1], head[:, 2] - middle[2]) / PLANE.height
@@ -44,11 +44,11 @@ def test_an_ear_has_its_own_outline_and_its_hollow(head, side):
     assert found.shape == (len(points),) and found.min() >= 0 and found.max() <= 1
     assert found[ear].mean() > 0.9
     assert found[around].mean() < 0.1
-    assert _ellipsoids(PLANE.landmarks, points)[around].mean() > 0.5
+    assert _ellipsoids(PLANE, points)[around].mean() > 0.5
 
 
 def test_where_nothing_stands_out_an_ear_lies_under_hair(head):
-    assert np.allclose(ear_places(PLANE, head, _flat(head)), _ellipsoids(PLANE.landmarks, head))
+    assert np.allclose(ear_places(PLANE, head, _flat(head)), _ellipsoids(PLANE, head))
 
 
 def test_of_a_head_without_jaw_ends_nothing_is_an_ear(head):

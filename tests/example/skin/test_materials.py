@@ -12,6 +12,7 @@ from lfportrait.example.skin.materials import (
     DARKEST,
     RARE,
     ExemplarMaterials,
+    at_home,
     even_uses,
     light_neck,
     sitter_looks,
@@ -576,3 +577,9 @@ def test_pieces_come_from_where_the_exemplar_has_the_tone():
     again = pieces(np.repeat(shares[:1], 2, 0), theirs, wanted[:2],
                    np.stack([plane[0], near]), tone[:2], size)
     assert np.allclose(again[1] - again[0], near - plane[0], atol=1e-4)
+
+
+def test_places_that_are_moved_far_are_not_at_home():
+    guided = np.zeros((4, 2), np.float32)
+    wanted = np.float32([[0, 0], [0.9, 0], [0, 3.5], [6, 8]])
+    assert np.allclose(at_home(guided, wanted, 2.0), [1, 1, 0.5, 0])

@@ -72,17 +72,15 @@ def canvas_of(skin: Skin, step: int) -> tuple[Canvas, Skin]:
 
     Both are made once and kept with the skin.
     """
-    if ("canvas", step) not in skin.kept:
-        canvas = Canvas.of(skin, step)
-        if step == 1:
-            skin.kept["canvas", step] = canvas, skin
-        else:
-            used = np.unique(canvas.slots[canvas.slots >= 0])
-            number = np.full(len(skin.index) + 1, -1, np.int32)
-            number[used] = np.arange(len(used), dtype=np.int32)
-            lists = {name: value[used] for name in _LISTS
-                     if (value := getattr(skin, name)) is not None}
-            skin.kept["canvas", step] = (replace(canvas, slots=number[canvas.slots]),
-                                   replace(skin, kept={}, **lists))
-    found: tuple[Canvas, Skin] = skin.kept["canvas", step]
-    return found
+    return skin.once(("canvas", step), lambda: _canvas_of(skin, step))
+
+
+def _canvas_of(skin: Skin, step: int) -> tuple[Canvas, Skin]:
+    canvas = Canvas.of(skin, step)
+    if step == 1:
+        return canvas, skin
+    used = np.unique(canvas.slots[canvas.slots >= 0])
+    number = np.full(len(skin.index) + 1, -1, np.int32)
+    number[used] = np.arange(len(used), dtype=np.int32)
+    lists = {name: value[used] for name in _LISTS if (value := getattr(skin, name)) is not None}
+    return (replace(canvas, slots=number[canvas.slots]), replace(skin, kept={}, **lists))

@@ -16,7 +16,6 @@ from .cells import Cells
 __all__ = ["ear_places"]
 
 Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 CELL = 0.02
 """Side of the cells that heights above the head are looked at in, over the face's height."""
@@ -36,9 +35,10 @@ def ear_places(plane: HeadPlane, points: Float32, flat: Float32) -> Float32:
     plane
         The head's unwrapping, with its landmarks.
     points, flat
-        float32 [N, 3] and [N, 2], places of the surface in the world and unwrapped.
+        float32 [N, 3] and [N, 2], places of the surface in the portrait frame and unwrapped, in
+        world units.
     """
-    near = _ellipsoids(plane.landmarks, points)
+    near = _ellipsoids(plane, points)
     if not (near > 0).any() or not (near == 0).any():
         return near
     cells = Cells.over(flat, CELL * plane.height)
@@ -54,11 +54,11 @@ def ear_places(plane: HeadPlane, points: Float32, flat: Float32) -> Float32:
     return near * np.maximum(out, cells.closed(out, HOLLOW))
 
 
-def _ellipsoids(landmarks: Float64, points: Float32) -> Float32:
+def _ellipsoids(plane: HeadPlane, points: Float32) -> Float32:
     """Soft ellipsoids behind the ends of the jaw, from the brows to below the nose, [N]."""
     out = np.zeros(len(points), np.float32)
-    brows, foot = float(np.nanmean(landmarks[17:27, 1])), float(np.nanmean(landmarks[31:36, 1]))
-    height = brows - float(np.nanmin(landmarks[:, 1]))
+    landmarks, height = plane.landmarks, plane.height
+    brows, foot = float(plane.origin[1]), float(np.nanmean(landmarks[31:36, 1]))
     for end, side in ((0, -1.0), (16, 1.0)):
         if not np.isfinite(landmarks[end]).all():
             continue

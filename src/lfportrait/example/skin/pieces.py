@@ -28,9 +28,21 @@ def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: F
 
     Pieces lie around jittered sites of the plane [N, 2] and come from well inside the same
     material, near the guided place or some way off: alike, but not the same next to each other. Of
-    a few such places that is taken whose ``tone`` [N] is the nearest to the one asked for, so that
-    a dark piece does not lie beside a light one where the sitter is all alike. ``size`` is that of
-    the exemplar's face in pixels of the plane.
+    a few such places that is taken whose tone is the nearest to the one asked for, so that a dark
+    piece does not lie beside a light one where the sitter is all alike.
+
+    Parameters
+    ----------
+    shares
+        float32 [N, 7], the sitter's materials.
+    theirs
+        The exemplar's.
+    wanted, plane
+        float32 [N, 2], the guided places in the exemplar and those in the plane; pixels.
+    tone
+        float32 [N], asked for.
+    size
+        Of the exemplar's face in these pixels.
     """
     side = PIECE * size
     sites = Sites.around(plane, side)
@@ -40,7 +52,6 @@ def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: F
     count = np.maximum(np.bincount(number, minlength=len(middles)), 1)
     guided = np.stack([np.bincount(number, wanted[:, axis], len(middles)) / count
                        for axis in range(2)], axis=-1)
-    height, width = theirs.tone.shape
     material = shares.argmax(axis=1)
     asked = np.bincount(number, tone, len(middles)) / count
     votes = np.bincount(number * len(MATERIALS) + material,
@@ -51,16 +62,21 @@ def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: F
         # The R2 sequence: places that lie evenly, in another order for each site.
         chance = (sites.chances.reshape(-1, 2) + turn * np.array(R2)) % 1
         place = guided + FAR * size * (chance - 0.5)
-        x = np.clip(place[:, 0], 0, width - 1).astype(np.int64)
-        y = np.clip(place[:, 1], 0, height - 1).astype(np.int64)
-        there = theirs.deep[kinds, y, x]
+        there = theirs.deep[kinds, *_pixels(place, theirs)]
         off = np.abs(theirs.tone.reshape(-1)[there] - asked)
         off += AWAY / size * np.linalg.norm(place - guided, axis=1)
         better = off < best - 1e-6
         best[better], chosen[better] = off[better], place[better]
-    x = np.clip(chosen[:, 0], 0, width - 1).astype(np.int64)[number]
-    y = np.clip(chosen[:, 1], 0, height - 1).astype(np.int64)[number]
-    found = theirs.deep[material, y, x]
+    y, x = _pixels(chosen, theirs)
+    found, width = theirs.deep[material, y[number], x[number]], theirs.tone.shape[1]
     piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
     piece += plane - middles[number]
     return into(shares, theirs, np.asarray(piece, np.float32))
+
+
+def _pixels(places: NDArray[np.floating], theirs: ExemplarMaterials,
+            ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the exemplar's pixels at places [N, 2] (x, y), or next to them."""
+    height, width = theirs.tone.shape
+    return (np.clip(places[:, 1], 0, height - 1).astype(np.int64),
+            np.clip(places[:, 0], 0, width - 1).astype(np.int64))

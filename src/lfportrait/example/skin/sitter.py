@@ -11,9 +11,10 @@ it.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ __all__ = ["PIXELS", "Skin", "contours", "face_pixels"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+T = TypeVar("T")
 
 PIXELS = 384.0
 """Pixels of the charts per world unit: a head is about 600 high, as in most exemplars."""
@@ -93,7 +95,7 @@ class Skin:
         float32 [R, 2], places in the atlas of the field's R lattice rows; NaN where no chart shows
         them.
     kept
-        What paintings share, made when first needed.
+        What paintings share, by what it is (`once`).
     """
 
     atlas: Atlas
@@ -111,7 +113,7 @@ class Skin:
     seen: Float32
     outwards: NDArray[np.bool_]
     rows: Float32
-    kept: dict[Any, Any] = dataclass_field(default_factory=dict, repr=False, compare=False)
+    kept: dict[Hashable, Any] = dataclass_field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
     def of(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera | None = None,
@@ -175,9 +177,19 @@ class Skin:
         number[self.index] = np.arange(len(self.index), dtype=np.int32)
         return number
 
-    @functools.cached_property
+    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """What is kept under ``key``; made if there is nothing yet."""
+        if key not in self.kept:
+            self.kept[key] = make()
+        found: T = self.kept[key]
+        return found
+
+    @property
     def labels(self) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
         """Soft regions of the owning pixels, uint8 [N, R], and the regions' names."""
+        return self.once("labels", self._labels)
+
+    def _labels(self) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
         points = self.atlas.points.reshape(-1, 3)[self.index]
         return skin_regions(self.plane, self.atlas.cameras[0], points, self.atlas.shape.at(points),
                             self.flat, self.hair, self.ears, self.clothes), REGIONS

@@ -69,8 +69,7 @@ def load_skin(path: Path, key: str) -> Skin | None:
                   shape)
     lists = {name: (value.astype(np.float32) if value.dtype == np.float16 else value)
              for name in _LISTS if (value := arrays.get(name)) is not None}
-    skin = Skin(atlas, HeadPlane(arrays["landmarks"]), float(arrays["pixels"]),
-                **{"hair": None, **lists})
-    # Found when it was written, and asked for by every painting.
-    skin.__dict__["labels"] = arrays["labels"], tuple(arrays["regions"].tolist())
-    return skin
+    # Asked for by every painting.
+    kept = {"labels": (arrays["labels"], tuple(arrays["regions"].tolist()))}
+    return Skin(atlas, HeadPlane(arrays["landmarks"]), float(arrays["pixels"]),
+                **{"hair": None, "kept": kept, **lists})
