@@ -1,6 +1,6 @@
 """What the lattice leaves out of a painting, as a texture of the field's surface.
 
-The painted atlas minus a rendering of the stylised field in the same charts: added where a ray
+The painted atlas minus what the lattice shows in its charts (`chart_lattice`): added where a ray
 meets the surface, it shows the painting itself, as sharp as it was painted.
 """
 
