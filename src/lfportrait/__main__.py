@@ -2,6 +2,6 @@
 
 import sys
 
-from .cli.dispatch import main
+from .cli.dispatch import program
 
-sys.exit(main())
+sys.exit(program())

@@ -7,6 +7,7 @@ from lfportrait import models
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
 from lfportrait.example import exemplar as module
+from lfportrait.face import face_pose
 from lfportrait.files import write_image
 from tests.portraits import drawn_face
 
@@ -40,6 +41,17 @@ def test_what_networks_see_in_a_painting_is_kept(found, monkeypatch, kept):
     monkeypatch.setattr(models, "in_use", lambda names: ["another"])
     face.regions()
     assert len(found) == 5
+
+
+def test_the_pose_of_a_painted_face_is_kept(monkeypatch, kept):
+    face = drawn_face(96, 72)
+    wanted = face_pose(face.landmarks)
+    first = face.pose()
+    monkeypatch.setattr(module.face, "face_pose", lambda landmarks: pytest.fail("computed again"))
+    for pose in (first, drawn_face(96, 72).pose()):
+        assert np.array_equal(pose.rotation, wanted.rotation)
+        assert np.array_equal(pose.shift, wanted.shift)
+        assert (pose.scale, pose.residual) == (wanted.scale, wanted.residual)
 
 
 def test_a_painting_whose_hair_is_not_told_has_none(found, monkeypatch):

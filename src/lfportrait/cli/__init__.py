@@ -3,6 +3,6 @@
 `dispatch` knows all commands; the other modules hold them by theme.
 """
 
-from .dispatch import COMMANDS, main
+from .dispatch import COMMANDS, main, program
 
-__all__ = ["COMMANDS", "main"]
+__all__ = ["COMMANDS", "main", "program"]

@@ -7,6 +7,7 @@ command does not wait for the libraries of a slow one.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import sys
@@ -18,7 +19,13 @@ from typing import Any
 from ..errors import UserError
 from ..version import __version__
 
-__all__ = ["COMMANDS", "main"]
+__all__ = ["COMMANDS", "main", "program"]
+
+ALLOCATIONS = 20_000
+"""Objects between two looks for garbage; Python's 700 look through all of Numba at each import."""
+IDLE = "14"
+"""Threads of OpenBLAS sleep after two to the power of so many ticks without work; else they spin
+for 67 million after each product, on cores that others could use."""
 
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "demo": ("make", "Demo", "everything, on the embedded capture and exemplar"),
@@ -139,3 +146,12 @@ def main(arguments: list[str] | None = None) -> int:
         print("lfportrait: this is a fault of ours; please report it with the lines above",
               file=sys.stderr)
         return 1
+
+
+def program() -> int:
+    """Run the command line in a process of its own; returns its exit code."""
+    os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", IDLE)
+    gc.set_threshold(ALLOCATIONS)
+    code = main()
+    gc.freeze()  # The process ends: nothing is to be looked through once more.
+    return code

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
@@ -115,13 +116,13 @@ class Stylize(Common):
 
         if not self.style:
             raise UserError("no style is given; name a painting: --style PICTURE")
-        exemplars = [Exemplar.load(style) for style in self.style]
-        capture = capture_of_face(self.capture)
-        with self.progress("stylize") as progress:
+        with ThreadPoolExecutor(1) as aside, self.progress("stylize") as progress:
+            field = aside.submit(VoxelField.load, self.field)
+            exemplars = [Exemplar.load(style) for style in self.style]
+            capture = capture_of_face(self.capture)
             styled, figures = stylize_with_figures(
-                lambda: VoxelField.load(self.field), capture, exemplars,
-                replace(self.config, seed=self.seed), progress, device=self.device,
-                dump=self.dump,
+                field.result, capture, exemplars, replace(self.config, seed=self.seed), progress,
+                device=self.device, dump=self.dump,
                 skin=lambda voxels: kept_skin(self.field, voxels, capture, self.config.pixels))
         styled.save(self.out)
         for notice in figures["notices"]:

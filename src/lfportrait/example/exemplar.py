@@ -12,6 +12,7 @@ from PIL import Image
 
 from .. import face, models
 from ..errors import UserError
+from ..face import FacePose
 from ..files import read_image
 from ..keys import code_hash, kept_arrays, key_of
 from . import guides
@@ -83,6 +84,18 @@ class Exemplar:
         return replace(self, image=small(self.image),
                        mask=None if self.mask is None else small(self.mask),
                        landmarks=self.landmarks * np.divide(shape, (width, height)))
+
+    def pose(self) -> FacePose:
+        """How its face is turned (`face_pose`), kept in the user's cache."""
+        def find() -> dict[str, NDArray[Any]]:
+            pose = face.face_pose(self.landmarks)
+            return {"rotation": pose.rotation, "shift": pose.shift,
+                    "numbers": np.array([pose.scale, pose.residual])}
+
+        kept = kept_arrays("poses", key_of(self.landmarks, code_hash(Path(face.__file__).parent)),
+                           find)
+        scale, residual = kept["numbers"].tolist()
+        return FacePose(kept["rotation"], scale, kept["shift"], residual)
 
     def regions(self) -> Regions:
         """Where its person and hair are (`find_regions`).

@@ -21,13 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import atomic_write
-from .kernels.table import (
-    EMPTY,
-    extract_indices,
-    scatter_pixels,
-    sweep_linear,
-    sweep_squared,
-)
+from .kernels.table import extract_indices, scatter_pixels, sweep_linear, sweep_squared
 
 __all__ = ["LookUpTable", "TableConfig", "build_table", "cached_table"]
 
@@ -115,7 +109,7 @@ def build_table(appearance: NDArray[np.float32], config: TableConfig, unit: floa
         raise ValueError("exemplar too large for a table")
     level, low, step = quantise(appearance, config.levels)
     shape = (config.levels, -(-height // config.cell), -(-width // config.cell))
-    keys = np.full(shape, EMPTY, np.int64)
+    keys = np.empty(shape, np.int64)
     scatter_pixels(level, config.cell, keys)
     position, look = integer_costs(config, unit, step)
     sweep = sweep_squared if config.form == "squared" else sweep_linear

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from .generic_head import GENERIC_LANDMARKS
 
@@ -82,6 +80,10 @@ def face_pose(landmarks: NDArray[np.floating]) -> FacePose:
     ValueError
         If fewer than 20 are known.
     """
+    # Here: they take a tenth of a second to import, and most poses are known (`Exemplar.pose`).
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
     found = np.asarray(landmarks, np.float64)
     known = np.isfinite(found).all(axis=1)
     if known.sum() < 20:

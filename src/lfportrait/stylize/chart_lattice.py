@@ -1,12 +1,15 @@
 """How a field's lattice shows in the charts of its skin: what a texture adds to.
 
 With the density frozen a chart is linear in the lattice's colours. The weights are found once for a
-skin and a resolution; what the colours of any painting show is a product with them.
+skin and a resolution; what the colours of any painting show is a product with them. Those of a
+preview are kept with the skin, and in its file.
 """
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,15 +20,20 @@ from ..field import SampleWeights, VoxelField
 from .kernels.linear import gather_colors
 from .skin_fit import chart_camera, chart_pixels
 
-__all__ = ["ChartLattice", "chart_lattice"]
+__all__ = ["PREVIEW", "ChartLattice", "chart_lattice", "lattice_arrays", "restore_lattice"]
 
 Float32 = NDArray[np.float32]
 
+PREVIEW = 2
+"""Pixels of the skin per painted pixel in a preview."""
 MARGIN = 12
 """Pixels kept around what a chart owns, so that cells at a border find theirs in either chart."""
 SOLID = 0.9
 """Where a chart's own view is clearer than this, nothing is known of the surface's colour."""
 
+
+_ARRAYS = "lattice_counts", "lattice_rows", "lattice_weights"
+"""Rows a pixel of each chart in turn, uint8; which, int32; how much of each, float16."""
 
 Map = tuple[tuple[slice, slice], SampleWeights]
 """Rows and columns of the atlas that a chart fills, and the weights of its pixels."""
@@ -43,6 +51,8 @@ class ChartLattice:
     step
         Every so many pixels of the atlas. At the full resolution each chart's map is made when it
         is needed: all of them take four times the room of a preview's.
+    arrays
+        From `arrays` of such a lattice, instead of finding the weights again.
 
     Attributes
     ----------
@@ -50,16 +60,32 @@ class ChartLattice:
         bool [H, W] of the atlas at that resolution: what charts own, and a margin around it.
     """
 
-    def __init__(self, field: VoxelField, skin: Skin, step: int) -> None:
+    def __init__(self, field: VoxelField, skin: Skin, step: int,
+                 arrays: Mapping[str, NDArray[Any]] | None = None) -> None:
         self.density = field.density
         atlas = skin.atlas
         shape = atlas.depth.shape[0] // step, atlas.depth.shape[1] // step
         own = atlas.own[::step, ::step][:shape[0], :shape[1]]
         around = np.ones((2 * MARGIN // step + 1,) * 2, np.uint8)
         self.near = cv2.dilate(own.astype(np.uint8), around) > 0
-        self._maps = [_chart_map(field, skin, step, n, self.near) if step > 1
-                      else functools.partial(_chart_map, field, skin, step, n, self.near)
-                      for n in range(len(atlas.boxes))]
+        charts = range(len(atlas.boxes))
+        self._maps: Sequence[Map | functools.partial[Map]]
+        if arrays is not None:
+            self._maps = _read_maps([_place(skin, n, step) for n in charts], arrays)
+        elif step > 1:
+            self._maps = [_chart_map(field, skin, step, n, self.near) for n in charts]
+        else:
+            self._maps = [functools.partial(_chart_map, field, skin, step, n, self.near)
+                          for n in charts]
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The weights of all charts as arrays for a file, rounded to float16."""
+        maps = [kept() if isinstance(kept, functools.partial) else kept for kept in self._maps]
+        weights = [found for _, found in maps]
+        return dict(zip(_ARRAYS, (
+            np.concatenate([np.diff(one.indptr) for one in weights]).astype(np.uint8),
+            np.concatenate([one.rows for one in weights]),
+            np.concatenate([one.weights for one in weights]).astype(np.float16))))
 
     def left_out(self, picture: Float32, colors: Float32) -> Float32:
         """What lattice colours [N, 3] leave out of a picture of the atlas, float32 [H, W, 3].
@@ -68,7 +94,7 @@ class ChartLattice:
         """
         out = np.zeros_like(picture)
         for kept in self._maps:
-            there, weights = kept() if callable(kept) else kept
+            there, weights = kept() if isinstance(kept, functools.partial) else kept
             shown = np.empty((len(weights.alpha), 3), np.float32)
             gather_colors(weights.indptr, weights.rows, weights.weights, colors, shown)
             alpha = weights.alpha[:, None]
@@ -85,16 +111,55 @@ def chart_lattice(field: VoxelField, skin: Skin, step: int) -> ChartLattice:
     """
     if step == 1:
         return ChartLattice(field, skin, step)
-    kept: dict[int, ChartLattice] = skin.once("lattices", dict)
+    kept = _kept(skin)
     if step not in kept or kept[step].density is not field.density:
         kept[step] = ChartLattice(field, skin, step)
     return kept[step]
 
 
-def _chart_map(field: VoxelField, skin: Skin, step: int, n: int, near: NDArray[np.bool_]) -> Map:
+def _kept(skin: Skin) -> dict[int, ChartLattice]:
+    """The lattices that are kept with a skin, by their steps."""
+    return skin.once("lattices", dict[int, ChartLattice])
+
+
+def lattice_arrays(field: VoxelField, skin: Skin) -> dict[str, NDArray[Any]]:
+    """What a preview's `chart_lattice` is made of, for the skin's file."""
+    return chart_lattice(field, skin, PREVIEW).arrays()
+
+
+def restore_lattice(field: VoxelField, skin: Skin) -> None:
+    """Use what the file of a field's skin has of a preview's `chart_lattice`, if it has any."""
+    arrays = {name: skin.kept.pop(name, None) for name in _ARRAYS}
+    if all(value is not None for value in arrays.values()):
+        _kept(skin)[PREVIEW] = ChartLattice(field, skin, PREVIEW, arrays)
+
+
+def _place(skin: Skin, n: int, step: int) -> tuple[slice, slice]:
+    """Rows and columns of the atlas, every ``step``-th, that chart ``n`` fills."""
     camera = chart_camera(skin, n, step)
     top, left = (part.start // step for part in chart_pixels(skin, n, 1))
-    there = (slice(top, top + int(camera.height[0])), slice(left, left + int(camera.width[0])))
+    return slice(top, top + int(camera.height[0])), slice(left, left + int(camera.width[0]))
+
+
+def _chart_map(field: VoxelField, skin: Skin, step: int, n: int, near: NDArray[np.bool_]) -> Map:
+    there = _place(skin, n, step)
     # As views are rendered; a preview takes longer strides.
     stride = 0.5 if step == 1 else 1.0
-    return there, field.sample_weights(camera, 0, step=stride, inside=near[there])
+    return there, field.sample_weights(chart_camera(skin, n, step), 0, step=stride,
+                                       inside=near[there])
+
+
+def _read_maps(places: list[tuple[slice, slice]], arrays: Mapping[str, NDArray[Any]]) -> list[Map]:
+    counts, rows, values = (arrays[name] for name in _ARRAYS)
+    ends = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    values = values.astype(np.float32)
+    # An empty pixel's sum would be its successor's first value.
+    alpha = np.where(counts > 0, np.add.reduceat(np.append(values, 0), ends[:-1]), 0)
+    maps, since = [], 0
+    for there in places:
+        until = since + (there[0].stop - there[0].start) * (there[1].stop - there[1].start)
+        part = slice(ends[since], ends[until])
+        maps.append((there, SampleWeights(ends[since:until + 1] - ends[since], rows[part],
+                                          values[part], alpha[since:until].astype(np.float32))))
+        since = until
+    return maps

@@ -24,7 +24,7 @@ from ..example.skin import canvas_of, face_pixels
 from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
 from ..progress import Progress
-from .chart_lattice import chart_lattice
+from .chart_lattice import PREVIEW, chart_lattice
 from .config import StylizeConfig
 from .fit import ColorModel
 from .skin_fit import chart_views, for_lattice, look_up_rows, row_labels, show_painting
@@ -38,8 +38,6 @@ Float32 = NDArray[np.float32]
 LateField = VoxelField | Callable[[], VoxelField]
 LateSkin = Skin | Callable[[VoxelField], Skin] | None
 
-PREVIEW = 2
-"""Pixels of the skin per painted pixel in a preview."""
 FINER = 2.0
 """Pixels of an exemplar, at most, per pixel of the skin."""
 

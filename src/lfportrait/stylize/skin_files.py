@@ -10,6 +10,7 @@ from ..errors import UserError
 from ..example import Skin
 from ..example.skin import load_skin, save_skin, skin_key
 from ..field import VoxelField
+from .chart_lattice import lattice_arrays, restore_lattice
 from .config import check_pixels
 
 __all__ = ["kept_skin"]
@@ -50,7 +51,8 @@ def kept_skin(path: Path, field: VoxelField, capture: Capture, pixels: float) ->
     if skin is None:
         skin = Skin.of(field, capture.landmarks, capture.cameras, pixels)
         with suppress(OSError):
-            save_skin(skin, beside, key)
+            save_skin(skin, beside, key, **lattice_arrays(field, skin))
         # A file keeps rounded numbers: this run goes on with those that the next one will find.
         skin = load_skin(beside, key) or skin
+    restore_lattice(field, skin)
     return skin

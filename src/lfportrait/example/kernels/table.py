@@ -27,7 +27,8 @@ def scatter_pixels(levels, cell, keys):
     """Put every exemplar pixel into its cell of ``keys`` [A, Y, X].
 
     ``levels`` int32 [H, W] is the quantised appearance. Within a cell the pixel nearest to the
-    cell's middle is kept (first in scan order among equals); its cost is 0.
+    cell's middle is kept (first in scan order among equals); its cost is 0. All other cells are
+    `EMPTY`.
     """
     share_out(_scatter_rows, keys.shape[1], levels, cell, keys)
 
@@ -37,6 +38,7 @@ def _scatter_rows(since, until, levels, cell, keys):
     """`scatter_pixels` into some rows of cells."""
     height, width = levels.shape
     for j in range(since, until):
+        keys[:, j] = EMPTY
         best = np.full((keys.shape[0], keys.shape[2]), 1 << 30, np.int32)
         for y in range(j * cell, min((j + 1) * cell, height)):
             for x in range(width):

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from ...face import face_pose
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
 from ..guides.blurs import broad_blur
@@ -155,7 +154,7 @@ class SkinPainter:
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
                  transfer: TransferConfig | None = None, seed: int = 0) -> None:
         # Of a face that is turned, the frontal picture.
-        self.pose = face_pose(exemplar.landmarks)
+        self.pose = exemplar.pose()
         exemplar = frontalised(exemplar, self.pose)
         self.exemplar, self.seed = exemplar, seed
         self.config = config or SkinConfig()

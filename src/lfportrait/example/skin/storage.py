@@ -22,9 +22,12 @@ from .sitter import Skin
 
 __all__ = ["load_skin", "save_skin", "skin_key"]
 
-VERSION = 13
+VERSION = 14
 _LISTS = ("index", "flat", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
           "seen", "outwards", "rows")
+_OURS = (*_LISTS, "key", "pixels", "landmarks", "boxes", "depth", "color", "owner",
+         "shape_normals", "shape_low", "shape_cell", "labels", "regions",
+         "pose", "focal", "center", "width", "height")
 
 
 def skin_key(*made_of: Any) -> str:
@@ -32,8 +35,8 @@ def skin_key(*made_of: Any) -> str:
     return key_of("skin", VERSION, *made_of)
 
 
-def save_skin(skin: Skin, path: Path, key: str) -> None:
-    """Write a skin and the key of what it was made of."""
+def save_skin(skin: Skin, path: Path, key: str, **more: NDArray[Any]) -> None:
+    """Write a skin, the key of what it was made of, and ``more`` that others keep with it."""
     atlas = skin.atlas
     cameras = atlas.cameras
     labels, regions = skin.labels
@@ -51,11 +54,15 @@ def save_skin(skin: Skin, path: Path, key: str) -> None:
                  shape_normals=atlas.shape.normals, shape_low=atlas.shape.low,
                  shape_cell=np.float64(atlas.shape.cell), labels=labels,
                  regions=np.array(regions), pose=cameras.pose, focal=cameras.focal,
-                 center=cameras.center, width=cameras.width, height=cameras.height, **lists)
+                 center=cameras.center, width=cameras.width, height=cameras.height, **lists,
+                 **more)
 
 
 def load_skin(path: Path, key: str) -> Skin | None:
-    """The skin in a file; None if there is none, or it was made of something else."""
+    """The skin in a file; None if there is none, or it was made of something else.
+
+    What others keep in the file is in the skin's ``kept``, by its names there.
+    """
     try:
         with np.load(path, allow_pickle=False) as data:
             if str(data["key"]) != key:
@@ -69,7 +76,8 @@ def load_skin(path: Path, key: str) -> Skin | None:
                   shape)
     lists = {name: (value.astype(np.float32) if value.dtype == np.float16 else value)
              for name in _LISTS if (value := arrays.get(name)) is not None}
-    # Asked for by every painting.
-    kept = {"labels": (arrays["labels"], tuple(arrays["regions"].tolist()))}
+    theirs = {name: value for name, value in arrays.items() if name not in _OURS}
+    # Regions are asked for by every painting.
+    kept = {**theirs, "labels": (arrays["labels"], tuple(arrays["regions"].tolist()))}
     return Skin(atlas, HeadPlane(arrays["landmarks"]), float(arrays["pixels"]),
                 **{"hair": None, "kept": kept, **lists})

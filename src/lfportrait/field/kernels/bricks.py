@@ -8,6 +8,7 @@ the nearest occupied one: a ray may leap over everything that is nearer.
 
 Colour rows are float16, 16 or 32 wide (3 channels x 1, 4 or 9 coefficients, zero-padded), so that
 a row is loaded as one or two vectors; the last row is zero and stands for empty lattice points.
+They are laid out when colours are first asked for: what needs densities alone does not wait.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ BRICK = 4
 """Cells along a brick's edge."""
 SLOTS = 128
 """Lattice points that a brick has room for: 5^3 rounded up."""
+_TOGETHER = 8192
+"""Rows that are rounded together: they fit into the cache."""
 
 
 def row_width(basis: int) -> int:
@@ -48,12 +51,8 @@ class Bricks:
         int32 [bricks * 128], colour row of each lattice point (N, the zero row, where empty).
     density
         uint16 [bricks * 128 + 2], float16 bit patterns.
-    rows
-        uint16 [(N + 1) * width + 32], float16 bit patterns.
-    width
-        Row width, 16 or 32.
-    basis
-        Coefficients a channel: 1, 4 or 9.
+    sh
+        float [N, 3, B], the coefficients that ``rows`` are made of.
     shape
         Lattice points along z, y, x.
     """
@@ -61,10 +60,30 @@ class Bricks:
     table: NDArray[np.int32]
     links: NDArray[np.int32]
     density: NDArray[np.uint16]
-    rows: NDArray[np.uint16]
-    width: int
-    basis: int
+    sh: NDArray[np.floating[Any]]
     shape: tuple[int, int, int]
+
+    @property
+    def basis(self) -> int:
+        """Coefficients a channel: 1, 4 or 9."""
+        return int(self.sh.shape[2])
+
+    @property
+    def width(self) -> int:
+        """Row width, 16 or 32."""
+        return row_width(self.basis)
+
+    @functools.cached_property
+    def rows(self) -> NDArray[np.uint16]:
+        """Colour rows, uint16 [(N + 1) * width + 32], float16 bit patterns."""
+        count, columns = len(self.sh), 3 * self.basis
+        rows = np.zeros((count + 1) * self.width + 32, np.float16)
+        view = rows[:count * self.width].reshape(count, self.width)
+        values = self.sh.reshape(count, columns)
+        for since in range(0, count, _TOGETHER):
+            part = slice(since, since + _TOGETHER)
+            view[part, :columns] = np.clip(values[part], -60000, 60000)
+        return rows.view(np.uint16)
 
     @functools.cached_property
     def blocks(self) -> NDArray[np.uint64]:
@@ -199,15 +218,11 @@ def build_bricks(links: NDArray[np.int32], density: NDArray[np.float32],
     sh
         float [N, 3, B], spherical-harmonic coefficients.
     """
-    count, _, basis = sh.shape
-    width = row_width(basis)
+    count = len(sh)
     table, brick_links = brick_table(links, count)
     values = np.zeros(count + 1, np.float16)
     values[:count] = np.clip(density, -6e4, 6e4)
     packed = np.zeros(len(brick_links) + 2, np.uint16)
     packed[:-2] = values.view(np.uint16)[brick_links]
-    rows = np.zeros((count + 1) * width + 32, np.float16)
-    view = rows[:(count + 1) * width].reshape(count + 1, width)
-    view[:count, :3 * basis] = np.clip(sh.reshape(count, 3 * basis), -60000, 60000)
-    return Bricks(table, brick_links, packed, rows.view(np.uint16), width, basis,
+    return Bricks(table, brick_links, packed, sh,
                   (links.shape[0], links.shape[1], links.shape[2]))
