@@ -293,8 +293,10 @@ def test_where_hair_is_only_if_it_is_long():
     # Cheeks are bare; sideburns end at the middle of the ears.
     assert at(62) == at(-62) == [0, 1, 1, 1, 1]
     assert at(80) == at(-80) == pytest.approx([0, 0, 1, 1, 1], abs=0.01)
-    # The nape's hair grows further down.
-    assert at(175) == pytest.approx([0, 0, 0, 1, 1], abs=0.01)
+    # The nape's hair grows further down, and does not end in a level line.
+    ends = np.array([at(degrees) for degrees in range(160, 181)])
+    assert (ends[:, :2] == 0).all() and (ends[:, 4] == 1).all()
+    assert (ends[:, 2] < 0.1).all() and np.ptp(ends[:, 3]) > 0.3
 
 
 def test_most_hair_begins_in_an_arc_around_the_forehead_and_ends_at_the_nape():

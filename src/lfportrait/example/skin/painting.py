@@ -91,7 +91,7 @@ class SkinConfig:
     touch no patent (docs/methods.md)."""
     tone_weight: float = 0.5
     """Weight of the photo's light and shade where patches are laid, 0 to 2."""
-    detail_weight: float = 1.0
+    detail_weight: float = 2.0
     """Weight of the photo's edges and patterns there, 0 to 4."""
     material_weight: float = 3.0
     """Weight of keeping hair, skin and clothes apart, 0 to 4."""

@@ -24,6 +24,8 @@ REGIONS = ("brows", "eyes", "nose", "lips", "skin", "ears", "hair", "neck", "clo
 FEATURES = ("brows", "eyes", "nose", "lips")
 HAIRLINE = 0.64, 88.0
 """Where hair begins: above the brows (chin -1) in the middle; at their height, in degrees."""
+LOCKS = ((0.03, 31.0), (0.025, 12.7), (0.02, 5.3))
+"""Locks that hair ends in at the nape: lengths over the face's height, breadths in degrees."""
 BAY, BAY_CELL = 0.15, 0.03
 """Bays of skin less than twice so wide close, and the cells that this is looked at in; over the
 face's height."""
@@ -47,7 +49,7 @@ def hair_by_place(plane: HeadPlane, flat: Float32) -> Float32:
     # Below the brows it leaves the cheeks, and begins behind the ears.
     begins = side + (100 - side) * np.clip(-up / 0.25, 0, 1)
     behind = np.clip((angle - begins) / 10 + 0.5, 0, 1) * (up <= 0)
-    behind *= np.clip((up + _hair_end(angle)) / 0.1, 0, 1)
+    behind *= np.clip((up + _hair_end(plane, flat)) / 0.1, 0, 1)
     return np.asarray(above + behind, np.float32)
 
 
@@ -59,7 +61,8 @@ def below_hair(plane: HeadPlane, flat: Float32) -> Float32:
     down, angle = flat[:, 1] / plane.height, _angle(plane, flat)
     # Down to the chin in the middle; beside the eyes it leaves the cheeks.
     cheek = np.clip((angle - 45) / 15, 0, 1)
-    beside = np.where(angle < 90, 0.1 + 0.25 * np.clip((angle - 60) / 25, 0, 1), _hair_end(angle))
+    beside = np.where(angle < 90, 0.1 + 0.25 * np.clip((angle - 60) / 25, 0, 1),
+                      _hair_end(plane, flat))
     end = (1 - cheek) * (0.95 - 0.2 * (np.minimum(angle, 55) / 55) ** 2) + cheek * beside
     return np.asarray(np.clip((down - end) / 0.1, 0, 1), np.float32)
 
@@ -79,13 +82,20 @@ def _angle(plane: HeadPlane, flat: Float32) -> Float32:
     return np.asarray(np.degrees(np.abs(flat[:, 0]) / plane.radius), np.float32)
 
 
-def _hair_end(angle: Float32) -> Float32:
+def _hair_end(plane: HeadPlane, flat: Float32) -> Float32:
     """How far down short hair grows (brows 0, chin 1), [N]; a level line would show.
 
-    Sideburns to the middle of the ears, behind them to their lobes, and on to the nape.
+    Sideburns to the middle of the ears, behind them to their lobes, and on to the nape, where it
+    ends in locks of several breadths: an even edge would be that of a cap.
     """
+    angle = _angle(plane, flat)
     behind, nape = np.clip((angle - 90) / 15, 0, 1), np.clip((angle - 100) / 60, 0, 1)
-    return np.asarray(0.35 + 0.2 * behind + 0.25 * nape * nape * (3 - 2 * nape), np.float32)
+    around = np.degrees(flat[:, 0] / np.float32(plane.radius))
+    # Straight sides, as strokes have: triangles, not waves.
+    locks = sum(size * (2 * np.abs(2 * ((around / breadth + 0.3) % 1) - 1) - 1)
+                for size, breadth in LOCKS)
+    return np.asarray(0.35 + 0.2 * behind + 0.25 * nape * nape * (3 - 2 * nape)
+                      + np.clip((angle - 110) / 20, 0, 1) * locks, np.float32)
 
 
 def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Float32,
