@@ -99,6 +99,27 @@ def test_outline_and_hair_are_the_photos(photo, regions, results):
     assert (away[..., 0][inside(photo.mask > 0.5, 6)] > 0.15).mean() > 0.98
 
 
+def test_a_painted_scarf_is_no_neck(style, photo):
+    def with_neck(face, color):
+        """The face with the neck, which is drawn in the shirt's colour, in another."""
+        x, y = face.landmarks[8]
+        rows, columns = np.indices(face.mask.shape)
+        neck = (np.abs(columns - x) < 17) & (rows > y + 2) & (rows < y + 20)
+        image = face.image.copy()
+        image[neck] = np.clip(np.random.default_rng(0).normal(color, 6, (neck.sum(), 3)), 0, 255)
+        return replace(face, image=image), inside(neck, 3)
+
+    scarf = (40, 190, 60)
+    painting, _ = with_neck(style, scarf)
+    sitter, neck = with_neck(photo, (225, 180, 150))
+    found = find_regions(sitter.image, sitter.landmarks, sitter.mask, networks=False)
+    made = Transfer(painting, TransferConfig(quality="best")).apply(
+        sitter.image, sitter.landmarks, regions=found).image
+    skin, green = (np.linalg.norm(made[neck] - np.float32(color) / 255, axis=-1)
+                   for color in (SKIN, scarf))
+    assert neck.sum() > 150 and (skin < green).mean() > 0.95
+
+
 def test_paper_stays_plain(style, photo, results):
     wall = inside(photo.mask < 0.5, 6)
     paper = inside(style.mask < 0.5, 6)

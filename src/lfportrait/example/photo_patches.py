@@ -39,6 +39,7 @@ from .skin.materials import (
     at_home,
     even_uses,
     into,
+    light_neck,
     material_guides,
     resized_materials,
 )
@@ -182,6 +183,7 @@ class PhotoPatches:
         labels = work.regions.labels()
         planes = photo_shares(work.photo, work.regions, labels, position, self._shares,
                               theirs.present)
+        light_neck(planes.reshape(-1, len(MATERIALS)), grey(work.photo).reshape(-1), theirs)
         tone, detail, trust = photo_looks(work.photo, work.landmarks, planes, theirs)
         shares = planes.reshape(-1, len(MATERIALS))
         soft = soft_face(work.photo.shape, work.landmarks).astype(np.float32) / np.float32(255)

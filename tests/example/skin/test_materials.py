@@ -200,9 +200,9 @@ def test_a_beard_stays_in_the_face_whatever_its_colour(painter, color):
     cheek = ((exemplar.landmarks[30] + exemplar.landmarks[14]) / 2).astype(int)
     assert shares[cheek[1], cheek[0], SKIN] > 0.95
     assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4)
-    # Photos' bodies are painted of all that is right below the jaw.
+    # Photos' cheeks are painted of it.
     photo = painted_shares(exemplar, regions, labels, strict=False)
-    assert photo[there][:, FEATURES].mean() < 0.02
+    assert photo[there][:, FEATURES].mean() < 0.1
 
 
 @pytest.mark.parametrize("colors", [{"beard": None, "chin": None, "lip": (40, 40, 60)},
@@ -234,7 +234,7 @@ def test_clothes_are_of_one_cloth(painter):
     assert shares[inside][:, FEATURES].mean() > 0.9 and shares[rest][:, CLOTHES].mean() > 0.9
     assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4)
     photo = painted_shares(Exemplar(image, exemplar.landmarks), regions, labels, strict=False)
-    assert photo[inside][:, FEATURES].max() < 0.02
+    assert photo[inside][:, FEATURES].mean() > 0.9 and photo[rest][:, CLOTHES].mean() > 0.9
     # Of two colours each is half of the cloth.
     image = exemplar.image.copy()
     image[worn & (np.indices(worn.shape)[1] // 10 % 2 == 0)] = (30, 30, 35)

@@ -330,11 +330,16 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
 
     What is dark and unlike the cheeks around the face is hair: a fringe, a hat, locks at the
     temples that the networks overlook. Clothes of the colours of the background are background
-    beside the neck. Of heads (``strict``), a beard is a feature of the face, ears are no skin, and
-    clothes are of one cloth.
+    beside the neck, and clothes are of one cloth. For heads (``strict``), a beard is a feature of
+    the face, and ears are no skin. For photos a neck is what it is for heads, too; but what else
+    lies there, a collar or a bust's chest in the light, is painted nowhere.
     """
     small = _Small(exemplar, regions, labels)
     shares = _shares(small, regions, strict)
+    if not strict:
+        collar = np.maximum(shares[..., NECK] - _shares(small, regions, True)[..., NECK], 0)
+        shares[..., NECK] -= collar
+        shares[..., FEATURES] += collar
     covered = _overlooked(small, shares[..., SKIN])
     shares[..., HAIR] += covered
     shares[..., SKIN] -= covered
@@ -345,8 +350,7 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
         shares[..., EARS] = shares[..., SKIN] * _beside(small, regions)
         shares[..., SKIN] -= shares[..., EARS]
     _hide_ground(small, shares)
-    if strict:
-        _part_clothes(small, shares)
+    _part_clothes(small, shares)
     return shares
 
 
