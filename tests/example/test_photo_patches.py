@@ -64,6 +64,10 @@ def inside(mask, border=4):
     return binary_erosion(mask, iterations=border)
 
 
+def below_brows(photo):
+    return np.indices(photo.mask.shape)[0] > photo.landmarks[17:27, 1].max()
+
+
 def test_fast_is_the_default_of_the_class(style, photo, regions, results):
     assert TransferConfig().quality == "fast"
     plain = Transfer(style).apply(photo.image, photo.landmarks, regions=regions)
@@ -84,8 +88,10 @@ def test_the_face_stays(photo, results):
     face = inside(soft_face(photo.image.shape, photo.landmarks) > 140, 2)
     assert face.sum() > 1000
     same = (results["best"].image == results["fast"].image).all(axis=-1)
-    # At the temples, beside the exemplar's hair, its shade may lie.
-    assert same[face].mean() > 0.98 and same[inside(face, 6)].all()
+    # At the temples and under a fringe the shade of the exemplar's hair may lie.
+    low = face & below_brows(photo)
+    assert same[face].mean() > 0.95 and same[low].mean() > 0.98
+    assert same[inside(face, 6) & low].all()
 
 
 def test_outline_and_hair_are_the_photos(photo, regions, results):
@@ -153,7 +159,7 @@ def test_large_photos_are_refined_small(style, photo, regions, results, monkeypa
     monkeypatch.setattr(module, "LARGEST", HEIGHT * WIDTH / 2)
     made = Transfer(style, TransferConfig(quality="best")).apply(photo.image, photo.landmarks,
                                                                  regions=regions).image
-    face = inside(soft_face(photo.image.shape, photo.landmarks) > 140, 8)
+    face = inside(soft_face(photo.image.shape, photo.landmarks) > 140, 8) & below_brows(photo)
     assert made.shape == photo.image.shape and np.isfinite(made).all()
     assert np.abs(made[face] - results["fast"].image[face]).max() < 1e-6
     assert np.abs(made - results["best"].image).mean() < 0.06

@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -75,9 +76,9 @@ EVEN = np.array([1, 1, 1, 2, 2, 1, 1], np.float32)
 DRAWN_OUT, CALM = 0.45, 0.02
 """The side of a turned face is patches where the guide changes more slowly than this, blurred by so
 much over the face's size."""
-COVERED = 0.15, 0.03
+COVERED, SHADED = (0.15, 0.03), (0.05, 0.05)
 """Share of hair in the exemplar's face, blurred by so much over the face's size, from which on it
-is not copied onto a bare one."""
+is not copied onto a bare one; and from which on it shades a forehead."""
 EDGE = 0.03
 """Blur by which the edge of what is painted so is told, over the face's size."""
 UTMOST = 0.2
@@ -127,7 +128,9 @@ class PhotoPatches:
         hair = self._shares[..., HAIR]
         if regions.hair is not None:
             hair = np.maximum(hair, regions.hair)
-        self._covered = broad_blur(np.ascontiguousarray(hair), COVERED[1] * exemplar.size)
+        hair = np.ascontiguousarray(hair)
+        self._covered = np.stack([broad_blur(hair, blur * exemplar.size) / np.float32(most)
+                                  for most, blur in (COVERED, SHADED)])
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
@@ -196,7 +199,7 @@ class PhotoPatches:
         core = covered & _core(work, soft, kept.reshape(soft.shape),
                                (shares[:, SKIN] + shares[:, FEATURES]).reshape(soft.shape))
         # Eyes and brows stay: patches of features would take those of others.
-        core &= self._bare(work) | (planes[..., FEATURES] > 0.5)
+        core = _round(work, core & self._bare(work)) | core & (planes[..., FEATURES] > 0.5)
         flesh = planes[..., [SKIN, NECK, EARS]].sum(axis=-1)
         tone = tone + flesh * _carried_light(work, core, tone)
         guides = material_guides(planes, tone, detail, self._weights())
@@ -226,14 +229,15 @@ class PhotoPatches:
 
         A fringe, a curl, the shade at its hairline: on a higher forehead they would be stains.
         """
-        height, width = self._covered.shape
+        height, width = self._covered.shape[1:]
         x, y = (np.clip(np.nan_to_num(work.place[..., axis]), 0, size - 1).astype(np.int64)
                 for axis, size in ((0, width), (1, height)))
-        hair = self._covered[y, x]
+        _, down = work.regions.frame.local(work.painted.shape[:2])
+        hair = self._covered[(down < 0).astype(np.int64), y, x]
         if work.regions.hair is not None:
             hair = hair * (1 - work.regions.hair)
         # No crumbs, and no edges of chunks.
-        bare = gaussian_blur(np.asarray(hair < COVERED[0], np.float32),
+        bare = gaussian_blur(np.asarray(hair < 1, np.float32),
                              max(1.0, EDGE * face_size(work.landmarks)))
         return np.asarray(bare > 0.8)
 
@@ -321,6 +325,13 @@ def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
         eyes = (work.landmarks[[36, 45]] - frame.origin) @ frame.right / frame.height
         face &= (steady > DRAWN_OUT) | (near * right < (near * eyes).max())
     return np.asarray(face | (forehead & (broad > 0.9)), bool)
+
+
+def _round(work: _Work, core: Bools) -> Bools:
+    """A face without what is narrow at its edge, bool [H, W]: skin that shows between locks."""
+    radius = max(1, round(0.08 * face_size(work.landmarks)))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    return cv2.morphologyEx(core.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
 
 
 def _carried_light(work: _Work, core: Bools, tone: Float32) -> Float32:
