@@ -145,6 +145,16 @@ def test_a_skin_is_kept_beside_its_field(head, capture, tmp_path, monkeypatch):
         kept_skin(path, head, replace(capture, landmarks=None), 60.0)
 
 
+def test_a_skin_that_cannot_be_written_is_computed_each_time(head, capture, tmp_path):
+    path = tmp_path / "head.npz"
+    head.save(path)
+    beside = path.with_suffix(".skin.npz")
+    beside.mkdir()  # a file can't take its place
+    (beside / "mine").touch()
+    assert len(kept_skin(path, head, capture, 60.0).index) > 1000
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["head.npz", "head.skin.npz"]
+
+
 def test_field_and_skin_may_be_read_while_the_exemplar_is_looked_at(head, capture, violet):
     skin = Skin.of(head, capture.landmarks, capture.cameras, PREVIEW.pixels)
     known, _ = stylize_with_figures(head, capture, violet, PREVIEW, skin=skin)

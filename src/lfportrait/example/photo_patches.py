@@ -129,6 +129,7 @@ class PhotoPatches:
         if regions.hair is not None:
             hair = np.maximum(hair, regions.hair)
         hair = np.ascontiguousarray(hair)
+        # [2, h, w]: 1 where there is too much of it, on a face and above its brows.
         self._covered = np.stack([broad_blur(hair, blur * exemplar.size) / np.float32(most)
                                   for most, blur in (COVERED, SHADED)])
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}

@@ -19,7 +19,7 @@ from ..demo import SITTER as HEAD
 from ..demo import landmarks
 from ..errors import UserError
 from ..example import FRONTAL, PROFILE, Exemplar, frontal_view
-from ..face import FacePose, detect_faces, face_pose
+from ..face import FacePose, detect_faces
 from ..files import read_image
 from ..lightfield import Display, EncodeConfig
 from ..stylize import StylizeConfig, stylize_with_figures
@@ -134,7 +134,7 @@ def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None
         image = np.ascontiguousarray(read_image(path)[..., :3])
         points, faces = chosen_face(path, image, face, at)
         exemplar = Exemplar.load(path, points)
-    check = StyleCheck(exemplar, faces, face_pose(exemplar.landmarks))
+    check = StyleCheck(exemplar, faces, exemplar.pose())
     _turn(check)
     _size(check)
     if len(faces) > 1:

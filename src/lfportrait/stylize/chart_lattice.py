@@ -8,7 +8,7 @@ preview are kept with the skin, and in its file.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -80,12 +80,16 @@ class ChartLattice:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The weights of all charts as arrays for a file, rounded to float16."""
-        maps = [kept() if isinstance(kept, functools.partial) else kept for kept in self._maps]
-        weights = [found for _, found in maps]
+        weights = [found for _, found in self._made()]
         return dict(zip(_ARRAYS, (
             np.concatenate([np.diff(one.indptr) for one in weights]).astype(np.uint8),
             np.concatenate([one.rows for one in weights]),
             np.concatenate([one.weights for one in weights]).astype(np.float16))))
+
+    def _made(self) -> Iterator[Map]:
+        """The charts' maps, one after the other."""
+        for kept in self._maps:
+            yield kept() if isinstance(kept, functools.partial) else kept
 
     def left_out(self, picture: Float32, colors: Float32) -> Float32:
         """What lattice colours [N, 3] leave out of a picture of the atlas, float32 [H, W, 3].
@@ -93,8 +97,7 @@ class ChartLattice:
         0 where nothing solid is near.
         """
         out = np.zeros_like(picture)
-        for kept in self._maps:
-            there, weights = kept() if isinstance(kept, functools.partial) else kept
+        for there, weights in self._made():
             shown = np.empty((len(weights.alpha), 3), np.float32)
             gather_colors(weights.indptr, weights.rows, weights.weights, colors, shown)
             alpha = weights.alpha[:, None]

@@ -50,8 +50,9 @@ def kept_skin(path: Path, field: VoxelField, capture: Capture, pixels: float) ->
     skin = load_skin(beside, key)
     if skin is None:
         skin = Skin.of(field, capture.landmarks, capture.cameras, pixels)
-        with suppress(OSError):
-            save_skin(skin, beside, key, **lattice_arrays(field, skin))
+        lattice = lattice_arrays(field, skin)
+        with suppress(OSError, UserError):
+            save_skin(skin, beside, key, **lattice)
         # A file keeps rounded numbers: this run goes on with those that the next one will find.
         skin = load_skin(beside, key) or skin
     restore_lattice(field, skin)

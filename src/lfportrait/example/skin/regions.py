@@ -24,8 +24,8 @@ REGIONS = ("brows", "eyes", "nose", "lips", "skin", "ears", "hair", "neck", "clo
 FEATURES = ("brows", "eyes", "nose", "lips")
 HAIRLINE = 0.64, 88.0
 """Where hair begins: above the brows (chin -1) in the middle; at their height, in degrees."""
-LOCKS = ((0.03, 31.0), (0.025, 12.7), (0.02, 5.3))
-"""Locks that hair ends in at the nape: lengths over the face's height, breadths in degrees."""
+LOCKS = ((0.03, 11), (0.025, 29), (0.02, 67))
+"""Locks that hair ends in at the nape: lengths over the face's height, numbers around a head."""
 BAY, BAY_CELL = 0.15, 0.03
 """Bays of skin less than twice so wide close, and the cells that this is looked at in; over the
 face's height."""
@@ -90,10 +90,10 @@ def _hair_end(plane: HeadPlane, flat: Float32) -> Float32:
     """
     angle = _angle(plane, flat)
     behind, nape = np.clip((angle - 90) / 15, 0, 1), np.clip((angle - 100) / 60, 0, 1)
-    around = np.degrees(flat[:, 0] / np.float32(plane.radius))
+    turns = flat[:, 0] / np.float32(2 * np.pi * plane.radius)
     # Straight sides, as strokes have: triangles, not waves.
-    locks = sum(size * (2 * np.abs(2 * ((around / breadth + 0.3) % 1) - 1) - 1)
-                for size, breadth in LOCKS)
+    locks = sum(size * (2 * np.abs(2 * ((count * turns + 0.3) % 1) - 1) - 1)
+                for size, count in LOCKS)
     return np.asarray(0.35 + 0.2 * behind + 0.25 * nape * nape * (3 - 2 * nape)
                       + np.clip((angle - 110) / 20, 0, 1) * locks, np.float32)
 

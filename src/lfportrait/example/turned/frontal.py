@@ -89,7 +89,7 @@ def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
     UserError
         If the face is next to a profile.
     """
-    pose = pose or face_pose(exemplar.landmarks)
+    pose = pose or exemplar.pose()
     if abs(pose.yaw) < FRONTAL:
         return exemplar
     if abs(pose.yaw) > PROFILE:
@@ -116,7 +116,7 @@ def suited(exemplar: Exemplar, landmarks: NDArray[np.floating]) -> Exemplar:
     UserError
         As `frontalised`.
     """
-    painted = face_pose(exemplar.landmarks).yaw
+    painted = exemplar.pose().yaw
     photo = face_pose(landmarks).yaw
     return exemplar if abs(painted - photo) <= abs(photo) else frontalised(exemplar)
 
