@@ -5,9 +5,11 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import mmap
 import os
 import struct
 import tempfile
+import zipfile
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -21,9 +23,17 @@ from .errors import UserError
 from .measure import usable_cores
 
 __all__ = [
-    "atomic_path", "atomic_write", "picture_format", "read_image", "read_images", "read_json",
-    "write_exr", "write_image", "write_json",
+    "atomic_path", "atomic_write", "map_arrays", "picture_format", "read_image", "read_images",
+    "read_json", "write_exr", "write_image", "write_json", "write_mappable",
 ]
+
+
+_ALIGNED = 64
+"""Mapped numbers begin at a multiple of so many bytes."""
+_HEADER, _ZIP64 = 30, 20
+"""Bytes of a member's header without its name, and of the field that tells sizes in 64 bits."""
+_PADDING = 0xD935
+"""The kind of a field that only takes room."""
 
 
 @contextlib.contextmanager
@@ -212,3 +222,52 @@ def write_exr(path: str | os.PathLike[str], values: NDArray[np.floating[Any]]) -
                                                   for row in range(height))))
         for row in range(height):
             stream.write(struct.pack("<ii", row, line) + plane[row].tobytes())
+
+
+def write_mappable(stream: BinaryIO, arrays: dict[str, Any]) -> None:
+    """Write arrays, by name, as an uncompressed ``.npz`` that `map_arrays` can map.
+
+    It is what `numpy.savez` writes, but for a little room before each array, so that its numbers
+    begin at a multiple of 64 bytes (as ``zipalign`` does for Android).
+    """
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, array in arrays.items():
+            member = zipfile.ZipInfo(f"{name}.npy")
+            begin = stream.tell() + _HEADER + len(member.filename) + _ZIP64 + 4
+            room = -begin % _ALIGNED
+            member.extra = struct.pack("<HH", _PADDING, room) + bytes(room)
+            with archive.open(member, "w", force_zip64=True) as target:
+                np.lib.format.write_array(target, np.asanyarray(array), allow_pickle=False)
+
+
+def map_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of an uncompressed ``.npz`` by name, mapped: what nobody looks at is not read.
+
+    What is written to them stays in memory.
+
+    Raises
+    ------
+    OSError, ValueError, TypeError, zipfile.BadZipFile
+        If there is no such file, or it is damaged or no such archive.
+    """
+    with open(path, "rb") as stream, zipfile.ZipFile(stream) as archive:
+        memory = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_COPY)
+        return {member.filename.removesuffix(".npy"): _array(stream, memory, member)
+                for member in archive.infolist()}
+
+
+def _array(stream: BinaryIO, memory: mmap.mmap, member: zipfile.ZipInfo) -> NDArray[Any]:
+    if member.compress_type != zipfile.ZIP_STORED:
+        raise ValueError(f"{member.filename} is compressed")
+    stream.seek(member.header_offset)
+    name, extra = struct.unpack("<HH", stream.read(_HEADER)[-4:])
+    begin = member.header_offset + _HEADER + name + extra
+    stream.seek(begin)
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError(f"{member.filename} is of another version")
+    shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+    if dtype.hasobject:
+        raise ValueError(f"{member.filename} holds objects")
+    if stream.tell() - begin + int(np.prod(shape)) * dtype.itemsize != member.file_size:
+        raise ValueError(f"{member.filename} is cut off")
+    return np.ndarray(shape, dtype, memory, stream.tell(), order="F" if fortran else "C")

@@ -67,19 +67,21 @@ def user_cache(kind: str) -> Path:
 
 
 def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]],
-                folder: Path | None = None) -> dict[str, NDArray[Any]]:
+                folder: Path | None = None, most: int | None = None) -> dict[str, NDArray[Any]]:
     """Arrays that are made once, and read from the user's cache after that.
 
     Parameters
     ----------
     kind
-        Folder in the user's cache. The `MOST` files that were used last stay in it.
+        Folder in the user's cache.
     key
         Hash of all that the arrays depend on (`key_of`).
     make
         Makes them, where there is no file of that name.
     folder
         Instead of the user's cache.
+    most
+        So many files, those that were used last, stay in the folder; `MOST` by default.
 
     Returns
     -------
@@ -99,6 +101,6 @@ def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]]
         with atomic_write(file) as stream:
             np.savez(stream, allow_pickle=False, **arrays)
         by_age = sorted(folder.glob("*.npz"), key=lambda path: path.stat().st_mtime)
-        for old in by_age[:-MOST]:
+        for old in by_age[:-(most or MOST)]:
             old.unlink(missing_ok=True)
     return arrays

@@ -1,6 +1,8 @@
 """The command line: exit codes, one clear line for each mistake, nothing half-written."""
 
 import json
+import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -162,6 +164,30 @@ def test_the_installed_program_runs():
                             capture_output=True, text=True, check=False)
     assert result.returncode == 0
     assert result.stdout.strip()
+
+
+FAULTS = """
+import resource, numpy as np
+from lfportrait.cli import dispatch
+dispatch._set_up()
+np.ones(4 << 20, np.float32)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(20):
+    np.ones(4 << 20, np.float32)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library's memory")
+def test_memory_that_was_freed_is_used_again():
+    """Twenty arrays of 16 MiB, one after the other; what the user's environment says, holds."""
+    def faults(**environment):
+        result = subprocess.run(
+            [sys.executable, "-c", FAULTS], capture_output=True, text=True, check=True,
+            env={**os.environ, "NUMPY_MADVISE_HUGEPAGE": "0", **environment})
+        return int(result.stdout)
+
+    assert faults() < 2000 < 20_000 < faults(MALLOC_MMAP_THRESHOLD_="100000")
 
 
 def test_a_gpu_is_not_used_by_this_version(tmp_path, capsys):

@@ -16,7 +16,6 @@ from lfportrait.stylize.chart_lattice import (
     SOLID,
     chart_lattice,
     lattice_arrays,
-    restore_lattice,
 )
 from lfportrait.stylize.fit import ColorModel
 from lfportrait.stylize.mixing.texels import mixed_texels
@@ -104,16 +103,14 @@ def test_maps_of_previews_are_kept_for_the_same_density(looked_up, painting):
 def test_maps_of_previews_come_back_from_a_file(looked_up, painting):
     arrays = lattice_arrays(looked_up, painting.skin)
     skin = replace(painting.skin, kept=dict(arrays))
-    restore_lattice(looked_up, skin)
-    assert skin.kept.keys() == {"lattices"}
     picture = np.ascontiguousarray(painting.color[::2, ::2])
     colors = np.asarray(C0 * looked_up.sh[:, :, 0] + 0.5, np.float32)
     made, read = (chart_lattice(looked_up, one, 2) for one in (painting.skin, skin))
+    assert skin.kept.keys() == {"lattices"}
     assert read is not made and np.array_equal(read.near, made.near)
     assert np.abs(read.left_out(picture, colors) - made.left_out(picture, colors)).max() < 2e-3
-    bare = replace(painting.skin, kept={})
-    restore_lattice(looked_up, bare)
-    assert not bare.kept
+    thinner = replace(looked_up, density=looked_up.density * 0.5)
+    assert chart_lattice(thinner, skin, 2) is not read
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, -70.0, 150.0])

@@ -7,6 +7,7 @@ command does not wait for the libraries of a slow one.
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import importlib
 import os
@@ -14,6 +15,7 @@ import sys
 import time
 import traceback
 import warnings
+from contextlib import suppress
 from typing import Any
 
 from ..errors import UserError
@@ -26,6 +28,11 @@ ALLOCATIONS = 20_000
 IDLE = "14"
 """Threads of OpenBLAS sleep after two to the power of so many ticks without work; else they spin
 for 67 million after each product, on cores that others could use."""
+_TRIM, _PAD, _MAPPED, _ARENAS = -1, -2, -3, -8
+MEMORY = {_MAPPED: 64 << 20, _TRIM: 512 << 20, _PAD: 64 << 20, _ARENAS: 1}
+"""glibc's `mallopt`: arrays up to 64 MiB lie on one heap, which may keep 512 MiB that nobody uses.
+As a rule each array of more than 32 MiB (at first 128 KiB) is mapped for itself and given back when
+it is freed; that its pages are made and zeroed anew each time is a fifth of a preview."""
 
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "demo": ("make", "Demo", "everything, on the embedded capture and exemplar"),
@@ -148,10 +155,20 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
 
 
-def program() -> int:
-    """Run the command line in a process of its own; returns its exit code."""
+def _set_up() -> None:
+    """Set this process up for one command; what the user's environment says, holds."""
     os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", IDLE)
     gc.set_threshold(ALLOCATIONS)
+    if any(name.startswith("MALLOC_") for name in os.environ):
+        return
+    with suppress(OSError, AttributeError, TypeError):  # another C library
+        for name, value in MEMORY.items():
+            ctypes.CDLL(None).mallopt(name, value)
+
+
+def program() -> int:
+    """Run the command line in a process of its own; returns its exit code."""
+    _set_up()
     code = main()
     gc.freeze()  # The process ends: nothing is to be looked through once more.
     return code

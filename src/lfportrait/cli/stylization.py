@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -24,6 +23,9 @@ from ..example import (
 )
 from ..stylize import StylizeConfig
 from .common import Common
+
+if TYPE_CHECKING:
+    from ..field import FieldFile, VoxelField
 
 __all__ = ["Stylize", "TransferPhoto"]
 
@@ -110,21 +112,30 @@ class Stylize(Common):
 
     def run(self) -> dict[str, Any]:
         """Stylise and save."""
-        from ..field import VoxelField
+        from ..field import field_file
         from ..job import capture_of_face
         from ..stylize import kept_skin, stylize_with_figures
 
         if not self.style:
             raise UserError("no style is given; name a painting: --style PICTURE")
-        with ThreadPoolExecutor(1) as aside, self.progress("stylize") as progress:
-            field = aside.submit(VoxelField.load, self.field)
+        if not self.field.exists():  # before the painting is looked for
+            raise UserError(f"no such field file: {self.field}")
+        with field_file(self.out) as file, self.progress("stylize") as progress:
             exemplars = [Exemplar.load(style) for style in self.style]
             capture = capture_of_face(self.capture)
             styled, figures = stylize_with_figures(
-                field.result, capture, exemplars, replace(self.config, seed=self.seed), progress,
-                device=self.device, dump=self.dump,
-                skin=lambda voxels: kept_skin(self.field, voxels, capture, self.config.pixels))
-        styled.save(self.out)
+                lambda: self._read(file), capture, exemplars,
+                replace(self.config, seed=self.seed), progress, device=self.device, dump=self.dump,
+                skin=lambda field: kept_skin(self.field, field, capture, self.config.pixels))
+            styled.save(file)
         for notice in figures["notices"]:
             print(f"note: {notice}", file=sys.stderr)
         return figures
+
+    def _read(self, file: FieldFile) -> VoxelField:
+        """The real field; its geometry is written while it is painted."""
+        from ..field import VoxelField
+
+        field = VoxelField.load(self.field)
+        file.begin(field)
+        return field

@@ -29,6 +29,7 @@ from .guides.maps import relative_stretch
 from .guides.position import pixel_centres
 from .guides.regions import Regions
 from .kernels.patches import ACTIVE, FIXED, OUTSIDE
+from .known_materials import known_shares
 from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
 from .skin.cells import Cells
@@ -44,16 +45,7 @@ from .skin.materials import (
     material_guides,
     resized_materials,
 )
-from .skin.picture_materials import (
-    EARS,
-    FEATURES,
-    GROUND,
-    HAIR,
-    MATERIALS,
-    NECK,
-    SKIN,
-    painted_shares,
-)
+from .skin.picture_materials import EARS, FEATURES, GROUND, HAIR, MATERIALS, NECK, SKIN
 from .skin.pieces import pieces
 
 if TYPE_CHECKING:
@@ -124,7 +116,7 @@ class PhotoPatches:
     def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                  config: PhotoPatchesConfig | None = None, seed: int = 0) -> None:
         self.exemplar, self.config, self.seed = exemplar, config or PhotoPatchesConfig(), seed
-        self._shares = painted_shares(exemplar, regions, labels, strict=False)
+        self._shares = known_shares(exemplar, regions, labels, strict=False)
         hair = self._shares[..., HAIR]
         if regions.hair is not None:
             hair = np.maximum(hair, regions.hair)

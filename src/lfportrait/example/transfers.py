@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -131,16 +132,31 @@ class Transfer:
                                   Path(cache) if cache is not None else None)
         self.table_seconds = time.perf_counter() - start
         self.distribution = Distribution.of(self.appearance, self.regions.person)
-        # In a capture a chunk must not depend on which pixel of a hatching a view happens to hit.
-        self._steady = gaussian_blur(self.appearance, 0.2 * self.config.blur * exemplar.size)
         self.face = soft_face(exemplar.image.shape, exemplar.landmarks)
-        self._like = missing_labels(self.labels)
-        self._bald = without_hair(self.labels)
-        self._flat = FlatGuide(exemplar, self.regions, self.labels)
         self._plan: tuple[Any, Float32, Seeds] | None = None
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
         self._filtered = {1.0: pack_colours(self._picture)}
         self._patches: PhotoPatches | None = None
+
+    @functools.cached_property
+    def _steady(self) -> Float32:
+        """The appearance for captures: which pixel of a hatching a view hits must not matter."""
+        return gaussian_blur(self.appearance, 0.2 * self.config.blur * self.exemplar.size)
+
+    @functools.cached_property
+    def _like(self) -> frozenset[str]:
+        """Labels that the exemplar does not show."""
+        return missing_labels(self.labels)
+
+    @functools.cached_property
+    def _bald(self) -> NDArray[np.uint8]:
+        """The labels for photos without hair."""
+        return without_hair(self.labels)
+
+    @functools.cached_property
+    def _flat(self) -> FlatGuide:
+        """The position guide of photos."""
+        return FlatGuide(self.exemplar, self.regions, self.labels)
 
     def apply(self, image: NDArray[np.generic], landmarks: NDArray[np.floating], *,
               position: Float32 | None = None, seeds_anchor: Float32 | None = None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..lazy import attach
 from .grid import Rendering, SampleWeights, VoxelField, camera_row
 from .harmonics import C0
-from .storage import read_arrays, save_checkpoint, save_field
+from .storage import FieldFile, field_file, read_arrays, save_checkpoint, save_field
 from .texture import SurfaceTexture
 
 if TYPE_CHECKING:
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from .reconstruction import reconstruct, reconstruct_with_figures
     from .surface import Mesh, PointCloud, field_mesh, field_points
 
-__all__ = ["C0", "Mesh", "PointCloud", "ReconstructConfig", "Rendering", "SampleWeights",
-           "SurfaceTexture", "VoxelField", "camera_row", "field_mesh", "field_points",
-           "held_out_quality", "lattice_points", "read_arrays", "reconstruct",
-           "reconstruct_with_figures", "save_checkpoint", "save_field"]
+__all__ = ["C0", "FieldFile", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
+           "SampleWeights", "SurfaceTexture", "VoxelField", "camera_row", "field_file",
+           "field_mesh", "field_points", "held_out_quality", "lattice_points", "read_arrays",
+           "reconstruct", "reconstruct_with_figures", "save_checkpoint", "save_field"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

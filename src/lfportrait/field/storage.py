@@ -13,9 +13,11 @@ little for much time, and are stored as they are. `numpy.load` (and so svox2) re
 
 from __future__ import annotations
 
+import contextlib
 import zipfile
 import zlib
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
@@ -28,7 +30,8 @@ from ..version import __version__
 from .background import Background
 from .texture import SurfaceTexture
 
-__all__ = ["FieldData", "load_field", "read_arrays", "save_checkpoint", "save_field"]
+__all__ = ["FieldData", "FieldFile", "field_file", "load_field", "read_arrays", "save_checkpoint",
+           "save_field"]
 
 
 class FieldData(Protocol):
@@ -51,10 +54,90 @@ Loaded = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDAr
 _DEFLATED = ("links", "background_links", "texture_texels", "texture_charts")
 """The arrays of a file that are worth compressing."""
 
+_GEOMETRY = "links", "density", "center", "radius"
+"""What of a field is written ahead of its colours."""
+
 _NEEDED = ("links", "density_data", "sh_data")
 _READ = (*_NEEDED, "data", "radius", "center", "frame", "basis_type", "basis_data",
          "background_links", "background_data")
 _TEXTURE = ("texture_texels", "texture_projections", "texture_charts", "texture_pixels")
+
+
+class FieldFile:
+    """A field's file in the making (`field_file`).
+
+    Most of the time of writing goes into the links, which a new painting leaves as they are: they
+    may be written while that is still under way.
+    """
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._begun: tuple[FieldData, Future[zipfile.ZipFile]] | None = None
+
+    def begin(self, field: FieldData) -> None:
+        """Write a field's geometry, in another thread."""
+        aside = ThreadPoolExecutor(1)
+        self._begun = field, aside.submit(self._open, field)
+        aside.shutdown(wait=False)
+
+    def finish(self, field: FieldData, deflated: Collection[str], more: dict[str, Any]) -> None:
+        """Write the rest of a field, or all of it if its geometry is another."""
+        if self._begun is None or any(getattr(self._begun[0], name) is not getattr(field, name)
+                                      for name in _GEOMETRY):
+            self.close()
+            self.begin(field)
+        assert self._begun is not None
+        archive = self._begun[1].result()
+        behind: dict[str, Any] = {}
+        if field.background is not None:
+            behind = {"background_links": field.background.links,
+                      "background_data": field.background.data.astype(np.float32)}
+        _write_arrays(archive, {
+            "sh_data": np.clip(field.sh.reshape(len(field.sh), -1), -6e4, 6e4).astype(np.float16),
+            **behind, "basis_type": np.int64(1), **more}, (*_DEFLATED, *deflated))
+        archive.close()
+
+    def close(self) -> None:
+        """Leave off: nothing is written any more. Does nothing to a finished file."""
+        if self._begun is not None and self._begun[1].exception() is None:
+            with contextlib.suppress(OSError):
+                self._begun[1].result().close()
+
+    def _open(self, field: FieldData) -> zipfile.ZipFile:
+        self._stream.seek(0)
+        self._stream.truncate()
+        archive = zipfile.ZipFile(self._stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
+        _write_arrays(archive, {
+            "radius": field.radius.astype(np.float32),
+            "center": field.center.astype(np.float32),
+            # svox2's kernels take the table in C order alone.
+            "links": _turned(field.links),
+            "density_data": field.density[:, None].astype(np.float32)}, _DEFLATED)
+        return archive
+
+
+@contextlib.contextmanager
+def field_file(path: Any) -> Iterator[FieldFile]:
+    """A field's file to be filled; it appears when the block has succeeded.
+
+    Parameters
+    ----------
+    path
+        File name, ending in ``.npz``.
+
+    Raises
+    ------
+    UserError
+        If the file has another ending or can't be written: at once, before hours of work.
+    """
+    if Path(path).suffix != ".npz":
+        raise UserError(f"a field is written as .npz, not {Path(path).name}")
+    with atomic_write(path) as stream:
+        file = FieldFile(stream)
+        try:
+            yield file
+        finally:
+            file.close()
 
 
 def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), **more: Any) -> None:
@@ -65,7 +148,7 @@ def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), *
     field
         What the file is to hold.
     path
-        File name, ending in ``.npz``.
+        File name, ending in ``.npz``, or a `FieldFile`.
     more
         Further arrays, by the names that they get in the file.
     deflated
@@ -79,42 +162,30 @@ def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), *
     texture = field.texture
     values = () if texture is None else (texture.texels, texture.projections, texture.charts,
                                          np.float64(texture.pixels))
-    _save(field, path, (*_DEFLATED, *deflated), frame=field.frame,
-          lfportrait_version=np.str_(__version__), **dict(zip(_TEXTURE, values)), **more)
+    more = {"frame": field.frame, "lfportrait_version": np.str_(__version__),
+            **dict(zip(_TEXTURE, values)), **more}
+    if isinstance(path, FieldFile):
+        path.finish(field, deflated, more)
+        return
+    with field_file(path) as file:
+        file.finish(field, deflated, more)
 
 
 def save_checkpoint(field: FieldData, path: Any) -> None:
     """Write a field with svox2's own keys alone, in the order in which svox2 writes them."""
-    _save(field, path, _DEFLATED)
+    with field_file(path) as file:
+        file.finish(field, (), {})
 
 
-def _save(field: FieldData, path: Any, deflated: Collection[str], **more: Any) -> None:
-    if Path(path).suffix != ".npz":
-        raise UserError(f"a field is written as .npz, not {Path(path).name}")
-    behind: dict[str, Any] = {}
-    if field.background is not None:
-        behind = {"background_links": field.background.links,
-                  "background_data": field.background.data.astype(np.float32)}
-    with atomic_write(path) as stream:
-        _write_arrays(stream, {
-            "radius": field.radius.astype(np.float32),
-            "center": field.center.astype(np.float32),
-            # svox2's kernels take the table in C order alone.
-            "links": _turned(field.links),
-            "density_data": field.density[:, None].astype(np.float32),
-            "sh_data": np.clip(field.sh.reshape(len(field.sh), -1), -6e4, 6e4).astype(np.float16),
-            **behind, "basis_type": np.int64(1), **more}, deflated)
-
-
-def _write_arrays(stream: BinaryIO, arrays: dict[str, Any], deflated: Collection[str]) -> None:
+def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],
+                  deflated: Collection[str]) -> None:
     """What `numpy.savez` writes, dates included (the same bytes each time), some of it deflated."""
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for name, array in arrays.items():
-            file = f"{name}.npy"
-            # A `ZipInfo` stores, a mere name is deflated; both bear the date 1980-01-01.
-            member = file if name in deflated else zipfile.ZipInfo(file)
-            with archive.open(member, "w", force_zip64=True) as target:
-                np.lib.format.write_array(target, np.asanyarray(array), allow_pickle=False)
+    for name, array in arrays.items():
+        file = f"{name}.npy"
+        # A `ZipInfo` stores, a mere name is deflated; both bear the date 1980-01-01.
+        member = file if name in deflated else zipfile.ZipInfo(file)
+        with archive.open(member, "w", force_zip64=True) as target:
+            np.lib.format.write_array(target, np.asanyarray(array), allow_pickle=False)
 
 
 def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:

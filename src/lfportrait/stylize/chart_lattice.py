@@ -20,7 +20,7 @@ from ..field import SampleWeights, VoxelField
 from .kernels.linear import gather_colors
 from .skin_fit import chart_camera, chart_pixels
 
-__all__ = ["PREVIEW", "ChartLattice", "chart_lattice", "lattice_arrays", "restore_lattice"]
+__all__ = ["PREVIEW", "ChartLattice", "chart_lattice", "lattice_arrays"]
 
 Float32 = NDArray[np.float32]
 
@@ -110,13 +110,15 @@ class ChartLattice:
 def chart_lattice(field: VoxelField, skin: Skin, step: int) -> ChartLattice:
     """The maps of a field's colours to every ``step``-th pixel of its skin's charts.
 
-    Those of previews are kept with the skin.
+    Those of previews are kept with the skin, which may have brought their arrays in its file.
     """
     if step == 1:
         return ChartLattice(field, skin, step)
     kept = _kept(skin)
     if step not in kept or kept[step].density is not field.density:
-        kept[step] = ChartLattice(field, skin, step)
+        arrays = {name: skin.kept.pop(name) for name in _ARRAYS
+                  if step == PREVIEW and name in skin.kept}
+        kept[step] = ChartLattice(field, skin, step, arrays if len(arrays) == 3 else None)
     return kept[step]
 
 
@@ -128,13 +130,6 @@ def _kept(skin: Skin) -> dict[int, ChartLattice]:
 def lattice_arrays(field: VoxelField, skin: Skin) -> dict[str, NDArray[Any]]:
     """What a preview's `chart_lattice` is made of, for the skin's file."""
     return chart_lattice(field, skin, PREVIEW).arrays()
-
-
-def restore_lattice(field: VoxelField, skin: Skin) -> None:
-    """Use what the file of a field's skin has of a preview's `chart_lattice`, if it has any."""
-    arrays = {name: skin.kept.pop(name, None) for name in _ARRAYS}
-    if all(value is not None for value in arrays.values()):
-        _kept(skin)[PREVIEW] = ChartLattice(field, skin, PREVIEW, arrays)
 
 
 def _place(skin: Skin, n: int, step: int) -> tuple[slice, slice]:

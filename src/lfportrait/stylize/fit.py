@@ -20,6 +20,9 @@ __all__ = ["ColorModel", "affine_color_map"]
 
 Float32 = NDArray[np.float32]
 
+_TOGETHER = 8192
+"""Rows whose moments are added up together: they fit into the cache."""
+
 
 class ColorModel:
     """One colour, the same in all directions, for every lattice row.
@@ -102,10 +105,12 @@ class ColorModel:
         if seen.sum() > 100:
             matrix, offset = affine_color_map(self.original[seen], self.colors[seen],
                                               self.seen[seen])
-            guess = np.clip(self.original @ matrix.T + offset, 0.0, 1.0).astype(np.float32)
             # Between the two the trust grows with what the views see of a row.
-            part = np.clip(self.seen / 0.05, 0.0, 1.0)[:, None]
-            self.colors = part * self.colors + (1.0 - part) * guess
+            part = np.clip(self.seen / 0.05, 0.0, 1.0)
+            less = np.flatnonzero(part < 1.0)
+            guess = np.clip(self.original[less] @ matrix.T + offset, 0.0, 1.0).astype(np.float32)
+            part = part[less, None]
+            self.colors[less] = part * self.colors[less] + (1.0 - part) * guess
         return float(1.0 - seen.mean())
 
 
@@ -131,9 +136,15 @@ def affine_color_map(source: Float32, target: Float32, weight: Float32,
     weight
         float32 [N].
     """
-    known = np.column_stack([source, np.ones(len(source))]).astype(np.float64)
-    weighted = known * weight[:, None]
-    normal = weighted.T @ known + 1e-3 * weight.sum() * np.diag([1.0, 1.0, 1.0, 0.0])
-    wanted = weighted.T @ target + 1e-3 * weight.sum() * np.eye(4, 3) * target.mean()
+    moments, wanted = np.zeros((4, 4)), np.zeros((4, 3))
+    for since in range(0, len(source), _TOGETHER):
+        part = slice(since, since + _TOGETHER)
+        known = np.ones((len(source[part]), 4))
+        known[:, :3] = source[part]
+        weighted = known.T * weight[part]
+        moments += weighted @ known
+        wanted += weighted @ target[part]
+    normal = moments + 1e-3 * weight.sum() * np.diag([1.0, 1.0, 1.0, 0.0])
+    wanted += 1e-3 * weight.sum() * np.eye(4, 3) * target.mean()
     solution = np.linalg.solve(normal, wanted)
     return solution[:3].T, solution[3]

@@ -9,6 +9,7 @@ refine them at half the size. What the lattice is too coarse for becomes the fie
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -36,7 +37,7 @@ __all__ = ["LateField", "LateSkin", "Sitter", "paint", "stylize_skin"]
 Float32 = NDArray[np.float32]
 
 LateField = VoxelField | Callable[[], VoxelField]
-LateSkin = Skin | Callable[[VoxelField], Skin] | None
+LateSkin = Skin | Callable[[Callable[[], VoxelField]], Skin] | None
 
 FINER = 2.0
 """Pixels of an exemplar, at most, per pixel of the skin."""
@@ -86,7 +87,7 @@ class Sitter:
     config
         Parameters.
     skin
-        Of the field, or what makes it; None computes it.
+        Of the field, or what makes it of a function that gives the field; None computes it.
     """
 
     def __init__(self, field: LateField, capture: Capture, config: StylizeConfig,
@@ -96,9 +97,11 @@ class Sitter:
         self.step = PREVIEW if config.preview else 1
         self.face = (skin.face if isinstance(skin, Skin)
                      else face_pixels(capture.landmarks, config.pixels))
+        self._load = functools.cache(field if callable(field) else lambda: field)
         aside = ThreadPoolExecutor(1)
-        self._field = aside.submit(field if callable(field) else lambda: field)
+        # In this order: a painting waits for the skin, which may not need the field.
         self._skin = aside.submit(self._read, skin)
+        self._field = aside.submit(self._load)
         self._shared = aside.submit(self._share)
         aside.shutdown(wait=False)
         self._views: dict[int, list[StyleView]] = {}
@@ -107,9 +110,9 @@ class Sitter:
         capture = self.capture
         if skin is None:
             assert capture.landmarks is not None
-            skin = Skin.of(self.field, capture.landmarks, capture.cameras, self.config.pixels)
+            skin = Skin.of(self._load(), capture.landmarks, capture.cameras, self.config.pixels)
         elif not isinstance(skin, Skin):
-            skin = skin(self.field)
+            skin = skin(self._load)
         canvas_of(skin, self.step)
         return skin
 

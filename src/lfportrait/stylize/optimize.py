@@ -61,8 +61,8 @@ def stylize_with_figures(field: LateField, capture: Capture,
     dump
         Folder for pictures of intermediates; None writes none.
     skin
-        Of the field, where it is known already (`Skin.of`, `kept_skin`), or a function from the
-        field to it, called in that thread.
+        Of the field, where it is known already (`Skin.of`, `kept_skin`), or what makes it of a
+        function that gives the field, called in that thread.
 
     Returns
     -------

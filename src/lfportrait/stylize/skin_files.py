@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -10,13 +11,14 @@ from ..errors import UserError
 from ..example import Skin
 from ..example.skin import load_skin, save_skin, skin_key
 from ..field import VoxelField
-from .chart_lattice import lattice_arrays, restore_lattice
+from .chart_lattice import lattice_arrays
 from .config import check_pixels
 
 __all__ = ["kept_skin"]
 
 
-def kept_skin(path: Path, field: VoxelField, capture: Capture, pixels: float) -> Skin:
+def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture: Capture,
+              pixels: float) -> Skin:
     """The skin of the field that was read from ``path``.
 
     Its file, ``NAME.skin.npz``, lies beside the field's; where it is missing, or was made of
@@ -28,7 +30,8 @@ def kept_skin(path: Path, field: VoxelField, capture: Capture, pixels: float) ->
     path
         The field's file.
     field, capture
-        The field, and its capture with landmarks.
+        The field, or a function that gives it, called if the skin is computed; and its capture
+        with landmarks.
     pixels
         Pixels per world unit.
 
@@ -49,11 +52,11 @@ def kept_skin(path: Path, field: VoxelField, capture: Capture, pixels: float) ->
     beside = path.with_suffix(".skin.npz")
     skin = load_skin(beside, key)
     if skin is None:
+        field = field if isinstance(field, VoxelField) else field()
         skin = Skin.of(field, capture.landmarks, capture.cameras, pixels)
         lattice = lattice_arrays(field, skin)
         with suppress(OSError, UserError):
             save_skin(skin, beside, key, **lattice)
         # A file keeps rounded numbers: this run goes on with those that the next one will find.
         skin = load_skin(beside, key) or skin
-    restore_lattice(field, skin)
     return skin

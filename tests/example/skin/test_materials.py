@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion
 
-from lfportrait.example import LABELS, Exemplar, Regions
+from lfportrait import keys
+from lfportrait.example import LABELS, Exemplar, Regions, known_materials
+from lfportrait.example.known_materials import known_shares
 from lfportrait.example.skin.materials import (
     DARKEST,
     RARE,
@@ -587,3 +589,19 @@ def test_places_that_are_moved_far_are_not_at_home():
     guided = np.zeros((4, 2), np.float32)
     wanted = np.float32([[0, 0], [0.9, 0], [0, 3.5], [6, 8]])
     assert np.allclose(at_home(guided, wanted, 2.0), [1, 1, 0.5, 0])
+
+
+def test_what_a_painting_is_made_of_is_kept(drawn, monkeypatch, tmp_path):
+    monkeypatch.setattr(keys, "user_cache", lambda kind: tmp_path / kind)
+    exemplar, regions = drawn, drawn.regions()
+    labels = regions.labels()
+    first = known_shares(exemplar, regions, labels)
+    assert np.abs(first - painted_shares(exemplar, regions, labels)).max() <= 0.5 / 255 + 1e-6
+    monkeypatch.setattr(known_materials, "painted_shares", lambda *_: pytest.fail("found again"))
+    again = known_shares(exemplar, regions, labels)
+    assert again.dtype == np.float32 and np.array_equal(again, first)
+    monkeypatch.undo()
+    monkeypatch.setattr(keys, "user_cache", lambda kind: tmp_path / kind)
+    photo = known_shares(exemplar, regions, labels, strict=False)
+    assert len(list((tmp_path / "materials").iterdir())) == 2
+    assert np.abs(photo - painted_shares(exemplar, regions, labels, strict=False)).max() < 0.003

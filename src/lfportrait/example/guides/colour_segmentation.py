@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter, uniform_filter, zoom
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 __all__ = ["guided_filter", "overlap", "resize", "separate"]
 
@@ -61,6 +59,10 @@ def overlap(image: Float32, first: Float32, second: Float32) -> float:
 
 def _minimum_cut(image: Float32, unary: Float32, smoothness: float) -> NDArray[np.bool_]:
     """Labels of least energy: ``unary`` > 0 pulls a pixel into the class."""
+    # Here: a twentieth of a second, for what networks have mostly seen.
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
     height, width = unary.shape
     index = np.arange(height * width).reshape(height, width)
     rows, columns, capacities = [], [], []

@@ -79,7 +79,9 @@ def _canvas_of(skin: Skin, step: int) -> tuple[Canvas, Skin]:
     canvas = Canvas.of(skin, step)
     if step == 1:
         return canvas, skin
-    used = np.unique(canvas.slots[canvas.slots >= 0])
+    shown = np.zeros(len(skin.index) + 1, bool)
+    shown[canvas.slots] = True
+    used = np.flatnonzero(shown[:-1])  # the last one stands for none, -1
     number = np.full(len(skin.index) + 1, -1, np.int32)
     number[used] = np.arange(len(used), dtype=np.int32)
     lists = {name: value[used] for name in _LISTS if (value := getattr(skin, name)) is not None}

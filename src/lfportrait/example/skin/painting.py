@@ -10,7 +10,7 @@ edges and patterns of the photo stay.
 from __future__ import annotations
 
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from ..guides.labels import soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
+from ..known_materials import known_shares
 from ..patches import (
     PatchConfig,
     PatchSource,
@@ -51,7 +52,7 @@ from .materials import (
     sitter_looks,
     sitter_shares,
 )
-from .picture_materials import EARS, HAIR, MATERIALS, NECK, SKIN, painted_shares
+from .picture_materials import EARS, HAIR, MATERIALS, NECK, SKIN
 from .pieces import pieces
 from .sitter import Skin
 
@@ -158,9 +159,11 @@ class SkinPainter:
         exemplar = frontalised(exemplar, self.pose)
         self.exemplar, self.seed = exemplar, seed
         self.config = config or SkinConfig()
-        self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed))
+        regions = exemplar.regions()
         with ThreadPoolExecutor(1) as aside:
-            aside.submit(lambda: self.transfer.regions.nearest)
+            aside.submit(lambda: regions.nearest)
+            self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed),
+                                     regions=regions)
             self._prepare()
         self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
@@ -170,7 +173,7 @@ class SkinPainter:
         soft = self.transfer.face.astype(np.float32) / np.float32(255)
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
         # The mask, too: labels know no hair within the landmarks.
-        self._shares = painted_shares(exemplar, self.transfer.regions, self.transfer.labels)
+        self._shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
         hair = self._shares[..., HAIR]
         if self.transfer.regions.hair is not None:
             hair = np.maximum(hair, self.transfer.regions.hair)
@@ -192,7 +195,7 @@ class SkinPainter:
         step
             Pixels of the atlas per painted pixel: 1, or 2 for a preview.
         """
-        with ThreadPoolExecutor(1) as aside:
+        with ThreadPoolExecutor(2) as aside:
             return self._painted(skin, step, aside)
 
     def _painted(self, skin: Skin, step: int, aside: ThreadPoolExecutor) -> Painting:
@@ -215,15 +218,17 @@ class SkinPainter:
         core = np.ones(len(face), bool)
         if self.config.agree:
             core = self._core(places, canvas, face, ratio, size)
-        color = self._paint_face(places, guide, canvas, position, anchor, ratio, core)
-        clock.lap("face")
+        painted = aside.submit(self._paint_face, places, guide, canvas, position, anchor, ratio,
+                               core)
         if source is None:
+            color = painted.result()
             exchange(canvas.owner, color)
+            clock.lap("face")
             return Painting(skin, color, step, clock.seconds)
         pictures, theirs = source.result()
         target = self._target(places, theirs, size, canvas, position, anchor, ratio, labels,
-                              face[:, 1], core, color)
-        clock.lap("targets")
+                              face[:, 1], core, painted)
+        clock.lap("face, targets")
         color, _ = synthesise_patches(target, pictures, self.config.patches, self.seed)
         shade_ears(places, canvas, color)
         exchange(canvas.owner, color)
@@ -302,19 +307,23 @@ class SkinPainter:
 
     def _target(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
                 position: Float32, anchor: Float32, ratio: Float32, labels: NDArray[np.uint8],
-                near: Float32, core: NDArray[np.bool_], color: Float32) -> PatchTarget:
-        """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar."""
+                near: Float32, core: NDArray[np.bool_], painted: Future[Float32]) -> PatchTarget:
+        """What the patches are to do; ``size`` pixels of the canvas per pixel of the exemplar.
+
+        ``painted`` is the face, soon.
+        """
         config = self.config
         unit = self.exemplar.size * size / 50
         shares = sitter_shares(skin, labels, theirs.present)
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
         tone, detail = sitter_looks(skin, shares, theirs)
-        flesh = shares[:, [SKIN, NECK, EARS]].sum(axis=1)
-        tone += flesh * carried_light(skin, canvas, core, color, tone)
-        guides = material_guides(shares, tone, detail, self._weights())
         guided = position * np.float32(size)
         wanted = into(shares, theirs, guided)
         home = at_home(guided, wanted, unit)
+        flesh = shares[:, [SKIN, NECK, EARS]].sum(axis=1)
+        color = painted.result()
+        tone += flesh * carried_light(skin, canvas, core, color, tone)
+        guides = material_guides(shares, tone, detail, self._weights())
         # Where the guide would stretch its paint, the search begins with rigid pieces.
         rigid = pieces(shares, theirs, wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
@@ -347,7 +356,8 @@ class SkinPainter:
 
     def materials(self) -> dict[str, float]:
         """Shares of the exemplar's picture by material; what it does not show is left out."""
-        means = self._shares.reshape(-1, len(MATERIALS)).mean(axis=0)
+        shares = self._shares.reshape(-1, len(MATERIALS))
+        means = np.ones(len(shares), np.float32) @ shares / len(shares)  # faster than a mean
         return {name: round(float(share), 4) for name, share in zip(MATERIALS, means)
                 if share > LEAST}
 

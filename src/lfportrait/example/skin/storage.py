@@ -5,8 +5,8 @@ The file knows what it was made of: it is used for that field and those landmark
 
 from __future__ import annotations
 
+import struct
 import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Camera
-from ...files import atomic_write
+from ...files import atomic_write, map_arrays, write_mappable
 from ...keys import key_of
 from ..surface_guide import HeadPlane
 from .charts import Atlas, Shape
@@ -22,7 +22,7 @@ from .sitter import Skin
 
 __all__ = ["load_skin", "save_skin", "skin_key"]
 
-VERSION = 14
+VERSION = 15
 _LISTS = ("index", "flat", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
           "seen", "outwards", "rows")
 _OURS = (*_LISTS, "key", "pixels", "landmarks", "boxes", "depth", "color", "owner",
@@ -48,14 +48,15 @@ def save_skin(skin: Skin, path: Path, key: str, **more: NDArray[Any]) -> None:
             lists[name] = (value.astype(np.float16) if value.dtype == np.float32
                            and name not in ("flat", "rows") else value)
     with atomic_write(path) as stream:
-        np.savez(stream, allow_pickle=False, key=np.str_(key), pixels=np.float64(skin.pixels),
-                 landmarks=skin.plane.landmarks, boxes=atlas.boxes, depth=atlas.depth,
-                 color=np.uint8(atlas.color * 255 + 0.5), owner=atlas.owner,
-                 shape_normals=atlas.shape.normals, shape_low=atlas.shape.low,
-                 shape_cell=np.float64(atlas.shape.cell), labels=labels,
-                 regions=np.array(regions), pose=cameras.pose, focal=cameras.focal,
-                 center=cameras.center, width=cameras.width, height=cameras.height, **lists,
-                 **more)
+        write_mappable(stream, {
+            "key": np.str_(key), "pixels": np.float64(skin.pixels),
+            "landmarks": skin.plane.landmarks, "boxes": atlas.boxes, "depth": atlas.depth,
+            "color": np.uint8(atlas.color * 255 + 0.5), "owner": atlas.owner,
+            "shape_normals": atlas.shape.normals, "shape_low": atlas.shape.low,
+            "shape_cell": np.float64(atlas.shape.cell), "labels": labels,
+            "regions": np.array(regions), "pose": cameras.pose, "focal": cameras.focal,
+            "center": cameras.center, "width": cameras.width, "height": cameras.height, **lists,
+            **more})
 
 
 def load_skin(path: Path, key: str) -> Skin | None:
@@ -64,18 +65,18 @@ def load_skin(path: Path, key: str) -> Skin | None:
     What others keep in the file is in the skin's ``kept``, by its names there.
     """
     try:
-        with np.load(path, allow_pickle=False) as data:
-            if str(data["key"]) != key:
-                return None
-            arrays = {name: data[name] for name in data.files}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+        arrays = map_arrays(path)
+        if str(arrays["key"]) != key:
+            return None
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, struct.error):
         return None
     cameras = Camera(*(arrays[name] for name in ("pose", "focal", "center", "width", "height")))
     shape = Shape(arrays["shape_normals"], arrays["shape_low"], float(arrays["shape_cell"]))
     atlas = Atlas(cameras, arrays["boxes"], arrays["depth"], arrays["color"], arrays["owner"],
                   shape)
-    lists = {name: (value.astype(np.float32) if value.dtype == np.float16 else value)
-             for name in _LISTS if (value := arrays.get(name)) is not None}
+    lists: dict[str, Any] = {
+        name: value.astype(np.float32) if value.dtype == np.float16 else value
+        for name in _LISTS if (value := arrays.get(name)) is not None}
     theirs = {name: value for name, value in arrays.items() if name not in _OURS}
     # Regions are asked for by every painting.
     kept = {**theirs, "labels": (arrays["labels"], tuple(arrays["regions"].tolist()))}

@@ -262,6 +262,11 @@ class StyledField(VoxelField):
     def save(self, path: Any) -> None:
         """Write the field with all its styles as an ``.npz`` that svox2 reads, too.
 
+        Parameters
+        ----------
+        path
+            File name, or a file whose geometry may be written already (`field_file`).
+
         Raises
         ------
         UserError

@@ -1,0 +1,74 @@
+"""Arrays that are mapped rather than read: the same numbers, in a file that NumPy reads, too."""
+
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from lfportrait.files import map_arrays, write_mappable
+
+ARRAYS = {"shares": np.linspace(0, 1, 7, dtype=np.float16), "words": np.array(["skin", "häir"]),
+          "one": np.float64(3.5), "none": np.zeros((0, 3), np.int32),
+          "plane": np.arange(12, dtype=np.int32).reshape(3, 4), "inside": np.array([True, False]),
+          "columns": np.asfortranarray(np.arange(6.0).reshape(2, 3))}
+
+
+def written(path, named):
+    with open(path, "wb") as stream:
+        write_mappable(stream, named)
+    return path
+
+
+def test_what_is_mapped_is_what_was_written(tmp_path):
+    path = written(tmp_path / "a.npz", ARRAYS)
+    mapped = map_arrays(path)
+    with np.load(path) as data:
+        assert list(mapped) == data.files == list(ARRAYS)
+        for name, array in ARRAYS.items():
+            assert mapped[name].dtype == data[name].dtype == array.dtype
+            assert np.array_equal(mapped[name], array) and np.array_equal(data[name], array)
+            assert mapped[name].shape == array.shape
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.dictionaries(
+    st.text("abcdefgh_", min_size=1, max_size=40), max_size=5,
+    values=arrays.arrays(st.sampled_from([np.uint8, np.int32, np.float32, np.float64]),
+                         arrays.array_shapes(max_dims=3, max_side=5))))
+def test_numbers_are_aligned(tmp_path_factory, named):
+    mapped = map_arrays(written(tmp_path_factory.mktemp("mapped") / "a.npz", named))
+    assert mapped.keys() == named.keys()
+    for name, array in mapped.items():
+        assert array.flags.aligned and array.ctypes.data % 64 == 0
+        assert array.tobytes() == named[name].tobytes()
+
+
+def test_what_is_written_to_an_array_stays_in_memory(tmp_path):
+    path = written(tmp_path / "a.npz", ARRAYS)
+    before = path.read_bytes()
+    mapped = map_arrays(path)["plane"]
+    mapped += 1
+    assert np.array_equal(mapped, ARRAYS["plane"] + 1)
+    assert path.read_bytes() == before and np.array_equal(map_arrays(path)["plane"],
+                                                          ARRAYS["plane"])
+
+
+def test_other_files_are_refused(tmp_path):
+    path = tmp_path / "a.npz"
+    with pytest.raises(OSError):
+        map_arrays(path)
+    np.savez_compressed(path, a=np.zeros(100))
+    with pytest.raises(ValueError, match="compressed"):
+        map_arrays(path)
+    whole = written(path, ARRAYS).read_bytes()
+    for part in (b"", whole[:50], whole[:-30], whole[:len(whole) // 2]):
+        path.write_bytes(part)
+        with pytest.raises((ValueError, zipfile.BadZipFile)):
+            map_arrays(path)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("plane.npy", written(tmp_path / "b.npz", ARRAYS).read_bytes()[:60])
+    with pytest.raises(ValueError):
+        map_arrays(path)
