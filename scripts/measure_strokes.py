@@ -2,8 +2,9 @@
 
 python scripts/measure_strokes.py DATA --field lee.npz --styles ken het --out strokes.json
 
-DATA holds ``lee/`` (a calibrated capture of a head) and ``styles/``. Guides on the surface against
-guides of each view alone; errors over the contrast of the stylised view, lower is better.
+DATA holds ``lee/`` (a calibrated capture of a head) and ``styles/``. The stylised field and guides
+on the surface against guides of each view alone; errors over the contrast of the stylised view,
+lower is better.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from lfportrait.example import Exemplar
 from lfportrait.face import detect_landmarks
 from lfportrait.field import VoxelField, reconstruct_with_figures
 from lfportrait.files import write_json
-from lfportrait.job.pipeline import prepare_capture
+from lfportrait.job.prepare import prepare_capture
+from lfportrait.stylize import stylize
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -38,8 +40,12 @@ def main(arguments: list[str] | None = None) -> int:
     assert capture.landmarks is not None
     field = (VoxelField.load(options.field) if options.field
              else reconstruct_with_figures(capture, SHORT)[0])
-    figures = {path.stem: strokes_stick(field, capture.landmarks, Exemplar.load(path),
-                                        detect=detect_landmarks) for path in paths}
+    figures = {}
+    for path in paths:
+        exemplar = Exemplar.load(path)
+        styled = stylize(field, capture, exemplar)
+        figures[path.stem] = strokes_stick(field, capture.landmarks, exemplar, styled=styled,
+                                           detect=detect_landmarks)
     print(strokes_table(figures))
     if options.out is not None:
         write_json(options.out, figures)

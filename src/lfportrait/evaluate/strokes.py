@@ -1,8 +1,8 @@
 """Do strokes stick to the head? Neighbouring views stylised apart, warped into each other by depth.
 
-For views one degree apart the same exemplar is transferred to both: looked up on the skin that was
-painted once for all views, with guides and seeds anchored on the surface, and with guides of each
-view alone (the paper's way). One stylised view is
+For views one degree apart the same exemplar is transferred to both: rendered from a field that was
+stylised by it, looked up on the skin that was painted once for all views, with guides and seeds
+anchored on the surface, and with guides of each view alone (the paper's way). One stylised view is
 warped into the other by the field's depth (`consistency.warp`); what is left is the strokes' own
 motion, and what the resampling of fine strokes costs. So the errors are also taken of views blurred
 by one pixel, where the latter is small. Errors are over the contrast of the stylised view, so that
@@ -35,15 +35,17 @@ from .views import head_cameras
 
 __all__ = ["strokes_stick", "strokes_table"]
 
-WAYS = ("skin", "anchored", "per_view", "detected")
-"""Painted once on the surface; guides on the surface; of each view from the projected landmarks;
-from landmarks detected anew."""
+WAYS = ("rendered", "skin", "anchored", "per_view", "detected")
+"""The stylised field, filtered as its renderings are; painted once on the surface, one look-up a
+pixel; guides on the surface; of each view from the projected landmarks; from landmarks detected
+anew."""
 
 
 def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: Exemplar, *,
                   angles: Sequence[float] = (0.0, 15.0, 30.0, 45.0), gap: float = 1.0,
                   size: int = 1024, distance: float = 4.4, detect: Detector | None = None,
-                  config: TransferConfig | None = None) -> dict[str, Any]:
+                  config: TransferConfig | None = None,
+                  styled: VoxelField | None = None) -> dict[str, Any]:
     """Error between neighbouring stylised views.
 
     Parameters
@@ -66,28 +68,31 @@ def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: 
         Picture -> landmarks [68, 2] or None: also measures landmarks detected in each view.
     config
         Of the transfer.
+    styled
+        The field stylised by the exemplar: its renderings are measured, too.
 
     Returns
     -------
     figures
-        ``skin``, ``anchored``, ``per_view`` and, with ``detect``, ``detected``: contrast-normalised
-        errors by angle, their ``mean``, and ``blurred``, the mean for views blurred by a pixel;
-        ``floor``:
-        those of the photoreal views; ``ratio`` and ``ratio_blurred``: mean anchored over mean
-        per-view error, ``skin_ratio`` that of the skin. NaN where no face is detected.
+        ``skin``, ``anchored``, ``per_view`` and, with ``detect``, ``detected``, with ``styled``,
+        ``rendered``: contrast-normalised errors by angle, their ``mean``, and ``blurred``, the mean
+        for views blurred by a pixel; ``floor``: those of the photoreal views; ``ratio`` and
+        ``ratio_blurred``: mean anchored over mean per-view error, ``skin_ratio`` and
+        ``rendered_ratio`` those of the skin and of the renderings. NaN where no face is detected.
     """
     prepared = Transfer(exemplar, config)
     guide = SurfaceGuide(landmarks, exemplar, prepared.regions)
     skin = Skin.of(field, landmarks, networks=False)
     painting = SkinPainter(exemplar, transfer=config).paint(skin)
-    rows: dict[str, list[tuple[float, float]]] = {way: [] for way in WAYS
-                                                  if detect or way != "detected"}
-    rows["floor"] = []
+    left_out = {way for way, given in (("detected", detect), ("rendered", styled)) if given is None}
+    rows: dict[str, list[tuple[float, float]]] = {way: [] for way in (*WAYS, "floor")
+                                                  if way not in left_out}
     for angle in angles:
         cameras = head_cameras(landmarks, (angle, angle + gap), size, distance)
         shots = [field.render(cameras, view) for view in range(2)]
         for way, values in rows.items():
-            pictures = [np.clip(shot.color, 0, 1) if way == "floor" else
+            shown = styled if way == "rendered" else field if way == "floor" else None
+            pictures = [np.clip(shown.render(cameras, view).color, 0, 1) if shown else
                         _looked_up(painting, shot, cameras, view) if way == "skin" else
                         _stylised(way, prepared, guide, shot, cameras, view, landmarks, detect)
                         for view, shot in enumerate(shots)]
@@ -99,9 +104,10 @@ def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: 
         figures[way] = {**{f"{angle:g}": value for angle, value in zip(angles, sharp)},
                         "mean": _mean(sharp), "blurred": _mean(blurred)}
     anchored, per_view = figures["anchored"], figures["per_view"]
+    ratios = {f"{way}_ratio": figures[way]["mean"] / per_view["mean"]
+              for way in ("skin", "rendered") if way in figures}
     return {**figures, "ratio": anchored["mean"] / per_view["mean"],
-            "ratio_blurred": anchored["blurred"] / per_view["blurred"],
-            "skin_ratio": figures["skin"]["mean"] / per_view["mean"]}
+            "ratio_blurred": anchored["blurred"] / per_view["blurred"], **ratios}
 
 
 def _looked_up(painting: Painting, shot: Rendering, cameras: Camera, view: int,
@@ -157,12 +163,14 @@ def _mean(values: Sequence[float]) -> float:
 
 def strokes_table(figures: dict[str, dict[str, Any]]) -> str:
     """Figures of `strokes_stick` by style, a line each: means over the angles."""
-    lines = [f"{'style':<16}{'skin':>8}{'anchored':>10}{'per view':>10}{'detected':>10}{'photo':>8}"
-             f"{'ratio':>8}{'blurred':>10}{'skin':>8}"]
+    unknown = {"mean": float("nan")}
+    lines = [f"{'style':<16}{'rendered':>10}{'skin':>8}{'anchored':>10}{'per view':>10}"
+             f"{'detected':>10}{'photo':>8}{'ratio':>8}{'blurred':>10}{'skin':>8}{'rendered':>10}"]
     for style, row in figures.items():
-        detected = row.get("detected", {"mean": float("nan")})["mean"]
-        lines.append(f"{style:<16}{row['skin']['mean']:>8.3f}{row['anchored']['mean']:>10.3f}"
-                     f"{row['per_view']['mean']:>10.3f}"
+        rendered, detected = (row.get(way, unknown)["mean"] for way in ("rendered", "detected"))
+        lines.append(f"{style:<16}{rendered:>10.3f}{row['skin']['mean']:>8.3f}"
+                     f"{row['anchored']['mean']:>10.3f}{row['per_view']['mean']:>10.3f}"
                      f"{detected:>10.3f}{row['floor']['mean']:>8.3f}{row['ratio']:>8.2f}"
-                     f"{row['ratio_blurred']:>10.2f}{row['skin_ratio']:>8.2f}")
+                     f"{row['ratio_blurred']:>10.2f}{row['skin_ratio']:>8.2f}"
+                     f"{row.get('rendered_ratio', float('nan')):>10.3f}")
     return "\n".join(lines)
