@@ -483,7 +483,8 @@ def test_tones_become_those_of_the_exemplars_material(painter, shares):
     materials = np.zeros((4000, len(MATERIALS)), np.float32)
     materials[:1900, SKIN] = materials[1900:3900, HAIR] = materials[3900:3950, NECK] = 1
     materials[3950:, CLOTHES] = 1
-    sitter.seen[:100] = 0
+    sitter.seen[:100], sitter.seen[100:] = 0, 0.8
+    sitter.seen[1900:3900] = 1
     tone, detail = sitter_looks(sitter, materials, theirs)
     for part, material in ((slice(0, 1900), SKIN), (slice(1900, 3900), HAIR)):
         wanted = theirs.tone[theirs.shares[..., material] > 0.5]
@@ -496,6 +497,24 @@ def test_tones_become_those_of_the_exemplars_material(painter, shares):
     # Of so few pixels nothing can be learnt.
     assert np.allclose(tone[3900:], sitter.tone[3900:])
     assert not detail[:100].any()
+
+
+def test_hair_that_no_photo_saw_is_of_middling_tones(painter, shares):
+    picture = painter.exemplar.image.astype(np.float32) / np.float32(255)
+    theirs = ExemplarMaterials.of(picture, shares, painter.exemplar.size)
+    sitter = _sitter(4000)
+    materials = np.zeros((4000, len(MATERIALS)), np.float32)
+    materials[:2000, SKIN] = materials[2000:, HAIR] = 1
+    sitter.seen[:], sitter.seen[3000:3500], sitter.seen[3500:] = 1, 0, 0.5
+    tone, _ = sitter_looks(sitter, materials, theirs)
+    sitter.seen[3000:] = 1
+    bare, _ = sitter_looks(sitter, materials, theirs)
+    low, high = np.quantile(tone[2000:3000], [0.25, 0.75])
+    assert tone[3000:3500].min() > low - 0.002 and tone[3000:3500].max() < high + 0.002
+    assert bare[3000:3500].min() < low - 0.002 and bare[3000:3500].max() > high + 0.01
+    # What was half seen keeps half of its own.
+    assert low > tone[3500:].min() > bare[3000:].min() + 1e-3
+    assert high < tone[3500:].max()
 
 
 def test_skin_ends_where_neck_begins():

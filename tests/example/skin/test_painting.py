@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from lfportrait.example import Exemplar
+from lfportrait.example.guides.labels import soft_face
 from lfportrait.example.skin import Painting, SkinPainter
 from lfportrait.example.skin.painting import NAPE, THROAT, _meeting_behind
 
@@ -111,3 +113,25 @@ def test_the_guide_comes_around_a_bare_nape_to_the_throat(skin):
     assert np.array_equal(_meeting_behind(replace(bare, hair=np.ones(401, np.float32))), flat)
     above = replace(bare, flat=flat * np.float32([1, -1]))
     assert np.array_equal(_meeting_behind(above), above.flat)
+
+
+def test_no_piece_of_the_face_comes_from_its_outline(painter, skin, monkeypatch):
+    """An exemplar with green dots around its face, which a rough skin would like to have."""
+    image, points = painter.exemplar.image.copy(), painter.exemplar.landmarks
+    face = soft_face(image.shape, points, 0.4)
+    rows, columns = np.indices(face.shape)
+    image[(face < 240) & (face > 60) & (rows % 4 < 2) & (columns % 4 < 2)] = 0, 255, 0
+    made = []
+    paint_face = SkinPainter._paint_face
+
+    def recorded(self, places, guide, canvas, *rest):
+        made.append(paint_face(self, places, guide, canvas, *rest))
+        made.append(canvas.own & np.append(rest[-1], False)[canvas.slots])
+        return made[0]
+    monkeypatch.setattr(SkinPainter, "_paint_face", recorded)
+    rough = replace(skin, appearance=np.random.default_rng(0).random(len(skin.index), np.float32))
+    SkinPainter(Exemplar(image, points)).paint(rough, 2)
+    face, core = made
+    colors = face[core]
+    green = colors[:, 1] > colors[:, [0, 2]].max(axis=1) + 0.2
+    assert core.sum() > 300 and not green.any(), green.mean()

@@ -41,6 +41,8 @@ Bools = NDArray[np.bool_]
 CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255],
                   [174, 150]], np.float32)
 """A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
+MIDDLING = 0.25, 0.75
+"""Hair that no photo saw has tones between these quantiles of what they saw."""
 ROAM = 25.0
 """Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
 DEPTH = 0.2
@@ -267,6 +269,12 @@ def sitter_looks(skin: Skin, shares: Float32, theirs: ExemplarMaterials) -> tupl
     """Tones and detail of a skin's places as the exemplar would have them, float32 [N] each."""
     tone, detail = matched_looks(skin.tone, skin.detail, shares, theirs, shown=skin.seen > SHOWN,
                                  darkest=DARKEST)
+    hair = shares[:, HAIR]
+    inside = _told(hair, skin.seen > SHOWN)
+    if inside.sum() >= FEW:
+        # A field that was closed behind is darker there or lighter: nobody knows how much.
+        kept = np.clip(tone, *np.quantile(tone[inside], MIDDLING))
+        tone += hair * (1 - skin.seen) * (kept - tone)
     return tone, detail * skin.seen
 
 

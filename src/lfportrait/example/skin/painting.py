@@ -20,7 +20,7 @@ from scipy.ndimage import gaussian_filter
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
 from ..guides.blurs import broad_blur
-from ..guides.labels import soft_face
+from ..guides.labels import LABELS, soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
@@ -184,6 +184,9 @@ class SkinPainter:
         sides = soft_face(soft.shape, exemplar.landmarks, FOREHEAD) > 255 * INSIDE
         inside = sides & ((soft > INSIDE) | (soft > 0.5) & (covered < FRINGE))
         self._face = np.stack([inside.astype(np.float32), near, covered], axis=-1)
+        # No piece of the face comes from outside of it: dark strokes of the outline as crumbs.
+        self._labels = self.transfer.labels.copy()
+        self._labels[~inside] = 255 * (np.arange(len(LABELS)) == LABELS.index("background"))
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
         """Paint a skin.
@@ -299,7 +302,7 @@ class SkinPainter:
             guides = Guides(places, np.ascontiguousarray(known[..., 4]), labels,
                             np.ascontiguousarray(values[..., 2:4]))
             result = synthesise(
-                guides, weights, config.label_weight, transfer.appearance, transfer.labels,
+                guides, weights, config.label_weight, transfer.appearance, self._labels,
                 transfer.table, transfer.colours(scale), config.blit, seed=self.seed, scale=None,
                 finest=finest_level(scale), calm=CALM * 255 * config.table.appearance_weight)
             picture[part][crop] = result.image
