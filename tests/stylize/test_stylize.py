@@ -18,7 +18,14 @@ from lfportrait.stylize.losses import (
     laplacian_loss,
     nearest_neighbour_loss,
 )
-from lfportrait.stylize.networks import _read, _resnet50, _vgg16
+from lfportrait.stylize.networks import (
+    _halved,
+    _normalised,
+    _read,
+    _resnet50,
+    _vgg16,
+    has_half_numbers,
+)
 from lfportrait.stylize.views import StyleView, prepare_view
 from tests.fields import shell_field
 
@@ -74,6 +81,50 @@ def test_the_embedded_network_answers_to_structure(name):
     for a, b, c in zip(maps, flat, turned):
         assert (a.mean((2, 3)) - b.mean((2, 3))).norm() > 0.5
         assert (a.mean((2, 3)) - c.mean((2, 3))).norm() > 0.2
+
+
+def _random_weights(channels, numbers, seed=0):
+    """Weights of VGG-16's convolutions, a few channels wide."""
+    generator = torch.Generator().manual_seed(seed)
+    weights, before = {}, 3
+    for number in numbers:
+        weights[f"features.{number}.weight"] = torch.randn(channels, before, 3, 3,
+                                                           generator=generator) / before
+        weights[f"features.{number}.bias"] = torch.randn(channels, generator=generator)
+        before = channels
+    return weights
+
+
+def test_half_numbers_keep_features_and_slopes():
+    weights = _random_weights(8, (0, 2, 5, 7, 10, 12, 14))
+    whole, half = _normalised(_vgg16(weights)), _normalised(_vgg16(_halved(weights)))
+    image = torch.rand(1, 3, 64, 48, generator=torch.Generator().manual_seed(1))
+    slopes = []
+    for network in (whole, half):
+        given = image.clone().requires_grad_(True)
+        maps = network(given)
+        assert all(values.dtype == torch.float32 for values in maps)
+        slope, = torch.autograd.grad(sum(values.square().mean() for values in maps), given)
+        slopes.append(slope.flatten())
+    for one, other in zip(whole(image), half(image)):
+        assert (one - other).norm() < 0.02 * one.norm()
+    assert torch.nn.functional.cosine_similarity(*slopes, dim=0) > 0.99
+
+
+def test_a_small_network_computes_in_whole_numbers():
+    picture = torch.rand(1, 3, 32, 32, generator=torch.Generator().manual_seed(2))
+    for one, other in zip(load_network("embedded")(picture),
+                          load_network("embedded", half=True)(picture)):
+        assert torch.equal(one, other)
+    assert isinstance(has_half_numbers(), bool)
+
+
+def test_neighbours_may_be_sought_in_half_numbers():
+    generator = torch.Generator().manual_seed(3)
+    features, style = (torch.randn(300, 64, generator=generator) for _ in range(2))
+    whole, half = (float(nearest_neighbour_loss(features, style, half=half))
+                   for half in (False, True))
+    assert whole <= half + 1e-6 and half == pytest.approx(whole, rel=2e-3)
 
 
 def test_an_unknown_network_is_told():

@@ -53,6 +53,8 @@ class ChartLattice:
         is needed: all of them take four times the room of a preview's.
     arrays
         From `arrays` of such a lattice, instead of finding the weights again.
+    whole
+        Keep all maps at the full resolution, too: for several paintings.
 
     Attributes
     ----------
@@ -61,7 +63,7 @@ class ChartLattice:
     """
 
     def __init__(self, field: VoxelField, skin: Skin, step: int,
-                 arrays: Mapping[str, NDArray[Any]] | None = None) -> None:
+                 arrays: Mapping[str, NDArray[Any]] | None = None, whole: bool = False) -> None:
         self.density = field.density
         atlas = skin.atlas
         shape = atlas.depth.shape[0] // step, atlas.depth.shape[1] // step
@@ -72,7 +74,7 @@ class ChartLattice:
         self._maps: Sequence[Map | functools.partial[Map]]
         if arrays is not None:
             self._maps = _read_maps([_place(skin, n, step) for n in charts], arrays)
-        elif step > 1:
+        elif step > 1 or whole:
             self._maps = [_chart_map(field, skin, step, n, self.near) for n in charts]
         else:
             self._maps = [functools.partial(_chart_map, field, skin, step, n, self.near)

@@ -24,7 +24,7 @@ def content_loss(features: torch.Tensor, wanted: torch.Tensor,
 
 
 def nearest_neighbour_loss(features: torch.Tensor, style: torch.Tensor, *,
-                           chunk: int = 2048) -> torch.Tensor:
+                           chunk: int = 2048, half: bool = False) -> torch.Tensor:
     """Mean cosine distance of each feature to its nearest neighbour in the style (Eq. 4, 5).
 
     The distance is 1 - v1.v2 / (|v1| |v2|); Eq. 5 prints the 1 inside the numerator. The search
@@ -38,6 +38,8 @@ def nearest_neighbour_loss(features: torch.Tensor, style: torch.Tensor, *,
         [M, C], features of the style.
     chunk
         Rows of ``features`` compared at once.
+    half
+        Search in bfloat16: of two neighbours that are equally near to three digits, either.
 
     Returns
     -------
@@ -47,7 +49,9 @@ def nearest_neighbour_loss(features: torch.Tensor, style: torch.Tensor, *,
     unit = functional.normalize(features, dim=1, eps=1e-6)
     style_unit = functional.normalize(style, dim=1, eps=1e-6)
     with torch.no_grad():
-        nearest = torch.cat([(part @ style_unit.T).argmax(dim=1) for part in unit.split(chunk)])
+        numbers = torch.bfloat16 if half else unit.dtype
+        asked, known = unit.to(numbers), style_unit.to(numbers).T
+        nearest = torch.cat([(part @ known).argmax(dim=1) for part in asked.split(chunk)])
     return (1.0 - (unit * style_unit[nearest]).sum(dim=1)).mean()
 
 

@@ -29,7 +29,7 @@ from torch.nn import functional
 from .. import models
 from ..errors import UserError
 
-__all__ = ["FeatureNetwork", "embedded_features", "load_network"]
+__all__ = ["FeatureNetwork", "embedded_features", "has_half_numbers", "load_network"]
 
 FeatureNetwork = Callable[[torch.Tensor], list[torch.Tensor]]
 """RGB in [0, 1], [1, 3, H, W] -> feature maps [1, C, h, w]."""
@@ -46,10 +46,15 @@ def _read(path: Path) -> Weights:
     return torch.load(path, map_location="cpu", weights_only=True)
 
 
+def _entering(image: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    """A picture as the first convolution takes it: of its mean and spread, in its numbers."""
+    return ((image - _MEAN) / _STD).to(weight.dtype)
+
+
 def _vgg16(weights: Weights) -> FeatureNetwork:
     """VGG-16 to conv3_3 (torchvision's ``features.N``)."""
     def run(image: torch.Tensor) -> list[torch.Tensor]:
-        x = (image - _MEAN) / _STD
+        x = _entering(image, weights["features.0.weight"])
         maps = []
         for number in (0, 2, 5, 7, 10, 12, 14):
             if number in (5, 10):
@@ -90,8 +95,8 @@ def _resnet50(weights: Weights) -> FeatureNetwork:
     folded = "bn1.weight" not in weights
 
     def run(image: torch.Tensor) -> list[torch.Tensor]:
-        x = functional.conv2d((image - _MEAN) / _STD, weights["conv1.weight"],
-                              weights.get("conv1.bias"), 2, 3)
+        first = weights["conv1.weight"]
+        x = functional.conv2d(_entering(image, first), first, weights.get("conv1.bias"), 2, 3)
         if not folded:
             x = functional.batch_norm(x, weights["bn1.running_mean"], weights["bn1.running_var"],
                                       weights["bn1.weight"], weights["bn1.bias"])
@@ -149,6 +154,8 @@ def embedded_features(weights: Weights) -> FeatureNetwork:
 _BUILDERS: dict[str, Callable[[Weights], FeatureNetwork]] = {
     "vgg16": _vgg16, "resnet50": _resnet50, "vgg19-se": _vgg19_se,
     "vgg19-se-deep": _vgg19_se_deep}
+_HALVED = "vgg16", "resnet50"
+"""Networks that are large enough for it to matter."""
 _SHARED = {"vgg19-se-deep": "vgg19-se"}
 """Networks whose weights are those of another."""
 
@@ -165,17 +172,33 @@ def _normalised(network: FeatureNetwork) -> FeatureNetwork:
     with torch.no_grad():
         scales = [1.0 / float(values.square().mean().sqrt().clamp_min(1e-8))
                   for values in network(picture)]
-    return lambda image: [scale * values for scale, values in zip(scales, network(image))]
+    return lambda image: [scale * values.float() for scale, values in zip(scales, network(image))]
+
+
+def has_half_numbers() -> bool:
+    """Whether this processor multiplies bfloat16 (AVX-512 BF16, AMX), two numbers for one."""
+    # torch tells it under names of its own; a version without them counts as a processor without.
+    return any(getattr(torch.cpu, name, bool)()
+               for name in ("_is_avx512_bf16_supported", "_is_amx_tile_supported"))
+
+
+def _halved(weights: Weights) -> Weights:
+    """Weights as bfloat16, channels last."""
+    return {name: value.to(torch.bfloat16, memory_format=torch.channels_last)
+            if value.dim() == 4 else value.to(torch.bfloat16) for name, value in weights.items()}
 
 
 @functools.lru_cache(maxsize=8)
-def load_network(name: str) -> FeatureNetwork:
+def load_network(name: str, half: bool = False) -> FeatureNetwork:
     """A feature network by its name, weights through the registry.
 
     Parameters
     ----------
     name
         ``"vgg16"``, ``"resnet50"``, ``"vgg19-se"``, ``"vgg19-se-deep"`` or ``"embedded"``.
+    half
+        Let a large network compute in bfloat16 where the processor does (`has_half_numbers`): half
+        the time, three digits. For descents; what is measured should not depend on the processor.
 
     Raises
     ------
@@ -189,4 +212,7 @@ def load_network(name: str) -> FeatureNetwork:
     if name not in _BUILDERS:
         raise UserError(f"there is no feature network {name!r}; choose vgg16, resnet50, vgg19-se "
                         "or embedded")
-    return _normalised(_BUILDERS[name](_read(models.fetch(_SHARED.get(name, name)))))
+    weights = _read(models.fetch(_SHARED.get(name, name)))
+    if half and name in _HALVED and has_half_numbers():
+        weights = _halved(weights)
+    return _normalised(_BUILDERS[name](weights))

@@ -25,7 +25,7 @@ from ..example.skin import canvas_of, face_pixels
 from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
 from ..progress import Progress
-from .chart_lattice import PREVIEW, chart_lattice
+from .chart_lattice import PREVIEW, ChartLattice, chart_lattice
 from .config import StylizeConfig
 from .fit import ColorModel
 from .skin_fit import chart_views, for_lattice, look_up_rows, row_labels, show_painting
@@ -157,6 +157,7 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
     """Colours of a field's rows, float32 [N, 3], and textures, by exemplar, and figures."""
     colors, textures, rows = [], [], []
     constants: Any = None
+    lattice: ChartLattice | None = None
     for exemplar in (_fitting(one, sitter.face) for one in exemplars):
         clock = time.perf_counter()
         if progress is not None:
@@ -183,8 +184,10 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
         fitted = time.perf_counter()
         figures["unseen_share"] = round(model.fill_unseen(), 4)
         if config.texture:
+            if len(exemplars) > 1 and lattice is None and sitter.step == 1:
+                lattice = ChartLattice(field, skin, 1, whole=True)
             # Before the refinement: what that changes is to be seen, not painted over.
-            textures.append(surface_texture(model.shown(field), painting))
+            textures.append(surface_texture(model.shown(field), painting, lattice))
         textured = time.perf_counter()
         if not config.preview and config.refinements > 0:
             from .refinement import Constants, Refinement

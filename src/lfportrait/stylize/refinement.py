@@ -20,7 +20,7 @@ from .config import StylizeConfig
 from .fit import ColorModel
 from .kernels.linear import adam_step
 from .losses import content_loss, laplacian_loss, nearest_neighbour_loss, stacked
-from .networks import FeatureNetwork, load_network
+from .networks import FeatureNetwork, has_half_numbers, load_network
 from .views import StyleView
 
 __all__ = ["Constants", "Refinement"]
@@ -51,8 +51,9 @@ class Refinement:
         self.names = {term: ((paper if models.available(paper) else "embedded")
                              if chosen == "auto" else chosen)
                       for term, (chosen, paper) in names.items()}
-        self.content: FeatureNetwork = load_network(self.names["content"])
-        self.style: FeatureNetwork = load_network(self.names["style"])
+        self.half = has_half_numbers() and self.names["style"] != "embedded"
+        self.content: FeatureNetwork = load_network(self.names["content"], half=True)
+        self.style: FeatureNetwork = load_network(self.names["style"], half=True)
         self.scale: dict[str, float] = {}
 
     def _terms(self, view: StyleView, image: torch.Tensor) -> dict[str, torch.Tensor]:
@@ -72,7 +73,8 @@ class Refinement:
         found = stacked(self.content(image)) if self.content is not self.style else features
         inside_content = _inside(view, found)
         return {
-            "style": nearest_neighbour_loss(features[:, inside].T, self._wanted[id(view)]),
+            "style": nearest_neighbour_loss(features[:, inside].T, self._wanted[id(view)],
+                                            half=self.half),
             "content": content_loss(found, content_features, inside_content),
             "laplacian": laplacian_loss(
                 image[0], wanted[0] if self.config.lap_reference == "example" else content[0],

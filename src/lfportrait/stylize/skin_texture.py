@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..example import Painting, Skin
 from ..field import C0, SurfaceTexture, VoxelField
-from .chart_lattice import chart_lattice
+from .chart_lattice import ChartLattice, chart_lattice
 from .mixing.texels import BLOCK
 
 __all__ = ["row_charts", "surface_texture", "texel_rows"]
@@ -26,7 +26,8 @@ on either side are taken off with this weight. So views are nearest to what was 
 by a filter of eight texels (Lanczos)."""
 
 
-def surface_texture(styled: VoxelField, painting: Painting) -> SurfaceTexture:
+def surface_texture(styled: VoxelField, painting: Painting,
+                    lattice: ChartLattice | None = None) -> SurfaceTexture:
     """The texture that makes a field show a painting of its skin.
 
     Parameters
@@ -35,9 +36,11 @@ def surface_texture(styled: VoxelField, painting: Painting) -> SurfaceTexture:
         The field with its colours after the painting, the same in all directions.
     painting
         On the field's skin.
+    lattice
+        How the field shows in its charts at the painting's resolution, where that is known.
     """
     skin, step = painting.skin, painting.step
-    lattice = chart_lattice(styled, skin, step)
+    lattice = lattice or chart_lattice(styled, skin, step)
     colors = np.asarray(C0 * styled.sh[:, :, 0] + 0.5, np.float32)
     detail = _keen(lattice.left_out(painting.color, colors))
     detail *= lattice.near[..., None]
