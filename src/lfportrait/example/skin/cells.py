@@ -40,8 +40,9 @@ class Cells:
     @staticmethod
     def over(flat: Float32, side: float) -> Cells:
         """Of unwrapped places [N, 2]; ``side`` of a cell in their unit."""
-        places = (flat.astype(np.float64) - flat.min(axis=0)) / side
-        columns, rows = np.ceil(places.max(axis=0)).astype(int) + 1
+        # Axis by axis: many times as fast as the ends of both at once.
+        places = (flat.astype(np.float64) - [axis.min() for axis in flat.T]) / side
+        columns, rows = (int(np.ceil(axis.max())) + 1 for axis in places.T)
         return Cells(places, (rows, columns))
 
     def closed(self, values: Float32, reach: int) -> Float32:

@@ -163,13 +163,14 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: Bools) -> Floa
     shares[:, FEATURES] = 0
     if skin.hair is None:
         # A shaven head, or a statue's: the painter's hair, where hair is, and none on the neck.
-        below = below_hair(skin.plane, skin.flat)
+        below = skin.once("below hair", lambda: below_hair(skin.plane, skin.flat))
         hanging = shares[:, HAIR] * below
         neck = np.clip((skin.flat[:, 1] / skin.plane.height - JAW) / 0.1, 0, 1)
         shares[:, HAIR] -= hanging
         shares[:, NECK] += hanging * neck
         shares[:, SKIN] += hanging * (1 - neck)
-        wanted = np.maximum(hair_by_place(skin.plane, skin.flat), shares[:, HAIR])
+        common = skin.once("hair by place", lambda: hair_by_place(skin.plane, skin.flat))
+        wanted = np.maximum(common, shares[:, HAIR])
         wanted = (1 - below) * without_bays(skin.plane, skin.flat, wanted)
         more = np.maximum(wanted - shares[:, HAIR], 0)
         shares *= (1 - more)[:, None]

@@ -241,7 +241,8 @@ class SkinPainter:
     def _positions(self, guide: SurfaceGuide, skin: Skin) -> tuple[Float32, Float32]:
         """Exemplar places [N, 2] of a skin's, and how much slower than the plane they change."""
         spacing = NODES * self.exemplar.size / guide.scale
-        low, high = (np.asarray(end(skin.flat, axis=0), np.float64) for end in (np.min, np.max))
+        low, high = (np.array([end(axis) for axis in skin.flat.T], np.float64)  # faster than both
+                     for end in (np.min, np.max))
         nodes = guide.nodes(low, high, spacing)
         out = np.empty((len(skin.flat), 3), np.float32)
         sample_nodes(nodes, low, spacing, _meeting_behind(skin), out)
