@@ -17,8 +17,8 @@ def figures():
     image = np.uint8(np.clip(face.image + noise, 0, 255))
     head = head_field()
     return strokes_stick(head, HEAD_LANDMARKS, Exemplar(image, face.landmarks, "noise", face.mask),
-                         angles=(0.0, 20.0), gap=2.0, size=160, distance=4.0, styled=head,
-                         detect=lambda _: None)
+                         angles=(0.0, 20.0), gap=2.0, size=96, distance=4.0, styled=head,
+                         detect=lambda _: None, pixels=60.0)
 
 
 def test_what_lies_on_the_surface_sticks(figures):

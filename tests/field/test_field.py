@@ -1,5 +1,6 @@
 """The field's file, the visual hull, and reconstruction of a coloured ball from its pictures."""
 
+import errno
 import gc
 import itertools
 import time
@@ -105,6 +106,17 @@ def test_a_file_that_is_left_off_leaves_nothing(tmp_path, begun, capfd):
         raise RuntimeError("no paint")
     gc.collect()
     assert not list(tmp_path.iterdir()) and capfd.readouterr().err == ""
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_full_disk_is_told(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    monkeypatch.setattr(np.lib.format, "write_array", full)
+    with pytest.raises(UserError, match="No space left"):
+        save_field(room_field(), tmp_path / "f.npz")
+    gc.collect()
+    assert not list(tmp_path.iterdir())
 
 
 def test_that_a_file_cant_be_written_is_told_at_once(tmp_path):

@@ -120,14 +120,16 @@ class Stylize(Common):
             raise UserError("no style is given; name a painting: --style PICTURE")
         if not self.field.exists():  # before the painting is looked for
             raise UserError(f"no such field file: {self.field}")
-        with field_file(self.out) as file, self.progress("stylize") as progress:
+        with self.progress("stylize") as progress:
             exemplars = [Exemplar.load(style) for style in self.style]
             capture = capture_of_face(self.capture)
-            styled, figures = stylize_with_figures(
-                lambda: self._read(file), capture, exemplars,
-                replace(self.config, seed=self.seed), progress, device=self.device, dump=self.dump,
-                skin=lambda field: kept_skin(self.field, field, capture, self.config.pixels))
-            styled.save(file)
+            with field_file(self.out) as file:
+                styled, figures = stylize_with_figures(
+                    lambda: self._read(file), capture, exemplars,
+                    replace(self.config, seed=self.seed), progress, device=self.device,
+                    dump=self.dump,
+                    skin=lambda field: kept_skin(self.field, field, capture, self.config.pixels))
+                styled.save(file)
         for notice in figures["notices"]:
             print(f"note: {notice}", file=sys.stderr)
         return figures

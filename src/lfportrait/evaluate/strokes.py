@@ -28,6 +28,7 @@ from ..example import (
     Transfer,
     TransferConfig,
 )
+from ..example.skin import PIXELS
 from ..field import Rendering, VoxelField
 from .consistency import pair_error, warp
 from .likeness import Detector
@@ -44,8 +45,8 @@ anew."""
 def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: Exemplar, *,
                   angles: Sequence[float] = (0.0, 15.0, 30.0, 45.0), gap: float = 1.0,
                   size: int = 1024, distance: float = 4.4, detect: Detector | None = None,
-                  config: TransferConfig | None = None,
-                  styled: VoxelField | None = None) -> dict[str, Any]:
+                  config: TransferConfig | None = None, styled: VoxelField | None = None,
+                  pixels: float = PIXELS) -> dict[str, Any]:
     """Error between neighbouring stylised views.
 
     Parameters
@@ -70,6 +71,8 @@ def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: 
         Of the transfer.
     styled
         The field stylised by the exemplar: its renderings are measured, too.
+    pixels
+        Of the skin, per world unit.
 
     Returns
     -------
@@ -82,7 +85,7 @@ def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: 
     """
     prepared = Transfer(exemplar, config)
     guide = SurfaceGuide(landmarks, exemplar, prepared.regions)
-    skin = Skin.of(field, landmarks, networks=False)
+    skin = Skin.of(field, landmarks, pixels=pixels, networks=False)
     painting = SkinPainter(exemplar, transfer=config).paint(skin)
     left_out = {way for way, given in (("detected", detect), ("rendered", styled)) if given is None}
     rows: dict[str, list[tuple[float, float]]] = {way: [] for way in (*WAYS, "floor")

@@ -107,12 +107,17 @@ class FieldFile:
         self._stream.seek(0)
         self._stream.truncate()
         archive = zipfile.ZipFile(self._stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
-        _write_arrays(archive, {
-            "radius": field.radius.astype(np.float32),
-            "center": field.center.astype(np.float32),
-            # svox2's kernels take the table in C order alone.
-            "links": _turned(field.links),
-            "density_data": field.density[:, None].astype(np.float32)}, _DEFLATED)
+        try:
+            _write_arrays(archive, {
+                "radius": field.radius.astype(np.float32),
+                "center": field.center.astype(np.float32),
+                # svox2's kernels take the table in C order alone.
+                "links": _turned(field.links),
+                "density_data": field.density[:, None].astype(np.float32)}, _DEFLATED)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                archive.close()
+            raise
         return archive
 
 
