@@ -29,7 +29,6 @@ from .guides.maps import relative_stretch
 from .guides.position import pixel_centres
 from .guides.regions import Regions
 from .kernels.patches import ACTIVE, FIXED, OUTSIDE
-from .known_materials import known_shares
 from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
 from .skin.cells import Cells
@@ -47,6 +46,7 @@ from .skin.materials import (
 )
 from .skin.picture_materials import EARS, FEATURES, GROUND, HAIR, MATERIALS, NECK, SKIN
 from .skin.pieces import pieces
+from .skin.storage import known_shares
 
 if TYPE_CHECKING:
     from .result import TransferResult

@@ -8,8 +8,8 @@ import pytest
 from scipy.ndimage import binary_erosion
 
 from lfportrait import keys
-from lfportrait.example import LABELS, Exemplar, Regions, known_materials
-from lfportrait.example.known_materials import known_shares
+from lfportrait.example import LABELS, Exemplar, Regions
+from lfportrait.example.skin import storage
 from lfportrait.example.skin.materials import (
     DARKEST,
     RARE,
@@ -35,6 +35,7 @@ from lfportrait.example.skin.picture_materials import (
 )
 from lfportrait.example.skin.pieces import pieces
 from lfportrait.example.skin.regions import below_hair, hair_by_place, without_bays
+from lfportrait.example.skin.storage import known_shares
 from lfportrait.example.surface_guide import HeadPlane
 from tests.portraits import HEAD_LANDMARKS
 
@@ -617,7 +618,7 @@ def test_what_a_painting_is_made_of_is_kept(drawn, monkeypatch, tmp_path):
     labels = regions.labels()
     first = known_shares(exemplar, regions, labels)
     assert np.abs(first - painted_shares(exemplar, regions, labels)).max() <= 0.5 / 255 + 1e-6
-    monkeypatch.setattr(known_materials, "painted_shares", lambda *_: pytest.fail("found again"))
+    monkeypatch.setattr(storage, "painted_shares", lambda *_: pytest.fail("found again"))
     again = known_shares(exemplar, regions, labels)
     assert again.dtype == np.float32 and np.array_equal(again, first)
     monkeypatch.undo()

@@ -24,7 +24,6 @@ from ..guides.labels import LABELS, soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
-from ..known_materials import known_shares
 from ..patches import (
     PatchConfig,
     PatchSource,
@@ -55,6 +54,7 @@ from .materials import (
 from .picture_materials import EARS, HAIR, MATERIALS, NECK, SKIN
 from .pieces import pieces
 from .sitter import Skin
+from .storage import known_shares
 
 __all__ = ["Painting", "SkinConfig", "SkinPainter"]
 

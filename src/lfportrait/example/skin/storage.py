@@ -1,6 +1,8 @@
-"""A skin's file, beside its field: what took long to find; the rest is computed when it is read.
+"""What took long to find: a skin's file, beside its field, and what paintings are made of.
 
-The file knows what it was made of: it is used for that field and those landmarks alone.
+A skin's file knows what it was made of: it is used for that field and those landmarks alone. The
+rest is computed when it is read. What a painting is made of is kept in the user's cache, as its
+regions are: it takes a tenth of a preview in a new process, and depends on the painting alone.
 """
 
 from __future__ import annotations
@@ -15,14 +17,23 @@ from numpy.typing import NDArray
 
 from ...capture import Camera
 from ...files import atomic_write, map_arrays, write_mappable
-from ...keys import key_of
+from ...keys import code_hash, kept_arrays, key_of
+from .. import guides
+from ..exemplar import Exemplar
+from ..guides.regions import Regions
 from ..surface_guide import HeadPlane
+from . import picture_materials
 from .charts import Atlas, Shape
+from .picture_materials import painted_shares
 from .sitter import Skin
 
-__all__ = ["load_skin", "save_skin", "skin_key"]
+__all__ = ["known_shares", "load_skin", "save_skin", "skin_key"]
 
 VERSION = 15
+MOST = 30
+"""Paintings that are kept: six megabytes for one of 768 x 1024."""
+STEPS = np.float32(255)
+"""Shares are kept in so many steps: the labels that they come from have no more."""
 _LISTS = ("index", "flat", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
           "seen", "outwards", "rows")
 _OURS = (*_LISTS, "key", "pixels", "landmarks", "boxes", "depth", "color", "owner",
@@ -82,3 +93,17 @@ def load_skin(path: Path, key: str) -> Skin | None:
     kept = {**theirs, "labels": (arrays["labels"], tuple(arrays["regions"].tolist()))}
     return Skin(atlas, HeadPlane(arrays["landmarks"]), float(arrays["pixels"]),
                 **{"hair": None, "kept": kept, **lists})
+
+
+def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+                 strict: bool = True) -> NDArray[np.float32]:
+    """`painted_shares`, float32 [h, w, 7], of a painting and its regions' labels; kept."""
+    def find() -> dict[str, NDArray[Any]]:
+        shares = painted_shares(exemplar, regions, labels, strict)
+        return {"shares": np.asarray(shares * STEPS + np.float32(0.5), np.uint8)}
+
+    code = code_hash(Path(guides.__file__).parent, Path(picture_materials.__file__))
+    key = key_of(exemplar.image, exemplar.landmarks, regions.person, regions.hair, strict, code)
+    # A file keeps rounded numbers: the first run goes on with those that the next will find.
+    kept = kept_arrays("materials", key, find, most=MOST)["shares"]
+    return kept.astype(np.float32) / STEPS
