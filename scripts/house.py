@@ -6,6 +6,7 @@ The walk reads the sources as text (`ast`), so that imports in functions and typ
 from __future__ import annotations
 
 import ast
+import functools
 from pathlib import Path
 
 __all__ = ["GROUND", "ROOT", "SOURCE", "STAGES", "Graph", "circles", "graph_of", "imported",
@@ -34,6 +35,7 @@ def module_files(source: Path = SOURCE, package: str = "lfportrait") -> dict[str
     return files
 
 
+@functools.cache
 def offered(path: Path) -> set[str]:
     """The names that a package's ``__init__.py`` takes from its modules: what stands outside."""
     return {alias.asname or alias.name for node in ast.walk(ast.parse(path.read_text("utf-8")))
