@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import binary_erosion, gaussian_filter
 
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
@@ -185,8 +185,10 @@ class SkinPainter:
         inside = sides & ((soft > INSIDE) | (soft > 0.5) & (covered < FRINGE))
         self._face = np.stack([inside.astype(np.float32), near, covered], axis=-1)
         # No piece of the face comes from outside of it: dark strokes of the outline as crumbs.
+        # Votes look a pixel beyond a piece.
         self._labels = self.transfer.labels.copy()
-        self._labels[~inside] = 255 * (np.arange(len(LABELS)) == LABELS.index("background"))
+        outside = ~binary_erosion(inside, np.ones((3, 3)))
+        self._labels[outside] = 255 * (np.arange(len(LABELS)) == LABELS.index("background"))
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
         """Paint a skin.
