@@ -162,8 +162,9 @@ def _set_up() -> None:
     if any(name.startswith("MALLOC_") for name in os.environ):
         return
     with suppress(OSError, AttributeError, TypeError):  # another C library
+        set_option = ctypes.CDLL(None).mallopt
         for name, value in MEMORY.items():
-            ctypes.CDLL(None).mallopt(name, value)
+            set_option(name, value)
 
 
 def program() -> int:

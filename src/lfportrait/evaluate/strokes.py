@@ -95,7 +95,7 @@ def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: 
         shots = [field.render(cameras, view) for view in range(2)]
         for way, values in rows.items():
             shown = styled if way == "rendered" else field if way == "floor" else None
-            pictures = [np.clip(shown.render(cameras, view).color, 0, 1) if shown else
+            pictures = [np.clip(shown.render(cameras, view).color, 0, 1) if shown is not None else
                         _looked_up(painting, shot, cameras, view) if way == "skin" else
                         _stylised(way, prepared, guide, shot, cameras, view, landmarks, detect)
                         for view, shot in enumerate(shots)]

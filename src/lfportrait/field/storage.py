@@ -75,13 +75,26 @@ class FieldFile:
         self._begun: tuple[FieldData, Future[zipfile.ZipFile]] | None = None
 
     def begin(self, field: FieldData) -> None:
-        """Write a field's geometry, in another thread."""
+        """Write a field's geometry, in another thread; `finish` tells if that fails."""
         aside = ThreadPoolExecutor(1)
         self._begun = field, aside.submit(self._open, field)
         aside.shutdown(wait=False)
 
     def finish(self, field: FieldData, deflated: Collection[str], more: dict[str, Any]) -> None:
-        """Write the rest of a field, or all of it if its geometry is another."""
+        """Write the rest of a field, or all of it if its geometry is another.
+
+        Parameters
+        ----------
+        field
+            What the file is to hold.
+        deflated, more
+            As for `save_field`.
+
+        Raises
+        ------
+        OSError
+            If the disk is full, say; `field_file` makes it a `UserError`.
+        """
         if self._begun is None or any(getattr(self._begun[0], name) is not getattr(field, name)
                                       for name in _GEOMETRY):
             self.close()

@@ -118,9 +118,9 @@ def chart_lattice(field: VoxelField, skin: Skin, step: int) -> ChartLattice:
         return ChartLattice(field, skin, step)
     kept = _kept(skin)
     if step not in kept or kept[step].density is not field.density:
-        arrays = {name: skin.kept.pop(name) for name in _ARRAYS
-                  if step == PREVIEW and name in skin.kept}
-        kept[step] = ChartLattice(field, skin, step, arrays if len(arrays) == 3 else None)
+        brought = step == PREVIEW and all(name in skin.kept for name in _ARRAYS)
+        arrays = {name: skin.kept.pop(name) for name in _ARRAYS} if brought else None
+        kept[step] = ChartLattice(field, skin, step, arrays)
     return kept[step]
 
 

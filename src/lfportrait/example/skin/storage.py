@@ -97,7 +97,18 @@ def load_skin(path: Path, key: str) -> Skin | None:
 
 def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                  strict: bool = True) -> NDArray[np.float32]:
-    """`painted_shares`, float32 [h, w, 7], of a painting and its regions' labels; kept."""
+    """`painted_shares`, from the user's cache where they have been found before.
+
+    Parameters
+    ----------
+    exemplar, regions, labels, strict
+        As there; ``labels`` are the regions' own, uint8 [h, w, K].
+
+    Returns
+    -------
+    shares
+        float32 [h, w, 7] in [0, 1] by `MATERIALS`, in steps of 1/255.
+    """
     def find() -> dict[str, NDArray[Any]]:
         shares = painted_shares(exemplar, regions, labels, strict)
         return {"shares": np.asarray(shares * STEPS + np.float32(0.5), np.uint8)}
