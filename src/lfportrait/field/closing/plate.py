@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse import linalg
 
-__all__ = ["continued", "large_pieces", "smoothed"]
+__all__ = ["continued", "fitted_plate", "large_pieces", "smoothed"]
 
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -81,3 +81,26 @@ def continued(values: Float64, known: Bools, *, bending: float = 0.0,
     solve = linalg.splu(matrix[free][:, free].tocsc())
     flat[free] = solve.solve(np.ascontiguousarray(right))
     return flat.reshape(values.shape)
+
+
+def fitted_plate(values: Float64, weights: Float64, bending: float, slope: float,
+                 tension: Float64 | float) -> Float64:
+    """A plate near values [V, U] by their weights, which bends and slopes as little as it can.
+
+    Minimises sum weights (u - values)^2 + bending |bend u|^2 + slope |slope u|^2 + tension u^2.
+
+    Parameters
+    ----------
+    values, weights
+        float64 [V, U]; weights of 0 leave a cell free.
+    bending, slope
+        Weights of second and first differences.
+    tension
+        Pull towards zero: one for all cells, or one a row, [V, 1].
+    """
+    bend, first = _operators((values.shape[0], values.shape[1]))
+    matrix = (sparse.diags_array((weights + tension).ravel()) + bending * (bend.T @ bend)
+              + slope * (first.T @ first))
+    solve = linalg.splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True},
+                        diag_pivot_thresh=0.0)
+    return np.asarray(solve.solve((weights * values).ravel()).reshape(values.shape), np.float64)

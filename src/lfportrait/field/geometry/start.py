@@ -14,6 +14,7 @@ from ..config import ReconstructConfig
 from ..training.lattice import Lattice, box_shape
 from ..training.pixels import TrainingPixels
 from .exposure import exposure_gains
+from .head_surface import HeadSurface, distance_outside
 from .hull import hull_box, visual_hull
 from .sweep import fuse, scene_box, small_view, sweep_depth
 
@@ -43,9 +44,18 @@ class Start:
     haze: bool = False
 
 
+CLEARANCE = 0.06
+"""Matter may lie this far before a surface that was found, in portrait units: 12 mm."""
+_DENSE, _THIN = 2.0, 0.03
+"""Optical depth of a voxel inside of such a surface, and before it."""
+
+
 def start_person(capture: Capture, views: NDArray[np.int64], resolution: int, width: int,
-                 opacity: float) -> Start:
+                 opacity: float, surface: HeadSurface | None = None) -> Start:
     """The visual hull of the mattes, each voxel of which takes ``opacity`` of the light.
+
+    With a ``surface`` the hull only bounds: what lies before the surface is clear but for a thin
+    layer, what lies behind it is dense.
 
     Raises
     ------
@@ -59,7 +69,13 @@ def start_person(capture: Capture, views: NDArray[np.int64], resolution: int, wi
     if not points.any():
         raise UserError("the mattes of the photos have no common volume inside the "
                         "portrait frame; check the cameras and the mattes")
+    if surface is not None:
+        outside = distance_outside(surface, points.shape, center, radius)
+        points &= outside < CLEARANCE / surface.scale + 1.0 / resolution
     lattice = Lattice.filled(points, 0.5 * opacity * resolution, width, center, radius)
+    if surface is not None:
+        deep = np.clip(1.0 - 1.5 * outside[points] / lattice.voxel, _THIN, _DENSE)
+        lattice.density[lattice.links[points]] = deep / lattice.voxel
     return Start(lattice, None, np.ones((len(views), 3)), np.ones((len(capture.testing()), 3)))
 
 

@@ -18,6 +18,7 @@ from ...progress import Progress
 from ..background import Background, BackgroundTrainer
 from ..config import ReconstructConfig
 from ..geometry.exposure import matte_gains
+from ..geometry.head_surface import HeadSurface, find_surface, is_narrow
 from ..geometry.hull import ruled_out
 from ..geometry.outlines import refined_mattes
 from ..geometry.start import start_person, start_room
@@ -65,6 +66,8 @@ class Trainer:
         self.level, self.step, self.level_done, self.rays_done = 0, 0, 0.0, 0
         self.log: list[dict[str, Any]] = []
         self.lattice: Lattice | None = None
+        # Of a narrow arc: where the person's surface is.
+        self.surface: HeadSurface | None = None
         self.background: Background | None = None
         # Of the level that is being trained.
         self.behind: BackgroundTrainer | None = None
@@ -155,8 +158,10 @@ class Trainer:
     def _first(self, resolution: int) -> None:
         """The lattice to start from."""
         if self.data.has_alpha:
+            if is_narrow(self.capture):
+                self.surface = find_surface(self.capture)
             start = start_person(self.capture, self.views, resolution, self.width,
-                                 self.config.init_opacity)
+                                 self.config.init_opacity, self.surface)
         else:
             start = start_room(self.capture, self.views, self.data, self.config, resolution,
                                self.width)

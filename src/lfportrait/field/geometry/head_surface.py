@@ -1,0 +1,319 @@
+"""The surface of a head and bust from photos that do not go around it.
+
+Photos of a narrow arc leave depth open: their visual hull is a cone that reaches to the cameras, and
+a field that starts from it explains the photos by a relief of any depth. So the surface is found
+first, as distances along the rays of a chart (`lfportrait.field.closing.chart`) around the middle
+of the bust:
+
+1. a generic bust (`bust`), scaled to the face's landmarks;
+2. where the outlines of the mattes touch it, the visual hull;
+3. in front, surface sweeps: the surface is moved outwards and inwards step by step, the photos are
+   looked up at each place, and where they agree best (normalised cross-correlation) it stays. This
+   is a plane sweep (Collins 1996) along the surface instead of along planes, with all photos at
+   once.
+
+What is looked for is the logarithm of the ratio to the generic bust, as a plate that bends as
+little as the data allows: where no photo shows anything, the bust goes on in proportion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.interpolate import RBFInterpolator
+
+from ...capture import Camera, Capture, portrait_frame_from_landmarks
+from ..closing.chart import Chart, normals_of
+from ..closing.plate import fitted_plate
+from .bust import bust_chart, bust_distance
+
+__all__ = ["HeadSurface", "distance_outside", "find_surface", "is_narrow"]
+
+Float64 = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+WIDE = 100.0
+"""Cameras that are spread over more degrees than this about the vertical axis see both sides."""
+_CELL = 0.0125
+DEBUG = False
+_VIEWS = 20
+_SWEEPS = ((0.12, 25, 11, 2.0), (0.06, 21, 9, 0.5), (0.03, 17, 7, 0.2))
+"""Reach of each sweep in world units, its steps, the window in cells, the plate's stiffness."""
+
+
+@dataclass(frozen=True)
+class HeadSurface:
+    """A closed surface around a head, down to the bust.
+
+    Attributes
+    ----------
+    similarity
+        float64 [4, 4], from the capture's world to the portrait frame.
+    chart
+        In the portrait frame.
+    distance
+        float64 [V, U], of the surface from the chart's axis, portrait units.
+    trust
+        float64 [V, U] in [0, 1], how well the photos tell it.
+    """
+
+    similarity: Float64
+    chart: Chart
+    distance: Float64
+    trust: Float64
+
+    @property
+    def scale(self) -> float:
+        """Portrait units in one unit of the capture's world."""
+        return float(np.cbrt(np.linalg.det(self.similarity[:3, :3])))
+
+    def signed(self, points: Float64) -> Float64:
+        """How far points [N, 3] of the world lie outside along the chart's rays, world units [N].
+
+        Above the crown's and below the lowest row what is nearest goes on.
+        """
+        local = points @ self.similarity[:3, :3].T + self.similarity[:3, 3]
+        places, away = self.chart.places(local)
+        return np.asarray((away - _at(self.distance, places)) / self.scale, np.float64)
+
+
+def _at(values: Float64, places: Float64) -> Float64:
+    """Values [V, U] at places [2, N], [N]: columns go around, rows end."""
+    places = np.stack([np.clip(places[0], 0, len(values) - 1), places[1]])
+    return np.asarray(ndimage.map_coordinates(values, places, order=1, mode="grid-wrap"))
+
+
+def span_of(cameras: Camera) -> float:
+    """Degrees about the vertical axis that the cameras leave least room beside."""
+    angle = np.sort(np.degrees(np.arctan2(cameras.position[:, 0], cameras.position[:, 2])))
+    return float(360.0 - np.diff(angle, append=angle[0] + 360.0).max())
+
+
+def is_narrow(capture: Capture) -> bool:
+    """Whether the photos of a face with mattes are an arc too narrow to carve its depth."""
+    landmarks = capture.landmarks
+    if landmarks is None or capture.alphas is None:
+        return False
+    if not np.isfinite(landmarks[17:]).all():
+        return False
+    local = capture.cameras.transformed(
+        portrait_frame_from_landmarks(np.asarray(landmarks, np.float64), capture.cameras))
+    return span_of(local[capture.training()]) < WIDE
+
+
+def find_surface(capture: Capture) -> HeadSurface:
+    """The surface of the person of a capture with mattes and landmarks (`is_narrow`)."""
+    landmarks = np.asarray(capture.landmarks, np.float64)
+    similarity = portrait_frame_from_landmarks(landmarks, capture.cameras)
+    landmarks = landmarks @ similarity[:3, :3].T + similarity[:3, 3]
+    views = capture.training()
+    views = views[np.linspace(0, len(views) - 1, min(_VIEWS, len(views))).astype(int)]
+    assert capture.alphas is not None
+    cameras = capture.cameras.transformed(similarity)[views]
+    mattes = [capture.alphas[view] for view in views]
+    chart = bust_chart(_CELL, float(np.nanmean(landmarks[[27, 28, 29, 30, 33, 51, 57, 8], 0])))
+    generic = bust_distance(chart)
+    # Of the body landmarks say nothing.
+    loose = np.interp(chart.axis[:, 1], (-0.95, -0.6), (3e-3, 1e-6))[:, None]
+    ratio, weight = _ratio_of_landmarks(chart, generic, landmarks)
+    rough = generic * np.exp(fitted_plate(ratio, weight, 1.0, 0.02, loose))
+    limit = _hull_distance(chart, cameras, mattes, 1.6 * rough)
+    rim = _rim(chart, np.minimum(rough, limit), cameras) & np.isfinite(limit)
+    ratio = np.where(rim, np.log(np.where(rim, limit, 1.0) / generic), ratio)
+    weight = np.where(rim, 0.3, weight)
+    prior = generic * np.exp(fitted_plate(ratio, weight, 1.0, 0.02, loose))
+    limit = np.where(np.isfinite(limit), limit, np.inf)
+    distance, trust = np.minimum(prior, limit), np.zeros(prior.shape)
+    photos = _Photos([capture.images[view] for view in views], cameras, chart.cell)
+    for reach, steps, window, stiff in _SWEEPS:
+        offset, trust = photos.sweep(chart, distance, limit, reach, steps, window)
+        target = np.log(np.maximum(distance + offset, 0.05) / prior)
+        data = trust.copy()
+        for _ in range(4):  # reweighted: outliers lose their say
+            found = prior * np.exp(fitted_plate(target, data, stiff, 0.02 * stiff, 1e-5))
+            error = np.abs(found - distance - offset)
+            data = trust / (1.0 + (error / (0.15 * reach)) ** 2)
+        distance = np.minimum(found, limit)
+        trust = np.clip(trust, 0, 1) / (1.0 + (error / (0.15 * reach)) ** 2)
+    return HeadSurface(similarity, chart, distance, trust)
+
+
+def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
+                        ) -> tuple[Float64, Float64]:
+    """Logarithm of the face's distances over the generic ones, and weights, [V, U] each.
+
+    Between the landmarks the face is interpolated in depth.
+    """
+    points = landmarks[np.isfinite(landmarks).all(axis=1)]
+    depth = RBFInterpolator(points[:, :2], points[:, 2], kernel="linear", smoothing=1e-4)
+    outline = cv2.convexHull((1000 * points[:, :2]).astype(np.float32))
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    x, y = (part.ravel() for part in np.meshgrid(*(np.arange(low[k], high[k], 0.4 * chart.cell)
+                                                   for k in (0, 1))))
+    inside = np.array([cv2.pointPolygonTest(outline, (1000.0 * a, 1000.0 * b), False) >= 0
+                       for a, b in zip(x, y)])
+    flat = np.stack([x, y], axis=1)[inside]
+    face = np.column_stack([flat, depth(flat)])
+    places, away = chart.places(face)
+    row = np.clip(np.rint(places[0]).astype(int), 0, len(generic) - 1)
+    column = np.rint(places[1]).astype(int) % generic.shape[1]
+    ratio, weight = np.zeros(generic.shape), np.zeros(generic.shape)
+    np.add.at(ratio, (row, column), np.log(away / generic[row, column]))
+    np.add.at(weight, (row, column), 1.0)
+    return ratio / np.maximum(weight, 1.0), (weight > 0).astype(np.float64)
+
+
+def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[NDArray[np.uint8]],
+                   reach: Float64) -> Float64:
+    """Distances up to which no matte rules a ray's points out; NaN where none is known."""
+    steps = np.linspace(0.3, 1.0, 57)
+    against, seen = np.zeros((2, len(steps), *reach.shape), np.int16)
+    grown = [ndimage.maximum_filter(matte, 3) for matte in mattes]
+    for k, share in enumerate(steps):
+        points = chart.points(share * reach).reshape(-1, 3)
+        for view, matte in enumerate(grown):
+            pixels, depth = (part[0] for part in cameras[view].project(points))
+            column, row = np.floor(np.nan_to_num(pixels, nan=-1.0)).astype(int).T
+            inside = ((depth > 0) & (row >= 0) & (column >= 0) & (row < matte.shape[0])
+                      & (column < matte.shape[1]))
+            empty = np.zeros(len(points), bool)
+            empty[inside] = matte[row[inside], column[inside]] < 63
+            seen[k] += inside.reshape(reach.shape)
+            against[k] += empty.reshape(reach.shape)
+    out = (against > 0.06 * seen) & (seen >= 0.4 * len(mattes))
+    first = np.argmax(out, axis=0)
+    found = out.any(axis=0)
+    share = np.where(found, steps[np.maximum(first - 1, 0)], np.nan)
+    return np.asarray(ndimage.median_filter(share * reach, 3), np.float64)
+
+
+def _rim(chart: Chart, distance: Float64, cameras: Camera) -> Bools:
+    """Where some camera looks along the surface: there the hull touches it, bool [V, U]."""
+    points, normal = chart.points(distance), normals_of(chart, distance)
+    low, high = np.full(distance.shape, np.inf), np.full(distance.shape, -np.inf)
+    for position in cameras.position:
+        away = position - points
+        cosine = (away * normal).sum(axis=-1) / np.linalg.norm(away, axis=-1)
+        low, high = np.minimum(low, cosine), np.maximum(high, cosine)
+    return np.asarray((low < 0.05) & (high > -0.05))
+
+
+class _Photos:
+    """Grey photos, reduced to pixels as wide as a cell, that a surface is looked up in."""
+
+    def __init__(self, images: Sequence[NDArray[np.uint8]], cameras: Camera, cell: float) -> None:
+        factor = float(np.clip(2.0 * cameras.pixel / cell, 0.1, 1.0))
+        self.cameras = cameras.scaled(factor)
+        self.greys = [cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) / 255,
+                                 (int(self.cameras.width[k]), int(self.cameras.height[k])),
+                                 interpolation=cv2.INTER_AREA) for k, image in enumerate(images)]
+
+    def sweep(self, chart: Chart, distance: Float64, limit: Float64, reach: float, steps: int,
+              window: int) -> tuple[Float64, Float64]:
+        """Offset [V, U] at which the photos agree best, and how much it can be trusted."""
+        normal = normals_of(chart, distance)
+        points = chart.points(distance)
+        weights = []
+        for position in self.cameras.position:
+            away = position - points
+            cosine = (away * normal).sum(axis=-1) / np.linalg.norm(away, axis=-1)
+            weights.append(np.clip((cosine - 0.15) / 0.3, 0, 1).astype(np.float32))
+        offsets = np.linspace(-reach, reach, steps)
+        with ThreadPoolExecutor(numba.get_num_threads()) as workers:
+            parts = list(workers.map(
+                lambda by: self._agreement(chart.points(distance + by), weights, window), offsets))
+        scores = np.stack([part[0] for part in parts])
+        texture = parts[len(parts) // 2][1]
+        scores[(distance + offsets[:, None, None]) > limit + 0.01] = 0.0
+        scores = np.stack([cv2.GaussianBlur(score, (0, 0), window / 5) for score in scores])
+        best = scores.argmax(axis=0)
+        inner = np.clip(best, 1, steps - 2)
+        below, top, above = (np.take_along_axis(scores, (inner + by)[None], 0)[0]
+                             for by in (-1, 0, 1))
+        bend = np.minimum(below + above - 2 * top, -1e-6)
+        shift = np.clip(0.5 * (below - above) / bend, -0.5, 0.5)
+        offset = (inner + shift - (steps - 1) / 2) * (offsets[1] - offsets[0])
+        # What agrees as well elsewhere, or at the end of the reach, is not told by the photos.
+        spread = top - np.median(scores, axis=0)
+        sure = (best == inner) & (top > 1.0)
+        if DEBUG:
+            front = np.abs(chart.angle) < 0.7
+            for nm, A in (("top", top), ("spread", spread), ("texture", texture)):
+                print(reach, nm, np.quantile(A[90:165][:, front], (.1, .3, .5, .7, .9)))
+            print("sure", sure[90:165][:, front].mean())
+        trust = np.where(sure, np.clip(spread / 1.5, 0, 1) * texture / (texture + 1.5e-5), 0.0)
+        return offset, trust
+
+    def _agreement(self, points: Float64, weights: Sequence[Float32], window: int,
+                   ) -> tuple[Float32, Float32]:
+        """Mean correlation of the photos with their mean, and the mean's variance, [V, U] each."""
+        flat, shape = points.reshape(-1, 3), points.shape[:2]
+        size = (window, window)
+        values, shares = [], []
+        for view, grey in enumerate(self.greys):
+            pixels, depth = (part[0] for part in self.cameras[view].project(flat))
+            maps = (pixels - 0.5).astype(np.float32).reshape(*shape, 2)
+            value = cv2.remap(grey, maps, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT,
+                              borderValue=-1.0)
+            share = np.where(value >= 0, weights[view], 0).astype(np.float32)
+            value = np.maximum(value, 0)
+            values.append(value - cv2.boxFilter(value, -1, size))
+            shares.append(share)
+        stack, weight = np.stack(values), np.stack(shares)
+        total = np.maximum(weight.sum(axis=0), 1e-6)
+        mean = (weight * stack).sum(axis=0) / total
+        own = cv2.boxFilter(mean * mean, -1, size)
+        score = np.zeros(shape, np.float32)
+        for value, share in zip(stack, weight):
+            together = cv2.boxFilter(value * mean, -1, size)
+            variance = cv2.boxFilter(value * value, -1, size)
+            score += share * together / np.sqrt(np.maximum(variance * own, 1e-12))
+        share = np.clip(score / total, 0.0, 1.0)
+        # The likelihood of an agreement, but for a factor: what misfits is noise.
+        told = np.where(total > 0.25 * len(stack), -np.log(1.003 - share), 0.0)
+        return told.astype(np.float32), own
+
+
+def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: Float64,
+                     radius: Float64) -> Float32:
+    """How far the points of a lattice lie outside of a surface, world units, below zero inside.
+
+    Parameters
+    ----------
+    surface
+        The surface.
+    shape
+        Lattice points along z, y, x.
+    center, radius
+        The box of the lattice, float64 [3] each (x, y, z).
+
+    Returns
+    -------
+    distance
+        float32 [Z, Y, X]; the shorter of those along the chart's rays and through space.
+    """
+    x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)
+               for i in range(3))
+    flat = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1).reshape(-1, 2)
+
+    def layer(k: int) -> Float32:
+        points = np.column_stack([flat, np.full(len(flat), z[k])])
+        return np.asarray(surface.signed(points).reshape(len(y), len(x)), np.float32)
+
+    with ThreadPoolExecutor(numba.get_num_threads()) as workers:
+        along = np.stack(list(workers.map(layer, range(len(z)))))
+    spacing = (2.0 * radius / np.array(shape[::-1]))[::-1]
+    inside = along < 0
+    if inside.all() or not inside.any():
+        return along
+    out = ndimage.distance_transform_edt(~inside, spacing).astype(np.float32)
+    within = ndimage.distance_transform_edt(inside, spacing).astype(np.float32)
+    return np.where(inside, np.maximum(along, -within), np.minimum(along, out))
