@@ -8,8 +8,8 @@ from hypothesis import strategies as some
 from lfportrait.capture import Camera, Capture
 from lfportrait.field import VoxelField
 from lfportrait.field.closing import close_back
-from lfportrait.field.closing.chart import Chart
-from lfportrait.field.closing.plate import continued, large_pieces
+from lfportrait.field.geometry.chart import Chart
+from lfportrait.field.geometry.plate import continued, large_pieces
 from lfportrait.metrics import psnr
 from tests.fields import head_field, shell_field
 from tests.portraits import HEAD_LANDMARKS

@@ -26,7 +26,7 @@ from ..capture import Capture
 from ..device import computing_device
 from ..measure import peak_memory_bytes
 from ..progress import Progress
-from .closing import close_back
+from .closing import close_back, close_sides
 from .config import ReconstructConfig
 from .grid import VoxelField
 from .quality import held_out_quality
@@ -147,19 +147,23 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
     figures["seconds"] = {"train": round(trained, 3),
                           "test": round(time.perf_counter() - begun, 3)}
     if capture.alphas is not None and capture.landmarks is not None:
-        field = _finished(field, trainer.capture, capture.landmarks, config, figures)
+        field = _finished(field, trainer, capture.landmarks, config, figures)
     if progress is not None and "test" in figures:
         progress.update(progress.total, f"held-out views {figures['test']['psnr']:.2f} dB")
     return field, figures
 
 
-def _finished(field: VoxelField, capture: Capture, landmarks: NDArray[np.floating],
+def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],
               config: ReconstructConfig, figures: dict[str, Any]) -> VoxelField:
     """The head with a back and a clean lower end; what was done goes to the figures."""
+    capture = trainer.capture
     cut = (find_cut(field, landmarks, capture.cameras[capture.training()]) if config.trim
            else None)
     if config.close:
-        field, closed = close_back(field, landmarks, capture, cut)
+        if trainer.surface is not None:
+            field, closed = close_sides(field, trainer.surface, capture, cut)
+        else:
+            field, closed = close_back(field, landmarks, capture, cut)
         if closed is not None:
             figures["closed"] = {"share": round(closed.share, 4), "voxels": closed.points}
     if cut is not None:

@@ -10,5 +10,6 @@ What photos saw stays as it is.
 """
 
 from .back import Closed, close_back
+from .sides import close_sides
 
-__all__ = ["Closed", "close_back"]
+__all__ = ["Closed", "close_back", "close_sides"]

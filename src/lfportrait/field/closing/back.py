@@ -11,12 +11,12 @@ from scipy import ndimage
 from ...capture import Camera, Capture
 from ..grid import VoxelField
 from ..trimming import OPAQUE, Cut
-from .chart import Chart, chart_of, coherent, normals_of, read_surface
+from ..geometry.chart import Chart, chart_of, coherent, normals_of, read_surface
 from .photos import Photos, behind_what_is_seen
-from .plate import continued, large_pieces, smoothed
+from ..geometry.plate import continued, large_pieces, smoothed
 from .shell import Shell, with_shell
 
-__all__ = ["Closed", "close_back"]
+__all__ = ["Closed", "close_back", "shades"]
 
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -101,15 +101,15 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
     whole = behind_what_is_seen(chart, whole, gap, photos)
     normal = normals_of(chart, smoothed(whole, np.ones_like(known), 1.0))
     cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
-    shades = _shades(chart, chart.points(distance), colors, known, photos)
-    shell = Shell(chart, whole, cosine, np.clip(shades, 0, 1),
+    paint = shades(chart, chart.points(distance), colors, known, photos)
+    shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel)
     closed, count = with_shell(field, shell, photos, cut)
     return closed, Closed(share, count)
 
 
-def _shades(chart: Chart, points: Float64, colors: Float64, known: Bools, photos: Photos,
-            ) -> Float64:
+def shades(chart: Chart, points: Float64, colors: Float64, known: Bools, photos: Photos,
+           ) -> Float64:
     """Colours [V, U, 3] everywhere, from the cells that photos see well."""
     well = known.copy()
     well[well] = photos.seen(points[well], chart.rays[well]) >= photos.enough

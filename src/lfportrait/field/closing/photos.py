@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from ...capture import Capture
 from ..grid import VoxelField
-from .chart import Chart
+from ..geometry.chart import Chart
 
 __all__ = ["Photos", "behind_what_is_seen"]
 
@@ -90,7 +90,7 @@ def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bools, photos: P
                          ) -> Float64:
     """Distances [V, U] so short, where ``asked``, that no photo sees past them."""
     cells = np.flatnonzero(asked)
-    origin = np.broadcast_to(chart.axis[:, None], (*asked.shape, 3)).reshape(-1, 3)
+    origin = np.broadcast_to(chart.origins[:, None], (*asked.shape, 3)).reshape(-1, 3)
     rays, out = chart.rays.reshape(-1, 3), distance.copy()
     limit = out.reshape(-1)
     while len(cells):

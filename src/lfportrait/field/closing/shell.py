@@ -11,7 +11,8 @@ from scipy import ndimage
 from ..grid import VoxelField
 from ..harmonics import C0
 from ..trimming import Cut
-from .chart import Chart
+from ..geometry.chart import Chart, normals_of
+from ..geometry.plate import smoothed
 from .photos import Photos
 
 __all__ = ["Shell", "with_shell"]
@@ -21,6 +22,8 @@ Bools = NDArray[np.bool_]
 
 SHELL = 5.0
 """Voxels of the shell's thickness."""
+FRINGE = -3.0
+"""Voxels outside of a guessed surface from which on what photos see along it is its fringe."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the new surface; at most twice that."""
 
@@ -41,6 +44,9 @@ class Shell:
         bool [V, U], where it is new.
     voxel
         Of the field, world units.
+    guessed
+        Whether what was trained beside the new surface is a guess, and goes unless several photos
+        see it well; else it stays where any photo sees it.
     """
 
     chart: Chart
@@ -49,6 +55,7 @@ class Shell:
     colors: Float64
     gap: Bools
     voxel: float
+    guessed: bool = False
 
     def depth(self, points: Float64) -> tuple[Float64, Float64]:
         """How deep points [N, 3] lie within, in voxels (-inf beside the gap), and places [2, N]."""
@@ -68,6 +75,12 @@ class Shell:
         for k in range(3):
             sh[:, k, 0] = (self._at(self.colors[..., k], places) - 0.5) / C0
         return sh
+
+    def normals(self, places: Float64) -> Float64:
+        """Outward normals [N, 3] of the surface at places [2, N]."""
+        normal = normals_of(self.chart, smoothed(self.distance, np.ones_like(self.gap), 1.0))
+        found = np.stack([self._at(normal[..., k], places) for k in range(3)], axis=-1)
+        return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9)
 
     @staticmethod
     def _at(values: Float64, places: Float64) -> Float64:
@@ -108,6 +121,16 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
     seen, past = photos.seen(points[near]), photos.past(points[near])
     dim = np.flatnonzero(near)[seen < 2]
     sh[dim] = shell.coefficients(places[:, dim], field.basis)
+    if shell.guessed:
+        loose = (deep > -np.inf) & (deep < SHELL)
+        well = photos.seen(points[loose], shell.normals(places[:, loose]), 0.25) >= photos.enough
+        hardly = (photos.seen(points[loose]) >= photos.enough) & (deep[loose] > FRINGE)
+        fresh = _density(deep[loose], shell.voxel)
+        density[loose] = np.where(well, density[loose], np.where(
+            hardly, np.maximum(density[loose], fresh), fresh))
+        loose[loose] = ~(well | hardly)
+        sh[loose] = shell.coefficients(places[:, loose], field.basis)
+        return density, sh
     # Outlines, each of which a single photo sees, stay where they are on the surface.
     near[near] = ((seen == 0) & (~past | (deep[near] < 0))
                   | (seen < 2) & (deep[near] < -1.5))

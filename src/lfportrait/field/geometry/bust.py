@@ -9,35 +9,39 @@ scaled, place by place, to what the photos show.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ..closing.chart import Chart
+from .chart import Chart
 
-__all__ = ["BROWS", "LOWEST", "bust_chart", "bust_distance"]
+__all__ = ["BROWS", "CHIN", "LOWEST", "bust_chart", "bust_distance"]
 
 Float64 = NDArray[np.float64]
 
 BROWS = 0.10
 """Height of the brows: above it lies the skull's ellipsoid."""
+CHIN = -0.60
+"""Height of the chin's lowest point."""
 LOWEST = -1.8
 """Height at which the bust ends."""
 
 _SECTIONS = np.array([
     # height, half width, front, back
-    (-1.80, 1.12, 0.36, -0.62),
-    (-1.40, 1.12, 0.30, -0.62),
-    (-1.15, 1.05, 0.20, -0.60),
-    (-1.00, 0.86, 0.10, -0.55),
-    (-0.90, 0.55, 0.06, -0.48),
-    (-0.80, 0.33, 0.08, -0.42),
-    (-0.66, 0.27, 0.20, -0.38),
-    (-0.58, 0.27, 0.44, -0.37),
-    (-0.50, 0.31, 0.50, -0.37),
-    (-0.35, 0.35, 0.51, -0.41),
-    (-0.20, 0.38, 0.49, -0.47),
-    (0.00, 0.385, 0.44, -0.50),
-    (0.10, 0.385, 0.46, -0.50),
+    (-1.80, 1.15, 0.36, -0.66),
+    (-1.40, 1.15, 0.30, -0.66),
+    (-1.15, 1.08, 0.20, -0.64),
+    (-1.00, 0.92, 0.10, -0.60),
+    (-0.90, 0.66, 0.06, -0.54),
+    (-0.80, 0.42, 0.08, -0.47),
+    (-0.66, 0.30, 0.20, -0.43),
+    (-0.58, 0.29, 0.44, -0.42),
+    (-0.50, 0.31, 0.50, -0.42),
+    (-0.35, 0.35, 0.51, -0.46),
+    (-0.20, 0.38, 0.49, -0.51),
+    (0.00, 0.39, 0.44, -0.54),
+    (0.10, 0.39, 0.46, -0.54),
 ])
 _CROWN = 0.57
 """Height of the crown."""
@@ -45,15 +49,18 @@ _ROUND, _SQUARE = 2.0, 2.6
 """Exponents of the superellipses of a head and of a chest."""
 
 
-def bust_chart(cell: float, middle: float = 0.0, lowest: float = LOWEST) -> Chart:
-    """Rays around the middle of the bust (`Chart`), in the portrait frame.
+def bust_chart(cell: float, middle: float = 0.0, frame: Float64 | None = None,
+               lowest: float = LOWEST) -> Chart:
+    """Rays around the middle of the bust (`Chart`).
 
     Parameters
     ----------
     cell
-        Distance of rows, world units.
+        Distance of rows, portrait units.
     middle
-        x of the face's middle.
+        x of the face's middle in the portrait frame.
+    frame
+        float64 [4, 4], similarity from the world to the portrait frame.
     lowest
         Height of the lowest row.
     """
@@ -63,17 +70,21 @@ def bust_chart(cell: float, middle: float = 0.0, lowest: float = LOWEST) -> Char
     radius = float(_SECTIONS[-1, 1])
     above = np.arange(1, int(0.5 * np.pi * radius / cell)) * cell / radius
     # A shelf such as a chin must not move the axis forwards and back again.
-    depth = np.interp(heights, (-1.2, -0.8, -0.3, BROWS), (-0.20, -0.16, -0.06, -0.02))
+    depth = np.interp(heights, (-1.2, -0.8, -0.3, BROWS), (-0.22, -0.18, -0.07, -0.04))
     axis = np.stack([np.full(len(heights), middle), heights, depth], axis=1)
     columns = int(2 * np.pi * 0.45 / cell)
     return Chart(np.concatenate([axis, np.repeat(axis[-1:], len(above), axis=0)]),
                  np.concatenate([np.zeros(len(heights)), above]),
-                 (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi, cell, len(heights))
+                 (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi, cell, len(heights), frame)
 
 
-def bust_distance(chart: Chart) -> Float64:
-    """Distances of the generic bust's surface along the chart's rays, float64 [V, U]."""
-    height, rays = chart.axis[:, 1], chart.rays
+def bust_distance(chart: Chart, chin: float = CHIN) -> Float64:
+    """Distances of the generic bust's surface along a chart's rays, world units, float64 [V, U].
+
+    ``chin`` is the height of the lowest point of the face: all below is moved up or down with it.
+    """
+    rays = replace(chart, frame=None).rays
+    height = chart.axis[:, 1] + np.interp(chart.axis[:, 1], (chin, -0.2), (CHIN - chin, 0.0))
     half, front, back = (np.interp(height, _SECTIONS[:, 0], _SECTIONS[:, k])[:, None]
                          for k in (1, 2, 3))
     depth = chart.axis[:, 2][:, None]
@@ -81,4 +92,4 @@ def bust_distance(chart: Chart) -> Float64:
     power = np.interp(height, (-1.1, -0.8), (_SQUARE, _ROUND))[:, None]
     up = np.maximum(rays[..., 1] / (_CROWN - BROWS), 0.0)
     return np.asarray((np.abs(rays[..., 0] / half) ** power + np.abs(rays[..., 2] / along) ** power
-                       + up ** power) ** (-1.0 / power), np.float64)
+                       + up ** power) ** (-1.0 / power) / chart.scale, np.float64)

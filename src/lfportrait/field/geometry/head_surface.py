@@ -2,7 +2,7 @@
 
 Photos of a narrow arc leave depth open: their visual hull is a cone that reaches to the cameras, and
 a field that starts from it explains the photos by a relief of any depth. So the surface is found
-first, as distances along the rays of a chart (`lfportrait.field.closing.chart`) around the middle
+first, as distances along the rays of a chart (`lfportrait.field.geometry.chart`) around the middle
 of the bust:
 
 1. a generic bust (`bust`), scaled to the face's landmarks;
@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numba
@@ -30,9 +30,9 @@ from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
-from ..closing.chart import Chart, normals_of
-from ..closing.plate import fitted_plate
-from .bust import bust_chart, bust_distance
+from .chart import Chart, normals_of
+from .plate import fitted_plate
+from .bust import CHIN, bust_chart, bust_distance
 
 __all__ = ["HeadSurface", "distance_outside", "find_surface", "is_narrow"]
 
@@ -42,10 +42,14 @@ Bools = NDArray[np.bool_]
 
 WIDE = 100.0
 """Cameras that are spread over more degrees than this about the vertical axis see both sides."""
-_CELL = 0.0125
-DEBUG = False
-_VIEWS = 20
-_SWEEPS = ((0.12, 25, 11, 2.0), (0.06, 21, 9, 0.5), (0.03, 17, 7, 0.2))
+CLEARANCE, GRAZING = 0.06, 0.03
+"""Matter may lie this far before the surface, in portrait units: 12 mm where photos see it well, 6
+mm where they look along it or do not see it."""
+_ALONG = 0.2
+"""Cosine up to which photos look along a surface."""
+_CELL = 0.016
+_VIEWS = 16
+_SWEEPS = ((0.12, 25, 9, 1.0), (0.06, 21, 7, 0.3), (0.03, 17, 5, 0.1))
 """Reach of each sweep in world units, its steps, the window in cells, the plate's stiffness."""
 
 
@@ -55,34 +59,21 @@ class HeadSurface:
 
     Attributes
     ----------
-    similarity
-        float64 [4, 4], from the capture's world to the portrait frame.
     chart
-        In the portrait frame.
+        Its frame is the portrait frame.
     distance
-        float64 [V, U], of the surface from the chart's axis, portrait units.
+        float64 [V, U], of the surface from the chart's axis, world units.
     trust
         float64 [V, U] in [0, 1], how well the photos tell it.
+    facing
+        float64 [V, U], cosine between the normal and the way to the cameras, that of the photo
+        after the fifth of the photos that see it best.
     """
 
-    similarity: Float64
     chart: Chart
     distance: Float64
     trust: Float64
-
-    @property
-    def scale(self) -> float:
-        """Portrait units in one unit of the capture's world."""
-        return float(np.cbrt(np.linalg.det(self.similarity[:3, :3])))
-
-    def signed(self, points: Float64) -> Float64:
-        """How far points [N, 3] of the world lie outside along the chart's rays, world units [N].
-
-        Above the crown's and below the lowest row what is nearest goes on.
-        """
-        local = points @ self.similarity[:3, :3].T + self.similarity[:3, 3]
-        places, away = self.chart.places(local)
-        return np.asarray((away - _at(self.distance, places)) / self.scale, np.float64)
+    facing: Float64
 
 
 def _at(values: Float64, places: Float64) -> Float64:
@@ -112,38 +103,51 @@ def is_narrow(capture: Capture) -> bool:
 def find_surface(capture: Capture) -> HeadSurface:
     """The surface of the person of a capture with mattes and landmarks (`is_narrow`)."""
     landmarks = np.asarray(capture.landmarks, np.float64)
-    similarity = portrait_frame_from_landmarks(landmarks, capture.cameras)
-    landmarks = landmarks @ similarity[:3, :3].T + similarity[:3, 3]
+    frame = portrait_frame_from_landmarks(landmarks, capture.cameras)
     views = capture.training()
     views = views[np.linspace(0, len(views) - 1, min(_VIEWS, len(views))).astype(int)]
     assert capture.alphas is not None
-    cameras = capture.cameras.transformed(similarity)[views]
-    mattes = [capture.alphas[view] for view in views]
-    chart = bust_chart(_CELL, float(np.nanmean(landmarks[[27, 28, 29, 30, 33, 51, 57, 8], 0])))
-    generic = bust_distance(chart)
+    cameras, mattes = capture.cameras[views], [capture.alphas[view] for view in views]
+    local = landmarks @ frame[:3, :3].T + frame[:3, 3]
+    chart = bust_chart(_CELL, float(np.nanmean(local[[27, 28, 29, 30, 33, 51, 57, 8], 0])), frame)
+    generic = bust_distance(chart, float(np.nan_to_num(local[8, 1], nan=CHIN)))
+    prior, limit, rim = _scaled_bust(chart, generic, local, cameras, mattes)
+    photos = _Photos([capture.images[view] for view in views], cameras, chart.cell / chart.scale)
+    # Of a body's skin or clothes the photos say little: it is smoother than a face.
+    body = np.interp(chart.axis[:, 1], (-0.9, -0.6), (0.1, 1.0))[:, None]
+    distance = np.minimum(prior, limit)
+    for part, steps, window, stiff in _SWEEPS:
+        reach = part / chart.scale
+        offset, trust = photos.sweep(chart, distance, limit, reach, steps, window)
+        # Outlines tell where the surface is at its rims.
+        offset = np.where(rim, np.where(rim, limit, 0.0) - distance, offset)
+        trust = np.where(rim, 0.5, trust)
+        target = np.log(np.maximum(distance + offset, 0.05 * generic) / prior)
+        outlier = np.ones(trust.shape)
+        for _ in range(3):  # reweighted: outliers lose their say
+            found = prior * np.exp(fitted_plate(target, trust * outlier * body, stiff,
+                                                0.02 * stiff, 1e-5))
+            outlier = 1.0 / (1.0 + ((found - distance - offset) / (0.15 * reach)) ** 2)
+        distance = np.minimum(found, limit)
+    return HeadSurface(chart, distance, trust * outlier, _facing(chart, distance, cameras))
+
+
+def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Camera,
+                 mattes: Sequence[NDArray[np.uint8]]) -> tuple[Float64, Float64, Bools]:
+    """The bust scaled to the landmarks (portrait frame) and outlines, the hull, and its rims.
+
+    [V, U] each.
+    """
     # Of the body landmarks say nothing.
     loose = np.interp(chart.axis[:, 1], (-0.95, -0.6), (3e-3, 1e-6))[:, None]
     ratio, weight = _ratio_of_landmarks(chart, generic, landmarks)
-    rough = generic * np.exp(fitted_plate(ratio, weight, 1.0, 0.02, loose))
+    rough = generic * np.exp(fitted_plate(ratio, weight, 0.5, 0.01, loose))
     limit = _hull_distance(chart, cameras, mattes, 1.6 * rough)
-    rim = _rim(chart, np.minimum(rough, limit), cameras) & np.isfinite(limit)
+    rim = _rim(chart, np.fmin(rough, limit), cameras) & np.isfinite(limit)
     ratio = np.where(rim, np.log(np.where(rim, limit, 1.0) / generic), ratio)
     weight = np.where(rim, 0.3, weight)
-    prior = generic * np.exp(fitted_plate(ratio, weight, 1.0, 0.02, loose))
-    limit = np.where(np.isfinite(limit), limit, np.inf)
-    distance, trust = np.minimum(prior, limit), np.zeros(prior.shape)
-    photos = _Photos([capture.images[view] for view in views], cameras, chart.cell)
-    for reach, steps, window, stiff in _SWEEPS:
-        offset, trust = photos.sweep(chart, distance, limit, reach, steps, window)
-        target = np.log(np.maximum(distance + offset, 0.05) / prior)
-        data = trust.copy()
-        for _ in range(4):  # reweighted: outliers lose their say
-            found = prior * np.exp(fitted_plate(target, data, stiff, 0.02 * stiff, 1e-5))
-            error = np.abs(found - distance - offset)
-            data = trust / (1.0 + (error / (0.15 * reach)) ** 2)
-        distance = np.minimum(found, limit)
-        trust = np.clip(trust, 0, 1) / (1.0 + (error / (0.15 * reach)) ** 2)
-    return HeadSurface(similarity, chart, distance, trust)
+    prior = generic * np.exp(fitted_plate(ratio, weight, 0.5, 0.01, loose))
+    return prior, np.where(np.isfinite(limit), limit, np.inf), rim
 
 
 def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
@@ -162,11 +166,11 @@ def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
                        for a, b in zip(x, y)])
     flat = np.stack([x, y], axis=1)[inside]
     face = np.column_stack([flat, depth(flat)])
-    places, away = chart.places(face)
+    places, away = replace(chart, frame=None).places(face)
     row = np.clip(np.rint(places[0]).astype(int), 0, len(generic) - 1)
     column = np.rint(places[1]).astype(int) % generic.shape[1]
     ratio, weight = np.zeros(generic.shape), np.zeros(generic.shape)
-    np.add.at(ratio, (row, column), np.log(away / generic[row, column]))
+    np.add.at(ratio, (row, column), np.log(away / chart.scale / generic[row, column]))
     np.add.at(weight, (row, column), 1.0)
     return ratio / np.maximum(weight, 1.0), (weight > 0).astype(np.float64)
 
@@ -174,25 +178,30 @@ def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
 def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[NDArray[np.uint8]],
                    reach: Float64) -> Float64:
     """Distances up to which no matte rules a ray's points out; NaN where none is known."""
-    steps = np.linspace(0.3, 1.0, 57)
-    against, seen = np.zeros((2, len(steps), *reach.shape), np.int16)
     grown = [ndimage.maximum_filter(matte, 3) for matte in mattes]
-    for k, share in enumerate(steps):
-        points = chart.points(share * reach).reshape(-1, 3)
+
+    def ruled_out(distance: Float64) -> Bools:
+        points = chart.points(distance).reshape(-1, 3)
+        against, seen = np.zeros((2, len(points)), np.int16)
         for view, matte in enumerate(grown):
             pixels, depth = (part[0] for part in cameras[view].project(points))
             column, row = np.floor(np.nan_to_num(pixels, nan=-1.0)).astype(int).T
             inside = ((depth > 0) & (row >= 0) & (column >= 0) & (row < matte.shape[0])
                       & (column < matte.shape[1]))
-            empty = np.zeros(len(points), bool)
-            empty[inside] = matte[row[inside], column[inside]] < 63
-            seen[k] += inside.reshape(reach.shape)
-            against[k] += empty.reshape(reach.shape)
-    out = (against > 0.06 * seen) & (seen >= 0.4 * len(mattes))
-    first = np.argmax(out, axis=0)
-    found = out.any(axis=0)
-    share = np.where(found, steps[np.maximum(first - 1, 0)], np.nan)
-    return np.asarray(ndimage.median_filter(share * reach, 3), np.float64)
+            seen += inside
+            against[inside] += matte[row[inside], column[inside]] < 127
+        return ((against > 0.06 * seen) & (seen >= 0.4 * len(mattes))).reshape(distance.shape)
+
+    shares = np.linspace(0.3, 1.0, 29)
+    with ThreadPoolExecutor(numba.get_num_threads()) as workers:
+        out = np.stack(list(workers.map(lambda share: ruled_out(share * reach), shares)))
+    found, first = out.any(axis=0), np.argmax(out, axis=0)
+    low, high = shares[np.maximum(first - 1, 0)], shares[first]
+    for _ in range(3):
+        middle = 0.5 * (low + high)
+        beyond = ruled_out(middle * reach)
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return np.asarray(ndimage.median_filter(np.where(found, low * reach, np.nan), 3), np.float64)
 
 
 def _rim(chart: Chart, distance: Float64, cameras: Camera) -> Bools:
@@ -204,6 +213,30 @@ def _rim(chart: Chart, distance: Float64, cameras: Camera) -> Bools:
         cosine = (away * normal).sum(axis=-1) / np.linalg.norm(away, axis=-1)
         low, high = np.minimum(low, cosine), np.maximum(high, cosine)
     return np.asarray((low < 0.05) & (high > -0.05))
+
+
+def _facing(chart: Chart, distance: Float64, cameras: Camera) -> Float64:
+    """How squarely a fifth of the cameras look at the surface, cosines [V, U]."""
+    return np.asarray(np.quantile(_cosines(chart, distance, cameras), 0.8, axis=0), np.float64)
+
+
+def _cosines(chart: Chart, distance: Float64, cameras: Camera) -> list[Float64]:
+    """Cosine between the normal and the way to each camera, -1 where it is hidden, [V, U] each."""
+    points, normal = chart.points(distance), normals_of(chart, distance)
+    cell, found = chart.cell / chart.scale, []
+    for view, position in enumerate(cameras.position):
+        away = position - points
+        cosine = (away * normal).sum(axis=-1) / np.linalg.norm(away, axis=-1)
+        pixels, depth = (part[0] for part in cameras[view].project(points.reshape(-1, 3)))
+        # The nearest point of each block of pixels hides what lies far behind it.
+        block = 3.0 * cell * cameras.focal[view].max() / np.median(depth)
+        place = np.floor(pixels / block).astype(int)
+        place -= place.min(axis=0)
+        nearest = np.full(tuple(place.max(axis=0) + 1), np.inf)
+        np.minimum.at(nearest, tuple(place.T), depth)
+        hidden = depth > nearest[tuple(place.T)] + 5.0 * cell
+        found.append(np.where(hidden.reshape(cosine.shape), -1.0, cosine))
+    return found
 
 
 class _Photos:
@@ -219,12 +252,8 @@ class _Photos:
     def sweep(self, chart: Chart, distance: Float64, limit: Float64, reach: float, steps: int,
               window: int) -> tuple[Float64, Float64]:
         """Offset [V, U] at which the photos agree best, and how much it can be trusted."""
-        normal = normals_of(chart, distance)
-        points = chart.points(distance)
         weights = []
-        for position in self.cameras.position:
-            away = position - points
-            cosine = (away * normal).sum(axis=-1) / np.linalg.norm(away, axis=-1)
+        for cosine in _cosines(chart, distance, self.cameras):
             weights.append(np.clip((cosine - 0.15) / 0.3, 0, 1).astype(np.float32))
         offsets = np.linspace(-reach, reach, steps)
         with ThreadPoolExecutor(numba.get_num_threads()) as workers:
@@ -232,7 +261,7 @@ class _Photos:
                 lambda by: self._agreement(chart.points(distance + by), weights, window), offsets))
         scores = np.stack([part[0] for part in parts])
         texture = parts[len(parts) // 2][1]
-        scores[(distance + offsets[:, None, None]) > limit + 0.01] = 0.0
+        scores[(distance + offsets[:, None, None]) > limit + 0.2 * reach] = 0.0
         scores = np.stack([cv2.GaussianBlur(score, (0, 0), window / 5) for score in scores])
         best = scores.argmax(axis=0)
         inner = np.clip(best, 1, steps - 2)
@@ -244,11 +273,6 @@ class _Photos:
         # What agrees as well elsewhere, or at the end of the reach, is not told by the photos.
         spread = top - np.median(scores, axis=0)
         sure = (best == inner) & (top > 1.0)
-        if DEBUG:
-            front = np.abs(chart.angle) < 0.7
-            for nm, A in (("top", top), ("spread", spread), ("texture", texture)):
-                print(reach, nm, np.quantile(A[90:165][:, front], (.1, .3, .5, .7, .9)))
-            print("sure", sure[90:165][:, front].mean())
         trust = np.where(sure, np.clip(spread / 1.5, 0, 1) * texture / (texture + 1.5e-5), 0.0)
         return offset, trust
 
@@ -283,8 +307,8 @@ class _Photos:
 
 
 def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: Float64,
-                     radius: Float64) -> Float32:
-    """How far the points of a lattice lie outside of a surface, world units, below zero inside.
+                     radius: Float64) -> tuple[Float32, Float32]:
+    """How far the points of a lattice lie outside of a surface, and how far they may.
 
     Parameters
     ----------
@@ -297,23 +321,31 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
 
     Returns
     -------
-    distance
-        float32 [Z, Y, X]; the shorter of those along the chart's rays and through space.
+    distance, clearance
+        float32 [Z, Y, X] each, world units. The distance is below zero inside, and the shorter of
+        those along the chart's rays and through space. The clearance is less where photos look
+        along the surface or do not see it: only guesses could fill it there.
     """
     x, y, z = (center[i] + radius[i] * (2.0 * (np.arange(shape[2 - i]) + 0.5) / shape[2 - i] - 1.0)
                for i in range(3))
     flat = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1).reshape(-1, 2)
+    share = np.clip((surface.facing - _ALONG) / _ALONG, 0, 1)
+    margin = (GRAZING + (CLEARANCE - GRAZING) * share) / surface.chart.scale
 
-    def layer(k: int) -> Float32:
+    def layer(k: int) -> tuple[Float32, Float32]:
         points = np.column_stack([flat, np.full(len(flat), z[k])])
-        return np.asarray(surface.signed(points).reshape(len(y), len(x)), np.float32)
+        places, away = surface.chart.places(points)
+        beyond = away - _at(surface.distance, places)
+        return (beyond.reshape(len(y), len(x)).astype(np.float32),
+                _at(margin, places).reshape(len(y), len(x)).astype(np.float32))
 
     with ThreadPoolExecutor(numba.get_num_threads()) as workers:
-        along = np.stack(list(workers.map(layer, range(len(z)))))
+        layers = list(workers.map(layer, range(len(z))))
+    along, clearance = (np.stack([item[part] for item in layers]) for part in (0, 1))
     spacing = (2.0 * radius / np.array(shape[::-1]))[::-1]
     inside = along < 0
     if inside.all() or not inside.any():
-        return along
+        return along, clearance
     out = ndimage.distance_transform_edt(~inside, spacing).astype(np.float32)
     within = ndimage.distance_transform_edt(inside, spacing).astype(np.float32)
-    return np.where(inside, np.maximum(along, -within), np.minimum(along, out))
+    return np.where(inside, np.maximum(along, -within), np.minimum(along, out)), clearance

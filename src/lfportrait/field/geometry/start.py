@@ -44,8 +44,6 @@ class Start:
     haze: bool = False
 
 
-CLEARANCE = 0.06
-"""Matter may lie this far before a surface that was found, in portrait units: 12 mm."""
 _DENSE, _THIN = 2.0, 0.03
 """Optical depth of a voxel inside of such a surface, and before it."""
 
@@ -70,8 +68,8 @@ def start_person(capture: Capture, views: NDArray[np.int64], resolution: int, wi
         raise UserError("the mattes of the photos have no common volume inside the "
                         "portrait frame; check the cameras and the mattes")
     if surface is not None:
-        outside = distance_outside(surface, points.shape, center, radius)
-        points &= outside < CLEARANCE / surface.scale + 1.0 / resolution
+        outside, clearance = distance_outside(surface, points.shape, center, radius)
+        points &= outside < clearance + 1.0 / resolution
     lattice = Lattice.filled(points, 0.5 * opacity * resolution, width, center, radius)
     if surface is not None:
         deep = np.clip(1.0 - 1.5 * outside[points] / lattice.voxel, _THIN, _DENSE)

@@ -42,6 +42,9 @@ class Chart:
         Distance of rows, world units.
     level
         Number of rows below the brows, whose rays are horizontal.
+    frame
+        float64 [4, 4], similarity from the world to the frame of ``axis`` and ``cell``; None: they
+        are of the world. Distances along rays are always world units.
     """
 
     axis: Float64
@@ -49,20 +52,37 @@ class Chart:
     angle: Float64
     cell: float
     level: int
+    frame: Float64 | None = None
+
+    @property
+    def scale(self) -> float:
+        """Units of ``axis`` and ``cell`` in one world unit."""
+        return 1.0 if self.frame is None else float(np.cbrt(np.linalg.det(self.frame[:3, :3])))
+
+    @property
+    def origins(self) -> Float64:
+        """Where each row's rays end, in the world, float64 [V, 3]."""
+        if self.frame is None:
+            return self.axis
+        return np.asarray((self.axis - self.frame[:3, 3])
+                          @ np.linalg.inv(self.frame[:3, :3]).T, np.float64)
 
     @property
     def rays(self) -> Float64:
-        """Unit vectors away from the axis, float64 [V, U, 3]."""
+        """Unit vectors away from the axis, in the world, float64 [V, U, 3]."""
         flat, up = np.cos(self.elevation)[:, None], np.sin(self.elevation)[:, None]
-        return np.stack(np.broadcast_arrays(flat * np.sin(self.angle), up,
+        rays = np.stack(np.broadcast_arrays(flat * np.sin(self.angle), up,
                                             flat * np.cos(self.angle)), axis=-1)
+        return rays if self.frame is None else rays @ self.frame[:3, :3] / self.scale
 
     def points(self, distance: Float64) -> Float64:
         """Points at distances [V, U], [V, U, 3]."""
-        return self.axis[:, None] + self.rays * distance[..., None]
+        return self.origins[:, None] + self.rays * distance[..., None]
 
     def places(self, points: Float64) -> tuple[Float64, Float64]:
         """(row, column) of points [N, 3], [2, N], and their distances from the axis, [N]."""
+        if self.frame is not None:
+            points = points @ self.frame[:3, :3].T + self.frame[:3, 3]
         rows = (points[:, 1] - self.axis[0, 1]) / self.cell
         x, z = (points[:, k] - np.interp(points[:, 1], self.axis[:, 1], self.axis[:, k])
                 for k in (0, 2))
@@ -72,7 +92,7 @@ class Chart:
         step = self.elevation[-1] - self.elevation[-2]
         rows = np.where(y > 0, self.level - 1 + elevation / step, rows)
         column = (np.arctan2(x, z) - self.angle[0]) / (self.angle[1] - self.angle[0])
-        return np.stack([rows, column % len(self.angle)]), np.hypot(flat, y)
+        return np.stack([rows, column % len(self.angle)]), np.hypot(flat, y) / self.scale
 
 
 def chart_of(points: Float64, voxel: float, landmarks: NDArray[np.floating]) -> Chart | None:
@@ -130,11 +150,11 @@ def read_surface(field: VoxelField, chart: Chart, cut: Cut | None) -> tuple[Floa
     size = np.array(field.links.shape[::-1])
     # A ray each, flat; those that are through drop out.
     rays = chart.rays.reshape(-1, 3)
-    origins = np.repeat(chart.axis, len(chart.angle), axis=0)
+    origins = np.repeat(chart.origins, len(chart.angle), axis=0)
     found = np.full(len(rays), np.nan)
     color, clear = np.zeros((len(rays), 3)), np.ones(len(rays))
     left, since = np.arange(len(rays)), np.zeros(len(rays), np.int64)
-    reach = float(np.linalg.norm(np.abs(field.bounds - chart.axis[-1]).max(axis=0)))
+    reach = float(np.linalg.norm(np.abs(field.bounds - chart.origins[-1]).max(axis=0)))
     for distance in np.arange(reach, 0.0, -voxel):
         points = origins[left] + rays[left] * distance
         places = np.rint(points * scale + offset).astype(np.int64)
@@ -167,7 +187,7 @@ def coherent(chart: Chart, distance: Float64) -> Bools:
     for axis in (0, 1):
         other = np.roll(number, -1, axis)
         gap = np.linalg.norm(points - np.roll(points, -1, axis), axis=-1)
-        wide = np.maximum(chart.cell, distance * (chart.angle[1] - chart.angle[0]))
+        wide = np.maximum(chart.cell / chart.scale, distance * (chart.angle[1] - chart.angle[0]))
         near = gap < STEP * wide
         if axis == 0:
             near[-1] = False

@@ -1,0 +1,81 @@
+"""The sides and back of a head that an arc of photos does not show, after a surface that was found.
+
+Where photos look along the surface or do not see it at all, what was trained there is what little
+the outlines left over: fringes, haze, holes. There the surface that the field started from
+(`lfportrait.field.geometry.head_surface`) takes its place, bent to the trained one where that
+begins, in the colours around it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...capture import Capture
+from ..geometry.chart import coherent, normals_of, read_surface
+from ..geometry.head_surface import HeadSurface
+from ..geometry.plate import fitted_plate, large_pieces, smoothed
+from ..grid import VoxelField
+from ..trimming import Cut
+from .back import Closed, shades
+from .photos import Photos, behind_what_is_seen
+from .shell import Shell, with_shell
+
+__all__ = ["close_sides"]
+
+Float64 = NDArray[np.float64]
+
+SQUARE = 0.05
+"""Cosine between normal and way to the cameras from which on photos see a surface well."""
+APART = 0.08
+"""A trained surface further than this from the one it started from is another thing."""
+LEAST = 0.003
+"""Share of the chart that a piece has at least, seen or not."""
+
+
+def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
+                cut: Cut | None = None) -> tuple[VoxelField, Closed | None]:
+    """A field whose surface goes on where an arc of photos does not show it.
+
+    Parameters
+    ----------
+    field
+        Of a head, without a texture.
+    surface
+        What it started from.
+    capture
+        The photos, with mattes.
+    cut
+        What lies below is none of the head.
+
+    Returns
+    -------
+    field, closed
+        The same field and None where nothing was seen well enough.
+    """
+    chart, voxel = surface.chart, float(field.spacing.mean())
+    distance, colors = read_surface(field, chart, cut)
+    photos = Photos(field, capture)
+    known = np.isfinite(distance) & (surface.facing > SQUARE)
+    known &= np.abs(distance - surface.distance) < APART / chart.scale
+    known[known] = photos.seen(chart.points(distance)[known], chart.rays[known]) >= photos.enough
+    known &= coherent(chart, np.where(known, distance, np.nan))
+    known = large_pieces(known, np.ones(known.shape), LEAST * known.size)
+    if not known.any():
+        return field, None
+    known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
+    ratio = np.log(np.where(known & np.isfinite(distance), distance, surface.distance)
+                   / surface.distance)
+    whole = surface.distance * np.exp(fitted_plate(ratio, 10.0 * known, 0.5, 0.01, 1e-4))
+    gap = ~known
+    area = whole ** 2 * np.cos(chart.elevation)[:, None]
+    whole = behind_what_is_seen(chart, whole, gap, photos)
+    normal = normals_of(chart, smoothed(whole, np.ones_like(known), 1.0))
+    cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
+    paint = shades(chart, chart.points(np.where(np.isfinite(distance), distance, whole)), colors,
+                   known & np.isfinite(distance), photos)
+    shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
+                  ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True)
+    closed, count = with_shell(field, shell, photos, cut)
+    return closed, Closed(float((area * gap).sum() / area.sum()), count)
