@@ -30,7 +30,8 @@ class ReconstructConfig:
 
     resolutions: tuple[int, ...] = ()
     """Lattice points to two world units (the cube's edge), coarse to fine; by default a
-    quarter, half and all of --finest for photos with mattes, 96 192 for photos of a room."""
+    quarter (not of narrow arcs), half and all of --finest for photos with mattes, 96 192 for photos
+    of a room."""
     finest: int = 0
     """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
     about two pixels, but at least 256 points and at most --at-most."""
@@ -174,7 +175,8 @@ class ReconstructConfig:
             after = max(after, min(0.2 * self.time_budget, 12.0 if faced else 7.0))
         return self.time_budget - after
 
-    def resolved(self, room: bool, distance: float, pixel: float = 0.0) -> ReconstructConfig:
+    def resolved(self, room: bool, distance: float, pixel: float = 0.0,
+                 narrow: bool = False) -> ReconstructConfig:
         """The same with every default put in.
 
         Parameters
@@ -185,6 +187,9 @@ class ReconstructConfig:
             Distance of the nearest camera from the origin, in world units.
         pixel
             Size of a pixel at the origin, in world units.
+        narrow
+            Whether the field starts from a surface that was found (`geometry.head_surface`), which
+            the coarsest level would blur.
 
         Raises
         ------
@@ -194,7 +199,7 @@ class ReconstructConfig:
         finest = self.finest or min(lattice_points(pixel), self.at_most)
         if finest < 16:
             raise UserError(f"--finest and --at-most must be at least 16, not {finest}")
-        usual = (finest // 4,) * (finest >= 64) + (finest // 2, finest)
+        usual = (finest // 4,) * (finest >= 64 and not narrow) + (finest // 2, finest)
         resolutions = self.resolutions or ((96, 192) if room else usual)
         levels = len(resolutions)
         rays = self.rays

@@ -28,6 +28,7 @@ from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .closing import close_back, close_sides
 from .config import ReconstructConfig
+from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import VoxelField
 from .quality import held_out_quality
 from .training.casting_cost import casting_figures
@@ -86,7 +87,8 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     """
     distance = float(np.linalg.norm(capture.cameras.position, axis=1).min())
     config = (config or ReconstructConfig()).resolved(capture.alphas is None, distance,
-                                                      capture.cameras.pixel)
+                                                      capture.cameras.pixel,
+                                                      is_narrow(capture))
     events = EventLog(log) if log is not None else None
     meter = (Meter(events, measure_every=measure_every)
              if events is not None or measure_every > 0 else None)
@@ -147,21 +149,25 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
     figures["seconds"] = {"train": round(trained, 3),
                           "test": round(time.perf_counter() - begun, 3)}
     if capture.alphas is not None and capture.landmarks is not None:
-        field = _finished(field, trainer, capture.landmarks, config, figures)
+        field = _finished(field, trainer, capture.landmarks, config, figures, progress)
     if progress is not None and "test" in figures:
         progress.update(progress.total, f"held-out views {figures['test']['psnr']:.2f} dB")
     return field, figures
 
 
 def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],
-              config: ReconstructConfig, figures: dict[str, Any]) -> VoxelField:
+              config: ReconstructConfig, figures: dict[str, Any],
+              progress: Progress | None) -> VoxelField:
     """The head with a back and a clean lower end; what was done goes to the figures."""
     capture = trainer.capture
+    surface = trainer.found_surface()
+    if surface is not None:
+        figures["geometry"] = _geometry(surface, progress)
     cut = (find_cut(field, landmarks, capture.cameras[capture.training()]) if config.trim
            else None)
     if config.close:
-        if trainer.surface is not None:
-            field, closed = close_sides(field, trainer.surface, capture, cut)
+        if surface is not None:
+            field, closed = close_sides(field, surface, capture, cut)
         else:
             field, closed = close_back(field, landmarks, capture, cut)
         if closed is not None:
@@ -173,3 +179,14 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
                               "height": round(cut.height, 4)}
     figures["voxels"] = len(field.density)
     return field
+
+
+def _geometry(surface: HeadSurface, progress: Progress | None) -> dict[str, float]:
+    """How much of the head the photos of a narrow arc show, for the figures and in one line."""
+    head = surface.shown_of_head()
+    figures = {"span_degrees": round(surface.span, 1), "head_shown": round(head, 3)}
+    if progress is not None:
+        progress.say(f"the photos go around the head by {surface.span:.0f} degrees and show "
+                     f"{100 * head:.0f} % of it well; the rest follows a generic head: for more, "
+                     "film from further left and right, and from above and below")
+    return figures

@@ -124,7 +124,7 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
     if shell.guessed:
         loose = (deep > -np.inf) & (deep < SHELL)
         well = photos.seen(points[loose], shell.normals(places[:, loose]), 0.25) >= photos.enough
-        hardly = (photos.seen(points[loose]) >= photos.enough) & (deep[loose] > FRINGE)
+        hardly = (photos.seen(points[loose]) > 0) & (deep[loose] > FRINGE)
         fresh = _density(deep[loose], shell.voxel)
         density[loose] = np.where(well, density[loose], np.where(
             hardly, np.maximum(density[loose], fresh), fresh))

@@ -34,19 +34,24 @@ from .chart import Chart, normals_of
 from .plate import fitted_plate
 from .bust import CHIN, bust_chart, bust_distance
 
-__all__ = ["HeadSurface", "distance_outside", "find_surface", "is_narrow"]
+__all__ = ["HeadSurface", "distance_outside", "find_surface", "is_narrow", "span_of"]
 
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
-WIDE = 100.0
-"""Cameras that are spread over more degrees than this about the vertical axis see both sides."""
+WIDE, TALL = 100.0, 30.0
+"""Cameras that are spread over more degrees than this about the vertical axis see both sides; fewer
+do, down to 45, if they are also spread over this many degrees of height."""
 CLEARANCE, GRAZING = 0.06, 0.03
 """Matter may lie this far before the surface, in portrait units: 12 mm where photos see it well, 6
 mm where they look along it or do not see it."""
+_RIM = 0.3
+"""Cosine from which on photos tell a surface better than the hull that touches it."""
 _ALONG = 0.2
 """Cosine up to which photos look along a surface."""
+_MOST = 0.3
+"""Logarithm of the ratio by which a face differs from the generic one at most."""
 _CELL = 0.016
 _VIEWS = 16
 _SWEEPS = ((0.12, 25, 9, 1.0), (0.06, 21, 7, 0.3), (0.03, 17, 5, 0.1))
@@ -68,12 +73,21 @@ class HeadSurface:
     facing
         float64 [V, U], cosine between the normal and the way to the cameras, that of the photo
         after the fifth of the photos that see it best.
+    span
+        Degrees about the vertical axis that the cameras are spread over.
     """
 
     chart: Chart
     distance: Float64
     trust: Float64
     facing: Float64
+    span: float
+
+    def shown_of_head(self) -> float:
+        """Share of the head's surface (from the chin upwards) that photos see well, 0 to 1."""
+        head = self.chart.axis[:, 1] > CHIN
+        area = (self.distance ** 2 * np.cos(self.chart.elevation)[:, None])[head]
+        return float(area[self.facing[head] > _ALONG].sum() / area.sum())
 
 
 def _at(values: Float64, places: Float64) -> Float64:
@@ -95,9 +109,13 @@ def is_narrow(capture: Capture) -> bool:
         return False
     if not np.isfinite(landmarks[17:]).all():
         return False
-    local = capture.cameras.transformed(
+    local = capture.cameras[capture.training()].transformed(
         portrait_frame_from_landmarks(np.asarray(landmarks, np.float64), capture.cameras))
-    return span_of(local[capture.training()]) < WIDE
+    x, y, z = local.position.T
+    height = np.degrees(np.arctan2(y, np.hypot(x, z)))
+    span = span_of(local)
+    tall = np.ptp(np.percentile(height, (5, 95))) > TALL
+    return span < 0.45 * WIDE or (span < WIDE and not bool(tall))
 
 
 def find_surface(capture: Capture) -> HeadSurface:
@@ -115,21 +133,27 @@ def find_surface(capture: Capture) -> HeadSurface:
     photos = _Photos([capture.images[view] for view in views], cameras, chart.cell / chart.scale)
     # Of a body's skin or clothes the photos say little: it is smoother than a face.
     body = np.interp(chart.axis[:, 1], (-0.9, -0.6), (0.1, 1.0))[:, None]
-    distance = np.minimum(prior, limit)
+    # What hides below a chin is no shelf before it.
+    most = generic * np.exp(np.interp(chart.axis[:, 1], (-0.9, -0.85, -0.64, -0.6),
+                                      (1.0, 0.12, 0.12, 1.0)))[:, None]
+    distance = np.minimum(np.minimum(prior, limit), most)
     for part, steps, window, stiff in _SWEEPS:
         reach = part / chart.scale
         offset, trust = photos.sweep(chart, distance, limit, reach, steps, window)
         # Outlines tell where the surface is at its rims.
-        offset = np.where(rim, np.where(rim, limit, 0.0) - distance, offset)
-        trust = np.where(rim, 0.5, trust)
+        along = 0.5 * np.clip(1.0 - _facing(chart, distance, cameras) / _RIM, 0, 1)
+        along = np.where(rim & (along > trust), along, 0.0)
+        offset = np.where(along > 0, np.where(rim, limit, 0.0) - distance, offset)
+        trust = np.maximum(trust, along)
         target = np.log(np.maximum(distance + offset, 0.05 * generic) / prior)
         outlier = np.ones(trust.shape)
         for _ in range(3):  # reweighted: outliers lose their say
             found = prior * np.exp(fitted_plate(target, trust * outlier * body, stiff,
                                                 0.02 * stiff, 1e-5))
             outlier = 1.0 / (1.0 + ((found - distance - offset) / (0.15 * reach)) ** 2)
-        distance = np.minimum(found, limit)
-    return HeadSurface(chart, distance, trust * outlier, _facing(chart, distance, cameras))
+        distance = np.minimum(np.minimum(found, limit), most)
+    return HeadSurface(chart, distance, trust * outlier, _facing(chart, distance, cameras),
+                       span_of(capture.cameras[capture.training()].transformed(frame)))
 
 
 def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Camera,
@@ -144,6 +168,7 @@ def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Ca
     rough = generic * np.exp(fitted_plate(ratio, weight, 0.5, 0.01, loose))
     limit = _hull_distance(chart, cameras, mattes, 1.6 * rough)
     rim = _rim(chart, np.fmin(rough, limit), cameras) & np.isfinite(limit)
+    rim &= (weight == 0) & (_facing(chart, np.fmin(rough, limit), cameras) < _RIM)
     ratio = np.where(rim, np.log(np.where(rim, limit, 1.0) / generic), ratio)
     weight = np.where(rim, 0.3, weight)
     prior = generic * np.exp(fitted_plate(ratio, weight, 0.5, 0.01, loose))
@@ -162,7 +187,9 @@ def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     x, y = (part.ravel() for part in np.meshgrid(*(np.arange(low[k], high[k], 0.4 * chart.cell)
                                                    for k in (0, 1))))
-    inside = np.array([cv2.pointPolygonTest(outline, (1000.0 * a, 1000.0 * b), False) >= 0
+    # The jaw's line lies where the surface turns under: what is below it is no face.
+    y_least = points[:, 1].min() + chart.cell
+    inside = np.array([b > y_least and cv2.pointPolygonTest(outline, (1000.0 * a, 1000.0 * b), False) >= 0
                        for a, b in zip(x, y)])
     flat = np.stack([x, y], axis=1)[inside]
     face = np.column_stack([flat, depth(flat)])
@@ -170,7 +197,8 @@ def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
     row = np.clip(np.rint(places[0]).astype(int), 0, len(generic) - 1)
     column = np.rint(places[1]).astype(int) % generic.shape[1]
     ratio, weight = np.zeros(generic.shape), np.zeros(generic.shape)
-    np.add.at(ratio, (row, column), np.log(away / chart.scale / generic[row, column]))
+    np.add.at(ratio, (row, column), np.clip(np.log(away / chart.scale / generic[row, column]),
+                                            -_MOST, _MOST))
     np.add.at(weight, (row, column), 1.0)
     return ratio / np.maximum(weight, 1.0), (weight > 0).astype(np.float64)
 

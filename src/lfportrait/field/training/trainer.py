@@ -68,6 +68,7 @@ class Trainer:
         self.lattice: Lattice | None = None
         # Of a narrow arc: where the person's surface is.
         self.surface: HeadSurface | None = None
+        self.original = capture
         self.background: Background | None = None
         # Of the level that is being trained.
         self.behind: BackgroundTrainer | None = None
@@ -103,6 +104,14 @@ class Trainer:
         sh = lattice.rows[:count, :3 * self.basis].reshape(count, 3, self.basis)
         return VoxelField(lattice.links, lattice.density[:count].copy(), np.ascontiguousarray(sh),
                           lattice.center, lattice.radius, self.capture.frame, self.background)
+
+    def found_surface(self) -> HeadSurface | None:
+        """Where the person's surface is, if the photos are a narrow arc."""
+        if self.surface is None and is_narrow(self.original):
+            if self.progress is not None:
+                self.progress.update(self.progress.done, "looking for the surface of the head")
+            self.surface = find_surface(self.original)
+        return self.surface
 
     def save(self) -> None:
         """Write the state: between two levels, or in the middle of one."""
@@ -158,10 +167,8 @@ class Trainer:
     def _first(self, resolution: int) -> None:
         """The lattice to start from."""
         if self.data.has_alpha:
-            if is_narrow(self.capture):
-                self.surface = find_surface(self.capture)
             start = start_person(self.capture, self.views, resolution, self.width,
-                                 self.config.init_opacity, self.surface)
+                                 self.config.init_opacity, self.found_surface())
         else:
             start = start_room(self.capture, self.views, self.data, self.config, resolution,
                                self.width)
