@@ -160,7 +160,7 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
               progress: Progress | None) -> VoxelField:
     """The head with a back and a clean lower end; what was done goes to the figures."""
     capture = trainer.capture
-    surface = trainer.found_surface()
+    surface = trainer.surface
     if surface is not None:
         figures["geometry"] = _geometry(surface, progress)
     cut = (find_cut(field, landmarks, capture.cameras[capture.training()]) if config.trim

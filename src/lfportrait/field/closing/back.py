@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...capture import Camera, Capture
+from ..geometry.chart import Chart, chart_of, coherent, normals_of, read_surface
+from ..geometry.plate import continued, large_pieces, smoothed
 from ..grid import VoxelField
 from ..trimming import OPAQUE, Cut
-from ..geometry.chart import Chart, chart_of, coherent, normals_of, read_surface
 from .photos import Photos, behind_what_is_seen
-from ..geometry.plate import continued, large_pieces, smoothed
 from .shell import Shell, with_shell
 
 __all__ = ["Closed", "close_back", "shades"]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...capture import Capture
-from ..grid import VoxelField
 from ..geometry.chart import Chart
+from ..grid import VoxelField
 
 __all__ = ["Photos", "behind_what_is_seen"]
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..geometry.chart import Chart, normals_of
+from ..geometry.plate import smoothed
 from ..grid import VoxelField
 from ..harmonics import C0
 from ..trimming import Cut
-from ..geometry.chart import Chart, normals_of
-from ..geometry.plate import smoothed
 from .photos import Photos
 
 __all__ = ["Shell", "with_shell"]

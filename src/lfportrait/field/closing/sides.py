@@ -65,9 +65,10 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     if not known.any():
         return field, None
     known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
-    ratio = np.log(np.where(known & np.isfinite(distance), distance, surface.distance)
-                   / surface.distance)
-    whole = surface.distance * np.exp(fitted_plate(ratio, 10.0 * known, 0.5, 0.01, 1e-4))
+    ratio = np.asarray(np.log(np.where(known & np.isfinite(distance), distance, surface.distance)
+                              / surface.distance), np.float64)
+    whole = surface.distance * np.exp(fitted_plate(ratio, np.where(known, 10.0, 0.0), 0.5, 0.01,
+                                                   1e-4))
     gap = ~known
     area = whole ** 2 * np.cos(chart.elevation)[:, None]
     whole = behind_what_is_seen(chart, whole, gap, photos)

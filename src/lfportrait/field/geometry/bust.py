@@ -67,7 +67,6 @@ def bust_chart(cell: float, middle: float = 0.0, frame: Float64 | None = None,
     """
     heights = np.arange(lowest, BROWS, cell)
     heights += BROWS - heights[-1]
-    front, back = (np.interp(heights, _SECTIONS[:, 0], _SECTIONS[:, k]) for k in (2, 3))
     radius = float(_SECTIONS[-1, 1])
     above = np.arange(1, int(0.5 * np.pi * radius / cell)) * cell / radius
     # A shelf such as a chin must not move the axis forwards and back again.
@@ -76,7 +75,8 @@ def bust_chart(cell: float, middle: float = 0.0, frame: Float64 | None = None,
     columns = int(2 * np.pi * 0.45 / cell)
     return Chart(np.concatenate([axis, np.repeat(axis[-1:], len(above), axis=0)]),
                  np.concatenate([np.zeros(len(heights)), above]),
-                 (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi, cell, len(heights), frame)
+                 (np.arange(columns) + 0.5) / columns * 2 * np.pi - np.pi, cell, len(heights),
+                 frame)
 
 
 def bust_distance(chart: Chart, chin: float = CHIN) -> Float64:

@@ -1,9 +1,9 @@
 """The surface of a head and bust from photos that do not go around it.
 
-Photos of a narrow arc leave depth open: their visual hull is a cone that reaches to the cameras, and
-a field that starts from it explains the photos by a relief of any depth. So the surface is found
-first, as distances along the rays of a chart (`lfportrait.field.geometry.chart`) around the middle
-of the bust:
+Photos of a narrow arc leave depth open: their visual hull is a cone that reaches to the cameras,
+and a field that starts from it explains the photos by a relief of any depth. So the surface is
+found first, as distances along the rays of a chart (`lfportrait.field.geometry.chart`) around the
+middle of the bust:
 
 1. a generic bust (`bust`), scaled to the face's landmarks;
 2. where the outlines of the mattes touch it, the visual hull;
@@ -30,9 +30,9 @@ from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
+from .bust import CHIN, bust_chart, bust_distance
 from .chart import Chart, normals_of
 from .plate import fitted_plate
-from .bust import CHIN, bust_chart, bust_distance
 
 __all__ = ["HeadSurface", "distance_outside", "find_surface", "is_narrow", "span_of"]
 
@@ -128,14 +128,16 @@ def find_surface(capture: Capture) -> HeadSurface:
     cameras, mattes = capture.cameras[views], [capture.alphas[view] for view in views]
     local = landmarks @ frame[:3, :3].T + frame[:3, 3]
     chart = bust_chart(_CELL, float(np.nanmean(local[[27, 28, 29, 30, 33, 51, 57, 8], 0])), frame)
-    generic = bust_distance(chart, float(np.nan_to_num(local[8, 1], nan=CHIN)))
+    chin = float(np.nan_to_num(local[8, 1], nan=CHIN))
+    generic = bust_distance(chart, chin)
     prior, limit, rim = _scaled_bust(chart, generic, local, cameras, mattes)
     photos = _Photos([capture.images[view] for view in views], cameras, chart.cell / chart.scale)
     # Of a body's skin or clothes the photos say little: it is smoother than a face.
     body = np.interp(chart.axis[:, 1], (-0.9, -0.6), (0.1, 1.0))[:, None]
     # What hides below a chin is no shelf before it.
-    most = generic * np.exp(np.interp(chart.axis[:, 1], (-0.9, -0.85, -0.64, -0.6),
-                                      (1.0, 0.12, 0.12, 1.0)))[:, None]
+    below = np.interp(chart.axis[:, 1], (chin - 0.3, chin - 0.25, chin - 0.01, chin + 0.04),
+                      (1.0, 0.1, 0.1, 1.0))
+    most = generic * np.exp(below)[:, None]
     distance = np.minimum(np.minimum(prior, limit), most)
     for part, steps, window, stiff in _SWEEPS:
         reach = part / chart.scale
@@ -189,7 +191,8 @@ def _ratio_of_landmarks(chart: Chart, generic: Float64, landmarks: Float64,
                                                    for k in (0, 1))))
     # The jaw's line lies where the surface turns under: what is below it is no face.
     y_least = points[:, 1].min() + chart.cell
-    inside = np.array([b > y_least and cv2.pointPolygonTest(outline, (1000.0 * a, 1000.0 * b), False) >= 0
+    inside = np.array([b > y_least
+                       and cv2.pointPolygonTest(outline, (1000.0 * a, 1000.0 * b), False) >= 0
                        for a, b in zip(x, y)])
     flat = np.stack([x, y], axis=1)[inside]
     face = np.column_stack([flat, depth(flat)])
@@ -311,10 +314,10 @@ class _Photos:
         size = (window, window)
         values, shares = [], []
         for view, grey in enumerate(self.greys):
-            pixels, depth = (part[0] for part in self.cameras[view].project(flat))
+            pixels = self.cameras[view].project(flat)[0][0]
             maps = (pixels - 0.5).astype(np.float32).reshape(*shape, 2)
-            value = cv2.remap(grey, maps, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT,
-                              borderValue=-1.0)
+            value = cv2.remap(grey, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR,
+                              borderMode=cv2.BORDER_CONSTANT, borderValue=-1.0)
             share = np.where(value >= 0, weights[view], 0).astype(np.float32)
             value = np.maximum(value, 0)
             values.append(value - cv2.boxFilter(value, -1, size))

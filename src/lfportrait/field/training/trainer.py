@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -51,7 +52,7 @@ class Trainer:
     def __init__(self, capture: Capture, config: ReconstructConfig,
                  progress: Progress | None = None, checkpoint: Path | None = None,
                  meter: Meter | None = None) -> None:
-        self.capture, self.config, self.progress = capture, config, progress
+        self.original, self.capture, self.config, self.progress = capture, capture, config, progress
         self.checkpoint, self.meter = checkpoint, meter
         self.views = capture.training()
         if len(self.views) < 3:
@@ -66,9 +67,6 @@ class Trainer:
         self.level, self.step, self.level_done, self.rays_done = 0, 0, 0.0, 0
         self.log: list[dict[str, Any]] = []
         self.lattice: Lattice | None = None
-        # Of a narrow arc: where the person's surface is.
-        self.surface: HeadSurface | None = None
-        self.original = capture
         self.background: Background | None = None
         # Of the level that is being trained.
         self.behind: BackgroundTrainer | None = None
@@ -105,13 +103,10 @@ class Trainer:
         return VoxelField(lattice.links, lattice.density[:count].copy(), np.ascontiguousarray(sh),
                           lattice.center, lattice.radius, self.capture.frame, self.background)
 
-    def found_surface(self) -> HeadSurface | None:
+    @functools.cached_property
+    def surface(self) -> HeadSurface | None:
         """Where the person's surface is, if the photos are a narrow arc."""
-        if self.surface is None and is_narrow(self.original):
-            if self.progress is not None:
-                self.progress.update(self.progress.done, "looking for the surface of the head")
-            self.surface = find_surface(self.original)
-        return self.surface
+        return find_surface(self.original) if is_narrow(self.original) else None
 
     def save(self) -> None:
         """Write the state: between two levels, or in the middle of one."""
@@ -168,7 +163,7 @@ class Trainer:
         """The lattice to start from."""
         if self.data.has_alpha:
             start = start_person(self.capture, self.views, resolution, self.width,
-                                 self.config.init_opacity, self.found_surface())
+                                 self.config.init_opacity, self.surface)
         else:
             start = start_room(self.capture, self.views, self.data, self.config, resolution,
                                self.width)
