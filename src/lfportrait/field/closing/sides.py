@@ -28,6 +28,8 @@ Float64 = NDArray[np.float64]
 
 SQUARE = 0.05
 """Cosine between normal and way to the cameras from which on photos see a surface well."""
+NAPE = -0.35
+"""Height at which hair usually ends behind, portrait units."""
 APART = 0.08
 """A trained surface further than this from the one it started from is another thing."""
 LEAST = 0.003
@@ -74,8 +76,10 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     whole = behind_what_is_seen(chart, whole, gap, photos)
     normal = normals_of(chart, smoothed(whole, np.ones_like(known), 1.0))
     cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
+    # Behind the ears that an arc shows lies what lies above them: hair.
+    upwards = np.interp(chart.axis[:, 1], (NAPE - 0.05, NAPE + 0.05), (0.03, 1.0))
     paint = shades(chart, chart.points(np.where(np.isfinite(distance), distance, whole)), colors,
-                   known & np.isfinite(distance), photos)
+                   known & np.isfinite(distance), photos, upwards)
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True)
     closed, count = with_shell(field, shell, photos, cut)

@@ -55,7 +55,7 @@ def _operators(shape: tuple[int, int]) -> tuple[sparse.csr_array, sparse.csr_arr
 
 
 def continued(values: Float64, known: Bools, *, bending: float = 0.0,
-              upwards: float = 1.0) -> Float64:
+              upwards: Float64 | float = 1.0) -> Float64:
     """Values [V, U, C] with the unknown ones solved for: a plate under tension, or a membrane.
 
     Parameters
@@ -65,10 +65,12 @@ def continued(values: Float64, known: Bools, *, bending: float = 0.0,
     bending
         Weight of bending; 0: a membrane (Laplace's equation).
     upwards
-        How strongly a membrane holds together across rows, over along them.
+        How strongly a membrane holds together across rows, over along them; one for all rows, or
+        one a row, [V].
     """
     bend, slope = _operators((known.shape[0], known.shape[1]))
-    weights = np.repeat([upwards, 1.0], known.size)
+    across = np.broadcast_to(np.reshape(upwards, (-1, 1)), known.shape)
+    weights = np.concatenate([across.ravel(), np.ones(known.size)])
     matrix = slope.T @ (sparse.diags_array(weights) @ slope)
     if bending > 0:
         matrix = bending * (bend.T @ bend) + TENSION ** 2 * matrix

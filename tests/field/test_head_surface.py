@@ -1,0 +1,152 @@
+"""Narrow arcs: the surface is found before the field, which does not reach beyond it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from lfportrait.capture import Camera, Capture
+from lfportrait.demo import SITTER, landmarks, photograph
+from lfportrait.field import ReconstructConfig, reconstruct_with_figures
+from lfportrait.field.geometry.bust import bust_chart, bust_distance
+from lfportrait.field.geometry.head_surface import (
+    distance_outside,
+    find_surface,
+    is_narrow,
+    span_of,
+)
+from lfportrait.field.geometry.plate import fitted_plate
+
+SIDE = 176
+
+
+def cameras(angles, pitch=0.0):
+    return Camera.arc(np.asarray(angles, float), distance=3.0, width=SIDE, height=SIDE,
+                      focal=0.5 * SIDE / np.tan(np.radians(20)), target=(0.0, -0.05, 0.0),
+                      pitch=pitch)
+
+
+def filmed(angles, model=SITTER):
+    found = cameras(angles)
+    shots = [photograph(model, found, view).image for view in range(len(found))]
+    return Capture(found, [np.ascontiguousarray(shot[..., :3]) for shot in shots],
+                   [np.ascontiguousarray(shot[..., 3]) for shot in shots],
+                   [f"{k}.png" for k in range(len(shots))], np.arange(len(shots)) % 6 == 3,
+                   np.eye(4), landmarks(model))
+
+
+@pytest.fixture(scope="module")
+def arc():
+    return filmed(np.linspace(-16, 16, 18))
+
+
+@pytest.fixture(scope="module")
+def surface(arc):
+    return find_surface(arc)
+
+
+@given(some.floats(-0.4, 0.4), some.floats(0.5, 2.0), some.floats(-1, 1), some.integers(0, 99))
+@settings(max_examples=20, deadline=None)
+def test_a_chart_in_any_frame_finds_its_own_points(turn, scale, shift, seed):
+    frame = np.eye(4)
+    frame[:3, :3] = scale * np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0],
+                                      [-np.sin(turn), 0, np.cos(turn)]])
+    frame[:3, 3] = shift
+    chart = bust_chart(0.08, 0.05, frame)
+    rng = np.random.default_rng(seed)
+    distance = rng.uniform(0.2, 0.9, (len(chart.axis), len(chart.angle)))
+    places, away = chart.places(chart.points(distance).reshape(-1, 3))
+    rows, columns = np.meshgrid(np.arange(len(chart.axis)), np.arange(len(chart.angle)),
+                                indexing="ij")
+    np.testing.assert_allclose(away, distance.ravel(), atol=1e-9)
+    np.testing.assert_allclose(places[0], rows.ravel(), atol=1e-6)
+    turns = (places[1] - columns.ravel() + 0.5) % len(chart.angle) - 0.5
+    np.testing.assert_allclose(turns, 0, atol=1e-6)
+
+
+def test_the_bust_has_a_persons_size():
+    chart = bust_chart(0.03)
+    points = chart.points(bust_distance(chart)).reshape(-1, 3)
+    eyes = points[np.abs(points[:, 1]) < 0.03]
+    assert 0.7 < np.ptp(eyes[:, 0]) < 0.85  # a head is 0.155 m wide, a unit is 0.2 m
+    assert 0.9 < np.ptp(eyes[:, 2]) < 1.05
+    assert points[:, 1].max() == pytest.approx(0.57, abs=0.03)
+    assert np.ptp(points[points[:, 1] < -1.2, 0]) > 1.9
+
+
+def test_a_plate_keeps_data_and_is_smooth_between():
+    rng = np.random.default_rng(0)
+    rows, columns = np.meshgrid(np.linspace(0, 1, 20), np.arange(30) / 30 * 2 * np.pi,
+                                indexing="ij")
+    truth = rows ** 2 + 0.3 * np.cos(columns)
+    weights = np.where(rng.random(truth.shape) < 0.3, 1e3, 0.0)
+    found = fitted_plate(np.where(weights > 0, truth, 9.0), weights, 1.0, 0.0, 0.0)
+    assert np.abs(found - truth)[3:-3].max() < 0.03  # its ends are free
+    assert np.abs(fitted_plate(truth, weights, 1.0, 0.0, 1e9)).max() < 1e-3
+
+
+@pytest.mark.parametrize(("angles", "narrow"), [
+    (np.linspace(-14, 14, 9), True), (np.linspace(-35, 35, 9), True),
+    (np.linspace(-100, 100, 12), False)])
+def test_an_arc_is_told_from_a_way_around(angles, narrow):
+    found = cameras(angles)
+    blank = [np.zeros((SIDE, SIDE, 3), np.uint8)] * len(found)
+    capture = Capture(found, blank, [image[..., 0] for image in blank],
+                      [str(k) for k in range(len(found))], np.zeros(len(found), bool), np.eye(4),
+                      landmarks(SITTER))
+    assert span_of(found) == pytest.approx(np.ptp(angles), abs=0.1)
+    assert is_narrow(capture) == narrow
+    assert not is_narrow(replace(capture, alphas=None))
+    assert not is_narrow(replace(capture, landmarks=None))
+
+
+def test_an_arc_at_several_heights_carves_as_a_way_around_does():
+    found = Camera.concatenate([cameras(np.linspace(-38, 38, 8), pitch) for pitch in (-20, 0, 20)])
+    blank = [np.zeros((SIDE, SIDE, 3), np.uint8)] * len(found)
+    capture = Capture(found, blank, [image[..., 0] for image in blank],
+                      [str(k) for k in range(len(found))], np.zeros(len(found), bool), np.eye(4),
+                      landmarks(SITTER))
+    assert not is_narrow(capture)
+
+
+def test_the_surface_lies_where_the_face_is(surface):
+    camera = cameras([0.0])
+    truth = photograph(SITTER, camera)
+    _, directions = camera.rays(0)
+    points = camera.position[0] + directions * truth.depth[..., None].reshape(
+        *directions.shape[:-1], 1)
+    inside = (truth.surface >= 0).reshape(directions.shape[:-1])
+    face = points[inside]
+    face = face[(np.abs(face[:, 0]) < 0.3) & (face[:, 1] > -0.5) & (face[:, 1] < 0.4)]
+    places, away = surface.chart.places(face)
+    row, column = np.rint(places).astype(int)
+    error = np.abs(away - surface.distance[row, column % len(surface.chart.angle)])
+    assert np.median(error) < 0.02
+    assert np.quantile(error, 0.9) < 0.06
+
+
+def test_space_before_the_surface_is_clear(surface):
+    shape = (40, 48, 40)
+    distance, clearance = distance_outside(surface, shape, np.zeros(3), np.full(3, 1.2))
+    assert distance.shape == clearance.shape == shape
+    middle, front = distance[20, 24, 20], distance[-1, 24, 20]
+    assert middle < -0.2
+    assert front > 0.4
+    assert 0.0 < clearance.min() < clearance.max() < 0.1
+
+
+def test_a_face_holds_beyond_the_arc(arc):
+    config = ReconstructConfig(finest=96, rays=(0.5, 1.0), seed=1)
+    field, figures = reconstruct_with_figures(arc, config)
+    assert figures["geometry"]["span_degrees"] == pytest.approx(32, abs=1)
+    assert 0.2 < figures["geometry"]["head_shown"] < 0.6
+    beyond = cameras([-40, 40])
+    for view in range(2):
+        truth = photograph(SITTER, beyond, view).image[..., 3] > 127
+        shown = field.render(beyond, view).alpha > 0.5
+        # The lower end is trimmed, the rest of the outline must be there.
+        high = np.arange(SIDE)[:, None] < 0.62 * SIDE
+        overlap = (truth & shown & high).sum() / ((truth | shown) & high).sum()
+        assert overlap > 0.9
