@@ -57,17 +57,18 @@ def find_face(capture: Capture, progress: Progress | None = None) -> Capture:
     return _with_landmarks(capture, False, progress)[0]
 
 
-def _with_landmarks(capture: Capture, reframe: bool, progress: Progress | None,
-                    ) -> tuple[Capture, dict[str, Any]]:
+def _with_landmarks(capture: Capture, fresh: bool, progress: Progress | None,
+                    reframe: bool | None = None) -> tuple[Capture, dict[str, Any]]:
     """The capture with the face's landmarks, and in its frame if it may be moved; figures.
 
-    Those of a calibrated data set are kept in the user's cache, as each command looks for them.
+    Those of a data set that was calibrated elsewhere (not ``fresh``) are kept in the user's cache,
+    as each command looks for them; it is moved if ``reframe`` says so.
     """
-    points, figures = (_landmarks(capture, progress) if reframe
+    points, figures = (_landmarks(capture, progress) if fresh
                        else _kept_landmarks(capture, progress))
     if points is None:
         return capture, figures
-    if reframe:
+    if fresh if reframe is None else reframe:
         similarity = portrait_frame_from_landmarks(points, capture.cameras)
         points = points @ similarity[:3, :3].T + similarity[:3, 3]
         capture = capture.reframed(similarity)
@@ -153,7 +154,8 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     keep_background
         Keep the room behind the person.
     need_face
-        Raise `UserError` where no face is found, instead of going on without landmarks.
+        Raise `UserError` where no face is found, instead of going on without landmarks; turn data
+        sets that were calibrated elsewhere into the frame of their face, too.
     progress
         Progress line.
     sheet
@@ -186,7 +188,9 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
             warnings.warn(f"which photos are left out: {sheet}", stacklevel=2)
         fresh = True
     if capture.landmarks is None:
-        capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress)
+        # A portrait is shown upright and in the middle, whatever frame a data set has.
+        capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress,
+                                                        reframe=fresh or need_face)
         if capture.landmarks is None and need_face:
             raise UserError(f"no face was found in the photos of {photos}; a portrait needs a few "
                             "photos that show the face from the front, upright and in focus")
