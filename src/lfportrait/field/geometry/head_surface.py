@@ -43,11 +43,13 @@ Bools = NDArray[np.bool_]
 WIDE, TALL = 100.0, 30.0
 """Cameras that are spread over more degrees than this about the vertical axis see both sides; fewer
 do, down to 45, if they are also spread over this many degrees of height."""
-CLEARANCE, GRAZING = 0.06, 0.03
-"""Matter may lie this far before the surface, in portrait units: 12 mm where photos see it well, 6
+CLEARANCE, GRAZING = 0.06, 0.04
+"""Matter may lie this far before the surface, in portrait units: 12 mm where photos see it well, 8
 mm where they look along it or do not see it."""
 _RIM = 0.3
 """Cosine from which on photos tell a surface better than the hull that touches it."""
+_TAPER = 1.012
+"""Most growth of a lower face from one row to the row below."""
 _ALONG = 0.2
 """Cosine up to which photos look along a surface."""
 _MOST = 0.3
@@ -134,16 +136,12 @@ def find_surface(capture: Capture) -> HeadSurface:
     photos = _Photos([capture.images[view] for view in views], cameras, chart.cell / chart.scale)
     # Of a body's skin or clothes the photos say little: it is smoother than a face.
     body = np.interp(chart.axis[:, 1], (-0.9, -0.6), (0.1, 1.0))[:, None]
-    # What hides below a chin is no shelf before it.
-    below = np.interp(chart.axis[:, 1], (chin - 0.3, chin - 0.25, chin - 0.01, chin + 0.04),
-                      (1.0, 0.1, 0.1, 1.0))
-    most = generic * np.exp(below)[:, None]
-    distance = np.minimum(np.minimum(prior, limit), most)
+    distance = _tapered(chart, np.minimum(prior, limit), generic, chin)
     for part, steps, window, stiff in _SWEEPS:
         reach = part / chart.scale
         offset, trust = photos.sweep(chart, distance, limit, reach, steps, window)
         # Outlines tell where the surface is at its rims.
-        along = 0.5 * np.clip(1.0 - _facing(chart, distance, cameras) / _RIM, 0, 1)
+        along = 1.5 * np.clip(1.0 - _facing(chart, distance, cameras) / _RIM, 0, 1)
         along = np.where(rim & (along > trust), along, 0.0)
         offset = np.where(along > 0, np.where(rim, limit, 0.0) - distance, offset)
         trust = np.maximum(trust, along)
@@ -153,9 +151,25 @@ def find_surface(capture: Capture) -> HeadSurface:
             found = prior * np.exp(fitted_plate(target, trust * outlier * body, stiff,
                                                 0.02 * stiff, 1e-5))
             outlier = 1.0 / (1.0 + ((found - distance - offset) / (0.15 * reach)) ** 2)
-        distance = np.minimum(np.minimum(found, limit), most)
+        distance = _tapered(chart, np.minimum(found, limit), generic, chin)
     return HeadSurface(chart, distance, trust * outlier, _facing(chart, distance, cameras),
                        span_of(capture.cameras[capture.training()].transformed(frame)))
+
+
+def _tapered(chart: Chart, distance: Float64, generic: Float64, chin: float) -> Float64:
+    """The surface without shelves below the mouth: no throat stands before the chin that hides it.
+
+    From the mouth down each row is at most a little further out than the one above, and the throat
+    not much further than the generic one.
+    """
+    below = np.interp(chart.axis[:, 1], (chin - 0.3, chin - 0.25, chin - 0.01, chin + 0.04),
+                      (1.0, 0.1, 0.1, 1.0))
+    out = np.minimum(distance, generic * np.exp(below)[:, None])
+    front = np.abs(chart.angle) < np.radians(110.0)
+    rows = np.flatnonzero((chart.axis[:, 1] < chin + 0.12) & (chart.axis[:, 1] > chin - 0.15))
+    for row in rows[::-1]:
+        out[row, front] = np.minimum(out[row, front], _TAPER * out[row + 1, front])
+    return out
 
 
 def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Camera,
@@ -172,7 +186,7 @@ def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Ca
     rim = _rim(chart, np.fmin(rough, limit), cameras) & np.isfinite(limit)
     rim &= (weight == 0) & (_facing(chart, np.fmin(rough, limit), cameras) < _RIM)
     ratio = np.where(rim, np.log(np.where(rim, limit, 1.0) / generic), ratio)
-    weight = np.where(rim, 0.3, weight)
+    weight = np.where(rim, 2.0, weight)
     prior = generic * np.exp(fitted_plate(ratio, weight, 0.5, 0.01, loose))
     return prior, np.where(np.isfinite(limit), limit, np.inf), rim
 
