@@ -109,14 +109,17 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
 
 
 def shades(chart: Chart, points: Float64, colors: Float64, known: Bools, photos: Photos,
-           upwards: Float64 | float = 0.03) -> Float64:
-    """Colours [V, U, 3] everywhere, from the cells that photos see well."""
+           upwards: Float64 | float = 0.03, hair: Bools | None = None) -> Float64:
+    """Colours [V, U, 3] everywhere, from the cells that photos see well.
+
+    Those of ``hair`` [V, U] keep apart from the others.
+    """
     well = known.copy()
     well[well] = photos.seen(points[well], chart.rays[well]) >= photos.enough
     if not well.any():
         well = known
     # Hair, neck and collar lie above each other: colours come from the sides.
-    return continued(smoothed(colors, well, 3.0), well, upwards=upwards)
+    return continued(smoothed(colors, well, 3.0), well, upwards=upwards, apart=hair)
 
 
 def _all_around(cameras: Camera) -> bool:

@@ -68,11 +68,12 @@ class Photos:
             votes[shown] += sees
         return votes
 
-    def past(self, points: Float64) -> Bools:
+    def past(self, points: Float64, nearly: bool = True) -> Bools:
         """Whether a view sees past points [N, 3], or nearly so, bool [N]."""
         found = np.zeros(len(points), bool)
         for view, shown, place, depth in self._shown(points):
-            found[shown] |= depth < self._last[view][place] - 0.75 * self.voxel
+            last = self._last if nearly else self._depths
+            found[shown] |= depth < last[view][place] - 0.75 * self.voxel
         return found
 
     def _shown(self, points: Float64,
@@ -87,14 +88,14 @@ class Photos:
 
 
 def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bools, photos: Photos,
-                         ) -> Float64:
+                         nearly: bool = True) -> Float64:
     """Distances [V, U] so short, where ``asked``, that no photo sees past them."""
     cells = np.flatnonzero(asked)
     origin = np.broadcast_to(chart.origins[:, None], (*asked.shape, 3)).reshape(-1, 3)
     rays, out = chart.rays.reshape(-1, 3), distance.copy()
     limit = out.reshape(-1)
     while len(cells):
-        cells = cells[photos.past(origin[cells] + rays[cells] * limit[cells, None])]
+        cells = cells[photos.past(origin[cells] + rays[cells] * limit[cells, None], nearly)]
         limit[cells] -= photos.voxel
         cells = cells[limit[cells] > photos.voxel]
     return out

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...capture import Capture
-from ..geometry.chart import coherent, normals_of, read_surface
+from ..geometry.chart import Chart, coherent, normals_of, read_surface
 from ..geometry.head_surface import HeadSurface
 from ..geometry.plate import fitted_plate, large_pieces, smoothed
 from ..grid import VoxelField
@@ -30,8 +30,15 @@ SQUARE = 0.05
 """Cosine between normal and way to the cameras from which on photos see a surface well."""
 NAPE = -0.35
 """Height at which hair usually ends behind, portrait units."""
+RIM = 0.3
+"""Weight of a surface that photos look along, over one that they see well."""
 APART = 0.08
 """A trained surface further than this from the one it started from is another thing."""
+_HAIRLINE = np.array([
+    # height, degrees from the front
+    (NAPE - 0.01, 181.0), (NAPE, 125.0), (-0.15, 108.0), (-0.02, 105.0), (0.05, 85.0), (0.20, 60.0),
+    (0.36, 0.0), (0.37, -1.0)])
+"""Where hair begins on most heads: in front of the crown, above and behind the ears, at the nape."""
 LEAST = 0.003
 """Share of the chart that a piece has at least, seen or not."""
 
@@ -67,20 +74,32 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     if not known.any():
         return field, None
     known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
-    ratio = np.asarray(np.log(np.where(known & np.isfinite(distance), distance, surface.distance)
+    finite = np.isfinite(distance)
+    # At the outlines photos look along the surface: each tells it badly, all together well.
+    rim = ~known & finite & (np.abs(np.where(finite, distance, 0) - surface.distance)
+                             < APART / chart.scale)
+    rim[rim] = photos.seen(chart.points(distance)[rim]) > 0
+    ratio = np.asarray(np.log(np.where((known | rim) & finite, distance, surface.distance)
                               / surface.distance), np.float64)
-    whole = surface.distance * np.exp(fitted_plate(ratio, np.where(known, 10.0, 0.0), 0.5, 0.01,
-                                                   1e-4))
+    whole = surface.distance * np.exp(fitted_plate(
+        ratio, np.where(known, 10.0, np.where(rim, RIM, 0.0)), 0.5, 0.01, 1e-4))
     gap = ~known
     area = whole ** 2 * np.cos(chart.elevation)[:, None]
-    whole = behind_what_is_seen(chart, whole, gap, photos)
+    whole = behind_what_is_seen(chart, whole, gap, photos, False)
     normal = normals_of(chart, smoothed(whole, np.ones_like(known), 1.0))
     cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
     # Behind the ears that an arc shows lies what lies above them: hair.
     upwards = np.interp(chart.axis[:, 1], (NAPE - 0.05, NAPE + 0.05), (0.03, 1.0))
     paint = shades(chart, chart.points(np.where(np.isfinite(distance), distance, whole)), colors,
-                   known & np.isfinite(distance), photos, upwards)
+                   known & np.isfinite(distance), photos, upwards, _hair(chart, whole))
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True)
     closed, count = with_shell(field, shell, photos, cut)
     return closed, Closed(float((area * gap).sum() / area.sum()), count)
+
+
+def _hair(chart: Chart, distance: Float64) -> NDArray[np.bool_]:
+    """Where most heads have hair, bool [V, U]: one colour goes on over a bald head, too."""
+    up = np.sin(chart.elevation)[:, None] * distance * chart.scale
+    begins = np.interp(chart.axis[:, 1][:, None] + up, *_HAIRLINE.T)
+    return np.asarray(np.degrees(np.abs(chart.angle)) > begins)

@@ -15,6 +15,9 @@ Bools = NDArray[np.bool_]
 TENSION = 0.02
 """Weight of the slope against the bending, in cells."""
 
+LEAK = 0.003
+"""How strongly a membrane holds together across a border, over elsewhere."""
+
 
 def smoothed(values: Float64, known: Bools, width: float) -> Float64:
     """Values [V, U, ...] blurred, of the known ones alone."""
@@ -55,7 +58,7 @@ def _operators(shape: tuple[int, int]) -> tuple[sparse.csr_array, sparse.csr_arr
 
 
 def continued(values: Float64, known: Bools, *, bending: float = 0.0,
-              upwards: Float64 | float = 1.0) -> Float64:
+              upwards: Float64 | float = 1.0, apart: Bools | None = None) -> Float64:
     """Values [V, U, C] with the unknown ones solved for: a plate under tension, or a membrane.
 
     Parameters
@@ -67,10 +70,14 @@ def continued(values: Float64, known: Bools, *, bending: float = 0.0,
     upwards
         How strongly a membrane holds together across rows, over along them; one for all rows, or
         one a row, [V].
+    apart
+        bool [V, U]: across the border of these cells next to nothing of a membrane holds together.
     """
     bend, slope = _operators((known.shape[0], known.shape[1]))
     across = np.broadcast_to(np.reshape(upwards, (-1, 1)), known.shape)
     weights = np.concatenate([across.ravel(), np.ones(known.size)])
+    if apart is not None:
+        weights[np.abs(slope @ apart.ravel().astype(np.float64)) > 0] *= LEAK
     matrix = slope.T @ (sparse.diags_array(weights) @ slope)
     if bending > 0:
         matrix = bending * (bend.T @ bend) + TENSION ** 2 * matrix
