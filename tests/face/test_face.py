@@ -180,7 +180,7 @@ def test_a_face_in_3d_is_found_again(monkeypatch):
     cameras = cameras[np.argsort(np.abs(cameras.position[:, 0]))]
     pixels, _ = cameras.project(HEAD_LANDMARKS)
 
-    def detect(capture, view):
+    def detect(capture, view, thorough):
         return pixels[view] + np.random.default_rng(view).normal(0, 0.5, (68, 2))
 
     monkeypatch.setattr(module, "_detect", detect)
@@ -189,7 +189,7 @@ def test_a_face_in_3d_is_found_again(monkeypatch):
     points, figures = landmarks_of_capture(capture)
     assert np.abs(points - HEAD_LANDMARKS).max() < 0.03
     assert figures["views"] >= 14
-    monkeypatch.setattr(module, "_detect", lambda capture, view: None)
+    monkeypatch.setattr(module, "_detect", lambda capture, view, thorough: None)
     assert landmarks_of_capture(capture)[0] is None
 
 

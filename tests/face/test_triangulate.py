@@ -71,7 +71,7 @@ class _Detector:
     """Answers with projected landmarks where the face is turned by less than 50 degrees."""
 
     def __init__(self, capture, landmarks, front, seed=0, noise=0.5, wrong=()):
-        self.capture, self.wrong = capture, wrong
+        self.capture, self.wrong, self.overlooked = capture, wrong, ()
         rng = np.random.default_rng(seed)
         self.points, _ = capture.cameras.project(landmarks)
         self.points += rng.normal(0, noise, self.points.shape)
@@ -79,8 +79,10 @@ class _Detector:
         self.visible = away @ front > np.cos(np.radians(50))
         self.rng, self.calls = rng, []
 
-    def __call__(self, capture, view):
-        self.calls.append(view)
+    def __call__(self, capture, view, thorough):
+        self.calls.append((view, thorough))
+        if view in self.overlooked and not thorough:
+            return None
         if view in self.wrong:
             return self.rng.uniform(0, 100, (68, 2))
         return self.points[view] if self.visible[view] else None
@@ -116,6 +118,17 @@ def test_too_few_faces_are_no_face(monkeypatch):
     monkeypatch.setattr(sys.modules["lfportrait.face.triangulate"], "_detect", detector)
     found, figures = landmarks_of_capture(capture)
     assert found is None and figures["views"] == 2
+
+
+def test_faces_that_a_first_look_misses_are_looked_for_again(monkeypatch):
+    cameras = Camera.arc(np.linspace(-30, 30, 7), distance=4.0, width=600, height=600, focal=900.0)
+    capture = _capture(cameras)
+    detector = _Detector(capture, HEAD_LANDMARKS, np.array([0.0, 0.0, 1.0]))
+    detector.overlooked = range(5)
+    monkeypatch.setattr(sys.modules["lfportrait.face.triangulate"], "_detect", detector)
+    found, figures = landmarks_of_capture(capture)
+    assert figures["views"] == 7
+    assert np.linalg.norm(found - HEAD_LANDMARKS, axis=1).max() < 0.02
 
 
 @pytest.mark.data

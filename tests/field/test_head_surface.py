@@ -10,6 +10,7 @@ from hypothesis import strategies as some
 from lfportrait.capture import Camera, Capture
 from lfportrait.demo import SITTER, landmarks, photograph
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
+from lfportrait.field.closing.sides import _hair
 from lfportrait.field.geometry.bust import bust_chart, bust_distance
 from lfportrait.field.geometry.head_surface import (
     distance_outside,
@@ -17,7 +18,7 @@ from lfportrait.field.geometry.head_surface import (
     is_narrow,
     span_of,
 )
-from lfportrait.field.geometry.plate import fitted_plate
+from lfportrait.field.geometry.plate import continued, fitted_plate
 
 SIDE = 176
 
@@ -89,6 +90,7 @@ def test_a_plate_keeps_data_and_is_smooth_between():
 
 @pytest.mark.parametrize(("angles", "narrow"), [
     (np.linspace(-14, 14, 9), True), (np.linspace(-35, 35, 9), True),
+    (np.linspace(-65, 65, 12), True),
     (np.linspace(-100, 100, 12), False)])
 def test_an_arc_is_told_from_a_way_around(angles, narrow):
     found = cameras(angles)
@@ -102,13 +104,24 @@ def test_an_arc_is_told_from_a_way_around(angles, narrow):
     assert not is_narrow(replace(capture, landmarks=None))
 
 
-def test_an_arc_at_several_heights_carves_as_a_way_around_does():
-    found = Camera.concatenate([cameras(np.linspace(-38, 38, 8), pitch) for pitch in (-20, 0, 20)])
-    blank = [np.zeros((SIDE, SIDE, 3), np.uint8)] * len(found)
-    capture = Capture(found, blank, [image[..., 0] for image in blank],
-                      [str(k) for k in range(len(found))], np.zeros(len(found), bool), np.eye(4),
-                      landmarks(SITTER))
-    assert not is_narrow(capture)
+def test_hair_goes_on_behind_and_above_but_not_over_the_face():
+    chart = bust_chart(0.016)
+    distance = bust_distance(chart)
+    hair = _hair(chart, distance)
+
+    def at(height, degrees):
+        row = int(np.argmin(np.abs(chart.axis[:chart.level, 1] - height)))
+        return hair[row, int(np.argmin(np.abs(np.degrees(chart.angle) - degrees)))]
+
+    assert hair[-1].all() and at(-0.2, 179.0) and at(-0.2, -150.0) and at(0.08, 95.0)
+    assert not (at(0.0, 0.0) or at(-0.3, 90.0) or at(-0.3, -90.0) or at(-0.5, 179.0))
+    colors = np.where(hair[..., None], [0.2, 0.1, 0.0], [0.9, 0.7, 0.6])
+    seen = np.abs(np.degrees(chart.angle)) < 60
+    found = continued(colors, np.broadcast_to(seen, hair.shape), apart=hair)
+    behind = np.broadcast_to(~seen, hair.shape) & (chart.axis[:, 1] > -0.3)[:, None]
+    assert np.abs(found - colors)[behind].mean() < 0.08
+    mixed = continued(colors, np.broadcast_to(seen, hair.shape))
+    assert np.abs(mixed - colors)[behind].mean() > 0.1
 
 
 def test_the_surface_lies_where_the_face_is(surface):

@@ -23,6 +23,9 @@ Float = NDArray[np.float64]
 _SPREAD = 24
 """Views tried first, spread over the capture."""
 
+_ENOUGH = 3
+"""Views with a face that landmarks in space are found from, at least."""
+
 _MOST_TURNED = 0.9
 """`face_yaw` beyond which a view says little about the hidden half of the face."""
 
@@ -145,10 +148,11 @@ def _upright_turn(cameras: Camera, view: int) -> int:
     return 0 if up[1] <= 0 else 2
 
 
-def _detect(capture: Capture, view: int) -> Float | None:
+def _detect(capture: Capture, view: int, thorough: bool) -> Float | None:
     """Landmarks of one view; the picture is turned upright, a matted one put on grey."""
     image = np.round(255 * capture.image_float(view, background=0.6)).astype(np.uint8)
-    return detect_landmarks(image, turns=(_upright_turn(capture.cameras, view),), thorough=False)
+    return detect_landmarks(image, turns=(_upright_turn(capture.cameras, view),),
+                            thorough=thorough)
 
 
 def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> dict[int, Float]:
@@ -159,22 +163,26 @@ def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> di
     """
     order = frontal_order(capture.cameras)
     detected: dict[int, Float] = {}
-    tried: set[int] = set()
+    tried: set[tuple[int, bool]] = set()
 
-    def look(views: NDArray[np.int64]) -> None:
+    def look(views: NDArray[np.int64], thorough: bool = False) -> None:
         for view in (int(v) for v in views):
-            if view in tried:
+            if (view, thorough) in tried or view in detected:
                 continue
-            tried.add(view)
+            tried.add((view, thorough))
             if progress is not None:
                 progress.update(progress.done, f"looking for the face: {len(detected)} views found")
-            points = _detect(capture, view)
+            points = _detect(capture, view, thorough)
             if points is not None:
                 detected[view] = points
 
     look(order[::max(1, len(order) // _SPREAD)])
     if not detected:
         look(order[:_SPREAD])
+    # Small faces, sculptures and shaded ones are overlooked at a first look.
+    thorough = len(detected) < _ENOUGH
+    if thorough:
+        look(order[:_SPREAD], thorough)
     if not detected:
         return detected
     away = capture.cameras.position - focus_point(capture.cameras)
@@ -184,7 +192,7 @@ def _look_around(capture: Capture, wanted: int, progress: Progress | None) -> di
         best = np.array(list(detected))[np.argsort(yaws, kind="stable")[:3]]
         front = np.median(away[best], axis=0)
         near = np.argsort(-(away @ front), kind="stable")
-        look(near[:wanted])
+        look(near[:wanted], thorough)
     return detected
 
 
@@ -215,7 +223,7 @@ def landmarks_of_capture(capture: Capture, progress: Progress | None = None, *,
     detected = _look_around(capture, wanted, progress)
     detected = {view: points for view, points in detected.items()
                 if abs(face_yaw(points)) < _MOST_TURNED}
-    if len(detected) < 3:
+    if len(detected) < _ENOUGH:
         return None, {"views": len(detected)}
     views = np.array(sorted(detected))
     observed = np.stack([detected[view] for view in views])

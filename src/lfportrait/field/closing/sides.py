@@ -38,7 +38,7 @@ _HAIRLINE = np.array([
     # height, degrees from the front
     (NAPE - 0.01, 181.0), (NAPE, 125.0), (-0.15, 108.0), (-0.02, 105.0), (0.05, 85.0), (0.20, 60.0),
     (0.36, 0.0), (0.37, -1.0)])
-"""Where hair begins on most heads: in front of the crown, above and behind the ears, at the nape."""
+"""Where hair begins on most heads: before the crown, above and behind the ears, at the nape."""
 LEAST = 0.003
 """Share of the chart that a piece has at least, seen or not."""
 

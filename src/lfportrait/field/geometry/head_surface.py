@@ -32,7 +32,8 @@ from scipy.interpolate import RBFInterpolator
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
 from .bust import CHIN, bust_chart, bust_distance
 from .chart import Chart, normals_of
-from .plate import fitted_plate
+from .plate import fitted_plate, smoothed
+from .surface_sweep import SurfaceSweep, cosines_of
 
 __all__ = ["HeadSurface", "distance_outside", "find_surface", "is_narrow", "span_of"]
 
@@ -40,9 +41,8 @@ Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
-WIDE, TALL = 100.0, 30.0
-"""Cameras that are spread over more degrees than this about the vertical axis see both sides; fewer
-do, down to 45, if they are also spread over this many degrees of height."""
+WIDE = 140.0
+"""Cameras that are spread over more degrees than this about the vertical axis see both sides."""
 CLEARANCE, GRAZING = 0.06, 0.04
 """Matter may lie this far before the surface, in portrait units: 12 mm where photos see it well, 8
 mm where they look along it or do not see it."""
@@ -50,6 +50,8 @@ _RIM = 0.3
 """Cosine from which on photos tell a surface better than the hull that touches it."""
 _TAPER = 1.012
 """Most growth of a lower face from one row to the row below."""
+_TOLD = 0.5
+"""Trust from which on photos are believed that a face goes on below its chin."""
 _ALONG = 0.2
 """Cosine up to which photos look along a surface."""
 _MOST = 0.3
@@ -113,11 +115,7 @@ def is_narrow(capture: Capture) -> bool:
         return False
     local = capture.cameras[capture.training()].transformed(
         portrait_frame_from_landmarks(np.asarray(landmarks, np.float64), capture.cameras))
-    x, y, z = local.position.T
-    height = np.degrees(np.arctan2(y, np.hypot(x, z)))
-    span = span_of(local)
-    tall = np.ptp(np.percentile(height, (5, 95))) > TALL
-    return span < 0.45 * WIDE or (span < WIDE and not bool(tall))
+    return span_of(local) < WIDE
 
 
 def find_surface(capture: Capture) -> HeadSurface:
@@ -133,10 +131,13 @@ def find_surface(capture: Capture) -> HeadSurface:
     chin = float(np.nan_to_num(local[8, 1], nan=CHIN))
     generic = bust_distance(chart, chin)
     prior, limit, rim = _scaled_bust(chart, generic, local, cameras, mattes)
-    photos = _Photos([capture.images[view] for view in views], cameras, chart.cell / chart.scale)
+    photos = SurfaceSweep([capture.images[view] for view in views], cameras,
+                          chart.cell / chart.scale)
+    shown = _shown_below_chin(chart, np.minimum(prior, limit), limit, chin, photos)
+    prior = np.maximum(prior, shown)
     # Of a body's skin or clothes the photos say little: it is smoother than a face.
     body = np.interp(chart.axis[:, 1], (-0.9, -0.6), (0.1, 1.0))[:, None]
-    distance = _tapered(chart, np.minimum(prior, limit), generic, chin)
+    distance = _tapered(chart, np.minimum(prior, limit), generic, chin, shown)
     for part, steps, window, stiff in _SWEEPS:
         reach = part / chart.scale
         offset, trust = photos.sweep(chart, distance, limit, reach, steps, window)
@@ -151,16 +152,42 @@ def find_surface(capture: Capture) -> HeadSurface:
             found = prior * np.exp(fitted_plate(target, trust * outlier * body, stiff,
                                                 0.02 * stiff, 1e-5))
             outlier = 1.0 / (1.0 + ((found - distance - offset) / (0.15 * reach)) ** 2)
-        distance = _tapered(chart, np.minimum(found, limit), generic, chin)
+        distance = _tapered(chart, np.minimum(found, limit), generic, chin, shown)
     return HeadSurface(chart, distance, trust * outlier, _facing(chart, distance, cameras),
                        span_of(capture.cameras[capture.training()].transformed(frame)))
 
 
-def _tapered(chart: Chart, distance: Float64, generic: Float64, chin: float) -> Float64:
+def _shown_below_chin(chart: Chart, start: Float64, limit: Float64, chin: float,
+                      photos: SurfaceSweep) -> Float64:
+    """Distances where a face goes on below the chin's landmark, by the photos; 0 elsewhere, [V, U].
+
+    Beards, double chins and misplaced landmarks: the lower face is continued downwards, and what
+    photos agree on there is no throat.
+    """
+    height, front = chart.axis[:, 1], np.abs(chart.angle) < np.radians(80.0)
+    reach, on = _SWEEPS[0][0] / chart.scale, start.copy()
+    rows = np.flatnonzero((height < chin + 0.05) & (height > chin - 0.3))
+    for row in rows[::-1]:
+        on[row, front] = np.minimum(np.maximum(on[row, front], on[row + 1, front] / _TAPER),
+                                    limit[row, front])
+    offset, trust = photos.sweep(chart, on, limit, reach, *_SWEEPS[0][1:3])
+    told = ndimage.gaussian_filter(trust, 2.0) > _TOLD
+    told &= ((height < chin + 0.1) & (height > chin - 0.3))[:, None] & front
+    found = np.minimum(on + smoothed(offset, told, 1.5), limit)
+    # It hangs together with the face, has a middle, and goes no further out than the face.
+    middle = np.abs(chart.angle) < np.radians(20.0)
+    for row in rows[::-1]:
+        told[row] &= told[row + 1] & (told[row, middle].mean() > 0.9)
+        found[row] = np.minimum(found[row], found[row + 1])
+    return np.where(told & (height < chin + 0.05)[:, None], found, 0.0)
+
+
+def _tapered(chart: Chart, distance: Float64, generic: Float64, chin: float, shown: Float64,
+             ) -> Float64:
     """The surface without shelves below the mouth: no throat stands before the chin that hides it.
 
     From the mouth down each row is at most a little further out than the one above, and the throat
-    not much further than the generic one.
+    not much further than the generic one, unless photos show it there (``shown``).
     """
     below = np.interp(chart.axis[:, 1], (chin - 0.3, chin - 0.25, chin - 0.01, chin + 0.04),
                       (1.0, 0.1, 0.1, 1.0))
@@ -169,7 +196,7 @@ def _tapered(chart: Chart, distance: Float64, generic: Float64, chin: float) -> 
     rows = np.flatnonzero((chart.axis[:, 1] < chin + 0.12) & (chart.axis[:, 1] > chin - 0.15))
     for row in rows[::-1]:
         out[row, front] = np.minimum(out[row, front], _TAPER * out[row + 1, front])
-    return out
+    return np.maximum(out, np.minimum(distance, shown * _TAPER))
 
 
 def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Camera,
@@ -262,93 +289,7 @@ def _rim(chart: Chart, distance: Float64, cameras: Camera) -> Bools:
 
 def _facing(chart: Chart, distance: Float64, cameras: Camera) -> Float64:
     """How squarely a fifth of the cameras look at the surface, cosines [V, U]."""
-    return np.asarray(np.quantile(_cosines(chart, distance, cameras), 0.8, axis=0), np.float64)
-
-
-def _cosines(chart: Chart, distance: Float64, cameras: Camera) -> list[Float64]:
-    """Cosine between the normal and the way to each camera, -1 where it is hidden, [V, U] each."""
-    points, normal = chart.points(distance), normals_of(chart, distance)
-    cell, found = chart.cell / chart.scale, []
-    for view, position in enumerate(cameras.position):
-        away = position - points
-        cosine = (away * normal).sum(axis=-1) / np.linalg.norm(away, axis=-1)
-        pixels, depth = (part[0] for part in cameras[view].project(points.reshape(-1, 3)))
-        # The nearest point of each block of pixels hides what lies far behind it.
-        block = 3.0 * cell * cameras.focal[view].max() / np.median(depth)
-        place = np.floor(pixels / block).astype(int)
-        place -= place.min(axis=0)
-        nearest = np.full(tuple(place.max(axis=0) + 1), np.inf)
-        np.minimum.at(nearest, tuple(place.T), depth)
-        hidden = depth > nearest[tuple(place.T)] + 5.0 * cell
-        found.append(np.where(hidden.reshape(cosine.shape), -1.0, cosine))
-    return found
-
-
-class _Photos:
-    """Grey photos, reduced to pixels as wide as a cell, that a surface is looked up in."""
-
-    def __init__(self, images: Sequence[NDArray[np.uint8]], cameras: Camera, cell: float) -> None:
-        factor = float(np.clip(2.0 * cameras.pixel / cell, 0.1, 1.0))
-        self.cameras = cameras.scaled(factor)
-        self.greys = [cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) / 255,
-                                 (int(self.cameras.width[k]), int(self.cameras.height[k])),
-                                 interpolation=cv2.INTER_AREA) for k, image in enumerate(images)]
-
-    def sweep(self, chart: Chart, distance: Float64, limit: Float64, reach: float, steps: int,
-              window: int) -> tuple[Float64, Float64]:
-        """Offset [V, U] at which the photos agree best, and how much it can be trusted."""
-        weights = []
-        for cosine in _cosines(chart, distance, self.cameras):
-            weights.append(np.clip((cosine - 0.15) / 0.3, 0, 1).astype(np.float32))
-        offsets = np.linspace(-reach, reach, steps)
-        with ThreadPoolExecutor(numba.get_num_threads()) as workers:
-            parts = list(workers.map(
-                lambda by: self._agreement(chart.points(distance + by), weights, window), offsets))
-        scores = np.stack([part[0] for part in parts])
-        texture = parts[len(parts) // 2][1]
-        scores[(distance + offsets[:, None, None]) > limit + 0.2 * reach] = 0.0
-        scores = np.stack([cv2.GaussianBlur(score, (0, 0), window / 5) for score in scores])
-        best = scores.argmax(axis=0)
-        inner = np.clip(best, 1, steps - 2)
-        below, top, above = (np.take_along_axis(scores, (inner + by)[None], 0)[0]
-                             for by in (-1, 0, 1))
-        bend = np.minimum(below + above - 2 * top, -1e-6)
-        shift = np.clip(0.5 * (below - above) / bend, -0.5, 0.5)
-        offset = (inner + shift - (steps - 1) / 2) * (offsets[1] - offsets[0])
-        # What agrees as well elsewhere, or at the end of the reach, is not told by the photos.
-        spread = top - np.median(scores, axis=0)
-        sure = (best == inner) & (top > 1.0)
-        trust = np.where(sure, np.clip(spread / 1.5, 0, 1) * texture / (texture + 1.5e-5), 0.0)
-        return offset, trust
-
-    def _agreement(self, points: Float64, weights: Sequence[Float32], window: int,
-                   ) -> tuple[Float32, Float32]:
-        """Mean correlation of the photos with their mean, and the mean's variance, [V, U] each."""
-        flat, shape = points.reshape(-1, 3), points.shape[:2]
-        size = (window, window)
-        values, shares = [], []
-        for view, grey in enumerate(self.greys):
-            pixels = self.cameras[view].project(flat)[0][0]
-            maps = (pixels - 0.5).astype(np.float32).reshape(*shape, 2)
-            value = cv2.remap(grey, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR,
-                              borderMode=cv2.BORDER_CONSTANT, borderValue=-1.0)
-            share = np.where(value >= 0, weights[view], 0).astype(np.float32)
-            value = np.maximum(value, 0)
-            values.append(value - cv2.boxFilter(value, -1, size))
-            shares.append(share)
-        stack, weight = np.stack(values), np.stack(shares)
-        total = np.maximum(weight.sum(axis=0), 1e-6)
-        mean = (weight * stack).sum(axis=0) / total
-        own = cv2.boxFilter(mean * mean, -1, size)
-        score = np.zeros(shape, np.float32)
-        for value, share in zip(stack, weight):
-            together = cv2.boxFilter(value * mean, -1, size)
-            variance = cv2.boxFilter(value * value, -1, size)
-            score += share * together / np.sqrt(np.maximum(variance * own, 1e-12))
-        share = np.clip(score / total, 0.0, 1.0)
-        # The likelihood of an agreement, but for a factor: what misfits is noise.
-        told = np.where(total > 0.25 * len(stack), -np.log(1.003 - share), 0.0)
-        return told.astype(np.float32), own
+    return np.asarray(np.quantile(cosines_of(chart, distance, cameras), 0.8, axis=0), np.float64)
 
 
 def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: Float64,
