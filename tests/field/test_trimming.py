@@ -111,3 +111,12 @@ def test_a_bust_is_cut_where_most_photos_end(fray):
     cut = find_cut(field, FACE, Camera.concatenate([cameras[view] for cameras, view in chosen]))
     assert cut is not None and cut.normal[1] > 0.99
     assert abs(cut.height + 0.8) < 0.04
+
+
+def test_given_mattes_are_believed_further_down():
+    field = bust(0.0)
+    low, high = photos(-0.8), photos(-0.6)
+    chosen = Camera.concatenate([(high if view % 3 else low)[view] for view in range(9)])
+    guessed, given = find_cut(field, FACE, chosen), find_cut(field, FACE, chosen, surely=True)
+    assert abs(guessed.height + 0.6) < 0.04
+    assert abs(given.height + 0.8) < 0.04

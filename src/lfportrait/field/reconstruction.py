@@ -75,7 +75,8 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         The field and the figures for ``--json``: ``test.psnr`` (dB) and ``test.ssim`` over the
         held-out views, ``train.rays``, ``train.rays_per_second``, ``voxels``, ``seconds``;
         ``closed`` (share of the surface, rows added) where the head was open behind, ``trimmed``
-        (rows dropped and the plane's height) where a frayed end was cut off, both after the test;
+        (rows dropped and the plane's height) where a frayed end was cut off, both after the test,
+        ``test.psnr_finished`` (dB) after them;
         with ``measure_every`` also ``curve``, a list of `CurvePoint`; with ``refine_poses`` also
         ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB); where mattes
         were laid anew, also ``test.psnr_at_given_mattes``.
@@ -163,8 +164,8 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
     surface = trainer.surface
     if surface is not None:
         figures["geometry"] = _geometry(surface, progress)
-    cut = (find_cut(field, landmarks, capture.cameras[capture.training()]) if config.trim
-           else None)
+    cut = (find_cut(field, landmarks, capture.cameras[capture.training()],
+                    surely="mattes" not in capture.figures) if config.trim else None)
     if config.close:
         if surface is not None:
             field, closed = close_sides(field, surface, capture, cut)
@@ -178,6 +179,9 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
         figures["trimmed"] = {"voxels": count - len(field.density),
                               "height": round(cut.height, 4)}
     figures["voxels"] = len(field.density)
+    if "test" in figures:
+        figures["test"]["psnr_finished"] = held_out_quality(
+            field, capture, config.background, trainer.test_gains)["psnr"]
     return field
 
 

@@ -2,10 +2,11 @@
 
 Below the chest photos end one after the other, and what the last of them saw ends in rags and
 crumbs: there the mattes of a few photos alone say where the body ends and a floor or a chair
-begins. Where fewer than two fifths of the photos still show the body, a plane cuts it. Where
-they show it to its end, the lowest surface on each side tells: the plane goes through these ends,
-raised until hardly anything frays above it. Busts that end evenly are left alone, and so is all
-that hangs together with the head above the plane.
+begins. Where fewer than two fifths of the photos still show the body (one fifth, where mattes were
+given and not guessed by a network), a plane cuts it. Where they show it to its end, the lowest
+surface on each side tells: the plane goes through these ends, raised until hardly anything frays
+above it. Busts that end evenly are left alone, and so is all that hangs together with the head
+above the plane.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ FRAYED = 2.5
 """Voxels by which the ends' heights deviate from a plane (standard deviation) in a frayed bust."""
 CLEAN = 92.0
 """Per cent of the ends that lie below the cut."""
-SHOWN = 0.4
-"""Share of the photos that still show the body where it is cut."""
+SHOWN, SHOWN_SURELY = 0.4, 0.2
+"""Share of the photos that still show the body where it is cut; the same with mattes that were
+given: a network's take some of the floor for the person."""
 ASKED = 0.25
 """A place that a smaller share of all photos than this could show tells nothing."""
 UNSEEN = 0.01
@@ -72,7 +74,8 @@ class Cut:
         return np.asarray(points @ self.normal - self.height, np.float64)
 
 
-def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera) -> Cut | None:
+def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera,
+             surely: bool = False) -> Cut | None:
     """Where a bust is to be cut, or None where it ends evenly, or not far enough below the face.
 
     Parameters
@@ -83,6 +86,8 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera
         [68, 3], iBUG order, of its face.
     cameras
         Of the photos that it was reconstructed from.
+    surely
+        Whether the mattes were given, not guessed.
     """
     voxel = float(field.spacing.mean())
     points = field.lattice_points()[field.density > OPAQUE]
@@ -91,7 +96,7 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera
     points = points[points[:, 1] < chin]
     if not np.isfinite(tall) or len(points) < 20 * SIDES:
         return None
-    plane = _end_of_photos(points, chin, cameras)
+    plane = _end_of_photos(points, chin, cameras, SHOWN_SURELY if surely else SHOWN)
     if plane is None:
         plane = _end_of_body(points, FRAYED * voxel)
     if plane is None:
@@ -105,8 +110,9 @@ def find_cut(field: VoxelField, landmarks: NDArray[np.floating], cameras: Camera
     return cut
 
 
-def _end_of_photos(points: Float64, chin: float, cameras: Camera) -> Float64 | None:
-    """The plane on which `SHOWN` of the photos end, [3] as `_plane`; None where nothing is lower.
+def _end_of_photos(points: Float64, chin: float, cameras: Camera, share: float,
+                   ) -> Float64 | None:
+    """The plane on which all but ``share`` of the photos end, [3] as `_plane`; None if none are.
 
     A photo counts for a point if it shows the place above it at the chin's height: one that passes
     by on the other side says nothing of the lower end.
@@ -120,7 +126,7 @@ def _end_of_photos(points: Float64, chin: float, cameras: Camera) -> Float64 | N
         asked += above
         shown += above & cameras[view].shows(points)[0]
     known = asked > ASKED * len(cameras)
-    points, enough = points[known], (shown >= SHOWN * asked)[known]
+    points, enough = points[known], (shown >= share * asked)[known]
     if not len(points) or (~enough).mean() < UNSEEN:
         return None
     border = [_border(points[here], enough[here]) for here in _sides(points)]
