@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.capture import CalibrateConfig
+from lfportrait.capture import CalibrateConfig, portrait_frame_from_landmarks
+from lfportrait.errors import UserError
 from lfportrait.job import find_face, prepare
 from tests.capture.calibration.test_head_motion import COUNT, photos
 from tests.capture.test_calibrate import pose_errors
@@ -79,3 +80,28 @@ def test_without_its_network_no_face_is_looked_for(monkeypatch):
     monkeypatch.setattr("lfportrait.models.missing", lambda names: list(names))
     with pytest.warns(UserWarning, match="models fetch face-landmarker"):
         assert find_face(found) is found
+
+
+def test_a_capture_is_turned_into_the_frame_of_its_face_when_asked(monkeypatch, face):
+    found, _, _ = photos(0.0)
+    points, _ = face
+    turned = find_face(found, reframe=True)
+    straight = portrait_frame_from_landmarks(turned.landmarks, turned.cameras)
+    assert np.allclose(straight, np.eye(4), atol=1e-6)
+    # What the cameras show stays where it is.
+    before, _ = found.cameras.project(points)
+    after, _ = turned.cameras.project(turned.landmarks)
+    assert np.allclose(before, after, atol=1e-6)
+    # One that knows its face already is turned, too, and once is enough.
+    again = find_face(find_face(found), reframe=True)
+    assert np.allclose(again.landmarks, turned.landmarks)
+    assert find_face(again, reframe=True).cameras is again.cameras
+
+
+def test_no_portrait_frame_without_a_face(monkeypatch):
+    found, _, _ = photos(0.0)
+    monkeypatch.setattr("lfportrait.face.landmarks_of_capture",
+                        lambda capture, progress=None: (None, {"views": 1}))
+    monkeypatch.setattr("lfportrait.job.prepare.kept_arrays", lambda name, key, find: find())
+    with pytest.raises(UserError, match="leave out --portrait-frame"):
+        find_face(found, reframe=True)

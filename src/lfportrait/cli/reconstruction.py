@@ -92,6 +92,9 @@ class Reconstruct(Common):
     """Reconstruction."""
     keep_background: bool = False
     """Reconstruct the room, too: use no mattes, and do not cut the person out."""
+    portrait_frame: bool = False
+    """Turn the capture into the frame of its face, upright and in the middle, as `make` does; else
+    its frame is kept."""
     log: Path | None = None
     """Folder for curves that TensorBoard shows: PSNR so far, loss, rays a second, voxels."""
 
@@ -111,9 +114,10 @@ class Reconstruct(Common):
                     capture, mattes = cut_person(capture, progress)
             except UserError as error:
                 raise UserError(f"{error}; or keep the room with --keep-background") from error
-        if capture.alphas is not None and (self.config.close or self.config.trim):
+        if self.portrait_frame or (capture.alphas is not None and (self.config.close
+                                                                  or self.config.trim)):
             with self.progress("face") as progress:
-                capture = find_face(capture, progress)
+                capture = find_face(capture, progress, reframe=self.portrait_frame)
         with self.progress("reconstruct") as progress:
             result, figures = reconstruct_with_figures(
                 capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint,

@@ -34,7 +34,8 @@ from .photo_check import problem_sheet
 __all__ = ["find_face", "prepare_capture"]
 
 
-def find_face(capture: Capture, progress: Progress | None = None) -> Capture:
+def find_face(capture: Capture, progress: Progress | None = None, *,
+              reframe: bool = False) -> Capture:
     """A calibrated capture with the landmarks of its face, if it shows one.
 
     With them a reconstruction closes the back of a head and trims its frayed end. Nothing is
@@ -44,12 +45,26 @@ def find_face(capture: Capture, progress: Progress | None = None) -> Capture:
     Parameters
     ----------
     capture
-        In its own frame, which is kept.
+        In its own frame.
     progress
         Progress line.
+    reframe
+        Turn it into the frame of the face that it shows; else its frame is kept.
+
+    Raises
+    ------
+    UserError
+        If it is to be turned and shows no face, or the network for landmarks is missing.
     """
     if capture.landmarks is not None:
-        return capture
+        points = np.asarray(capture.landmarks, np.float64)
+        return _in_portrait_frame(capture, points) if reframe else capture
+    if reframe:
+        found = _with_landmarks(capture, False, progress, reframe=True)[0]
+        if found.landmarks is None:
+            raise UserError("no face was found in the photos, so the portrait frame is not known; "
+                            "leave out --portrait-frame")
+        return found
     if models.missing(["face-landmarker"]):
         warnings.warn("no face is looked for: a head stays open behind and frayed below; for that, "
                       "`lfportrait models fetch face-landmarker` gets the network", stacklevel=2)
@@ -69,10 +84,17 @@ def _with_landmarks(capture: Capture, fresh: bool, progress: Progress | None,
     if points is None:
         return capture, figures
     if fresh if reframe is None else reframe:
-        similarity = portrait_frame_from_landmarks(points, capture.cameras)
-        points = points @ similarity[:3, :3].T + similarity[:3, 3]
-        capture = capture.reframed(similarity)
+        return _in_portrait_frame(capture, points), figures
     return replace(capture, landmarks=points), figures
+
+
+def _in_portrait_frame(capture: Capture, points: NDArray[np.float64]) -> Capture:
+    """The capture with a face's landmarks [68, 3], turned into its frame."""
+    similarity = portrait_frame_from_landmarks(points, capture.cameras)
+    if np.allclose(similarity, np.eye(4), atol=1e-3):
+        return replace(capture, landmarks=points)
+    points = points @ similarity[:3, :3].T + similarity[:3, 3]
+    return replace(capture.reframed(similarity), landmarks=points)
 
 
 def _landmarks(capture: Capture, progress: Progress | None,
@@ -194,6 +216,8 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
         if capture.landmarks is None and need_face:
             raise UserError(f"no face was found in the photos of {photos}; a portrait needs a few "
                             "photos that show the face from the front, upright and in focus")
+    elif need_face:
+        capture = _in_portrait_frame(capture, np.asarray(capture.landmarks, np.float64))
     if capture.alphas is None and not keep_background:
         soft = rough_mattes(capture, progress)
         if fresh:
