@@ -11,6 +11,7 @@ from lfportrait.capture import Camera, Capture
 from lfportrait.demo import SITTER, landmarks, photograph
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
 from lfportrait.field.closing.sides import _hair
+from lfportrait.field.coverage import Coverage
 from lfportrait.field.geometry.bust import bust_chart, bust_distance
 from lfportrait.field.geometry.head_surface import (
     distance_outside,
@@ -150,9 +151,27 @@ def test_space_before_the_surface_is_clear(surface):
     assert 0.0 < clearance.min() < clearance.max() < 0.1
 
 
-def test_a_face_holds_beyond_the_arc(arc):
-    config = ReconstructConfig(finest=96, rays=(0.5, 1.0), seed=1)
-    field, figures = reconstruct_with_figures(arc, config)
+@pytest.fixture(scope="module")
+def whole(arc):
+    return reconstruct_with_figures(arc, ReconstructConfig(finest=96, rays=(0.5, 1.0), seed=1))
+
+
+def test_photos_cover_the_face_and_not_the_back(arc, whole):
+    field, _ = whole
+    coverage = Coverage(field, arc)
+    around = cameras([0.0, 180.0])
+    face, back = (coverage.directions(around, view) for view in range(2))
+    middle = np.s_[SIDE // 3:SIDE // 2, 2 * SIDE // 5:3 * SIDE // 5]
+    assert np.median(face[middle]) >= Coverage.ENOUGH
+    assert np.median(back[middle]) == 0
+    assert face[2, 2] == back[2, 2] == -1
+    few = replace(arc, held_out=np.arange(len(arc)) != len(arc) // 2)
+    assert np.median(Coverage(field, few).directions(around, 0)[middle]) == 1
+    assert Coverage(field, few).share(4.0) == 0 < coverage.share(4.0) < 0.9
+
+
+def test_a_face_holds_beyond_the_arc(whole):
+    field, figures = whole
     assert figures["geometry"]["span_degrees"] == pytest.approx(32, abs=1)
     assert 0.2 < figures["geometry"]["head_shown"] < 0.6
     beyond = cameras([-40, 40])

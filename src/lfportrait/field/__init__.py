@@ -15,11 +15,12 @@ from .texture import SurfaceTexture
 
 if TYPE_CHECKING:
     from .config import ReconstructConfig, lattice_points
+    from .coverage import Coverage
     from .quality import held_out_quality
     from .reconstruction import reconstruct, reconstruct_with_figures
     from .surface import Mesh, PointCloud, field_mesh, field_points
 
-__all__ = ["C0", "FieldFile", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
+__all__ = ["C0", "Coverage", "FieldFile", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
            "SampleWeights", "SurfaceTexture", "VoxelField", "camera_row", "field_file",
            "field_mesh", "field_points", "held_out_quality", "lattice_points", "read_arrays",
            "reconstruct", "reconstruct_with_figures", "save_checkpoint", "save_field"]

@@ -18,6 +18,7 @@ share           all of them                     ``portrait.html``, ``sweep.mp4``
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -189,6 +190,12 @@ class _Job:
             figures = write_field(self.out / "capture", self.out / "field.npz", self.config,
                                   self.seed, progress, checkpoint)
         self.stages.remove_scratch("reconstruct.npz")
+        span = figures.get("geometry", {}).get("span_degrees", 360.0)
+        if span < self.display.cone:
+            warnings.warn(
+                f"the photos go around the head by {span:.0f} degrees, {self.display.name} shows "
+                f"{self.display.cone:.0f}: what its outer views show is partly a guess "
+                "(report.html shows where); film from further left and right", stacklevel=2)
         return {**figures, "peak_memory_bytes": peak_memory_bytes()}
 
     def _stylize(self) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from PIL import Image, ImageDraw
 
 from ..capture import Camera, Capture
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
-from ..field import VoxelField
+from ..field import Coverage, VoxelField
 from ..files import write_image
 from ..lightfield import Display, EncodeConfig, ViewMask, read_coded, simulate
 from ..measure import machine
@@ -38,6 +38,10 @@ from ..stylize import load_styled
 from ..version import __version__
 
 __all__ = ["share_job"]
+
+_ANGLES = (-45, 0, 45)
+_FEW = np.array([(0.9, 0.2, 0.1), (1.0, 0.6, 0.1), (1.0, 0.75, 0.3), (0.3, 0.6, 1.0)])
+"""Colours of places seen from none, one, two and more directions, for any eye to tell apart."""
 
 Float32 = NDArray[np.float32]
 
@@ -70,7 +74,8 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
     Returns
     -------
     figures
-        Size of the video and number of frames; the page's own.
+        Size of the video and number of frames; the page's own; ``head_covered``, the share of the
+        head that photos show well (`Coverage.share`).
     """
     def say(text: str) -> None:
         if progress is not None:
@@ -86,6 +91,7 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
     say("pictures of the report")
     cameras = sweep_cameras(90.0, 1, 480, styled)
     strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)
+    covered, share = _coverage_section(field, capture)
     hero = np.concatenate(strip[1:4], axis=1)
     write_image(folder / "hero.png", hero)
     coded = read_coded(folder / "lightfield.png", display)
@@ -97,6 +103,7 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
         sections=[
             _inputs(capture, exemplar),
             _field_section(field, capture),
+            covered,
             _guides(field, capture, exemplar, transfer),
             Section("Stylised views", "The optimised field; every view shows the same strokes.",
                     [Picture(image, f"{angle:+d} degrees", width=480)
@@ -108,7 +115,7 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
                                                     ("parameter", "value"))])])
     say("report")
     write_report(folder / "report.html", report)
-    return {"frames": frames, "size": size, "page": written}
+    return {"frames": frames, "size": size, "page": written, "head_covered": round(share, 3)}
 
 
 def _strip(field: VoxelField, cameras: Camera, angles: tuple[int, ...], background: float,
@@ -191,19 +198,41 @@ def _field_section(field: VoxelField, capture: Capture) -> Section:
         Picture(_depth_picture(rendering.depth), "depth")])
 
 
+def _coverage_section(field: VoxelField, capture: Capture) -> tuple[Section, float]:
+    """Where the head is seen from how many directions, and the share that is seen well."""
+    coverage = Coverage(field, capture)
+    views = _turned(field)
+    pictures = []
+    for view, angle in enumerate(_ANGLES):
+        found = coverage.directions(views, view)
+        color = _FEW[np.clip(found, 0, Coverage.ENOUGH)]
+        shade = np.clip(field.render(views, view).color, 0, 1).mean(axis=-1, keepdims=True)
+        picture = np.where(found[..., None] < 0, 1.0, color * (0.3 + 0.7 * shade))
+        pictures.append(Picture(picture.astype(np.float32), f"{angle:+d} degrees"))
+    share = coverage.share(float(np.linalg.norm(views.position[0])))
+    return Section("What the photos show", f"Blue: seen from {Coverage.ENOUGH} directions or more, "
+                   f"{100 * share:.0f} % of the head between the profiles; orange: from one or "
+                   "two; red: from none, so its shape and colours are a guess. More photos from "
+                   "further left and right, and from above and below, make it blue.",
+                   pictures), share
+
+
+def _turned(field: VoxelField) -> Camera:
+    """Views of a head from the left, the front and the right."""
+    first = sweep_cameras(90.0, 1, 448, field)[0]
+    return Camera.arc(np.array(_ANGLES, float), distance=float(np.linalg.norm(first.position[0])),
+                      width=448, height=448, focal=float(first.focal[0, 0]))
+
+
 def _guides(field: VoxelField, capture: Capture, exemplar: Exemplar,
             config: TransferConfig) -> Section:
     if capture.landmarks is None:
         return Section("Example-based transfer")
     transfer = Transfer(exemplar, config)
     guide = SurfaceGuide(capture.landmarks, exemplar, transfer.regions)
-    cameras = sweep_cameras(90.0, 1, 448, field)
-    first = cameras[0]
-    distance = float(np.linalg.norm(first.position[0]))
-    views = Camera.arc(np.array([-45.0, 0.0, 45.0]), distance=distance, width=448, height=448,
-                       focal=float(first.focal[0, 0]))
+    views = _turned(field)
     pictures = []
-    for view, angle in enumerate((-45, 0, 45)):
+    for view, angle in enumerate(_ANGLES):
         rendering = field.render(views, view)
         position, anchor = guide(rendering.points(views, view))
         pixels, _ = views.project(capture.landmarks)

@@ -58,6 +58,13 @@ class Photos:
         ``outwards`` [N, 3], unit: only from directions with a cosine above ``least`` to it.
         """
         votes = np.zeros(len(points), np.int32)
+        for sees in self.each(points, outwards, least):
+            votes += sees
+        return votes
+
+    def each(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
+             ) -> Iterator[Bools]:
+        """For each view, which of the points it sees, bool [N] (`seen`)."""
         for view, shown, place, depth in self._shown(points):
             sees = ((depth > self._first[view][place] - 2.5 * self.voxel)
                     & (depth < self._matter[view][place] + 2.5 * self.voxel))
@@ -65,8 +72,9 @@ class Photos:
                 away = self.cameras.position[view] - points[shown]
                 away /= np.linalg.norm(away, axis=1, keepdims=True)
                 sees &= (away * outwards[shown]).sum(axis=1) > least
-            votes[shown] += sees
-        return votes
+            found = np.zeros(len(points), bool)
+            found[shown] = sees
+            yield found
 
     def past(self, points: Float64, nearly: bool = True) -> Bools:
         """Whether a view sees past points [N, 3], or nearly so, bool [N]."""
