@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.capture import CalibrateConfig, portrait_frame_from_landmarks
+from lfportrait.capture import CalibrateConfig, PhotosError, portrait_frame_from_landmarks
 from lfportrait.errors import UserError
 from lfportrait.job import find_face, prepare
 from tests.capture.calibration.test_head_motion import COUNT, photos
@@ -105,3 +105,27 @@ def test_no_portrait_frame_without_a_face(monkeypatch):
     monkeypatch.setattr("lfportrait.job.prepare.kept_arrays", lambda name, key, find: find())
     with pytest.raises(UserError, match="leave out --portrait-frame"):
         find_face(found, reframe=True)
+
+
+@pytest.mark.usefixtures("face")
+@pytest.mark.parametrize("helps", [True, False])
+def test_photos_that_share_nothing_are_placed_by_the_face(tmp_path, monkeypatch, helps):
+    found, _, boxes = photos(0.0)
+
+    def apart(*_):
+        raise PhotosError("the photos do not overlap enough", {})
+    monkeypatch.setattr(prepare, "calibrate", apart)
+    monkeypatch.setattr("lfportrait.models.missing", lambda names: [])
+    by_face = replace(found, cameras=boxes, figures={"photos": COUNT, "left_out": ["7.png"],
+                                                     "blurred": [], "placed": "by the face"})
+    monkeypatch.setattr("lfportrait.face.capture_from_faces",
+                        lambda path, config, progress: by_face if helps else None)
+    if not helps:
+        with pytest.raises(UserError, match="do not overlap enough"):
+            prepare.prepare_capture(tmp_path, CalibrateConfig(), keep_background=True)
+        return
+    with pytest.warns(UserWarning, match=r"1 photos could not be placed by the face .*7\.png"):
+        capture, figures = prepare.prepare_capture(tmp_path, CalibrateConfig(),
+                                                   keep_background=True, need_face=True)
+    assert figures["calibration"]["placed"] == "by the face" and len(capture) == COUNT
+    assert capture.landmarks is not None

@@ -35,7 +35,7 @@ from .sources import load_photos
 from .video import read_video, video_frames
 
 if TYPE_CHECKING:
-    from .calibration.head_motion import HeadMotion, follow_head
+    from .calibration.head_motion import HeadMotion, follow_head, place_by_head
     from .photo_cameras import CalibrateConfig, PhotosError, calibrate
 
 __all__ = [
@@ -43,9 +43,9 @@ __all__ = [
     "LatePictures", "Lens", "Photo", "PhotosError", "calibrate", "consistent_mattes",
     "contact_sheet", "fineness", "focus_point", "follow_head", "font", "is_calibrated", "is_video",
     "load_photos", "looks_normalised", "matte_agreement", "mattes_share", "picture_files",
-    "portrait_frame_from_cameras", "portrait_frame_from_landmarks", "pose_corrections",
-    "read_photos", "read_video", "refine_matte", "relative_sharpness", "undistort", "video_frames",
-    "views_share", "without_drift",
+    "place_by_head", "portrait_frame_from_cameras", "portrait_frame_from_landmarks",
+    "pose_corrections", "read_photos", "read_video", "refine_matte", "relative_sharpness",
+    "undistort", "video_frames", "views_share", "without_drift",
 ]
 
 __getattr__, __dir__ = attach(__name__, __file__)

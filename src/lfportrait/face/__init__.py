@@ -22,6 +22,7 @@ from .triangulate import frontal_order, landmarks_of_capture, triangulate
 __all__ = [
     "GENERIC_LANDMARKS",
     "FacePose",
+    "capture_from_faces",
     "detect_faces",
     "detect_landmarks",
     "detectors_key",
@@ -46,6 +47,13 @@ def detectors_key() -> str:
     """Hash of what finds landmarks: the networks that are at hand, and the code of this package."""
     return key_of(models.in_use(["face-landmarker", "face-landmarks-68", "face-detector"]),
                   code_hash(Path(__file__).parent))
+
+
+def capture_from_faces(photos: Path, config: Any, progress: Any = None) -> Any:
+    """A capture with cameras from a face (`lfportrait.face.face_cameras.capture_from_faces`)."""
+    from .face_cameras import capture_from_faces as run
+
+    return run(photos, config, progress)
 
 
 def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:

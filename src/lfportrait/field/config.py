@@ -172,7 +172,8 @@ class ReconstructConfig:
         """
         after = 0.07 * self.time_budget
         if matted:
-            after = max(after, min(0.35 * self.time_budget, 12.0 if faced else 7.0))
+            part, most = (0.35, 12.0) if faced else (0.2, 7.0)
+            after = max(after, min(part * self.time_budget, most))
         return self.time_budget - after
 
     def resolved(self, room: bool, distance: float, pixel: float = 0.0,

@@ -33,6 +33,13 @@ from .photo_check import problem_sheet
 
 __all__ = ["find_face", "prepare_capture"]
 
+_OUTLIERS = 0.6
+"""Share of a face's landmarks that do not fit cameras which are wrong."""
+_PLACED = 0.8
+"""Part of the photos below which it is tried whether the face tells the cameras of more."""
+_FAR = 10.0
+"""Pixels by which a head's features are off, by cameras that are of something else."""
+
 
 def find_face(capture: Capture, progress: Progress | None = None, *,
               reframe: bool = False) -> Capture:
@@ -159,6 +166,67 @@ def _marks(calibration: dict[str, Any]) -> dict[str, str]:
             | dict.fromkeys(calibration["left_out"], "not placed"))
 
 
+def _placed_photos(photos: Path, config: CalibrateConfig, progress: Progress | None,
+                   sheet: Path | None) -> tuple[Capture, dict[str, Any]]:
+    """Photos with the cameras that structure from motion finds, or else the face; figures."""
+    figures: dict[str, Any] = {"source": "photos"}
+    try:
+        capture = calibrate(photos, config, progress)
+    except PhotosError as error:
+        found = _by_the_face(photos, config, progress, figures, 3)
+        if found is not None:
+            return found, figures
+        if sheet is not None:
+            problem_sheet(photos, error.marks, sheet, config.video_frames)
+            raise UserError(f"{error}; which photos: {sheet}") from error
+        raise
+    figures["calibration"] = capture.figures
+    marks = _marks(capture.figures)
+    if marks and sheet is not None:
+        problem_sheet(photos, marks, sheet, config.video_frames)
+        warnings.warn(f"which photos are left out: {sheet}", stacklevel=2)
+    return capture, figures
+
+
+def _by_the_face(photos: Path, config: CalibrateConfig, progress: Progress | None,
+                 figures: dict[str, Any], least: float) -> Capture | None:
+    """A capture whose cameras the face tells, with landmarks; None below ``least`` photos."""
+    from ..face import capture_from_faces
+
+    if models.missing(["face-landmarker", "person-segmentation"]):
+        return None
+    if progress is not None:
+        progress.say("what the photos show beside the person does not fit together: the cameras "
+                     "are sought by the face and the head alone")
+    capture = capture_from_faces(photos, config, progress)
+    if capture is None or len(capture) < max(least, 3):
+        return None
+    how = figures.get("landmarks", {})
+    if capture.landmarks is None:
+        capture, how = _with_landmarks(capture, True, progress)
+        if capture.landmarks is None:
+            return None
+    figures["calibration"], figures["landmarks"] = capture.figures, how
+    left_out = capture.figures["left_out"]
+    if left_out:
+        warnings.warn(f"{len(left_out)} photos could not be placed by the face and are left out: "
+                      f"{', '.join(left_out[:5])}{', ...' if len(left_out) > 5 else ''}",
+                      stacklevel=2)
+    return capture
+
+
+def _knows_by_face(figures: dict[str, Any]) -> bool:
+    """Whether the cameras come from the face, and so follow the head already."""
+    return "face" in str(figures.get("calibration", {}).get("placed", ""))
+
+
+def _face_disagrees(landmarks: dict[str, Any], need_face: bool) -> bool:
+    """Whether a face's landmarks say that the cameras are wrong."""
+    if "outliers" in landmarks:
+        return bool(landmarks["outliers"] > _OUTLIERS)
+    return need_face or landmarks.get("views", 0) > 0
+
+
 def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
                     need_face: bool = False, progress: Progress | None = None,
                     sheet: Path | None = None) -> tuple[Capture, dict[str, Any]]:
@@ -196,23 +264,16 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
         figures: dict[str, Any] = {"source": "calibrated"}
         fresh = False
     else:
-        try:
-            capture = calibrate(photos, config, progress)
-        except PhotosError as error:
-            if sheet is not None:
-                problem_sheet(photos, error.marks, sheet, config.video_frames)
-                raise UserError(f"{error}; which photos: {sheet}") from error
-            raise
-        figures = {"source": "photos", "calibration": capture.figures}
-        marks = _marks(capture.figures)
-        if marks and sheet is not None:
-            problem_sheet(photos, marks, sheet, config.video_frames)
-            warnings.warn(f"which photos are left out: {sheet}", stacklevel=2)
+        capture, figures = _placed_photos(photos, config, progress, sheet)
         fresh = True
     if capture.landmarks is None:
         # A portrait is shown upright and in the middle, whatever frame a data set has.
         capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress,
                                                         reframe=fresh or need_face)
+        if fresh and _face_disagrees(figures["landmarks"], need_face):
+            capture = _by_the_face(photos, config, progress, figures, 0.5 * len(capture)) or capture
+        elif fresh and len(capture) < _PLACED * capture.figures.get("photos", 0):
+            capture = _by_the_face(photos, config, progress, figures, len(capture) + 1) or capture
         if capture.landmarks is None and need_face:
             raise UserError(f"no face was found in the photos of {photos}; a portrait needs a few "
                             "photos that show the face from the front, upright and in focus")
@@ -220,10 +281,14 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
         capture = _in_portrait_frame(capture, np.asarray(capture.landmarks, np.float64))
     if capture.alphas is None and not keep_background:
         soft = rough_mattes(capture, progress)
-        if fresh:
+        if fresh and not _knows_by_face(figures):
             capture, soft, figures["head_motion"] = _following(capture, soft, config, progress)
             if figures["head_motion"]["followed"]:
                 capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress)
+            elif (figures["head_motion"]["pixels"] or 0.0) > _FAR:
+                other = _by_the_face(photos, config, progress, figures, 0.5 * len(capture))
+                if other is not None:
+                    capture, soft = other, rough_mattes(other, progress)
             _tell_left_out(figures, photos, config, sheet)
         capture, figures["mattes"] = cut_person(capture, progress, soft=soft)
     figures["views"] = len(capture)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lfportrait.capture import Camera, Capture, follow_head
+from lfportrait.capture import Camera, Capture, follow_head, place_by_head
 from lfportrait.capture.calibration import head_motion
 from lfportrait.capture.calibration.head_motion import epipolar_distance
 from tests.capture.test_calibrate import pose_errors, room_cameras, room_picture
@@ -144,3 +144,16 @@ def test_only_the_head_counts_where_the_face_is_known():
         for points, inside in ((crown_chin_ears, 1), (shoulders, 0)):
             pixels = cameras.project(points)[0][view].astype(int)
             assert (head[pixels[:, 1], pixels[:, 0]] == inside).all()
+
+
+def test_what_moved_places_the_photos_from_rough_cameras(moved):
+    capture, mattes, boxes = moved
+    random = np.random.default_rng(5)
+    rough = capture.cameras.pose.copy()
+    rough[:, :3, :3] = Rotation.from_rotvec(random.normal(0, np.radians(3), (COUNT, 3))
+                                            ).as_matrix() @ rough[:, :3, :3]
+    cameras = replace(capture.cameras, pose=rough, focal=0.9 * capture.cameras.focal)
+    placed, found = place_by_head(replace(capture, cameras=cameras), mattes)
+    assert placed == list(range(COUNT))
+    assert np.median(pose_errors(found.pose, boxes.pose)[0]) < 0.5
+    assert abs(found.focal[0, 0] / capture.cameras.focal[0, 0] - 1) < 0.05

@@ -33,7 +33,7 @@ from .database import Scene
 from .features import Features, enough, likely_pairs, match_features, sift_features
 from .mapping import place_photos
 
-__all__ = ["HeadMotion", "follow_head"]
+__all__ = ["HeadMotion", "follow_head", "place_by_head"]
 
 _FEATURES, _CONTRAST = 2048, 0.006
 """Features of a head at most, and contrast of the weakest: low, as skin has few."""
@@ -177,17 +177,49 @@ def _distances(pycolmap: Any, scene: Scene, cameras: Camera, lenses: list[int]) 
 
 
 def _placed_by_head(pycolmap: Any, scene: Scene, lenses: list[int], cameras: Camera,
-                      ) -> tuple[list[int], Camera]:
+                    lens_known: bool = True) -> tuple[list[int], Camera]:
     """The photos that features of the head place, and their cameras laid on the given ones."""
     placing = place_photos(pycolmap, scene, lenses, _MODEL, lambda: None, lambda line: None,
-                           lens_known=True)
+                           lens_known=lens_known)
     if len(placing.photos) < 3:
         return [], cameras[[]]
     pose = np.tile(np.eye(4), (len(placing.photos), 1, 1))
-    for row, photo in enumerate(placing.photos):
-        pose[row, :3] = placing.model.images[photo + 1].cam_from_world().inverse().matrix()
     given = cameras[placing.photos]
-    return placing.photos, without_drift(replace(given, pose=pose), given)
+    focal = given.focal.copy()
+    for row, photo in enumerate(placing.photos):
+        image = placing.model.images[photo + 1]
+        pose[row, :3] = image.cam_from_world().inverse().matrix()
+        # The scene's pixels are square, as wide as the photo's.
+        focal[row] *= placing.model.cameras[image.camera_id].params[0] / focal[row, 0]
+    return placing.photos, without_drift(replace(given, pose=pose, focal=focal), given)
+
+
+def place_by_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int = 0,
+                  ) -> tuple[list[int], Camera]:
+    """Cameras by features of the head alone, of photos whose backgrounds are of many places.
+
+    Parameters
+    ----------
+    capture
+        Photos with rough cameras in the portrait frame, and with landmarks.
+    mattes
+        V rough mattes of the person, float32 [H, W] in [0, 1].
+    seed
+        Of the random sampling.
+
+    Returns
+    -------
+    photos, cameras
+        Numbers of the photos that are placed and their cameras, with focal lengths of their
+        own, laid on the rough ones; none where fewer than three are.
+    """
+    import pycolmap
+
+    pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
+    pycolmap.set_random_seed(seed)
+    with tempfile.TemporaryDirectory(prefix="lfportrait-") as work:
+        scene = _scene(capture, mattes, Path(work), seed)
+        return _placed_by_head(pycolmap, scene, _lenses(scene), capture.cameras, False)
 
 
 def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int = 0,

@@ -1,0 +1,276 @@
+"""Cameras from a face alone, for photos that share nothing else.
+
+A few photos of one person, each before another background, or from sides too far apart, give
+structure from motion nothing to hold on to: features of skin are few, and those of what stands
+behind belong to other places. But the landmarks of a face are the same points in every photo. Each
+photo's pose begins with the generic head; then poses, the lenses' focal lengths and the person's
+own landmarks are found together (bundle adjustment, robust, the generic head as a weak prior).
+These cameras are good to some degrees, which is enough to know where the head is in each photo;
+features of the head alone, matched between neighbours, then place the photos to a fraction of that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from ..capture import (
+    CalibrateConfig,
+    Camera,
+    Capture,
+    is_video,
+    place_by_head,
+    portrait_frame_from_landmarks,
+    read_photos,
+    read_video,
+)
+from ..progress import Progress
+from .detect import detect_landmarks
+from .generic_head import GENERIC_LANDMARKS
+from .segmentation import person_matte
+
+__all__ = ["FaceCameras", "cameras_from_faces", "capture_from_faces"]
+
+Float64 = NDArray[np.float64]
+
+_USUAL_FOCAL = 1.2
+"""Focal length over the longer side where the camera noted none."""
+_OWN = 0.06
+"""How far a person's landmarks lie from the generic head's, portrait units."""
+_JAW = 0.25
+"""Weight of the jaw's landmarks: on a turned face they slide along the outline."""
+_HIDDEN = 0.3
+"""Cosine between a landmark's normal and the way to the camera below which it is guessed."""
+_RADII = np.array([0.47, 0.68, 0.52])
+"""Of the egg that tells the normals."""
+_BETTER = 0.6
+"""Part of the photos with a face that features of the head must place, to be believed."""
+_NOISE = 0.015
+"""A detector's error, over the face's extent in the photo."""
+_LOOSE, _NOTED = 0.25, 0.03
+"""Logarithm by which focal lengths differ from the usual one, and from noted ones."""
+_FAR = 4.0
+"""A photo whose landmarks are off by more than this many times the noise is of another face."""
+
+
+@dataclass(frozen=True)
+class FaceCameras:
+    """What the faces tell.
+
+    Attributes
+    ----------
+    photos
+        Numbers of the photos that have a camera.
+    cameras
+        Theirs, about in the portrait frame.
+    landmarks
+        float64 [68, 3], of the person.
+    error
+        Root mean square error of the landmarks, over the face's extent.
+    """
+
+    photos: list[int]
+    cameras: Camera
+    landmarks: Float64
+    error: float
+
+
+def cameras_from_faces(landmarks: Sequence[Float64 | None], sizes: Sequence[tuple[int, int]],
+                       focals: Sequence[float | None], lenses: Sequence[int]) -> FaceCameras | None:
+    """The cameras of photos of one face.
+
+    Parameters
+    ----------
+    landmarks
+        float64 [68, 2] in pixels for each photo, or None where no face was found.
+    sizes
+        Width and height of each photo in pixels.
+    focals
+        Focal lengths in pixels that the cameras noted, or None.
+    lenses
+        Number of each photo's lens; those of one lens share a focal length.
+
+    Returns
+    -------
+    found
+        None if fewer than three photos fit together.
+    """
+    photos = [k for k, points in enumerate(landmarks) if points is not None]
+    for _ in range(3):
+        if len(photos) < 3:
+            return None
+        found, errors = _fitted([np.asarray(landmarks[k]) for k in photos],
+                                [sizes[k] for k in photos], [focals[k] for k in photos],
+                                [lenses[k] for k in photos], photos)
+        far = errors > max(_FAR * _NOISE, 3.0 * float(np.median(errors)))
+        if not far.any():
+            return found
+        photos = [k for k, out in zip(photos, far) if not out]
+    return None
+
+
+def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress | None = None,
+                       ) -> Capture | None:
+    """A capture of photos, or of a video, whose cameras come from the face alone.
+
+    Parameters
+    ----------
+    photos
+        Folder of photos or a video.
+    config
+        Parameters of calibration.
+    progress
+        Progress line.
+
+    Returns
+    -------
+    capture
+        In the portrait frame; ``figures`` as `calibrate`'s. None if fewer than three photos show
+        one and the same face.
+    """
+    def say(note: str) -> None:
+        if progress is not None:
+            progress.update(0, note)
+
+    loaded = (read_video(photos, config.video_frames, config.max_side, config.video_spacing)
+              if is_video(photos) else read_photos(photos, config.max_side))
+    landmarks = []
+    for number, photo in enumerate(loaded):
+        say(f"looking for the face in photo {number + 1} of {len(loaded)}")
+        landmarks.append(detect_landmarks(np.ascontiguousarray(photo.image[..., :3]),
+                                          turns=(0, 1, 3)))
+    kinds = [(photo.image.shape, photo.lens) if config.shared_camera else photo.name
+             for photo in loaded]
+    sizes = [(photo.image.shape[1], photo.image.shape[0]) for photo in loaded]
+    found = cameras_from_faces(landmarks, sizes, [photo.focal for photo in loaded],
+                               [kinds.index(kind) for kind in kinds])
+    if found is None:
+        return None
+    kept = [loaded[k] for k in found.photos]
+    images = [np.ascontiguousarray(photo.image[..., :3]) for photo in kept]
+    capture = Capture(found.cameras, images, None, [photo.name for photo in kept],
+                      np.zeros(len(kept), bool), np.eye(4), found.landmarks)
+    capture = capture.reframed(portrait_frame_from_landmarks(found.landmarks, found.cameras))
+    say("placing the photos by the head alone")
+    soft = [person_matte(image, _up(capture, view)) for view, image in enumerate(images)]
+    placed, cameras = place_by_head(capture, soft, config.seed)
+    how = "by the face's landmarks"
+    if len(placed) >= max(3, _BETTER * len(kept)):
+        how = "by the face's landmarks, then features of the head"
+        capture = replace(capture, cameras=cameras, images=[images[k] for k in placed],
+                          names=[capture.names[k] for k in placed], landmarks=None)
+    held_out = np.zeros(len(capture), bool)
+    if config.holdout > 1 and len(capture) >= 2 * config.holdout:
+        held_out[config.holdout // 2::config.holdout] = True
+    left_out = [photo.name for photo in loaded if photo.name not in capture.names]
+    figures = {"photos": len(loaded), "registered": len(capture), "left_out": left_out,
+               "blurred": [], "placed": how,
+               "focal_px": float(np.median(capture.cameras.focal[:, 0]))}
+    return replace(capture, held_out=held_out, figures=figures)
+
+
+def _up(capture: Capture, view: int) -> Float64:
+    """The world's up direction in a photo, [2] (x right, y down)."""
+    return np.asarray(capture.cameras.pose[view, :3, :3].T @ [0.0, 1.0, 0.0])[:2]
+
+
+def _fitted(observed: list[Float64], sizes: list[tuple[int, int]], focals: list[float | None],
+            lenses: list[int], photos: list[int]) -> tuple[FaceCameras, Float64]:
+    """Cameras of all photos, and the error of each."""
+    seen = np.stack(observed)
+    extent = np.linalg.norm(np.ptp(seen[:, 17:], axis=1), axis=1)
+    center = np.array(sizes, np.float64) / 2
+    kinds = {lens: place for place, lens in enumerate(dict.fromkeys(lenses))}
+    kind = np.array([kinds[lens] for lens in lenses])
+    first = np.array([focal or _USUAL_FOCAL * max(size) for focal, size in zip(focals, sizes)])
+    start_focal = np.array([np.median(first[kind == k]) for k in range(len(kinds))])
+    noted = np.array([any(focals[i] for i in np.flatnonzero(kind == k)) for k in range(len(kinds))])
+    poses = np.stack([_first_pose(points, focal, middle) for points, focal, middle
+                            in zip(seen, start_focal[kind], center)])
+    weight = np.sqrt(_shown(poses))[..., None]
+    count, own = len(seen), 3 * 68
+
+    def parts(values: Float64) -> tuple[Float64, Float64, Float64]:
+        return (values[:own].reshape(68, 3), values[own:own + 6 * count].reshape(count, 6),
+                start_focal * np.exp(values[own + 6 * count:]))
+
+    def away(values: Float64) -> Float64:
+        head, pose, focal = parts(values)
+        local = np.einsum("vij,nj->vni", Rotation.from_rotvec(pose[:, :3]).as_matrix(), head)
+        local = local + pose[:, None, 3:]
+        depth = np.maximum(local[..., 2:], 0.1)
+        shown = local[..., :2] / depth * focal[kind, None, None] + center[:, None]
+        return np.asarray((shown - seen) / extent[:, None, None])
+
+    def left_over(values: Float64) -> Float64:
+        head, _, focal = parts(values)
+        prior = (head - GENERIC_LANDMARKS) / _OWN
+        lens = np.log(focal / start_focal) / np.where(noted, _NOTED, _LOOSE)
+        # Robust by itself: the priors are to stay least squares.
+        errors = away(values) * weight / _NOISE
+        length = np.linalg.norm(errors, axis=-1, keepdims=True)
+        errors *= np.sqrt(2 * (np.sqrt(1 + length ** 2 / 9) - 1) * 9) / np.maximum(length, 1e-9)
+        return np.concatenate([errors.ravel(), prior.ravel(), lens])
+
+    start = np.concatenate([GENERIC_LANDMARKS.ravel(), poses.ravel(), np.zeros(len(kinds))])
+    found = least_squares(left_over, start, jac_sparsity=_pattern(count, kind, len(kinds)),
+                          x_scale="jac", max_nfev=60)
+    head, pose, focal = parts(found.x)
+    errors = np.linalg.norm(away(found.x)[:, 17:], axis=-1)
+    world = np.tile(np.eye(4), (count, 1, 1))
+    turn = Rotation.from_rotvec(pose[:, :3]).as_matrix().transpose(0, 2, 1)
+    world[:, :3, :3] = turn
+    world[:, :3, 3] = -np.einsum("vij,vj->vi", turn, pose[:, 3:])
+    cameras = Camera(world, np.repeat(focal[kind][:, None], 2, axis=1), center,
+                     np.array([size[0] for size in sizes]), np.array([size[1] for size in sizes]))
+    rms = np.sqrt((errors ** 2).mean(axis=1))
+    return FaceCameras(photos, cameras, head, float(np.sqrt((rms ** 2).mean()))), rms
+
+
+def _shown(poses: Float64) -> Float64:
+    """How far to believe each landmark, [V, 68]: a detector guesses those on the far side."""
+    turn = Rotation.from_rotvec(poses[:, :3]).as_matrix()
+    eye = -np.einsum("vji,vj->vi", turn, poses[:, 3:])
+    normal = GENERIC_LANDMARKS / _RADII ** 2
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    away = eye[:, None] - GENERIC_LANDMARKS
+    cosine = (away * normal).sum(axis=-1) / np.linalg.norm(away, axis=-1)
+    weight = np.clip((cosine - _HIDDEN) / (1 - _HIDDEN), 0.0, 1.0)
+    return np.where(np.arange(68) < 17, _JAW, 1.0) * np.maximum(weight, 0.01)
+
+
+def _first_pose(points: Float64, focal: float, center: Float64) -> Float64:
+    """Rotation vector and shift, world to camera, of a photo by the generic head, [6]."""
+    matrix = np.array([[focal, 0, center[0]], [0, focal, center[1]], [0, 0, 1.0]])
+    inner = slice(17, 68)
+    _, turns, shifts, _ = cv2.solvePnPGeneric(GENERIC_LANDMARKS[inner], points[inner], matrix, None,
+                                              flags=cv2.SOLVEPNP_SQPNP)
+    turn, shift = cv2.solvePnPRefineLM(GENERIC_LANDMARKS[inner], points[inner], matrix, None,
+                                       turns[0], shifts[0])
+    return np.concatenate([np.ravel(turn), np.ravel(shift)])
+
+
+def _pattern(count: int, kind: NDArray[np.int64], kinds: int) -> sparse.csr_array:
+    """Which values each of the residuals depends on."""
+    rows = 2 * 68 * count
+    pattern = sparse.lil_array((rows + 3 * 68 + kinds, 3 * 68 + 6 * count + kinds), dtype=np.int8)
+    landmark = np.repeat(np.tile(np.arange(68), count), 2)
+    view = np.repeat(np.arange(count), 2 * 68)
+    line = np.arange(rows)
+    for k in range(3):
+        pattern[line, 3 * landmark + k] = 1
+    for k in range(6):
+        pattern[line, 3 * 68 + 6 * view + k] = 1
+    pattern[line, 3 * 68 + 6 * count + kind[view]] = 1
+    prior = np.arange(3 * 68)
+    pattern[rows + prior, prior] = 1
+    pattern[rows + 3 * 68 + np.arange(kinds), 3 * 68 + 6 * count + np.arange(kinds)] = 1
+    return pattern.tocsr()
