@@ -7,7 +7,7 @@ wanted), and more are freed at the very end (`lens_terms`).
 Where photos are left out that have matches with others, it is tried again: all photos at once
 instead of one after the other (COLMAP's global mapping), which needs no good pair to start from and
 finds a wrong focal length from far off; other focal lengths; a lens for each photo; and from the
-best so far with weaker demands. Each try is told in a line.
+best so far with weaker demands, until tries bring no more. Each try is told in a line.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ _FEWEST_POINTS = 15
 _SUPPORT = 0.25
 """Nor has one for which a smaller part of its matched features are points of the model: all photos
 at once may be laid out wrongly so that each still fits a few matches."""
+_MOST, _IN_VAIN = 0.7, 2
+"""Where this part of the photos is placed, so many tries in a row that place no more are the last:
+of 66 photos of a shiny head 52 were placed in 210 s, and five more ways brought none in 300 s."""
 _FOCALS = (0.75, 2.4, 3.8)
 """Focal lengths over the longer side that are tried besides the usual one: 27, 86, 137 mm."""
 
@@ -188,6 +191,7 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
     seen_again = scene.seen_again(pycolmap, groups, model)
     able = int((seen_again > 0).sum())
     tried = [Placing("nothing", None, [], groups)]
+    in_vain = 0
 
     def best() -> Placing:
         # The first of those that place the most: it was made under the better conditions.
@@ -195,9 +199,11 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
 
     for attempt in _tries(_Mapper(pycolmap, scene, model, seen_again, report, lens_known),
                           groups, best):
+        in_vain = 0 if len(attempt.photos) > len(best().photos) else in_vain + 1
         tried.append(attempt)
         if len(tried) > 2 or len(attempt.photos) < able:
             say(f"placing the photos {attempt.how}: {len(attempt.photos)} of {len(groups)}")
-        if len(best().photos) >= able:
+        if len(best().photos) >= able or (in_vain >= _IN_VAIN
+                                          and len(best().photos) >= _MOST * able):
             break
     return best()
