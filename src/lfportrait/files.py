@@ -17,10 +17,11 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageOps
+from PIL import Image
 
 from .errors import UserError
 from .measure import usable_cores
+from .pictures import srgb
 
 __all__ = [
     "atomic_path", "atomic_write", "map_arrays", "picture_format", "read_image", "read_images",
@@ -103,7 +104,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
         If the file is missing or not JSON.
     """
     try:
-        return json.loads(Path(path).read_text())
+        return json.loads(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise UserError(f"can't read {path}: {error.strerror}") from error
     except ValueError as error:
@@ -111,7 +112,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
 
 
 def read_image(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
-    """Read a picture, turned upright by its EXIF orientation.
+    """Read a picture, turned upright by its EXIF orientation, in sRGB by its profile.
 
     Returns
     -------
@@ -126,9 +127,7 @@ def read_image(path: str | os.PathLike[str]) -> NDArray[np.uint8]:
     try:
         with Image.open(path) as picture:
             picture.load()
-            upright = ImageOps.exif_transpose(picture)
-            has_alpha = "A" in upright.getbands() or "transparency" in upright.info
-            return np.asarray(upright.convert("RGBA" if has_alpha else "RGB"))
+            return np.asarray(srgb(picture))
     except FileNotFoundError as error:
         raise UserError(f"no such file: {path}") from error
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:

@@ -148,6 +148,21 @@ def test_masks_are_named_relative_to_the_file_and_may_be_larger(tmp_path: Path) 
         Capture.load(tmp_path)
 
 
+def test_files_written_on_windows(tmp_path: Path) -> None:
+    write_transforms(tmp_path, rig(8, 4), {"camera_angle_x": ANGLE}, mask_path=".\\masks\\m.png")
+    write_image(tmp_path / "masks" / "m.png", np.full((60, 80), 255, np.uint8))
+    plain = Capture.load(tmp_path)
+    data = json.loads((tmp_path / "transforms.json").read_text())
+    for frame in data["frames"]:
+        frame["file_path"] = ".\\" + frame["file_path"].removeprefix("./").replace("/", "\\")
+    data["test_filenames"] = [data["frames"][1]["file_path"]]
+    (tmp_path / "transforms.json").write_text(json.dumps(data), encoding="utf-8-sig")
+    capture = Capture.load(tmp_path)
+    assert capture.alphas is not None and plain.alphas is not None
+    assert sorted(capture.names) == sorted(plain.names) and capture.held_out.sum() == 1
+    assert spot_error(capture, MARKER) < 0.3
+
+
 def test_the_files_own_lists_decide_what_is_held_out(tmp_path: Path) -> None:
     cameras = rig(8, 6)
     write_transforms(tmp_path, cameras, {
@@ -285,6 +300,18 @@ def test_damaged_nsvf_sets_are_the_users_errors(tmp_path: Path) -> None:
     (tmp_path / "intrinsics.txt").unlink()
     with pytest.raises(UserError, match=r"intrinsics\.txt"):
         Capture.load(tmp_path)
+
+
+@pytest.mark.parametrize("place", ["sparse", "colmap/sparse", "dense/sparse", "distorted/sparse"])
+def test_the_largest_of_several_colmap_models_is_taken(tmp_path: Path, place: str) -> None:
+    for number, count in enumerate((2, 5, 3)):
+        colmap_model(tmp_path / place / str(number), "PINHOLE", rig(3, count), False)
+    for view in range(5):
+        write_image(tmp_path / "images" / f"a photo {view:02d}.png",
+                    np.zeros((60, 80, 3), np.uint8))
+    assert is_calibrated(tmp_path)
+    with pytest.warns(UserWarning, match=rf"3 COLMAP models; the largest, {place}/1 with 5 photos"):
+        assert len(Capture.load(tmp_path)) == 5
 
 
 def test_masks_of_colmap_sets_become_alpha(tmp_path: Path) -> None:

@@ -163,8 +163,8 @@ def test_svox2s_files_are_read_old_form_and_skip_distances_included(tmp_path):
     assert np.allclose(back.sh, field.sh)
 
 
-@pytest.mark.parametrize("spoil", ["missing key", "links", "text", "truncated", "basis", "words",
-                                   "nan", "cube", "frame", "compressed"])
+@pytest.mark.parametrize("spoil", ["missing key", "links", "text", "truncated", "basis", "bases",
+                                   "basis in words", "words", "nan", "cube", "frame", "compressed"])
 def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
     path = tmp_path / "f.npz"
     field = shell_field(size=8)
@@ -182,6 +182,10 @@ def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
             arrays["links"] = arrays["links"] + 10_000
         elif spoil == "basis":
             arrays["basis_type"] = np.int64(4)
+        elif spoil == "bases":
+            arrays["basis_type"] = np.ones(3, np.int64)
+        elif spoil == "basis in words":
+            arrays["basis_type"] = np.str_("harmonics")
         elif spoil == "words":
             arrays["links"] = np.full(arrays["links"].shape, "x")
         elif spoil == "nan":

@@ -150,6 +150,31 @@ def test_random_panels_follow_the_shader_and_survive_the_way_back(calibration, v
     assert abs(turn - round(turn)) < 1e-6
 
 
+@pytest.mark.parametrize("form", ["bare", "text", "value"])
+def test_a_panels_own_quilt_comes_before_our_table(form):
+    quilt = {"quiltAspect": 1.78, "quiltX": 7680, "quiltY": 4320, "tileX": 8, "tileY": 6}
+    entry = {"bare": quilt, "text": json.dumps(quilt), "value": {"value": quilt}}[form]
+    display = display_of({**CLASSIC, "serial": "LKG-J00001", "defaultQuilt": entry})
+    assert display.quilt == (8, 6) and display.quilt_size == (7680, 4320) and display.views == 48
+    for broken in ("{", {}, {**quilt, "tileX": 0}, {**quilt, "quiltX": "wide"}, 7):
+        entries = {**CLASSIC, "serial": "LKG-J00001", "defaultQuilt": broken}
+        assert display_of(entries).quilt == (7, 7)
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.sampled_from(sorted(PANELS)), st.data())
+def test_whatever_a_calibration_says_it_is_a_panel_or_one_line(panel, data):
+    calibration = dict(PANELS[panel])
+    for key in data.draw(st.lists(st.sampled_from(sorted(calibration)), max_size=3)):
+        calibration[key] = data.draw(
+            st.floats() | st.integers(-10 ** 30, 10 ** 30) | st.text(max_size=3) | st.none()
+            | st.lists(st.none(), max_size=2) | st.sampled_from([0.0, 1e-300, 1e300, -1e-9]))
+    try:
+        display_of(calibration)
+    except UserError as error:
+        assert "\n" not in str(error)
+
+
 @WIDE
 @given(calibrations, cells, st.integers(0, 4), st.integers(2, 200))
 def test_random_panels_with_cells_follow_the_shader(calibration, rows, mode, views):

@@ -17,9 +17,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageOps
+from PIL import Image
 
 from ..errors import UserError
+from ..pictures import srgb
 from .exif import noted
 
 __all__ = ["Photo", "is_video", "picture_files", "read_photos"]
@@ -74,9 +75,7 @@ def _read_photo(path: Path, max_side: int) -> Photo:
             ratio = max_side / max(picture.size)
             picture.draft(None, (int(picture.width * ratio), int(picture.height * ratio)))
         picture.load()
-        upright: Image.Image = ImageOps.exif_transpose(picture)
-        alpha = "A" in upright.getbands() or "transparency" in upright.info
-        upright = upright.convert("RGBA" if alpha else "RGB")
+        upright = srgb(picture)
     if max_side and max(upright.size) > max_side:
         ratio = max_side / max(upright.size)
         size = [max(1, round(side * ratio)) for side in upright.size]

@@ -247,7 +247,8 @@ def load_field(path: Any) -> Loaded:
     if any(arrays[name].dtype.kind not in "fiu" for name in (*_NEEDED, "radius", "center")):
         raise UserError(f"{path} is not a field: it holds text where numbers should be")
     # Learned bases: the earliest files have them without saying so.
-    if int(arrays.get("basis_type", 4 if "basis_data" in arrays else 1)) != 1:
+    basis = np.asarray(arrays.get("basis_type", 4 if "basis_data" in arrays else 1))
+    if basis.size != 1 or basis.dtype.kind not in "iuf" or int(basis.item()) != 1:
         raise UserError(f"{path} uses a colour basis other than spherical harmonics, which "
                         "lfportrait does not read")
     links, density, sh = arrays["links"], arrays["density_data"].reshape(-1), arrays["sh_data"]

@@ -19,6 +19,7 @@ while the lens keeps its own t.
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -81,6 +82,31 @@ def _cells(calibration: dict[str, Any]) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(_number(row, key) for key in _CELL) for row in rows)
 
 
+def _default_quilt(calibration: dict[str, Any]) -> tuple[int, int, int, int] | None:
+    """The quilt that a panel itself asks for: columns, rows, width, height; None if it says none.
+
+    ``defaultQuilt`` is an object with ``tileX``, ``tileY``, ``quiltX`` and ``quiltY``, or that as
+    a text.
+    """
+    entry = calibration.get("defaultQuilt")
+    if isinstance(entry, dict) and "value" in entry:
+        entry = entry["value"]
+    if isinstance(entry, str):
+        try:
+            entry = json.loads(entry)
+        except ValueError:
+            return None
+    if not isinstance(entry, dict):
+        return None
+    try:
+        columns, rows, width, height = (round(float(entry[key])) for key in (
+            "tileX", "tileY", "quiltX", "quiltY"))
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None
+    sensible = 1 <= columns <= width <= 32768 and 1 <= rows <= height <= 32768
+    return (columns, rows, width, height) if sensible else None
+
+
 def entries_of(calibration: dict[str, Any], *, views: int = 0, name: str = "",
                ) -> dict[str, Any]:
     """The arguments of a `Display` from the contents of ``visual.json``.
@@ -110,7 +136,9 @@ def entries_of(calibration: dict[str, Any], *, views: int = 0, name: str = "",
     flip_y = _number(calibration, "flipImageY", 0) >= 0.5
     lens = _number(calibration, "pitch") * (width / dpi) * math.cos(math.atan(1.0 / slope))
     tilt = height / (width * slope) * (-1 if flip_x else 1)
-    pitch = 3.0 * width / lens
+    pitch = 3.0 * width / lens if lens else math.inf
+    if not math.isfinite(pitch) or pitch == 0:
+        raise UserError("the calibration's pitch, slope, DPI and screenW give no pitch of lenses")
     # t falls by 1 / H from row to row: the top row's pixel middles lie at t = 1 - 1 / (2 H). Where
     # the panel shows its picture upside down, the row that is seen on top is the lowest.
     top, down = (0.5 / height, 1.0 / height) if flip_y else (1.0 - 0.5 / height, -1.0 / height)
@@ -123,7 +151,8 @@ def entries_of(calibration: dict[str, Any], *, views: int = 0, name: str = "",
     serial = str(_plain(calibration.get("serial")) or "")
     quilt = max(((len(start), size) for start, size in _QUILTS.items()
                  if serial.upper().startswith(start)), default=(0, None))[1]
-    quilt = quilt or _QUILTS_BY_WIDTH.get(width, (5, 9, 4096, 4096))
+    quilt = (_default_quilt(calibration) or quilt
+             or _QUILTS_BY_WIDTH.get(width, (5, 9, 4096, 4096)))
     swapped = not cells and _number(calibration, "flipSubp", 0) >= 0.5
     return {
         "width": width, "height": height, "views": views or quilt[0] * quilt[1],

@@ -40,3 +40,16 @@ def test_the_page_is_there_and_nothing_else(served):
 def test_a_port_that_is_taken_is_told(served, tmp_path):
     with pytest.raises(UserError, match="choose another --port"):
         serve_page(tmp_path / "page.html", int(served.rstrip("/").rsplit(":", 1)[1]), browse=False)
+
+
+@pytest.mark.parametrize(("host", "allowed"), [
+    ("evil.example", False), ("127.0.0.1.evil.example:80", False), ("", False),
+    ("localhost:8000", True), ("127.0.0.1", True)])
+def test_another_sites_name_gets_nothing(served, host, allowed):
+    asked = urllib.request.Request(served, headers={"Host": host})
+    if allowed:
+        with urllib.request.urlopen(asked) as answer:
+            assert answer.status == 200
+    else:
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(asked)

@@ -22,7 +22,7 @@ from ...files import read_images
 from ..distortion import Lens
 from .assembly import Views, assemble, with_mask
 
-__all__ = ["ColmapImage", "lens_of", "load_colmap", "read_model"]
+__all__ = ["ColmapImage", "lens_of", "load_colmap", "photo_count", "read_model"]
 
 Float = NDArray[np.float64]
 
@@ -204,6 +204,14 @@ def _photo_folder(model: Path, root: Path, names: list[str]) -> Path:
                 return folder
     raise UserError(f"the photos of the COLMAP model in {model} were not found; put them into "
                     f"{root / 'images'}")
+
+
+def photo_count(model: Path) -> int:
+    """Photos of a COLMAP model; 0 where it can't be read."""
+    try:
+        return len(read_model(model)[1])
+    except UserError:
+        return 0
 
 
 def load_colmap(model: Path, root: Path, holdout: int) -> Views:

@@ -2,29 +2,52 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
+
+import numpy as np
 
 from ...errors import UserError
 from .assembly import Views
-from .colmap import load_colmap
+from .colmap import load_colmap, photo_count
 from .datasets import load_llff, load_nsvf, nsvf_folders
 from .transforms import load_transforms, transform_files
 
 __all__ = ["is_calibrated", "load_views"]
 
 
-def _colmap_folder(path: Path) -> Path | None:
-    for folder in (path, path / "sparse" / "0", path / "sparse", path / "colmap" / "sparse" / "0"):
-        if any((folder / f"cameras.{kind}").is_file() for kind in ("bin", "txt")):
-            return folder
-    return None
+def _colmap_models(path: Path) -> list[Path]:
+    """Folders with a COLMAP model: where COLMAP and programs that call it leave them."""
+    found = []
+    for part in ("", "sparse", "colmap/sparse", "dense/sparse", "dense/0/sparse",
+                 "distorted/sparse", "colmap"):
+        folder = path / part
+        numbered = (sorted((one for one in folder.iterdir() if one.is_dir() and one.name.isdigit()),
+                           key=lambda one: int(one.name)) if folder.is_dir() else [])
+        found += [place for place in (folder, *numbered)
+                  if any((place / f"cameras.{kind}").is_file() for kind in ("bin", "txt"))]
+        if found:
+            break
+    return found
+
+
+def _largest_model(models: list[Path], root: Path) -> Path:
+    """The model with the most photos; a line says so where there are others."""
+    if len(models) == 1:
+        return models[0]
+    counts = [photo_count(model) for model in models]
+    best = int(np.argmax(counts))
+    warnings.warn(f"{root} has {len(models)} COLMAP models; the largest, "
+                  f"{models[best].relative_to(root)} with {counts[best]} photos, is taken",
+                  stacklevel=2)
+    return models[best]
 
 
 def is_calibrated(path: Path) -> bool:
     """Whether a folder or file is a data set with cameras (and not plain photos or a video)."""
     if transform_files(path):
         return True
-    return path.is_dir() and (_colmap_folder(path) is not None
+    return path.is_dir() and (bool(_colmap_models(path))
                               or (path / "poses_bounds.npy").is_file()
                               or nsvf_folders(path) is not None)
 
@@ -42,9 +65,9 @@ def load_views(path: Path, holdout: int) -> Views:
     files = transform_files(path)
     if files:
         return load_transforms(files, holdout)
-    colmap = _colmap_folder(path) if path.is_dir() else None
-    if colmap is not None:
-        return load_colmap(colmap, path, holdout)
+    models = _colmap_models(path) if path.is_dir() else []
+    if models:
+        return load_colmap(_largest_model(models, path), path, holdout)
     if (path / "poses_bounds.npy").is_file():
         return load_llff(path, holdout)
     if nsvf_folders(path) is not None:

@@ -90,6 +90,11 @@ def _picture_path(folder: Path, name: str) -> Path | None:
     return None
 
 
+def _forward(name: str) -> str:
+    """A path as Windows writes it, with slashes."""
+    return name.replace("\\", "/")
+
+
 def _mask_places(root: Path, path: Path, frame: dict[str, Any]) -> list[Path]:
     """Where a frame's mask may lie.
 
@@ -98,7 +103,7 @@ def _mask_places(root: Path, path: Path, frame: dict[str, Any]) -> list[Path]:
     """
     places = [folder / "masks" / f"{path.stem}.png" for folder in (path.parent.parent, path.parent)]
     if frame.get("mask_path"):
-        places.insert(0, root / str(frame["mask_path"]))
+        places.insert(0, root / _forward(str(frame["mask_path"])))
     return places
 
 
@@ -106,7 +111,7 @@ def _split_of(data: dict[str, Any], name: str, file: Path, several: bool) -> boo
     """Whether a picture is a test view, by the file's lists or its name; None: it does not say."""
     def listed(key: str) -> bool:
         names = data.get(f"{key}_filenames")
-        return isinstance(names, list) and name in names
+        return isinstance(names, list) and name in (_forward(str(one)) for one in names)
 
     if any(isinstance(data.get(f"{key}_filenames"), list) for key in ("test", "val")):
         return listed("test") or listed("val")
@@ -125,7 +130,7 @@ def load_transforms(files: list[Path], holdout: int) -> Views:
         for frame in data["frames"]:
             try:
                 pose = np.array(frame["transform_matrix"], np.float64)
-                name = str(frame["file_path"])
+                name = _forward(str(frame["file_path"]))
             except (KeyError, TypeError, ValueError) as error:
                 raise UserError(f"{file}: a frame lacks {error}") from error
             if pose.shape == (3, 4):

@@ -22,6 +22,11 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Send the page, or that there is nothing else."""
+        # A page of another site that has its name point here must not read the portrait.
+        name = self.headers.get("Host", "").rsplit(":", 1)[0].lower()
+        if name not in ("127.0.0.1", "localhost"):
+            self.send_error(403)
+            return
         if self.path.split("?")[0] not in ("/", "/portrait.html"):
             self.send_error(404)
             return
