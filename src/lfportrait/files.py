@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from .colour import srgb
 from .errors import UserError
 from .measure import usable_cores
-from .pictures import srgb
 
 __all__ = [
     "atomic_path", "atomic_write", "map_arrays", "picture_format", "read_image", "read_images",

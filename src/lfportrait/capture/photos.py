@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ..colour import srgb
 from ..errors import UserError
-from ..pictures import srgb
 from .exif import noted
 
 __all__ = ["Photo", "is_video", "picture_files", "read_photos"]
