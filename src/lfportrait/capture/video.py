@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ..colour import tone_mapped
 from ..errors import UserError
 from .photos import Photo
 from .sharpness import fineness, relative_sharpness
@@ -29,6 +30,8 @@ __all__ = ["read_video", "video_frames"]
 _SIDE, _RATE = 384, 5.0
 # A video whose features move less than this part of the picture altogether stands still.
 _STILL = 0.02
+# Curves of high dynamic range by the number that a stream has for them (ITU-T H.273).
+_HIGH_RANGE: dict[int, Literal["hlg", "pq"]] = {16: "pq", 18: "hlg"}
 
 
 @dataclass(frozen=True)
@@ -204,10 +207,21 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
     return rate, frames()
 
 
+def _pixels(frame: Any, max_side: int) -> NDArray[np.uint8]:
+    """A decoded frame in sRGB, uint8 [H, W, 3]."""
+    curve = _HIGH_RANGE.get(int(frame.color_trc or 0))
+    if curve is None:
+        return np.asarray(frame.to_ndarray(format="rgb24"))
+    ratio = min(1.0, max_side / max(frame.width, frame.height)) if max_side else 1.0
+    deep = frame.to_ndarray(format="rgb48le", width=max(1, round(ratio * frame.width)),
+                            height=max(1, round(ratio * frame.height)))
+    return tone_mapped(deep, curve)
+
+
 def _upright(frame: Any, max_side: int) -> NDArray[np.uint8]:
     """A decoded frame as uint8 [H, W, 3], turned upright and reduced."""
     turns = round(getattr(frame, "rotation", 0) / 90) % 4
-    upright = np.ascontiguousarray(np.rot90(frame.to_ndarray(format="rgb24"), turns))
+    upright = np.ascontiguousarray(np.rot90(_pixels(frame, max_side), turns))
     if not max_side or max(upright.shape[:2]) <= max_side:
         return upright
     picture = Image.fromarray(upright)
