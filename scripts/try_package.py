@@ -4,7 +4,8 @@ All happens in a folder outside the checkout and in a virtual environment of its
 that lies in the checkout but not in the package is missed here and not by a user. The wheel must
 hold each file that git knows below src/, and the source distribution must build the same wheel.
 
-Run: python scripts/try_package.py            builds, compares, installs, runs `demo --quick`
+Run: python scripts/try_package.py            builds, compares, installs, runs `demo --quick`,
+                                          as a user without a home, too
      python scripts/try_package.py --build    only builds and compares
 """
 
@@ -20,6 +21,7 @@ import time
 import venv
 import zipfile
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 CONSTRAINTS = ROOT / "constraints.txt"
@@ -107,6 +109,32 @@ def tried(wheel: Path, folder: Path) -> None:
         if not (empty / "demo" / name).is_file():
             sys.exit(f"the demo of the installed package wrote no {name}")
     say("the installed package runs its demo")
+    without_home(lfportrait, folder)
+
+
+def without_home(lfportrait: Path, folder: Path) -> None:
+    """Run the demo as an ordinary user without a home, who may not write to the installation."""
+    if not hasattr(os, "geteuid") or os.geteuid() != 0:
+        say("not tried as a user without a home: only root can drop its rights")
+        return
+    nobody, place = 65534, folder / "nobody"
+    place.mkdir()
+    os.chown(place, nobody, nobody)
+    for part in (folder, folder / "user"):
+        part.chmod(0o755)
+    as_nobody: dict[str, Any] = {"user": nobody, "group": nobody, "extra_groups": [], "cwd": place,
+                                 "env": {"PATH": os.environ["PATH"], "HOME": "/nonexistent",
+                                         "TMPDIR": str(place)}}
+    try:
+        subprocess.run([lfportrait, "--version"], check=True, **as_nobody)
+    except OSError:
+        say("not tried as a user without a home: this Python is root's alone")
+        return
+    subprocess.run([lfportrait, "demo", "--quick", "--quiet", "--out", "demo"], check=True,
+                   **as_nobody)
+    if not (place / "demo" / "lightfield.png").is_file():
+        sys.exit("the demo of a user without a home wrote no lightfield.png")
+    say("a user without a home runs the demo of an installation that is read-only")
 
 
 def main() -> int:

@@ -7,6 +7,7 @@ import io
 import json
 import mmap
 import os
+import stat
 import struct
 import tempfile
 import zipfile
@@ -25,7 +26,7 @@ from .measure import usable_cores
 
 __all__ = [
     "atomic_path", "atomic_write", "map_arrays", "picture_format", "read_image", "read_images",
-    "read_json", "write_exr", "write_image", "write_json", "write_mappable",
+    "read_json", "temporary_home", "write_exr", "write_image", "write_json", "write_mappable",
 ]
 
 
@@ -77,6 +78,23 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Open ``path`` for binary writing; it appears only when the block has succeeded."""
     with atomic_path(path) as temporary, open(temporary, "wb") as stream:
         yield stream
+
+
+def temporary_home() -> Path:
+    """A folder of this user's alone for what has no home to be kept in, in the temporary folder.
+
+    Its name is the same each time; where somebody else made a folder of that name, a new one is
+    made, as what lies in it is run.
+    """
+    user = getattr(os, "getuid", lambda: 0)()
+    place = Path(tempfile.gettempdir()) / f"lfportrait-{user}"
+    with contextlib.suppress(OSError):
+        place.mkdir(mode=0o700, exist_ok=True)
+        state = place.lstat()
+        own = not hasattr(os, "getuid") or (state.st_uid == user and not state.st_mode & 0o022)
+        if stat.S_ISDIR(state.st_mode) and own and os.access(place, os.W_OK):
+            return place
+    return Path(tempfile.mkdtemp(prefix="lfportrait-"))
 
 
 def write_json(path: str | os.PathLike[str], data: Any) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import UserError
-from .files import atomic_write
+from .files import atomic_write, temporary_home
 from .version import __version__
 
 __all__ = ["code_hash", "kept_arrays", "key_of", "user_cache"]
@@ -60,10 +61,20 @@ def code_hash(*places: Path) -> str:
 
 
 def user_cache(kind: str) -> Path:
-    """The folder of the user's cache for one kind of files."""
+    """The folder of the user's cache for one kind of files.
+
+    Where the user has no home, or none that can be written to (a container), it lies in the
+    temporary folder.
+    """
     import pooch
 
-    return Path(pooch.os_cache("lfportrait")) / kind
+    folder = Path(pooch.os_cache("lfportrait"))
+    with suppress(OSError):
+        if folder.is_absolute():  # it is not where nobody knows a home
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder / kind
+    return temporary_home() / kind
 
 
 def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]],

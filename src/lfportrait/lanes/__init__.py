@@ -11,6 +11,38 @@ it is asked how many there are: OpenMP's where there is one, because the fallbac
 from two Python threads at once (a viewer does that).
 """
 
+import warnings
+from typing import Any
+
 import numba
+from numba.core.caching import FunctionCache
+
+from ..files import temporary_home
+
+__all__ = ["keep_kernels"]
+
+_settings: Any = numba.config
 
 setattr(numba.config, "THREADING_LAYER_PRIORITY", ["omp", "tbb", "workqueue"])  # noqa: B010
+
+
+def _any_kernel() -> None:
+    """Stands for all kernels: their code is kept where this one's would be."""
+
+
+def keep_kernels() -> None:
+    """See to it that compiled kernels are kept: beside the sources, in the home, or else for now.
+
+    Installed read-only, and with a user without a home, as in most containers, Numba finds no place
+    and gives up; then they go to the temporary folder, and a line says so.
+    """
+    try:
+        FunctionCache(_any_kernel)
+    except RuntimeError:
+        folder = temporary_home() / "kernels"
+        _settings.CACHE_DIR = str(folder)
+        warnings.warn(f"there is no folder to keep compiled kernels in, so they go to {folder}; "
+                      "NUMBA_CACHE_DIR=FOLDER names a lasting one", stacklevel=1)
+
+
+keep_kernels()
