@@ -163,7 +163,8 @@ class Capture:
         ----------
         path
             A folder that lfportrait wrote; a NeRF-Blender, instant-ngp or nerfstudio folder or its
-            ``transforms*.json``; a COLMAP model; an LLFF folder; an NSVF folder.
+            ``transforms*.json``; a COLMAP model; Metashape's ``cameras.xml``, Bundler's
+            ``bundle.out`` with ``list.txt``, VisualSfM's ``.nvm``; an LLFF folder; an NSVF folder.
         holdout
             Every ``holdout``-th picture becomes a test view where the data set does not say which
             are; 0 holds out none.

@@ -75,7 +75,8 @@ class Make(Common):
     """
 
     photos: tyro.conf.Positional[Path]
-    """Folder of photos, a video, or a calibrated data set (transforms.json, COLMAP, LLFF, NSVF)."""
+    """Folder of photos, a video, or a calibrated data set (transforms.json, COLMAP,
+    Metashape, Bundler, VisualSfM, LLFF, NSVF)."""
     style: str
     """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
     out: Path

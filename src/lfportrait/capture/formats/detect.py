@@ -11,6 +11,7 @@ from ...errors import UserError
 from .assembly import Views
 from .colmap import load_colmap, photo_count
 from .datasets import load_llff, load_nsvf, nsvf_folders
+from .programs import load_program, program_file
 from .transforms import load_transforms, transform_files
 
 __all__ = ["is_calibrated", "load_views"]
@@ -45,7 +46,7 @@ def _largest_model(models: list[Path], root: Path) -> Path:
 
 def is_calibrated(path: Path) -> bool:
     """Whether a folder or file is a data set with cameras (and not plain photos or a video)."""
-    if transform_files(path):
+    if transform_files(path) or program_file(path) is not None:
         return True
     return path.is_dir() and (bool(_colmap_models(path))
                               or (path / "poses_bounds.npy").is_file()
@@ -72,5 +73,9 @@ def load_views(path: Path, holdout: int) -> Views:
         return load_llff(path, holdout)
     if nsvf_folders(path) is not None:
         return load_nsvf(path, holdout)
+    file = program_file(path)
+    if file is not None:
+        return load_program(file, holdout)
     raise UserError(f"{path} is no calibrated capture: it has no transforms.json, COLMAP model, "
-                    "poses_bounds.npy or pose/ folder; run `lfportrait calibrate` on plain photos")
+                    "cameras.xml, bundle.out, .nvm, poses_bounds.npy or pose/ folder; run "
+                    "`lfportrait calibrate` on plain photos")
