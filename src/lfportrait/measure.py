@@ -31,7 +31,7 @@ def peak_memory_bytes() -> int:
 
 def _status(name: str) -> int:
     """A figure of this process from Linux' accounts, in bytes."""
-    with open("/proc/self/status") as stream:
+    with open("/proc/self/status", encoding="utf-8") as stream:
         for line in stream:
             if line.startswith(name + ":"):
                 return int(line.split()[1]) * 1024
@@ -56,7 +56,7 @@ def memory_of(function: Callable[[], _Result]) -> tuple[int, _Result]:
     """
     try:
         before = _status("VmRSS")
-        with open("/proc/self/clear_refs", "w") as stream:
+        with open("/proc/self/clear_refs", "w", encoding="utf-8") as stream:
             stream.write("5")  # forget the peak so far
         result = function()
         return max(0, _status("VmHWM") - before), result
@@ -88,7 +88,7 @@ class Cost:
 def cost_of(function: Callable[[], _Result]) -> tuple[Cost, _Result]:
     """Call ``function``; what that cost, and its result."""
     start, on_cores = time.perf_counter(), time.process_time()
-    with suppress(OSError), open("/proc/self/clear_refs", "w") as stream:
+    with suppress(OSError), open("/proc/self/clear_refs", "w", encoding="utf-8") as stream:
         stream.write("5")  # forget the peak so far
     result = function()
     seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - on_cores
@@ -133,7 +133,7 @@ def machine() -> dict[str, str | int]:
     """Processor and system in words, for reports."""
     name = platform.processor() or platform.machine()
     try:
-        with open("/proc/cpuinfo") as stream:
+        with open("/proc/cpuinfo", encoding="utf-8") as stream:
             for line in stream:
                 if line.startswith("model name"):
                     name = line.split(":", 1)[1].strip()

@@ -72,7 +72,8 @@ def read_landmarks(path: str | Path) -> NDArray[np.float64]:
         If the file is missing or does not hold 68 pairs of numbers.
     """
     try:
-        lines = [line.replace(",", " ").split() for line in Path(path).read_text().splitlines()]
+        text = Path(path).read_text(encoding="utf-8")
+        lines = [line.replace(",", " ").split() for line in text.splitlines()]
         points = np.array([[float(value) for value in line] for line in lines if line])
     except OSError as error:
         raise UserError(f"can't read {path}: {error.strerror}") from error

@@ -39,7 +39,7 @@ def load_entries(path: Path, kinds: dict[str, str]) -> dict[str, Any]:
         If the file is missing or does not describe a display.
     """
     try:
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"can't read the display file {path}: {error}") from error
     if path.suffix.lower() != ".json":

@@ -97,7 +97,7 @@ def _nsvf_intrinsics(file: Path) -> NDArray[np.float64]:
     """(fx, fy, cx, cy) from either form of ``intrinsics.txt``: a 4x4 matrix, or "f cx cy 0"."""
     try:
         rows = [[float(value) for value in line.split()]
-                for line in file.read_text().splitlines() if line.strip()]
+                for line in file.read_text(encoding="utf-8").splitlines() if line.strip()]
         if len(rows) >= 3 and len(rows[0]) == len(rows[1]) and len(rows[0]) >= 3:
             return np.array([rows[0][0], rows[1][1], rows[0][2], rows[1][2]])
         return np.array([rows[0][0], rows[0][0], rows[0][1], rows[0][2]])
@@ -110,7 +110,8 @@ def _nsvf_box(file: Path) -> NDArray[np.float64] | None:
     if not file.is_file():
         return None
     try:
-        box = np.array([float(value) for value in file.read_text().split()[:6]]).reshape(2, 3)
+        numbers = file.read_text(encoding="utf-8").split()[:6]
+        box = np.array([float(value) for value in numbers]).reshape(2, 3)
     except (OSError, ValueError) as error:
         raise UserError(f"can't read the box in {file}: {error}") from error
     if not (np.isfinite(box).all() and (box[1] > box[0]).all()):

@@ -268,7 +268,8 @@ class _Run:
         self.journal.tell("failed", task=task.name, stage=task.stage, why=outcome.error,
                           worker=outcome.worker)
         if outcome.fault:
-            with suppress(OSError), open(found.results / FOLDER / "faults.txt", "a") as stream:
+            faults = found.results / FOLDER / "faults.txt"
+            with suppress(OSError), open(faults, "a", encoding="utf-8") as stream:
                 stream.write(f"{task.name}\n{outcome.fault}\n")
         found.lost |= dict.fromkeys(self.left.failed(task.name), task.name)
 

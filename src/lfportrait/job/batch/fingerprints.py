@@ -30,7 +30,7 @@ class Fingerprints:
         self._file, self._compute = file, compute
         self._known: dict[str, str] = {}
         with suppress(OSError, ValueError):
-            self._known = dict(json.loads(file.read_text()))
+            self._known = dict(json.loads(file.read_text(encoding="utf-8")))
 
     def __call__(self, source: Path) -> str:
         """The hash of a sitter's photos.
