@@ -248,7 +248,7 @@ def load_field(path: Any) -> Loaded:
         raise UserError(f"{path} is not a field: it holds text where numbers should be")
     # Learned bases: the earliest files have them without saying so.
     basis = np.asarray(arrays.get("basis_type", 4 if "basis_data" in arrays else 1))
-    if basis.size != 1 or basis.dtype.kind not in "iuf" or int(basis.item()) != 1:
+    if basis.size != 1 or basis.dtype.kind not in "iuf" or basis.item() != 1:
         raise UserError(f"{path} uses a colour basis other than spherical harmonics, which "
                         "lfportrait does not read")
     links, density, sh = arrays["links"], arrays["density_data"].reshape(-1), arrays["sh_data"]

@@ -74,9 +74,9 @@ def load_program(file: Path, holdout: int) -> Views:
         shots = readers[file.suffix.lower()](file)
     except OSError as error:
         raise UserError(f"can't read {file}: {error.strerror or error}") from error
-    except (ValueError, IndexError, KeyError, AttributeError, TypeError,
-            ElementTree.ParseError) as error:
-        raise UserError(f"{file} can't be read: {error}") from error
+    except (ValueError, LookupError, AttributeError, TypeError, OverflowError,
+            np.linalg.LinAlgError, ElementTree.ParseError) as error:
+        raise UserError(f"{file} can't be read: {' '.join(str(error).split())}") from error
     if not shots:
         raise UserError(f"{file} has no aligned cameras")
     found = _photos(file.parent)

@@ -1,0 +1,199 @@
+"""Damaged and strange files of every kind: what is read, or one line; never a traceback.
+
+Each test takes a good file, changes a few things in it at random, and reads it.
+"""
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lfportrait.capture import Capture
+from lfportrait.errors import UserError
+from lfportrait.face import read_landmarks
+from lfportrait.field import VoxelField
+from lfportrait.lightfield import Display
+from tests.capture.test_camera import rig
+from tests.capture.test_capture import colmap_model, write_transforms
+from tests.capture.test_programs import bundler, centred, metashape, photos, visualsfm
+from tests.fields import shell_field
+
+STRANGE = [None, True, -1, 0, 1, 7, 1e300, -1e-300, float("nan"), float("inf"), 2 ** 70, "", "x",
+           "..", "\u00e9\n", [], [[]], [1, 2], {}, {"a": 1}, [None] * 5, [[1e9] * 4] * 4]
+
+
+def one_line(read, *given):
+    """Read; a mistake in the file is one line."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            read(*given)
+        except UserError as error:
+            assert "\n" not in str(error).strip(), error
+            return False
+    return True
+
+
+def places(data, path=()):
+    """All places in a nested document."""
+    yield path
+    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(
+        data, list) else ()
+    for key, value in items:
+        yield from places(value, (*path, key))
+
+
+def changed(data, random):
+    """A nested document with one to three places changed."""
+    data = json.loads(json.dumps(data))
+    for _ in range(random.integers(1, 4)):
+        found = [path for path in places(data) if path]
+        if not found:
+            break
+        path = found[random.integers(len(found))]
+        holder = data
+        for key in path[:-1]:
+            holder = holder[key]
+        if random.random() < 0.2:
+            del holder[path[-1]]
+        else:
+            holder[path[-1]] = STRANGE[random.integers(len(STRANGE))]
+    return data
+
+
+def bytes_changed(content, random):
+    """Bytes with some flipped, cut off, doubled or put in."""
+    content = bytearray(content)
+    for _ in range(random.integers(1, 6)):
+        at = int(random.integers(len(content) + 1)) if content else 0
+        kind = random.integers(4)
+        if kind == 0 and at < len(content):
+            content[at] = random.integers(256)
+        elif kind == 1 and random.random() < 0.3:
+            del content[at:]
+        elif kind == 2:
+            content[at:at] = content[at:at + int(random.integers(40))]
+        else:
+            content[at:at] = random.bytes(int(random.integers(9)))
+    return bytes(content)
+
+
+def test_transforms(tmp_path):
+    write_transforms(tmp_path, rig(8, 3), {"fl_x": 110, "fl_y": 110, "cx": 40, "cy": 30, "w": 80,
+                                           "h": 60, "k1": 0.1, "camera_model": "OPENCV"})
+    file, random = tmp_path / "transforms.json", np.random.default_rng(0)
+    good = json.loads(file.read_text())
+    read = 0
+    for _ in range(250):
+        file.write_text(json.dumps(changed(good, random)))
+        read += one_line(Capture.load, tmp_path)
+    for _ in range(50):
+        file.write_bytes(bytes_changed(json.dumps(good).encode(), random))
+        one_line(Capture.load, tmp_path)
+    assert read > 10
+
+
+def test_own_captures(tmp_path):
+    from tests.capture.test_capture import make_capture
+
+    make_capture(3).save(tmp_path / "capture")
+    file, random = tmp_path / "capture" / "transforms.json", np.random.default_rng(1)
+    good = json.loads(file.read_text())
+    for _ in range(150):
+        file.write_text(json.dumps(changed(good, random)))
+        one_line(Capture.load, tmp_path / "capture")
+
+
+@pytest.mark.parametrize("text", [False, True])
+def test_colmap_models(tmp_path, text):
+    model = tmp_path / "sparse"
+    colmap_model(model, "OPENCV", rig(3, 3), text)
+    from lfportrait.files import write_image
+
+    for view in range(3):
+        write_image(tmp_path / "images" / f"a photo {view:02d}.png",
+                    np.zeros((60, 80, 3), np.uint8))
+    random = np.random.default_rng(2)
+    files = sorted(path for path in model.iterdir() if path.suffix in (".bin", ".txt"))
+    good = {path: path.read_bytes() for path in files}
+    for _ in range(250):
+        path = files[random.integers(len(files))]
+        path.write_bytes(bytes_changed(good[path], random))
+        one_line(Capture.load, tmp_path)
+        path.write_bytes(good[path])
+
+
+@pytest.mark.parametrize("write", [metashape, bundler, visualsfm])
+def test_cameras_of_programs(tmp_path, write):
+    photos(tmp_path, centred())
+    write(tmp_path, centred())
+    random = np.random.default_rng(3)
+    files = sorted(path for path in tmp_path.iterdir() if path.is_file())
+    good = {path: path.read_bytes() for path in files}
+    for _ in range(200):
+        path = files[random.integers(len(files))]
+        path.write_bytes(bytes_changed(good[path], random))
+        one_line(Capture.load, tmp_path)
+        path.write_bytes(good[path])
+
+
+def test_fields(tmp_path):
+    path, random = tmp_path / "f.npz", np.random.default_rng(4)
+    shell_field(size=8).save(path)
+    with np.load(path) as data:
+        good = dict(data)
+    for _ in range(400):
+        arrays = dict(good)
+        for _ in range(random.integers(1, 3)):
+            name = sorted(arrays)[random.integers(len(arrays))]
+            arrays[name] = strange_array(arrays[name], random)
+        np.savez(path, **arrays)
+        one_line(VoxelField.load, path)
+    content = path.read_bytes()
+    for _ in range(100):
+        path.write_bytes(bytes_changed(content, random))
+        one_line(VoxelField.load, path)
+
+
+def strange_array(array, random):
+    """An array of another type, shape or with other values."""
+    kinds = [
+        lambda: np.array("text"), lambda: np.ones(3), lambda: np.zeros(0),
+        lambda: array.astype(np.complex64) if array.dtype.kind != "U" else array,
+        lambda: array[None], lambda: array.ravel()[:1], lambda: array.ravel(),
+        lambda: np.full(array.shape, np.nan), lambda: np.full(array.shape, 1e30),
+        lambda: np.full(array.shape, -5), lambda: np.full(array.shape, 2 ** 40),
+        lambda: np.datetime64("2020-01-01"), lambda: np.array([True, False])]
+    return kinds[random.integers(len(kinds))]()
+
+
+def test_displays(tmp_path):
+    path, random = tmp_path / "panel.toml", np.random.default_rng(5)
+    Display.preset("lookingglass-16").save(path)
+    good = path.read_bytes()
+    for _ in range(300):
+        path.write_bytes(bytes_changed(good, random))
+        one_line(Display.load, path)
+
+
+def test_landmarks(tmp_path):
+    path, random = tmp_path / "x.landmarks.txt", np.random.default_rng(6)
+    good = "\n".join(f"{x} {y}" for x, y in random.uniform(0, 500, (68, 2)).round(2)).encode()
+    for _ in range(200):
+        path.write_bytes(bytes_changed(good, random))
+        one_line(read_landmarks, path)
+
+
+def test_exemplars_pictures(tmp_path):
+    from lfportrait.files import read_image, write_image
+
+    random = np.random.default_rng(7)
+    for suffix in (".png", ".jpg", ".tif", ".webp"):
+        path = Path(tmp_path / f"p{suffix}")
+        write_image(path, random.integers(0, 256, (12, 16, 3), np.uint8))
+        good = path.read_bytes()
+        for _ in range(60):
+            path.write_bytes(bytes_changed(good, random))
+            one_line(read_image, path)
