@@ -11,7 +11,7 @@ features of the head alone, matched between neighbours, then place the photos to
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -57,6 +57,8 @@ _NOISE = 0.015
 """A detector's error, over the face's extent in the photo."""
 _LOOSE, _NOTED = 0.25, 0.03
 """Logarithm by which focal lengths differ from the usual one, and from noted ones."""
+_FEW = 24
+"""Photos, at most, of which each is looked at thoroughly."""
 _FAR = 4.0
 """A photo whose landmarks are off by more than this many times the noise is of another face."""
 
@@ -142,11 +144,7 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
 
     loaded = (read_video(photos, config.video_frames, config.max_side, config.video_spacing)
               if is_video(photos) else read_photos(photos, config.max_side))
-    landmarks = []
-    for number, photo in enumerate(loaded):
-        say(f"looking for the face in photo {number + 1} of {len(loaded)}")
-        landmarks.append(detect_landmarks(np.ascontiguousarray(photo.image[..., :3]),
-                                          turns=(0, 1, 3)))
+    landmarks = _faces([np.ascontiguousarray(photo.image[..., :3]) for photo in loaded], say)
     kinds = [(photo.image.shape, photo.lens) if config.shared_camera else photo.name
              for photo in loaded]
     sizes = [(photo.image.shape[1], photo.image.shape[0]) for photo in loaded]
@@ -175,6 +173,18 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
                "blurred": [], "placed": how,
                "focal_px": float(np.median(capture.cameras.focal[:, 0]))}
     return replace(capture, held_out=held_out, figures=figures)
+
+
+def _faces(images: list[NDArray[np.uint8]], say: Callable[[str], None],
+           ) -> list[Float64 | None]:
+    """Landmarks of each photo; of many, of those in which a first look finds a face."""
+    def look(number: int, thorough: bool) -> Float64 | None:
+        say(f"looking for the face in photo {number + 1} of {len(images)}")
+        return detect_landmarks(images[number], turns=(0, 1, 3), thorough=thorough)
+
+    # A thorough look takes a second where there is no face: from behind, on a turntable.
+    return [look(number, True) if len(images) <= _FEW or look(number, False) is not None else None
+            for number in range(len(images))]
 
 
 def _up(capture: Capture, view: int) -> Float64:
