@@ -110,3 +110,9 @@ def test_a_real_head_before_ten_backgrounds(shared_data, shared_weights, monkeyp
     true = capture.cameras.pose[[views[int(name[:2])] for name in found.names]]
     angle, _ = pose_errors(found.cameras.pose, true)
     assert np.median(angle) < 1.0 and angle.max() < 4
+
+
+@pytest.mark.data
+def test_different_people_are_not_one(shared_data, shared_weights, monkeypatch):
+    monkeypatch.setenv("LFPORTRAIT_MODELS", str(shared_weights))
+    assert capture_from_faces(shared_data / "paintings", CalibrateConfig(max_side=1000)) is None

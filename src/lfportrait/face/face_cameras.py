@@ -135,8 +135,8 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
     Returns
     -------
     capture
-        In the portrait frame; ``figures`` as `calibrate`'s. None if fewer than three photos show
-        one and the same face.
+        About in the portrait frame, without landmarks; ``figures`` as `calibrate`'s. None if fewer
+        than three photos, or than three fifths of those with a face, show one and the same head.
     """
     def say(note: str) -> None:
         if progress is not None:
@@ -160,17 +160,18 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
     say("placing the photos by the head alone")
     soft = [person_matte(image, _up(capture, view)) for view, image in enumerate(images)]
     placed, cameras = place_by_head(capture, soft, config.seed)
-    how = "by the face's landmarks"
-    if len(placed) >= max(3, _BETTER * len(kept)):
-        how = "by the face's landmarks, then features of the head"
-        capture = replace(capture, cameras=cameras, images=[images[k] for k in placed],
-                          names=[capture.names[k] for k in placed], landmarks=None)
+    # Landmarks of different people fit one head as well; features of the head do not.
+    if len(placed) < max(3, _BETTER * len(kept)):
+        return None
+    capture = replace(capture, cameras=cameras, images=[images[k] for k in placed],
+                      names=[capture.names[k] for k in placed], landmarks=None)
     held_out = np.zeros(len(capture), bool)
     if config.holdout > 1 and len(capture) >= 2 * config.holdout:
         held_out[config.holdout // 2::config.holdout] = True
     left_out = [photo.name for photo in loaded if photo.name not in capture.names]
     figures = {"photos": len(loaded), "registered": len(capture), "left_out": left_out,
-               "blurred": [], "placed": how,
+               "blurred": [],
+               "placed": "by the face's landmarks, then features of the head",
                "focal_px": float(np.median(capture.cameras.focal[:, 0]))}
     return replace(capture, held_out=held_out, figures=figures)
 
