@@ -80,6 +80,16 @@ def bytes_changed(content, random):
     return bytes(content)
 
 
+def each_damaged(folder, files, count, random):
+    """Load a data set so many times, each time with one of its files damaged."""
+    good = {path: path.read_bytes() for path in files}
+    for _ in range(count):
+        path = files[random.integers(len(files))]
+        path.write_bytes(bytes_changed(good[path], random))
+        one_line(Capture.load, folder)
+        path.write_bytes(good[path])
+
+
 def test_transforms(tmp_path):
     write_transforms(tmp_path, rig(8, 3), {"fl_x": 110, "fl_y": 110, "cx": 40, "cy": 30, "w": 80,
                                            "h": 60, "k1": 0.1, "camera_model": "OPENCV"})
@@ -115,28 +125,15 @@ def test_colmap_models(tmp_path, text):
     for view in range(3):
         write_image(tmp_path / "images" / f"a photo {view:02d}.png",
                     np.zeros((60, 80, 3), np.uint8))
-    random = np.random.default_rng(2)
-    files = sorted(path for path in model.iterdir() if path.suffix in (".bin", ".txt"))
-    good = {path: path.read_bytes() for path in files}
-    for _ in range(250):
-        path = files[random.integers(len(files))]
-        path.write_bytes(bytes_changed(good[path], random))
-        one_line(Capture.load, tmp_path)
-        path.write_bytes(good[path])
+    each_damaged(tmp_path, sorted(model.iterdir()), 250, np.random.default_rng(2))
 
 
 @pytest.mark.parametrize("write", [metashape, bundler, visualsfm])
 def test_cameras_of_programs(tmp_path, write):
     photos(tmp_path, centred())
     write(tmp_path, centred())
-    random = np.random.default_rng(3)
     files = sorted(path for path in tmp_path.iterdir() if path.is_file())
-    good = {path: path.read_bytes() for path in files}
-    for _ in range(200):
-        path = files[random.integers(len(files))]
-        path.write_bytes(bytes_changed(good[path], random))
-        one_line(Capture.load, tmp_path)
-        path.write_bytes(good[path])
+    each_damaged(tmp_path, files, 200, np.random.default_rng(3))
 
 
 def test_fields(tmp_path):

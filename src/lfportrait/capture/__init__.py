@@ -12,7 +12,7 @@ from .camera import Camera
 from .capture import Capture
 from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
 from .distortion import Lens, undistort
-from .formats import is_calibrated
+from .formats import held_out_views, is_calibrated
 from .frame import (
     focus_point,
     looks_normalised,
@@ -31,20 +31,22 @@ from .mattes import (
 )
 from .photos import Photo, is_video, picture_files, read_photos
 from .sharpness import fineness, relative_sharpness
-from .sources import load_photos
+from .sources import load_photos, read_source
 from .video import read_video, video_frames
 
 if TYPE_CHECKING:
+    from .calibration.database import USUAL_FOCAL
     from .calibration.head_motion import HeadMotion, follow_head, place_by_head
     from .photo_cameras import CalibrateConfig, PhotosError, calibrate
 
 __all__ = [
-    "BAD", "FAIR", "GOOD", "INK", "PAPER", "CalibrateConfig", "Camera", "Capture", "HeadMotion",
-    "LatePictures", "Lens", "Photo", "PhotosError", "calibrate", "consistent_mattes",
-    "contact_sheet", "fineness", "focus_point", "follow_head", "font", "is_calibrated", "is_video",
-    "load_photos", "looks_normalised", "matte_agreement", "mattes_share", "picture_files",
-    "place_by_head", "portrait_frame_from_cameras", "portrait_frame_from_landmarks",
-    "pose_corrections", "read_photos", "read_video", "refine_matte", "relative_sharpness",
+    "BAD", "FAIR", "GOOD", "INK", "PAPER", "USUAL_FOCAL", "CalibrateConfig", "Camera",
+    "Capture", "HeadMotion", "LatePictures", "Lens", "Photo", "PhotosError", "calibrate",
+    "consistent_mattes", "contact_sheet", "fineness", "focus_point", "follow_head", "font",
+    "held_out_views", "is_calibrated", "is_video", "load_photos", "looks_normalised",
+    "matte_agreement", "mattes_share", "picture_files", "place_by_head",
+    "portrait_frame_from_cameras", "portrait_frame_from_landmarks", "pose_corrections",
+    "read_photos", "read_source", "read_video", "refine_matte", "relative_sharpness",
     "undistort", "video_frames", "views_share", "without_drift",
 ]
 

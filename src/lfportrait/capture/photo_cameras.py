@@ -47,9 +47,9 @@ from .capture import Capture
 from .distortion import Lens
 from .formats import assemble, lens_of
 from .frame import portrait_frame_from_cameras
-from .photos import Photo, is_video, read_photos
+from .photos import Photo
 from .sharpness import blurred
-from .video import read_video
+from .sources import read_source
 
 __all__ = ["CalibrateConfig", "PhotosError", "calibrate"]
 
@@ -262,8 +262,7 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     path = Path(photos)
     if progress is not None:
         progress.update(0, "reading photos")
-    loaded = (read_video(path, config.video_frames, config.max_side, config.video_spacing)
-              if is_video(path) else read_photos(path, config.max_side))
+    loaded = read_source(path, config.max_side, config.video_frames, config.video_spacing)
     count = len(loaded)
     soft = [loaded[index].name for index in blurred([photo.image for photo in loaded],
                                                     config.blur_threshold)]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .photos import is_video, read_photos
+from .photos import Photo, is_video, read_photos
 from .video import read_video
 
-__all__ = ["load_photos"]
+__all__ = ["load_photos", "read_source"]
 
 
 def load_photos(path: str | Path) -> list[tuple[str, NDArray[np.uint8]]]:
@@ -21,6 +22,26 @@ def load_photos(path: str | Path) -> list[tuple[str, NDArray[np.uint8]]]:
     UserError
         If there is nothing that can be read.
     """
-    path = Path(path)
-    photos = read_video(path) if is_video(path) else read_photos(path)
-    return [(photo.name, photo.image) for photo in photos]
+    return [(photo.name, photo.image) for photo in read_source(Path(path))]
+
+
+def read_source(path: Path, max_side: int = 0, frames: int = 80,
+                spacing: Literal["parallax", "time"] = "parallax") -> list[Photo]:
+    """Photos of a folder, or frames of a video (`read_photos`, `read_video`).
+
+    Parameters
+    ----------
+    path
+        Folder or video file.
+    max_side
+        Pictures are reduced to this many pixels on their longer side; 0 keeps them.
+    frames, spacing
+        How many frames of a video, and at even steps of what.
+
+    Raises
+    ------
+    UserError
+        If there is nothing that can be read.
+    """
+    return (read_video(path, frames, max_side, spacing) if is_video(path)
+            else read_photos(path, max_side))

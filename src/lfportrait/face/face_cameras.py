@@ -23,34 +23,30 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from ..capture import (
+    USUAL_FOCAL,
     CalibrateConfig,
     Camera,
     Capture,
-    is_video,
+    held_out_views,
     place_by_head,
     portrait_frame_from_landmarks,
-    read_photos,
-    read_video,
+    read_source,
 )
 from ..progress import Progress
 from .detect import detect_landmarks
-from .generic_head import GENERIC_LANDMARKS
+from .generic_head import EGG, GENERIC_LANDMARKS
 from .segmentation import person_matte
 
 __all__ = ["FaceCameras", "cameras_from_faces", "capture_from_faces"]
 
 Float64 = NDArray[np.float64]
 
-_USUAL_FOCAL = 1.2
-"""Focal length over the longer side where the camera noted none."""
 _OWN = 0.06
 """How far a person's landmarks lie from the generic head's, portrait units."""
 _JAW = 0.25
 """Weight of the jaw's landmarks: on a turned face they slide along the outline."""
 _HIDDEN = 0.3
 """Cosine between a landmark's normal and the way to the camera below which it is guessed."""
-_RADII = np.array([0.47, 0.68, 0.52])
-"""Of the egg that tells the normals."""
 _BETTER = 0.6
 """Part of the photos with a face that features of the head must place, to be believed."""
 _NOISE = 0.015
@@ -142,8 +138,7 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
         if progress is not None:
             progress.update(0, note)
 
-    loaded = (read_video(photos, config.video_frames, config.max_side, config.video_spacing)
-              if is_video(photos) else read_photos(photos, config.max_side))
+    loaded = read_source(photos, config.max_side, config.video_frames, config.video_spacing)
     landmarks = _faces([np.ascontiguousarray(photo.image[..., :3]) for photo in loaded], say)
     kinds = [(photo.image.shape, photo.lens) if config.shared_camera else photo.name
              for photo in loaded]
@@ -154,26 +149,23 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
         return None
     kept = [loaded[k] for k in found.photos]
     images = [np.ascontiguousarray(photo.image[..., :3]) for photo in kept]
-    capture = Capture(found.cameras, images, None, [photo.name for photo in kept],
+    alphas = ([np.ascontiguousarray(photo.image[..., 3]) for photo in kept]
+              if all(photo.image.shape[2] == 4 for photo in kept) else None)
+    capture = Capture(found.cameras, images, alphas, [photo.name for photo in kept],
                       np.zeros(len(kept), bool), np.eye(4), found.landmarks)
     capture = capture.reframed(portrait_frame_from_landmarks(found.landmarks, found.cameras))
     say("placing the photos by the head alone")
     soft = [person_matte(image, _up(capture, view)) for view, image in enumerate(images)]
-    placed, cameras = place_by_head(capture, soft, config.seed)
+    placed = place_by_head(capture, soft, config.seed)
     # Landmarks of different people fit one head as well; features of the head do not.
-    if len(placed) < max(3, _BETTER * len(kept)):
+    if placed is None or len(placed) < _BETTER * len(kept):
         return None
-    capture = replace(capture, cameras=cameras, images=[images[k] for k in placed],
-                      names=[capture.names[k] for k in placed], landmarks=None)
-    held_out = np.zeros(len(capture), bool)
-    if config.holdout > 1 and len(capture) >= 2 * config.holdout:
-        held_out[config.holdout // 2::config.holdout] = True
-    left_out = [photo.name for photo in loaded if photo.name not in capture.names]
-    figures = {"photos": len(loaded), "registered": len(capture), "left_out": left_out,
-               "blurred": [],
+    figures = {"photos": len(loaded), "registered": len(placed), "blurred": [],
+               "left_out": [photo.name for photo in loaded if photo.name not in placed.names],
                "placed": "by the face's landmarks, then features of the head",
-               "focal_px": float(np.median(capture.cameras.focal[:, 0]))}
-    return replace(capture, held_out=held_out, figures=figures)
+               "focal_px": float(np.median(placed.cameras.focal[:, 0]))}
+    return replace(placed, held_out=held_out_views(len(placed), config.holdout), landmarks=None,
+                   figures=figures)
 
 
 def _faces(images: list[NDArray[np.uint8]], say: Callable[[str], None],
@@ -201,11 +193,11 @@ def _fitted(observed: list[Float64], sizes: list[tuple[int, int]], focals: list[
     center = np.array(sizes, np.float64) / 2
     kinds = {lens: place for place, lens in enumerate(dict.fromkeys(lenses))}
     kind = np.array([kinds[lens] for lens in lenses])
-    first = np.array([focal or _USUAL_FOCAL * max(size) for focal, size in zip(focals, sizes)])
+    first = np.array([focal or USUAL_FOCAL * max(size) for focal, size in zip(focals, sizes)])
     start_focal = np.array([np.median(first[kind == k]) for k in range(len(kinds))])
     noted = np.array([any(focals[i] for i in np.flatnonzero(kind == k)) for k in range(len(kinds))])
     poses = np.stack([_first_pose(points, focal, middle) for points, focal, middle
-                            in zip(seen, start_focal[kind], center)])
+                      in zip(seen, start_focal[kind], center)])
     weight = np.sqrt(_shown(poses))[..., None]
     count, own = len(seen), 3 * 68
 
@@ -236,21 +228,27 @@ def _fitted(observed: list[Float64], sizes: list[tuple[int, int]], focals: list[
                           x_scale="jac", max_nfev=60)
     head, pose, focal = parts(found.x)
     errors = np.linalg.norm(away(found.x)[:, 17:], axis=-1)
-    world = np.tile(np.eye(4), (count, 1, 1))
-    turn = Rotation.from_rotvec(pose[:, :3]).as_matrix().transpose(0, 2, 1)
-    world[:, :3, :3] = turn
-    world[:, :3, 3] = -np.einsum("vij,vj->vi", turn, pose[:, 3:])
-    cameras = Camera(world, np.repeat(focal[kind][:, None], 2, axis=1), center,
-                     np.array([size[0] for size in sizes]), np.array([size[1] for size in sizes]))
     rms = np.sqrt((errors ** 2).mean(axis=1))
-    return FaceCameras(photos, cameras, head, float(np.sqrt((rms ** 2).mean()))), rms
+    return FaceCameras(photos, _cameras(pose, focal[kind], sizes), head,
+                       float(np.sqrt((rms ** 2).mean()))), rms
+
+
+def _cameras(poses: Float64, focal: Float64, sizes: list[tuple[int, int]]) -> Camera:
+    """Cameras of rotation vectors and shifts, world to camera, [V, 6], and focal lengths [V]."""
+    world = np.tile(np.eye(4), (len(poses), 1, 1))
+    turn = Rotation.from_rotvec(poses[:, :3]).as_matrix().transpose(0, 2, 1)
+    world[:, :3, :3] = turn
+    world[:, :3, 3] = -np.einsum("vij,vj->vi", turn, poses[:, 3:])
+    width, height = np.array(sizes).T
+    return Camera(world, np.repeat(focal[:, None], 2, axis=1), np.array(sizes, np.float64) / 2,
+                  width, height)
 
 
 def _shown(poses: Float64) -> Float64:
     """How far to believe each landmark, [V, 68]: a detector guesses those on the far side."""
     turn = Rotation.from_rotvec(poses[:, :3]).as_matrix()
     eye = -np.einsum("vji,vj->vi", turn, poses[:, 3:])
-    normal = GENERIC_LANDMARKS / _RADII ** 2
+    normal = GENERIC_LANDMARKS / EGG ** 2
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     away = eye[:, None] - GENERIC_LANDMARKS
     cosine = (away * normal).sum(axis=-1) / np.linalg.norm(away, axis=-1)

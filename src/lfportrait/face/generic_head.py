@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GENERIC_LANDMARKS", "MIRRORED", "generic_depth"]
+__all__ = ["EGG", "GENERIC_LANDMARKS", "MIRRORED", "generic_depth"]
 
 Float64 = NDArray[np.float64]
 
@@ -50,7 +50,8 @@ MIRRORED = np.array([
 """Number of each landmark's mirror image."""
 
 _SKULL = np.array([0.0, 0.12, 0.0])
-_RADII = np.array([0.47, 0.68, 0.52])
+EGG = np.array([0.47, 0.68, 0.52])
+"""Half axes of the egg for skull and hair."""
 _BEHIND = -0.05
 """Depth of what lies around the head."""
 
@@ -63,8 +64,8 @@ def generic_depth(x: Float64, y: Float64, landmarks: Float64 = GENERIC_LANDMARKS
     """
     from scipy.interpolate import RBFInterpolator
 
-    egg = 1 - ((x - _SKULL[0]) / _RADII[0]) ** 2 - ((y - _SKULL[1]) / _RADII[1]) ** 2
-    skull = np.where(egg > 0, _SKULL[2] + _RADII[2] * np.sqrt(np.maximum(egg, 0)), _BEHIND)
+    egg = 1 - ((x - _SKULL[0]) / EGG[0]) ** 2 - ((y - _SKULL[1]) / EGG[1]) ** 2
+    skull = np.where(egg > 0, _SKULL[2] + EGG[2] * np.sqrt(np.maximum(egg, 0)), _BEHIND)
     # The face ends where its landmarks end; the brows' line goes on a little into the forehead.
     spline = RBFInterpolator(landmarks[:, :2], landmarks[:, 2],
                              kernel="thin_plate_spline", smoothing=1e-4)

@@ -24,7 +24,9 @@ _APART = 10.0
 _LEAST = 0.2
 """Cosine between normal and direction below which a photo sees next to nothing of a place."""
 _SMOOTH = 2.0
+"""Pixels over which normals are smoothed."""
 _TURNS = (-75.0, -45.0, -15.0, 15.0, 45.0, 75.0)
+"""Degrees of the views over which the share is taken."""
 
 
 class Coverage:
@@ -54,6 +56,10 @@ class Coverage:
 
     def directions(self, cameras: Camera, view: int) -> NDArray[np.int32]:
         """Directions that show what each pixel of a view shows, int32 [H, W]; -1: nothing."""
+        return self._seen(cameras, view)[0]
+
+    def _seen(self, cameras: Camera, view: int) -> tuple[NDArray[np.int32], Float64]:
+        """The same, and the points that the pixels show, float64 [H, W, 3]."""
         shot = self.field.render(cameras, view)
         points = np.asarray(shot.points(cameras, view), np.float64)
         solid = (shot.alpha > 0.5) & np.isfinite(points).all(axis=-1)
@@ -64,10 +70,10 @@ class Coverage:
             seen[self._direction[photo]] |= sees
         found = np.full(solid.shape, -1, np.int32)
         found[solid] = seen.sum(axis=0)
-        return found
+        return found, points
 
     def share(self, distance: float, size: int = 96) -> float:
-        """Share of a head, turned from profile to profile, that photos show well (`ENOUGH`).
+        """Share of a head, 0 to 1, from profile to profile that photos show well (`ENOUGH`).
 
         Parameters
         ----------
@@ -80,8 +86,7 @@ class Coverage:
                            focal=0.45 * size * distance)
         counted = [0, 0]
         for view in range(len(views)):
-            found = self.directions(views, view)
-            points = self.field.render(views, view).points(views, view)
+            found, points = self._seen(views, view)
             head = (found >= 0) & (points[..., 1] > self._chin)
             counted[0] += int((found[head] >= self.ENOUGH).sum())
             counted[1] += int(head.sum())

@@ -67,7 +67,7 @@ def find_face(capture: Capture, progress: Progress | None = None, *,
         points = np.asarray(capture.landmarks, np.float64)
         return _in_portrait_frame(capture, points) if reframe else capture
     if reframe:
-        found = _with_landmarks(capture, False, progress, reframe=True)[0]
+        found = _with_landmarks(capture, False, True, progress)[0]
         if found.landmarks is None:
             raise UserError("no face was found in the photos, so the portrait frame is not known; "
                             "leave out --portrait-frame")
@@ -76,21 +76,21 @@ def find_face(capture: Capture, progress: Progress | None = None, *,
         warnings.warn("no face is looked for: a head stays open behind and frayed below; for that, "
                       "`lfportrait models fetch face-landmarker` gets the network", stacklevel=2)
         return capture
-    return _with_landmarks(capture, False, progress)[0]
+    return _with_landmarks(capture, False, False, progress)[0]
 
 
-def _with_landmarks(capture: Capture, fresh: bool, progress: Progress | None,
-                    reframe: bool | None = None) -> tuple[Capture, dict[str, Any]]:
-    """The capture with the face's landmarks, and in its frame if it may be moved; figures.
+def _with_landmarks(capture: Capture, fresh: bool, reframe: bool, progress: Progress | None,
+                    ) -> tuple[Capture, dict[str, Any]]:
+    """The capture with the face's landmarks, and in its frame if ``reframe`` says so; figures.
 
     Those of a data set that was calibrated elsewhere (not ``fresh``) are kept in the user's cache,
-    as each command looks for them; it is moved if ``reframe`` says so.
+    as each command looks for them.
     """
     points, figures = (_landmarks(capture, progress) if fresh
                        else _kept_landmarks(capture, progress))
     if points is None:
         return capture, figures
-    if fresh if reframe is None else reframe:
+    if reframe:
         return _in_portrait_frame(capture, points), figures
     return replace(capture, landmarks=points), figures
 
@@ -201,12 +201,13 @@ def _by_the_face(photos: Path, config: CalibrateConfig, progress: Progress | Non
     capture = capture_from_faces(photos, config, progress)
     if capture is None or len(capture) < max(least, 3):
         return None
-    how = figures.get("landmarks", {})
+    capture, how = _with_landmarks(capture, True, True, progress)
     if capture.landmarks is None:
-        capture, how = _with_landmarks(capture, True, progress)
-        if capture.landmarks is None:
-            return None
+        return None
     figures["calibration"], figures["landmarks"] = capture.figures, how
+    if progress is not None:
+        progress.say(f"by the face and the head {len(capture)} of {capture.figures['photos']} "
+                     "photos are placed, and these cameras are taken")
     left_out = capture.figures["left_out"]
     if left_out:
         warnings.warn(f"{len(left_out)} photos could not be placed by the face and are left out: "
@@ -220,11 +221,16 @@ def _knows_by_face(figures: dict[str, Any]) -> bool:
     return "face" in str(figures.get("calibration", {}).get("placed", ""))
 
 
-def _face_disagrees(landmarks: dict[str, Any], need_face: bool) -> bool:
-    """Whether a face's landmarks say that the cameras are wrong."""
+def _least_by_face(capture: Capture, landmarks: dict[str, Any], need_face: bool) -> float | None:
+    """Photos that the face must place to do better than these cameras; None: these will do."""
     if "outliers" in landmarks:
-        return bool(landmarks["outliers"] > _OUTLIERS)
-    return need_face or landmarks.get("views", 0) > 0
+        wrong = landmarks["outliers"] > _OUTLIERS
+    else:
+        wrong = need_face or landmarks.get("views", 0) > 0
+    if wrong:
+        return 0.5 * len(capture)
+    few = len(capture) < _PLACED * capture.figures.get("photos", 0)
+    return len(capture) + 1 if few else None
 
 
 def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
@@ -266,14 +272,14 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     else:
         capture, figures = _placed_photos(photos, config, progress, sheet)
         fresh = True
+    least = None
     if capture.landmarks is None:
         # A portrait is shown upright and in the middle, whatever frame a data set has.
-        capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress,
-                                                        reframe=fresh or need_face)
-        if fresh and _face_disagrees(figures["landmarks"], need_face):
-            capture = _by_the_face(photos, config, progress, figures, 0.5 * len(capture)) or capture
-        elif fresh and len(capture) < _PLACED * capture.figures.get("photos", 0):
-            capture = _by_the_face(photos, config, progress, figures, len(capture) + 1) or capture
+        capture, figures["landmarks"] = _with_landmarks(capture, fresh, fresh or need_face,
+                                                        progress)
+        least = _least_by_face(capture, figures["landmarks"], need_face) if fresh else None
+        if least is not None:
+            capture = _by_the_face(photos, config, progress, figures, least) or capture
         if capture.landmarks is None and need_face:
             raise UserError(f"no face was found in the photos of {photos}; a portrait needs a few "
                             "photos that show the face from the front, upright and in focus")
@@ -284,8 +290,8 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
         if fresh and not _knows_by_face(figures):
             capture, soft, figures["head_motion"] = _following(capture, soft, config, progress)
             if figures["head_motion"]["followed"]:
-                capture, figures["landmarks"] = _with_landmarks(capture, fresh, progress)
-            elif (figures["head_motion"]["pixels"] or 0.0) > _FAR:
+                capture, figures["landmarks"] = _with_landmarks(capture, True, True, progress)
+            elif least is None and (figures["head_motion"]["pixels"] or 0.0) > _FAR:
                 other = _by_the_face(photos, config, progress, figures, 0.5 * len(capture))
                 if other is not None:
                     capture, soft = other, rough_mattes(other, progress)

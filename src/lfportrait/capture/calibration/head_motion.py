@@ -194,8 +194,16 @@ def _placed_by_head(pycolmap: Any, scene: Scene, lenses: list[int], cameras: Cam
     return placing.photos, without_drift(replace(given, pose=pose, focal=focal), given)
 
 
+def _placed_part(capture: Capture, placed: list[int], cameras: Camera) -> Capture:
+    """The photos of a capture that are placed, with their cameras."""
+    alphas = None if capture.alphas is None else [capture.alphas[view] for view in placed]
+    return replace(capture, cameras=cameras, images=[capture.images[view] for view in placed],
+                   alphas=alphas, names=[capture.names[view] for view in placed],
+                   held_out=capture.held_out[placed])
+
+
 def place_by_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int = 0,
-                  ) -> tuple[list[int], Camera]:
+                  ) -> Capture | None:
     """Cameras by features of the head alone, of photos whose backgrounds are of many places.
 
     Parameters
@@ -209,9 +217,9 @@ def place_by_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int
 
     Returns
     -------
-    photos, cameras
-        Numbers of the photos that are placed and their cameras, with focal lengths of their
-        own, laid on the rough ones; none where fewer than three are.
+    capture
+        The photos that are placed, with cameras that are laid on the rough ones and have focal
+        lengths of their own; None where fewer than three are.
     """
     import pycolmap
 
@@ -219,7 +227,9 @@ def place_by_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int
     pycolmap.set_random_seed(seed)
     with tempfile.TemporaryDirectory(prefix="lfportrait-") as work:
         scene = _scene(capture, mattes, Path(work), seed)
-        return _placed_by_head(pycolmap, scene, _lenses(scene), capture.cameras, False)
+        placed, cameras = _placed_by_head(pycolmap, scene, _lenses(scene), capture.cameras,
+                                          lens_known=False)
+    return _placed_part(capture, placed, cameras) if placed else None
 
 
 def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int = 0,
@@ -268,8 +278,5 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
     degrees = float(np.median(pose_corrections(capture.cameras[placed], cameras)[0]))
     tell(f"the head moved against the room ({pixels:.1f} pixels, {degrees:.1f} degrees): the "
          f"cameras follow it in {len(placed)} of {len(capture)} photos")
-    alphas = None if capture.alphas is None else [capture.alphas[view] for view in placed]
-    followed = replace(capture, cameras=cameras, images=[capture.images[view] for view in placed],
-                       alphas=alphas, names=[capture.names[view] for view in placed],
-                       held_out=capture.held_out[placed])
-    return followed, HeadMotion(True, pixels, own, after, degrees, placed)
+    return (_placed_part(capture, placed, cameras),
+            HeadMotion(True, pixels, own, after, degrees, placed))

@@ -20,7 +20,7 @@ from ..camera import Camera
 from ..distortion import Lens, undistort
 from ..frame import looks_normalised, portrait_frame_from_cameras
 
-__all__ = ["Views", "assemble", "with_mask"]
+__all__ = ["Views", "assemble", "held_out_views", "with_mask"]
 
 
 class Views(NamedTuple):
@@ -68,6 +68,14 @@ def with_mask(picture: NDArray[np.uint8], places: Iterable[Path]) -> NDArray[np.
                                                                Image.Resampling.BOX))
             return np.dstack([picture, mask])
     return picture
+
+
+def held_out_views(count: int, holdout: int) -> NDArray[np.bool_]:
+    """Which of so many views are tested on, bool [V]: every ``holdout``-th; none of too few."""
+    held_out = np.zeros(count, bool)
+    if holdout > 1 and count >= 2 * holdout:
+        held_out[holdout // 2::holdout] = True
+    return held_out
 
 
 def _rigid(poses: NDArray[np.float64], names: list[str]) -> NDArray[np.float64]:
@@ -138,8 +146,6 @@ def assemble(poses: NDArray[np.float64], lenses: list[Lens],
         frame = portrait_frame_from_cameras(cameras, box)
         cameras = cameras.transformed(frame)
     if held_out is None:
-        held_out = np.zeros(len(images), bool)
-        if holdout > 1 and len(images) >= 2 * holdout:
-            held_out[holdout // 2::holdout] = True
+        held_out = held_out_views(len(images), holdout)
     return Views(cameras, images, alphas if len(alphas) == len(images) else None, names, held_out,
                  frame)

@@ -77,7 +77,10 @@ class Photos:
             yield found
 
     def past(self, points: Float64, nearly: bool = True) -> Bools:
-        """Whether a view sees past points [N, 3], or nearly so, bool [N]."""
+        """Whether a view sees past points [N, 3], bool [N].
+
+        ``nearly``: also where it sees past their pixels' neighbours.
+        """
         found = np.zeros(len(points), bool)
         for view, shown, place, depth in self._shown(points):
             last = self._last if nearly else self._depths
@@ -96,8 +99,8 @@ class Photos:
 
 
 def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bools, photos: Photos,
-                         nearly: bool = True) -> Float64:
-    """Distances [V, U] so short, where ``asked``, that no photo sees past them."""
+                        nearly: bool = True) -> Float64:
+    """Distances [V, U] so short, where ``asked``, that no photo sees past them (`Photos.past`)."""
     cells = np.flatnonzero(asked)
     origin = np.broadcast_to(chart.origins[:, None], (*asked.shape, 3)).reshape(-1, 3)
     rays, out = chart.rays.reshape(-1, 3), distance.copy()

@@ -102,7 +102,7 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
     field = _widened(field, corners.min(axis=0), corners.max(axis=0))
     density, sh = _changed(field, shell, photos)
     cells, deep, places = _new_cells(field, shell, cut)
-    kept = ~photos.past(_points(field, cells), not shell.guessed) | (deep < 0)
+    kept = ~photos.past(_points(field, cells), nearly=not shell.guessed) | (deep < 0)
     cells, deep, places = cells[kept], deep[kept], places[:, kept]
     links = field.links.copy()
     links[tuple(cells.T[::-1])] = np.arange(len(cells), dtype=np.int32) + len(density)

@@ -66,7 +66,8 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     chart, voxel = surface.chart, float(field.spacing.mean())
     distance, colors = read_surface(field, chart, cut)
     photos = Photos(field, capture)
-    known = np.isfinite(distance) & (surface.facing > SQUARE)
+    finite = np.isfinite(distance)
+    known = finite & (surface.facing > SQUARE)
     known &= np.abs(distance - surface.distance) < APART / chart.scale
     known[known] = photos.seen(chart.points(distance)[known], chart.rays[known]) >= photos.enough
     known &= coherent(chart, np.where(known, distance, np.nan))
@@ -74,7 +75,6 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     if not known.any():
         return field, None
     known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
-    finite = np.isfinite(distance)
     # At the outlines photos look along the surface: each tells it badly, all together well.
     rim = ~known & finite & (np.abs(np.where(finite, distance, 0) - surface.distance)
                              < APART / chart.scale)
@@ -85,13 +85,13 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
         ratio, np.where(known, 10.0, np.where(rim, RIM, 0.0)), 0.5, 0.01, 1e-4))
     gap = ~known
     area = whole ** 2 * np.cos(chart.elevation)[:, None]
-    whole = behind_what_is_seen(chart, whole, gap, photos, False)
+    whole = behind_what_is_seen(chart, whole, gap, photos, nearly=False)
     normal = normals_of(chart, smoothed(whole, np.ones_like(known), 1.0))
     cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
     # Behind the ears that an arc shows lies what lies above them: hair.
     upwards = np.interp(chart.axis[:, 1], (NAPE - 0.05, NAPE + 0.05), (0.03, 1.0))
-    paint = shades(chart, chart.points(np.where(np.isfinite(distance), distance, whole)), colors,
-                   known & np.isfinite(distance), photos, upwards, _hair(chart, whole))
+    paint = shades(chart, chart.points(np.where(finite, distance, whole)), colors,
+                   known & finite, photos, upwards, _hair(chart, whole))
     shell = Shell(chart, whole, cosine, np.clip(paint, 0, 1),
                   ndimage.binary_dilation(gap, np.ones((3, 3))), voxel, guessed=True)
     closed, count = with_shell(field, shell, photos, cut)
