@@ -2,6 +2,7 @@
 
 import io
 import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -112,3 +113,69 @@ def test_what_is_no_picture_is_one_line(tmp_path):
     (tmp_path / "x.tif").write_bytes(b"II*\0nonsense")
     with pytest.raises(UserError, match="can't read the picture"):
         read_image(tmp_path / "x.tif")
+
+
+@pytest.mark.parametrize("suffix", [".heic", ".avif"])
+def test_a_phones_own_files_have_wide_colours_too(tmp_path, suffix):
+    pillow_heif = pytest.importorskip("pillow_heif")
+    pillow_heif.register_heif_opener()
+    image = np.full((32, 32, 3), COLOR, np.uint8)
+    path = saved(tmp_path / f"p{suffix}", image, icc_profile=profile(P3), quality=100)
+    for found in (read_image(path), read_photos(tmp_path)[0].image):
+        assert np.abs(found[16, 16].astype(int) - (217, 42, 52)).max() <= 4
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".tif"])
+def test_photos_of_two_hundred_megapixels_are_read(tmp_path, suffix):
+    """Turned by their note as well, which must not be lost on the way."""
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    large = Image.new("L", (16000, 12500), 90)
+    large.paste(200, (0, 0, 8000, 12500))
+    large.save(tmp_path / f"a{suffix}", exif=exif, quality=50)
+    image = read_photos(tmp_path, max_side=400)[0].image
+    assert image.shape[0] == 400 and image.shape[1] in (312, 313)
+    assert np.abs(image[[100, 300], 150].mean(1) - (200, 90)).max() < 4
+    if suffix == ".jpg":
+        assert read_image(tmp_path / "a.jpg").shape == (16000, 12500, 3)
+
+
+def test_a_decompression_bomb_is_one_line(tmp_path):
+    chunk = b"IHDR" + struct.pack(">IIBBBBB", 60000, 60000, 8, 2, 0, 0, 0)
+    (tmp_path / "bomb.png").write_bytes(
+        b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk
+        + struct.pack(">I", zlib.crc32(chunk)) + struct.pack(">I", 0) + b"IDAT"
+        + struct.pack(">I", zlib.crc32(b"IDAT")))
+    bound = Image.MAX_IMAGE_PIXELS
+    with pytest.raises(UserError, match="60000 x 60000 pixels"):
+        read_image(tmp_path / "bomb.png")
+    assert bound == Image.MAX_IMAGE_PIXELS
+    with pytest.warns(UserWarning, match="60000"), pytest.raises(UserError, match="reduce it"):
+        read_photos(tmp_path)
+
+
+def test_raw_photos_are_one_line(tmp_path):
+    """Pillow would show the thumbnail of many."""
+    saved(tmp_path / "a.tif", np.full((16, 16, 3), COLOR, np.uint8))
+    (tmp_path / "a.tif").rename(tmp_path / "a.DNG")
+    with pytest.raises(UserError, match="raw photos are not read; export"):
+        read_image(tmp_path / "a.DNG")
+    with pytest.raises(UserError, match="are raw; export"):
+        read_photos(tmp_path)
+    saved(tmp_path / "a.jpg", np.full((16, 16, 3), COLOR, np.uint8))
+    assert [photo.name for photo in read_photos(tmp_path)] == ["a.jpg"]
+    (tmp_path / "a.DNG").rename(tmp_path / "b.nef")
+    with pytest.warns(UserWarning, match="1 raw photos"):
+        read_photos(tmp_path)
+
+
+def test_photos_of_one_folder_deep_below_are_found(tmp_path):
+    place = tmp_path / "DCIM" / "100PHONE"
+    place.mkdir(parents=True)
+    saved(place / "a.jpg", np.full((16, 16, 3), COLOR, np.uint8))
+    assert [photo.name for photo in read_photos(tmp_path)] == ["a.jpg"]
+    other = tmp_path / "DCIM" / "101PHONE"
+    other.mkdir()
+    saved(other / "a.jpg", np.full((16, 16, 3), COLOR, np.uint8))
+    with pytest.raises(UserError, match="several folders"):
+        read_photos(tmp_path)

@@ -284,6 +284,21 @@ def test_colmap_models_are_read_as_pycolmap_wrote_them(tmp_path: Path, model: st
     assert np.allclose([image.pose for image in images], cameras.pose, atol=1e-9)
 
 
+@pytest.mark.parametrize("text", [True, False])
+def test_colmap_rigs_give_every_photo_its_own_pose(tmp_path: Path, text: bool) -> None:
+    pycolmap = pytest.importorskip("pycolmap")
+    options = pycolmap.SyntheticDatasetOptions()
+    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig = 2, 2, 3
+    options.num_points3D = 10
+    made = pycolmap.synthesize_dataset(options)
+    (made.write_text if text else made.write_binary)(tmp_path)
+    _, images = read_model(tmp_path)
+    poses = {image.name: image.cam_from_world().inverse().matrix()
+             for image in made.images.values()}
+    assert len(poses) == len(images) == 12
+    assert all(np.allclose(image.pose[:3], poses[image.name], atol=1e-9) for image in images)
+
+
 @pytest.mark.parametrize("place", ["sparse/0", "sparse", "."])
 def test_colmap_data_sets_load_with_their_photos(tmp_path: Path, place: str) -> None:
     cameras = rig(3, 5)

@@ -150,7 +150,7 @@ def test_masks_are_named_relative_to_the_file_and_may_be_larger(tmp_path: Path) 
 
 def test_files_written_on_windows(tmp_path: Path) -> None:
     write_transforms(tmp_path, rig(8, 4), {"camera_angle_x": ANGLE}, mask_path=".\\masks\\m.png")
-    write_image(tmp_path / "masks" / "m.png", np.full((60, 80), 255, np.uint8))
+    write_image(tmp_path / "masks" / "m.png", np.eye(60, 80, dtype=np.uint8) * 255)
     plain = Capture.load(tmp_path)
     data = json.loads((tmp_path / "transforms.json").read_text())
     for frame in data["frames"]:
@@ -345,3 +345,20 @@ def test_pictures_come_in_order_and_damaged_ones_as_errors(tmp_path):
         else:
             assert picture.shape == (300 - shade, 8, 3) and (picture == shade).all()
     assert isinstance(found[4], UserError) and "no such file" in str(found[4])
+
+
+def test_channels_that_are_opaque_throughout_are_no_mattes(tmp_path: Path) -> None:
+    """Screenshots have them; a matte is transparent somewhere, and all photos have one."""
+    colmap_model(tmp_path / "sparse" / "0", "PINHOLE", rig(3, 5), False)
+    names = [f"a photo {view:02d}.png" for view in range(5)]
+    for name in names:
+        write_image(tmp_path / "images" / name, np.full((60, 80, 4), 255, np.uint8))
+    assert Capture.load(tmp_path).alphas is None
+    matted = np.full((60, 80, 4), 255, np.uint8)
+    matted[:20, :, 3] = 0
+    write_image(tmp_path / "images" / names[0], matted)
+    alphas = Capture.load(tmp_path).alphas
+    assert alphas is not None and not alphas[0][:20].any() and alphas[1].all()
+    write_image(tmp_path / "images" / names[1], matted[..., :3])
+    with pytest.warns(UserWarning, match="4 of 5 photos have an alpha channel"):
+        assert Capture.load(tmp_path).alphas is None

@@ -90,7 +90,76 @@ def visualsfm(folder: Path, cameras: Camera) -> None:
     (folder / "model.nvm").write_text("\n".join([*rows, "", "0", ""]))
 
 
+def numbers_of(matrix: np.ndarray) -> list[str]:
+    return [repr(float(value)) for value in matrix.ravel()]
+
+
+def meshroom(folder: Path, cameras: Camera, version: tuple[int, ...] = (1, 2, 7)) -> None:
+    """All numbers are text; one view is not aligned; the paths are another computer's."""
+    late, centred_point = version >= (1, 2, 2), version >= (1, 2, 1)
+    lens = {"intrinsicId": "7", "width": "80", "height": "60",
+            "principalPoint": ["0.5", "-0.25"] if centred_point else ["40.5", "29.75"],
+            "distortionParams": [repr(K1), repr(K2), "0"]}
+    if late:
+        lens |= {"type": "pinhole", "distortionType": "radialk3", "sensorWidth": "36",
+                 "sensorHeight": "27", "focalLength": repr(110 / 80 * 36), "pixelRatio": "1"}
+    else:
+        lens |= {"type": "radial3",
+                 "pxFocalLength": ["110", "110"] if version >= (1, 2, 0) else "110"}
+    views = [{"viewId": str(view), "poseId": str(view), "intrinsicId": "7", "width": "80",
+              "height": "60", "path": f"D:/somewhere/IMG.{view:02d}.png"}
+             for view in range(COUNT)]
+    poses = [{"poseId": str(view), "pose": {"transform": {
+        "rotation": numbers_of(pose[:3, :3]), "center": numbers_of(pose[:3, 3])}}}
+        for view, pose in enumerate(cameras.pose)]
+    views.append({**views[0], "viewId": "90", "poseId": "90"})
+    (folder / "cameras.sfm").write_text(json.dumps({
+        "version": [str(part) for part in version], "featuresFolders": [""], "views": views,
+        "intrinsics": [lens], "poses": poses}))
+
+
+def meshroom_of_old(folder: Path, cameras: Camera) -> None:
+    meshroom(folder, cameras, (1, 0, 0))
+    (folder / "cameras.sfm").rename(folder / "sfm.json")
+
+
+def openmvg(folder: Path, cameras: Camera) -> None:
+    """As cereal writes it: a class is named where it is used first."""
+    views = [{"key": view, "value": {"polymorphic_id": 1073741824, "ptr_wrapper": {
+        "id": 2147483649 + view, "data": {
+            "local_path": "", "filename": f"IMG.{view:02d}.png", "width": 80, "height": 60,
+            "id_view": view, "id_intrinsic": view % 2, "id_pose": view}}}}
+        for view in range(COUNT)]
+    lenses = [{"key": number, "value": {
+        "polymorphic_id": 2147483649 if number == 0 else 1,
+        **({"polymorphic_name": "pinhole_radial_k3"} if number == 0 else {}),
+        "ptr_wrapper": {"id": 2147483700 + number, "data": {
+            "value0": {"width": 80, "height": 60, "focal_length": 110.0,
+                       "principal_point": [40.5, 29.75]}, "disto_k3": [K1, K2, 0.0]}}}}
+        for number in range(2)]
+    poses = [{"key": view, "value": {"rotation": pose[:3, :3].T.tolist(),
+                                     "center": pose[:3, 3].tolist()}}
+             for view, pose in enumerate(cameras.pose)]
+    (folder / "sfm_data.json").write_text(json.dumps({
+        "sfm_data_version": "0.3", "root_path": "/elsewhere", "views": views,
+        "intrinsics": lenses, "extrinsics": poses}))
+
+
+def reality_capture(folder: Path, cameras: Camera) -> None:
+    rows = ["#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2"]
+    for view, pose in enumerate(cameras.pose):
+        turn = pose[:3, :3] @ np.diag([1.0, -1, -1])
+        angles = Rotation.from_matrix(turn).as_euler("ZXY", degrees=True) * [-1, 1, 1]
+        numbers = [*pose[:3, 3], *angles, 110 * 36 / 80, 0.5 / 80, -0.25 / 80, K1, K2, 0, 0, P1, P2]
+        rows.append(",".join([f"IMG.{view:02d}.png", *(repr(float(one)) for one in numbers)]))
+    (folder / "registration.csv").write_text("\ufeff" + "\n".join(rows) + "\n", encoding="utf-8")
+
+
 @pytest.mark.parametrize(("write", "lens"), [
+    (meshroom, {"k1": K1, "k2": K2, "cx": 40.5, "cy": 29.75}),
+    (meshroom_of_old, {"k1": K1, "k2": K2, "cx": 40.5, "cy": 29.75}),
+    (openmvg, {"k1": K1, "k2": K2, "cx": 40.5, "cy": 29.75}),
+    (reality_capture, {"k1": K1, "k2": K2, "p1": P1, "p2": P2, "cx": 40.5, "cy": 29.75}),
     (metashape, {"k1": K1, "k2": K2, "p1": P1, "p2": P2, "cx": 40.5, "cy": 29.75}),
     (bundler, {"k1": K1, "k2": K2}), (visualsfm, {})])
 def test_cameras_are_those_that_were_written(tmp_path, write, lens):
@@ -105,15 +174,63 @@ def test_cameras_are_those_that_were_written(tmp_path, write, lens):
         assert np.allclose(getattr(found.cameras, name), getattr(wanted.cameras, name), atol=1e-6)
     assert all(np.array_equal(one, other) for one, other in zip(found.images, wanted.images))
     file = next(path for path in (tmp_path / "set").iterdir()
-                if path.suffix in (".xml", ".out", ".nvm"))
+                if path.suffix in (".xml", ".out", ".nvm", ".sfm", ".json", ".csv"))
     assert len(Capture.load(file)) == COUNT
     if not lens:
         assert spot_error(found, MARKER) < 0.3
 
 
+def test_photos_of_several_folders_keep_their_own_cameras(tmp_path):
+    """Two cameras count their photos alike: left/0001.png and right/0001.png."""
+    cameras = centred()
+    meshroom(tmp_path, cameras)
+    text = (tmp_path / "cameras.sfm").read_text()
+    for view in range(COUNT):
+        name = f"{'left' if view < COUNT // 2 else 'right'}/{view % (COUNT // 2):04d}.png"
+        write_image(tmp_path / "images" / name, spot(cameras, view))
+        text = text.replace(f"IMG.{view:02d}.png", name)
+    (tmp_path / "cameras.sfm").write_text(text)
+    found = Capture.load(tmp_path)
+    assert sorted(found.names) == [f"{side}_{number:04d}.png" for side in ("left", "right")
+                                   for number in range(COUNT // 2)]
+    assert spot_error(found, MARKER) < 1.0
+
+
+def test_the_largest_of_metashapes_components_is_taken(tmp_path):
+    cameras = centred()
+    photos(tmp_path, cameras)
+    metashape(tmp_path, cameras)
+    file = tmp_path / "cameras.xml"
+    text = file.read_text()
+    chunk = text[text.index("<transform><rotation>"):text.index("</chunk>")]
+    text = text.replace(chunk, "").replace("<cameras>", "<components>" + "".join(
+        f'<component id="{number}">{chunk}</component>' for number in range(2))
+        + "</components><cameras>")
+    for view in range(COUNT):
+        text = text.replace(f'camera id="{view}"',
+                            f'camera id="{view}" component_id="{int(view < 2)}"')
+    file.write_text(text)
+    with pytest.warns(UserWarning, match="2 components"):
+        found = Capture.load(tmp_path)
+    assert found.names == [f"IMG.{view:02d}.png" for view in range(2, COUNT)]
+    assert spot_error(found, MARKER) < 1.0
+
+
+def test_four_radial_terms_are_a_fraction_of_cubics():
+    from lfportrait.capture.distortion import Lens
+    from lfportrait.capture.formats.placed import brown
+
+    k = (-0.12, 0.04, -0.02, 0.008)
+    lens = brown(Lens(4000, 3000, (3500.0, 3500.0), (2000.0, 1500.0)), k)
+    points = np.random.default_rng(1).uniform(-0.5, 0.5, (200, 2))
+    r2 = (points ** 2).sum(1, keepdims=True)
+    wanted = points * (1 + sum(term * r2 ** (n + 1) for n, term in enumerate(k)))
+    assert np.abs(lens.distort(points) - wanted).max() * 3500 < 0.01
+
+
 def test_visualsfms_distortion_is_undone(tmp_path):
     """Its one term straightens; ours bend."""
-    from lfportrait.capture.formats.programs import _undoing
+    from lfportrait.capture.formats.tables import _undoing
 
     for radial in (-0.15, 0.05, 0.2):
         bent = np.linspace(0, 0.65, 50)
@@ -125,7 +242,8 @@ def test_visualsfms_distortion_is_undone(tmp_path):
 
 
 @pytest.mark.parametrize(("spoil", "message"), [
-    ("not xml", "can't be read"), ("entities", "entities"), ("skew", "skew"), ("size", "turn the"),
+    ("not xml", "can't be read"), ("entities", "entities"), ("skew", "skew"),
+    ("size", "was turned or cropped"),
     ("nothing", "no aligned cameras"), ("photos", "none of the photos"), ("cut", "can't be read")])
 def test_what_cannot_be_read_is_one_line(tmp_path, spoil, message):
     cameras = centred()

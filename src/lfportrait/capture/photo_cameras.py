@@ -45,7 +45,7 @@ from .calibration.mapping import place_photos
 from .camera import Camera
 from .capture import Capture
 from .distortion import Lens
-from .formats import assemble, lens_of
+from .formats import assemble, lens_of, turned_upright
 from .frame import portrait_frame_from_cameras
 from .photos import Photo
 from .sharpness import blurred
@@ -194,7 +194,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
         lens = lens_of(camera.model.name, camera.width, camera.height, camera.params)
         pose = np.eye(4)
         pose[:3] = image.cam_from_world().inverse().matrix()
-        found[photos[index].name] = _upright(pose, lens, turns[index])
+        found[photos[index].name] = turned_upright(pose, lens, turns[index])
     models = {camera.model.name for camera in model.cameras.values()}
     figures = {"points": int(model.num_points3D()),
                "reprojection_error_px": float(model.compute_mean_reprojection_error()),
@@ -221,15 +221,6 @@ def _closer(scene: Scene, photos: list[Photo], turns: list[int], again: list[int
     work = scene.work / "closer"
     work.mkdir()
     return Scene(scene.sizes, scene.focals, features, enough(matches), work, scene.seed)
-
-
-def _upright(pose: Float, lens: Lens, turn: int) -> tuple[Float, Lens]:
-    """Pose and lens of the upright picture, from those of the sensor's, ``turn`` quarters on."""
-    quarter = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0],
-                        [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-    for _ in range(turn):
-        pose, lens = pose @ quarter, lens.turned()
-    return pose, lens
 
 
 def calibrate(photos: str | Path, config: CalibrateConfig | None = None,

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +22,14 @@ from PIL import Image
 
 from ..colour import srgb
 from ..errors import UserError
+from ..files import RAW, open_picture
 from .exif import noted
 
 __all__ = ["Photo", "is_video", "picture_files", "read_photos"]
 
 _PICTURES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif"}
 _HEIC = {".heic", ".heif", ".hif"}
+_ORIENTATION = 0x0112
 _VIDEOS = {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"}
 
 
@@ -55,27 +58,18 @@ class Photo:
     turns: int = 0
 
 
-@cache
-def _read_heic() -> bool:
-    """Teach Pillow to read HEIC; whether it can."""
-    try:
-        import pillow_heif
-    except ImportError:
-        return False
-    pillow_heif.register_heif_opener()
-    return True
-
-
 def _read_photo(path: Path, max_side: int) -> Photo:
     """Read, turn upright and reduce one picture; raises what Pillow raises."""
-    with Image.open(path) as picture:
+    with open_picture(path) as picture:
         notes = noted(picture.getexif(), picture.size)
         if max_side:
             # A JPEG can be read at a half or a quarter of its size, in a fraction of the time.
             ratio = max_side / max(picture.size)
             picture.draft(None, (int(picture.width * ratio), int(picture.height * ratio)))
         picture.load()
-        upright = srgb(picture)
+        # Of a picture of 200 megapixels no second whole copy is made.
+        times = min(picture.size) // 4 and max(picture.size) // (2 * max_side) if max_side else 0
+        upright = srgb(_reduced(picture, times) if times > 1 else picture)
     if max_side and max(upright.size) > max_side:
         ratio = max_side / max(upright.size)
         size = [max(1, round(side * ratio)) for side in upright.size]
@@ -84,17 +78,44 @@ def _read_photo(path: Path, max_side: int) -> Photo:
     return Photo(path.name, np.asarray(upright), focal, notes.lens, notes.turns)
 
 
-def _picture_files(folder: Path) -> list[Path]:
-    """The pictures of a folder, or of its subfolder ``images`` where it has none itself."""
-    def files(place: Path) -> list[Path]:
-        return sorted(path for path in place.iterdir()
-                      if path.is_file() and not path.name.startswith(".")
-                      and path.suffix.lower() in _PICTURES | _HEIC)
+def _reduced(picture: Image.Image, times: int) -> Image.Image:
+    """A picture reduced by a whole number, with its notes and profile."""
+    if picture.mode not in ("L", "LA", "RGB", "RGBA", "CMYK"):
+        return picture
+    smaller = picture.reduce(times)
+    smaller.info = dict(picture.info)
+    smaller.getexif()[_ORIENTATION] = picture.getexif().get(_ORIENTATION, 1)
+    return smaller
 
-    found = files(folder)
-    if not found and (folder / "images").is_dir():
-        found = files(folder / "images")
-    return found
+
+def _picture_files(folder: Path) -> list[Path]:
+    """The pictures of a folder, or of its subfolder ``images``, or of the only one with pictures.
+
+    Cameras keep photos in ``DCIM/100NAME``. Several folders are several people, or an error.
+    """
+    for place in (folder, folder / "images"):
+        found = _within(place, _PICTURES | _HEIC)
+        if found:
+            raw = {path.stem for path in _within(place, RAW)} - {path.stem for path in found}
+            if raw:
+                warnings.warn(f"{len(raw)} raw photos in {place} are left out; export them as "
+                              "JPEG or TIFF", stacklevel=2)
+            return found
+    below = {place: found for place in sorted(folder.rglob("*"))
+             if place.is_dir() and (found := _within(place, _PICTURES | _HEIC))}
+    if len(below) > 1:
+        names = [str(place.relative_to(folder)) for place in below]
+        raise UserError(f"{folder} has photos in several folders ({', '.join(names[:4])}"
+                        f"{', ...' if len(names) > 4 else ''}); name one of them, or use "
+                        "`lfportrait batch` for several people")
+    return next(iter(below.values()), [])
+
+
+def _within(place: Path, suffixes: Collection[str]) -> list[Path]:
+    """Files of these kinds in a folder, none in its folders."""
+    return sorted(path for path in place.iterdir()
+                  if path.is_file() and not path.name.startswith(".")
+                  and path.suffix.lower() in suffixes) if place.is_dir() else []
 
 
 def _unique(photos: list[Photo]) -> list[Photo]:
@@ -125,6 +146,8 @@ def picture_files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise UserError(f"{folder} is neither a folder of photos nor a video")
     files = _picture_files(folder)
+    if not files and any(_within(folder, RAW)):
+        raise UserError(f"the photos in {folder} are raw; export them as JPEG or TIFF")
     if not files:
         raise UserError(f"{folder} has no photos in it; put 20 to 100 photos of one person there "
                         "(JPEG, HEIC or PNG)")
@@ -152,13 +175,6 @@ def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
         If the folder is missing, or holds no picture that can be read.
     """
     files = picture_files(folder)
-    heic = [path for path in files if path.suffix.lower() in _HEIC]
-    if heic and not _read_heic():
-        advice = "HEIC pictures need pillow-heif (pip install pillow-heif), or export them as JPEG"
-        if len(heic) == len(files):
-            raise UserError(f"{folder}: {advice}")
-        warnings.warn(f"{len(heic)} pictures are left out: {advice}", stacklevel=2)
-        files = [path for path in files if path not in heic]
     # Decoding lets other threads run.
     with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as readers:
         tried = list(readers.map(partial(_tried, max_side=max_side), files))
@@ -167,8 +183,9 @@ def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
         if isinstance(reason, str):
             warnings.warn(f"{path.name} can't be read and is left out: {reason}", stacklevel=2)
     if not photos:
-        raise UserError(f"none of the {len(files)} pictures in {folder} can be read; are the files "
-                        "damaged?")
+        reasons = {reason for reason in tried if isinstance(reason, str)}
+        raise UserError(f"none of the {len(files)} pictures in {folder} can be read: "
+                        f"{reasons.pop() if len(reasons) == 1 else 'are the files damaged?'}")
     return _unique(photos)
 
 
@@ -176,8 +193,7 @@ def _tried(path: Path, max_side: int) -> Photo | str:
     """A photo, or why it can't be read."""
     try:
         return _read_photo(path, max_side)
-    except (OSError, ValueError, SyntaxError, RuntimeError,
-            Image.DecompressionBombError) as error:
+    except (OSError, ValueError, SyntaxError, RuntimeError, MemoryError) as error:
         return str(error).splitlines()[0] if str(error) else type(error).__name__
 
 

@@ -39,7 +39,8 @@ def _cut_out(photos: Path) -> bool:
     for path in sorted(photos.rglob("*")):
         if path.suffix.lower() in _PICTURES:
             try:
-                return read_image(path).shape[-1] == 4
+                picture = read_image(path)
+                return picture.shape[-1] == 4 and bool((picture[..., 3] < 255).any())
             except UserError:  # a damaged one is left out later, with a warning
                 continue
     return False

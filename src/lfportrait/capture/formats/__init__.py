@@ -1,15 +1,17 @@
 """Data sets that know their cameras already: a reader for each format, and what tells them apart.
 
 `detect` finds the format; `transforms` reads NeRF's, instant-ngp's and nerfstudio's, `colmap`
-COLMAP's models, `programs` Metashape's, Bundler's and VisualSfM's files, `datasets` LLFF and NSVF.
-All end in `assembly`.
+COLMAP's models, `programs` the files of Metashape, RealityCapture, Meshroom and their kin, `phones`
+what Polycam and Record3D export, `datasets` LLFF and NSVF. All end in `assembly`; which way up a
+picture is, `orientation` decides.
 """
 
-from .assembly import Views, assemble, held_out_views, with_mask
+from .assembly import Shot, Views, assemble, held_out_views, read_shots
 from .colmap import ColmapImage, lens_of, load_colmap, read_model
 from .detect import is_calibrated, load_views
+from .orientation import turned_upright
 from .transforms import load_transforms, transform_files
 
-__all__ = ["ColmapImage", "Views", "assemble", "held_out_views", "is_calibrated", "lens_of",
-           "load_colmap", "load_transforms", "load_views", "read_model", "transform_files",
-           "with_mask"]
+__all__ = ["ColmapImage", "Shot", "Views", "assemble", "held_out_views", "is_calibrated", "lens_of",
+           "load_colmap", "load_transforms", "load_views", "read_model", "read_shots",
+           "transform_files", "turned_upright"]

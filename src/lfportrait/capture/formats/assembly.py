@@ -1,26 +1,64 @@
 """What every reader of a data set ends with: photos without distortion, in the portrait frame.
 
-A reader finds poses, lenses and pictures in its own format; `assemble` makes `Views` of them, which
-are the first fields of a `Capture` in their order.
+A reader finds a `Shot` for each photo in its own format: file, pose, lens. `read_shots` reads the
+pictures, turns them upright and gives them their masks; `assemble` takes the distortion out and
+makes `Views` of them, which are the first fields of a `Capture` in their order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from ...errors import UserError
-from ...files import read_image
+from ...files import read_images
 from ..camera import Camera
 from ..distortion import Lens, undistort
 from ..frame import looks_normalised, portrait_frame_from_cameras
+from .orientation import calibrated_turns, mask_for, noted_turns, turned_upright, turns_by_up
 
-__all__ = ["Views", "assemble", "held_out_views", "with_mask"]
+__all__ = ["Shot", "Views", "assemble", "held_out_views", "read_shots"]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One calibrated photo as a program's files have it.
+
+    Attributes
+    ----------
+    path
+        The picture's file.
+    name
+        Its name in the capture.
+    pose
+        float64 [4, 4], camera-to-world, OpenCV axes; a common scale is allowed.
+    lens
+        Makes the lens of the picture as it was calibrated from its width and height in pixels.
+    size
+        Width and height of the pixels that were calibrated, where the program notes them.
+    masks
+        Where the picture's mask may lie; the first that exists becomes its alpha (white is kept).
+    test
+        Whether it is held out, where the data set says so.
+    up
+        float64 [3], what is up in the source's world, for photos that lie on their sides without a
+        note; None where that is not known.
+    """
+
+    path: Path
+    name: str
+    pose: NDArray[np.float64]
+    lens: Callable[[int, int], Lens]
+    size: tuple[int, int] | None = None
+    masks: tuple[Path, ...] = ()
+    test: bool | None = None
+    up: NDArray[np.float64] | None = None
 
 
 class Views(NamedTuple):
@@ -48,26 +86,6 @@ class Views(NamedTuple):
     names: list[str]
     held_out: NDArray[np.bool_]
     frame: NDArray[np.float64]
-
-
-def with_mask(picture: NDArray[np.uint8], places: Iterable[Path]) -> NDArray[np.uint8]:
-    """The picture with the first mask file that exists as alpha (white is kept).
-
-    A mask of another size, for a reduced picture, is resized; one of another shape is an error.
-    """
-    if picture.shape[2] == 4:
-        return picture
-    height, width = picture.shape[:2]
-    for place in places:
-        if place.is_file():
-            mask = read_image(place)[..., :3].max(axis=2)
-            if mask.shape != (height, width):
-                if abs(mask.shape[0] * width - mask.shape[1] * height) > 2 * max(mask.shape):
-                    raise UserError(f"the mask {place} is not of its picture's size")
-                mask = np.asarray(Image.fromarray(mask).resize((width, height),
-                                                               Image.Resampling.BOX))
-            return np.dstack([picture, mask])
-    return picture
 
 
 def held_out_views(count: int, holdout: int) -> NDArray[np.bool_]:
@@ -107,7 +125,9 @@ def assemble(poses: NDArray[np.float64], lenses: list[Lens],
     """Views in the portrait frame from poses, lenses and photos.
 
     Photos are undistorted; where the lens leaves corners uncovered they are transparent only if the
-    photo had an alpha channel. A data set that is normalised already keeps its frame.
+    photo had an alpha channel. An alpha channel is a photo's matte (opaque is the person) where all
+    photos have one and any of them is transparent anywhere: screenshots and many programs write
+    channels that are opaque throughout. A data set that is normalised already keeps its frame.
 
     Parameters
     ----------
@@ -130,11 +150,13 @@ def assemble(poses: NDArray[np.float64], lenses: list[Lens],
     poses = _rigid(poses, names)
     images: list[NDArray[np.uint8]] = []
     alphas: list[NDArray[np.uint8]] = []
+    transparent = 0
     for picture, lens, name in zip(pictures, lenses, names):
         _check(lens, name)
         flat, inside = undistort(picture, lens)
         images.append(np.ascontiguousarray(flat[..., :3]))
         if picture.shape[2] == 4:
+            transparent += bool((picture[..., 3] < 255).any())
             alphas.append(np.ascontiguousarray(flat[..., 3] * inside))
     straight = [lens.pinhole() for lens in lenses]
     cameras = Camera(poses, np.array([lens.focal for lens in straight]),
@@ -147,5 +169,68 @@ def assemble(poses: NDArray[np.float64], lenses: list[Lens],
         cameras = cameras.transformed(frame)
     if held_out is None:
         held_out = held_out_views(len(images), holdout)
-    return Views(cameras, images, alphas if len(alphas) == len(images) else None, names, held_out,
-                 frame)
+    if transparent and len(alphas) < len(images):
+        warnings.warn(f"{len(alphas)} of {len(images)} photos have an alpha channel; it is left "
+                      "out, as a part is no matte of the whole", stacklevel=2)
+    matted = bool(transparent) and len(alphas) == len(images)
+    return Views(cameras, images, alphas if matted else None, names, held_out, frame)
+
+
+def read_shots(shots: list[Shot], source: Path, holdout: int,
+               box: NDArray[np.float64] | None = None) -> Views:
+    """Views of a program's shots: pictures are read, turned upright and given their masks.
+
+    A picture that can't be read is left out with a warning.
+
+    Parameters
+    ----------
+    shots
+        In the order of the views.
+    source
+        The file or folder that lists them, for messages.
+    holdout, box
+        As in `assemble`; every ``holdout``-th view is held out unless all shots say whether they
+        are.
+
+    Raises
+    ------
+    UserError
+        If no picture can be read, a picture and its camera are of different shapes, or a pose or
+        lens makes no sense.
+    """
+    poses, lenses, pictures, kept = [], [], [], []
+    for shot, picture in zip(shots, read_images(shot.path for shot in shots)):
+        if isinstance(picture, UserError):
+            warnings.warn(f"{picture}; left out", stacklevel=3)
+            continue
+        noted = noted_turns(shot.path)
+        masks = [place for place in shot.masks if place.is_file()]
+        if masks and picture.shape[2] == 3:
+            picture = np.dstack([picture, mask_for(picture, masks[0], noted)])
+        pose, lens, picture = _upright(shot, picture, noted)
+        poses.append(pose)
+        lenses.append(lens)
+        pictures.append(picture)
+        kept.append(shot)
+    if not kept:
+        raise UserError(f"none of the photos named in {source} can be read")
+    known = [shot.test for shot in kept if shot.test is not None]
+    return assemble(np.array(poses), lenses, pictures, [shot.name for shot in kept],
+                    np.array(known) if len(known) == len(kept) else None, holdout, box)
+
+
+def _upright(shot: Shot, picture: NDArray[np.uint8], noted: int,
+             ) -> tuple[NDArray[np.float64], Lens, NDArray[np.uint8]]:
+    """Pose, lens and picture of a shot, upright."""
+    width, height = picture.shape[1], picture.shape[0]
+    turns = calibrated_turns((width, height), noted, shot.size, shot.path.name)
+    try:
+        lens = shot.lens(*((height, width) if turns % 2 else (width, height)))
+    except (TypeError, ValueError) as error:
+        raise UserError(f"the camera of {shot.path.name} can't be read: {error}") from error
+    pose, lens = turned_upright(shot.pose, lens, turns)
+    if shot.up is not None:
+        more = turns_by_up(pose, shot.up)
+        pose, lens = turned_upright(pose, lens, more)
+        picture = np.ascontiguousarray(np.rot90(picture, -more))
+    return pose, lens, picture

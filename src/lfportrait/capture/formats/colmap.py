@@ -8,7 +8,6 @@ points are not needed). COLMAP's image frame is ours: x right, y down, z forward
 from __future__ import annotations
 
 import struct
-import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from ...files import read_images
 from ..distortion import Lens
-from .assembly import Views, assemble, with_mask
+from .assembly import Shot, Views, read_shots
 
 __all__ = ["ColmapImage", "lens_of", "load_colmap", "photo_count", "read_model"]
 
@@ -236,19 +234,11 @@ def load_colmap(model: Path, root: Path, holdout: int) -> Views:
     """
     lenses, images = read_model(model)
     folder = _photo_folder(model, root, [image.name for image in images])
-    kept, pictures = [], []
-    for image, picture in zip(images, read_images(folder / image.name for image in images)):
-        if isinstance(picture, UserError):
-            warnings.warn(f"{picture}; left out", stacklevel=2)
-            continue
-        masks = [root / "masks" / name for name in (
-            f"{image.name}.png", str(Path(image.name).with_suffix(".png")))]
-        pictures.append(with_mask(picture, masks))
-        kept.append(image)
-    if not kept:
-        raise UserError(f"none of the photos of the COLMAP model in {model} can be read")
-    fitted = [lenses[image.camera].resized(picture.shape[1], picture.shape[0])
-              for image, picture in zip(kept, pictures)]
-    names = [image.name.replace("/", "_") for image in kept]
-    return assemble(np.array([image.pose for image in kept]), fitted, pictures, names, None,
-                    holdout)
+    return read_shots([_shot(image, lenses[image.camera], folder, root) for image in images],
+                      model, holdout)
+
+
+def _shot(image: ColmapImage, lens: Lens, folder: Path, root: Path) -> Shot:
+    masks = (f"{image.name}.png", str(Path(image.name).with_suffix(".png")))
+    return Shot(folder / image.name, image.name.replace("/", "_"), image.pose, lens.resized,
+                (lens.width, lens.height), tuple(root / "masks" / name for name in masks))

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from ...errors import UserError
-from ...files import read_image
+from ...files import open_picture
 from ..distortion import Lens
-from .assembly import Views, assemble
+from .assembly import Shot, Views, read_shots
 
 __all__ = ["load_llff", "load_nsvf", "nsvf_folders"]
 
@@ -36,9 +35,9 @@ def _llff_pictures(folder: Path, count: int) -> list[Path]:
         if len(files) != count:
             continue
         try:
-            with Image.open(files[0]) as picture:
+            with open_picture(files[0]) as picture:
                 side = max(picture.size)
-        except OSError:
+        except (OSError, ValueError, SyntaxError):
             continue
         # Up to the limit larger is better, beyond it smaller is.
         rank = float(side) if side <= _LARGEST_SIDE else -float(side)
@@ -83,14 +82,14 @@ def load_llff(folder: Path, holdout: int) -> Views:
     poses = np.tile(np.eye(4), (len(matrices), 1, 1))
     poses[:, :3, 0], poses[:, :3, 1] = matrices[:, :, 1], matrices[:, :, 0]
     poses[:, :3, 2], poses[:, :3, 3] = -matrices[:, :, 2], matrices[:, :, 3]
-    pictures = [read_image(file) for file in files]
-    lenses = []
-    for matrix, picture in zip(matrices, pictures):
+    split = 1 < holdout <= len(files) // 2
+    shots = []
+    for number, (file, pose, matrix) in enumerate(zip(files, poses, matrices)):
         height, width, focal = (float(value) for value in matrix[:, 4])
-        lenses.append(Lens(round(width), round(height), (focal, focal), (width / 2, height / 2))
-                      .resized(picture.shape[1], picture.shape[0]))
-    held = np.arange(len(files)) % holdout == 0 if 1 < holdout <= len(files) // 2 else None
-    return assemble(poses, lenses, pictures, [file.name for file in files], held, holdout)
+        lens = Lens(round(width), round(height), (focal, focal), (width / 2, height / 2))
+        shots.append(Shot(file, file.name, pose, lens.resized, (lens.width, lens.height),
+                          test=number % holdout == 0 if split else None))
+    return read_shots(shots, source, holdout)
 
 
 def _nsvf_intrinsics(file: Path) -> NDArray[np.float64]:
@@ -115,7 +114,7 @@ def _nsvf_box(file: Path) -> NDArray[np.float64] | None:
     except (OSError, ValueError) as error:
         raise UserError(f"can't read the box in {file}: {error}") from error
     if not (np.isfinite(box).all() and (box[1] > box[0]).all()):
-        raise UserError(f"the box in {file} is empty; mend or remove the file")
+        raise UserError(f"the box in {file} is empty; correct or remove the file")
     return box
 
 
@@ -155,18 +154,15 @@ def load_nsvf(folder: Path, holdout: int) -> Views:
     files = [file for file in _pictures(rgb) if (pose_folder / f"{file.stem}.txt").is_file()]
     if not files:
         raise UserError(f"{rgb} has no picture with a file of its name in {pose_folder}")
-    poses, lenses, pictures = [], [], []
+    prefixes = {file.name.split("_")[0] for file in files}
+    split = prefixes <= {"0", "1", "2"} and len(prefixes) > 1
+    shots = []
     for file in files:
         try:
             pose = np.loadtxt(pose_folder / f"{file.stem}.txt").reshape(4, 4)
         except (OSError, ValueError) as error:
             raise UserError(f"the pose of {file.name} can't be read: {error}") from error
-        picture = read_image(file)
-        poses.append(pose)
-        pictures.append(picture)
-        lenses.append(Lens(picture.shape[1], picture.shape[0], (fx, fy), (cx, cy)))
-    prefixes = [file.name.split("_")[0] for file in files]
-    split = set(prefixes) <= {"0", "1", "2"} and len(set(prefixes)) > 1
-    held = np.array([prefix != "0" for prefix in prefixes]) if split else None
-    return assemble(np.array(poses), lenses, pictures, [file.name for file in files], held,
-                    holdout, box)
+        shots.append(Shot(file, file.name, pose,
+                          lambda width, height: Lens(width, height, (fx, fy), (cx, cy)),
+                          test=not file.name.startswith("0_") if split else None))
+    return read_shots(shots, rgb, holdout, box)

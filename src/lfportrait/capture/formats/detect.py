@@ -11,6 +11,7 @@ from ...errors import UserError
 from .assembly import Views
 from .colmap import load_colmap, photo_count
 from .datasets import load_llff, load_nsvf, nsvf_folders
+from .phones import load_polycam, load_record3d, polycam_folders, record3d_files
 from .programs import load_program, program_file
 from .transforms import load_transforms, transform_files
 
@@ -50,7 +51,9 @@ def is_calibrated(path: Path) -> bool:
         return True
     return path.is_dir() and (bool(_colmap_models(path))
                               or (path / "poses_bounds.npy").is_file()
-                              or nsvf_folders(path) is not None)
+                              or nsvf_folders(path) is not None
+                              or polycam_folders(path) is not None
+                              or record3d_files(path) is not None)
 
 
 def load_views(path: Path, holdout: int) -> Views:
@@ -73,9 +76,14 @@ def load_views(path: Path, holdout: int) -> Views:
         return load_llff(path, holdout)
     if nsvf_folders(path) is not None:
         return load_nsvf(path, holdout)
+    if polycam_folders(path) is not None:
+        return load_polycam(path, holdout)
+    if record3d_files(path) is not None:
+        return load_record3d(path, holdout)
     file = program_file(path)
     if file is not None:
         return load_program(file, holdout)
     raise UserError(f"{path} is no calibrated capture: it has no transforms.json, COLMAP model, "
-                    "cameras.xml, bundle.out, .nvm, poses_bounds.npy or pose/ folder; run "
+                    "cameras.xml, .sfm, sfm_data.json, camera table (.csv), bundle.out, .nvm, "
+                    "poses_bounds.npy, pose/ folder or export of Polycam or Record3D; run "
                     "`lfportrait calibrate` on plain photos")

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import UserError
-from ...files import read_images, read_json
+from ...files import read_json
 from ..distortion import Lens
-from .assembly import Views, assemble, with_mask
+from .assembly import Shot, Views, read_shots
+from .graphs import is_graph
 
 __all__ = ["load_transforms", "transform_files"]
 
@@ -21,9 +23,12 @@ _SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".webp")
 
 
 def transform_files(path: Path) -> list[Path]:
-    """The transforms files of a folder, or the one that ``path`` is; none where there are none."""
-    if path.is_file() and path.suffix == ".json":
-        return [path]
+    """The transforms files of a folder, or the one that ``path`` is; none where there are none.
+
+    A JSON file of Meshroom or OpenMVG is none.
+    """
+    if path.is_file() and path.suffix.lower() == ".json":
+        return [] if is_graph(path) else [path]
     if not path.is_dir():
         return []
     own = path / "transforms.json"
@@ -75,6 +80,14 @@ def _lens(frame: dict[str, Any], shared: dict[str, Any], width: int, height: int
                 (value("p1", 0.0) or 0.0, value("p2", 0.0) or 0.0))
 
 
+def _stated_size(frame: dict[str, Any], shared: dict[str, Any]) -> tuple[int, int] | None:
+    """Width and height that a frame or its file notes; None where it does not."""
+    width, height = (frame.get(axis, shared.get(axis)) for axis in ("w", "h"))
+    if not (width and height):
+        return None
+    return round(float(width)), round(float(height))
+
+
 def _picture_path(folder: Path, name: str) -> Path | None:
     """The picture of that name, with or without its suffix, or a reduced copy of it.
 
@@ -120,53 +133,47 @@ def _split_of(data: dict[str, Any], name: str, file: Path, several: bool) -> boo
 
 def load_transforms(files: list[Path], holdout: int) -> Views:
     """Read one or several ``transforms*.json`` (NeRF-Blender, instant-ngp, nerfstudio)."""
-    entries: list[tuple[Path, NDArray[np.float64], dict[str, Any], dict[str, Any], Path,
-                        bool | None]] = []
+    shots: list[Shot] = []
     for file in files:
         data = read_json(file)
         if not isinstance(data, dict) or not isinstance(data.get("frames"), list):
             raise UserError(f"{file} has no list of frames; is it a NeRF transforms file?")
         missing = 0
         for frame in data["frames"]:
-            try:
-                pose = np.array(frame["transform_matrix"], np.float64)
-                name = _forward(str(frame["file_path"]))
-            except (KeyError, TypeError, ValueError) as error:
-                raise UserError(f"{file}: a frame lacks {error}") from error
-            if pose.shape == (3, 4):
-                pose = np.vstack([pose, [0, 0, 0, 1]])
-            if pose.shape != (4, 4) or not np.isfinite(pose).all():
-                raise UserError(f"{file}: the transform_matrix of {name} is not 4x4")
-            path = _picture_path(file.parent, name)
-            if path is None:
+            shot = _shot(file, frame, data, len(files) > 1)
+            if shot is None:
                 missing += 1
-                continue
-            entries.append((path, pose, frame, data, file.parent,
-                            _split_of(data, name, file, len(files) > 1)))
+            else:
+                shots.append(shot)
         if missing:
             warnings.warn(f"{missing} pictures named in {file} are not there", stacklevel=2)
-    if not entries:
+    if not shots:
         raise UserError(f"none of the pictures named in {files[0]} exist")
-    entries.sort(key=lambda entry: (bool(entry[5]), entry[0].name))
-    lenses, pictures, poses, names, held = [], [], [], [], []
-    read = read_images(entry[0] for entry in entries)
-    for (path, pose, frame, data, root, test), picture in zip(entries, read):
-        if isinstance(picture, UserError):
-            warnings.warn(f"{picture}; left out", stacklevel=2)
-            continue
-        picture = with_mask(picture, _mask_places(root, path, frame))
-        try:
-            lenses.append(_lens(frame, data, picture.shape[1], picture.shape[0]))
-        except (TypeError, ValueError) as error:
-            raise UserError(f"the camera of {path.name} can't be read: {error}") from error
-        pictures.append(picture)
-        poses.append(pose @ _TO_OPENCV)
-        names.append(path.name)
-        held.append(bool(test))
-    if not poses:
-        raise UserError(f"none of the pictures named in {files[0]} can be read")
-    if len({Path(name).stem for name in names}) < len(names):
-        names = [f"{index:04d}_{name}" for index, name in enumerate(names)]
-    return assemble(np.array(poses), lenses, pictures, names,
-                    None if any(entry[5] is None for entry in entries) else np.array(held),
-                    holdout)
+    shots.sort(key=lambda shot: (bool(shot.test), shot.name))
+    if len({Path(shot.name).stem for shot in shots}) < len(shots):
+        shots = [replace(shot, name=f"{index:04d}_{shot.name}")
+                 for index, shot in enumerate(shots)]
+    return read_shots(shots, files[0], holdout)
+
+
+def _shot(file: Path, frame: Any, data: dict[str, Any], several: bool) -> Shot | None:
+    """One frame of a file; None where its picture is missing."""
+    try:
+        pose = np.array(frame["transform_matrix"], np.float64)
+        name = _forward(str(frame["file_path"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise UserError(f"{file}: a frame lacks {error}") from error
+    if pose.shape == (3, 4):
+        pose = np.vstack([pose, [0, 0, 0, 1]])
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        raise UserError(f"{file}: the transform_matrix of {name} is not 4x4")
+    path = _picture_path(file.parent, name)
+    if path is None:
+        return None
+    try:
+        size = _stated_size(frame, data)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise UserError(f"the camera of {path.name} can't be read: {error}") from error
+    return Shot(path, path.name, pose @ _TO_OPENCV, partial(_lens, frame, data), size,
+                tuple(_mask_places(file.parent, path, frame)),
+                _split_of(data, name, file, several))

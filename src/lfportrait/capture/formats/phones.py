@@ -1,0 +1,143 @@
+"""What scanning apps of phones export with ARKit's cameras: Polycam and Record3D.
+
+Both have camera-to-world poses whose camera looks along -z with y up, in a world whose y is up. The
+pictures lie as the sensor does, so they are turned by the world's up.
+
+- Polycam, "raw data": ``keyframes/images`` and ``keyframes/cameras``, or ``corrected_images`` and
+  ``corrected_cameras`` where it optimised them; a JSON file a picture.
+- Record3D, "EXR + JPG" or r3d unpacked: ``rgb`` and ``metadata`` or ``metadata.json`` with all
+  poses as quaternion (x, y, z, w) and position, K by columns.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ...errors import UserError
+from ...files import read_json
+from ..distortion import Lens
+from .assembly import Shot, Views, read_shots
+from .placed import resizable
+
+__all__ = ["load_polycam", "load_record3d", "polycam_folders", "record3d_files"]
+
+Float64 = NDArray[np.float64]
+
+_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+_UP = np.array([0.0, 1.0, 0.0])
+_SUFFIXES = {".jpg", ".jpeg", ".png"}
+
+
+def polycam_folders(path: Path) -> tuple[Path, Path] | None:
+    """The folders of pictures and of cameras of a Polycam export, or None if it is none."""
+    for folder in (path / "keyframes", path):
+        for kind in ("corrected_", ""):
+            pictures, cameras = folder / f"{kind}images", folder / f"{kind}cameras"
+            if pictures.is_dir() and cameras.is_dir() and any(cameras.glob("*.json")):
+                return pictures, cameras
+    return None
+
+
+def _pictures(folder: Path) -> list[Path]:
+    found = [path for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES]
+    return sorted(found, key=lambda path: (path.stem.zfill(20), path.name))
+
+
+def load_polycam(path: Path, holdout: int) -> Views:
+    """Read a Polycam export.
+
+    Raises
+    ------
+    UserError
+        If a file is missing or damaged.
+    """
+    folders = polycam_folders(path)
+    if folders is None:
+        raise UserError(f"{path} is no Polycam export: it needs keyframes/images and "
+                        "keyframes/cameras")
+    pictures, cameras = folders
+    shots = []
+    for picture in _pictures(pictures):
+        file = cameras / f"{picture.stem}.json"
+        if not file.is_file():
+            continue
+        data = read_json(file)
+        with _one_line(file):
+            pose = np.eye(4)
+            pose[:3] = [[float(data[f"t_{row}{column}"]) for column in range(4)]
+                        for row in range(3)]
+            lens, size = resizable(Lens(
+                int(data["width"]), int(data["height"]), (float(data["fx"]), float(data["fy"])),
+                (float(data["cx"]), float(data["cy"]))))
+        shots.append(_shot(picture, pose, lens, size))
+    if not shots:
+        raise UserError(f"{pictures} has no picture with a file of its name in {cameras}")
+    return read_shots(shots, pictures, holdout)
+
+
+def record3d_files(path: Path) -> tuple[Path, Path] | None:
+    """The folder of pictures and the metadata of a Record3D export, or None if it is none."""
+    for folder in (path, path / "EXR_RGBD"):
+        for name in ("metadata.json", "metadata"):
+            if (folder / "rgb").is_dir() and (folder / name).is_file():
+                return folder / "rgb", folder / name
+    return None
+
+
+def load_record3d(path: Path, holdout: int) -> Views:
+    """Read a Record3D export.
+
+    Raises
+    ------
+    UserError
+        If a file is missing or damaged.
+    """
+    files = record3d_files(path)
+    if files is None:
+        raise UserError(f"{path} is no Record3D export: it needs rgb and metadata.json")
+    folder, file = files
+    data = read_json(file)
+    pictures = _pictures(folder)
+    with _one_line(file):
+        table = np.array(data["poses"], np.float64).reshape(-1, 7)
+        size = int(data["w"]), int(data["h"])
+        k = np.array(data["K"], np.float64).reshape(3, 3).T
+        own = data.get("perFrameIntrinsicCoeffs") or []
+        lenses = [Lens(*size, (float(fx), float(fy)), (float(cx), float(cy)))
+                  for fx, fy, cx, cy in (own if len(own) == len(table) else
+                                         [(k[0, 0], k[1, 1], k[0, 2], k[1, 2])] * len(table))]
+        rotations = Rotation.from_quat(table[:, :4]).as_matrix()
+    shots = []
+    for picture in pictures:
+        number = int(picture.stem) if picture.stem.isdecimal() else -1
+        if not 0 <= number < len(table):
+            continue
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotations[number], table[number, 4:]
+        shots.append(_shot(picture, pose, *resizable(lenses[number])))
+    if not shots:
+        raise UserError(f"{folder} has no pictures 0.jpg, 1.jpg, ... for the poses in {file}")
+    return read_shots(shots, folder, holdout)
+
+
+def _shot(picture: Path, pose: Float64, lens: Callable[[int, int], Lens],
+          size: tuple[int, int]) -> Shot:
+    masks = tuple(place / "masks" / f"{picture.stem}.png"
+                  for place in (picture.parent.parent, picture.parent))
+    return Shot(picture, picture.name, pose @ _FLIP, lens, size, masks, up=_UP)
+
+
+@contextlib.contextmanager
+def _one_line(file: Path) -> Iterator[None]:
+    """What goes wrong with a file's values becomes one line."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+        what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise UserError(f"{file} can't be read: {what}") from error
