@@ -30,7 +30,8 @@ __all__ = ["read_video", "video_frames"]
 _SIDE, _RATE = 384, 5.0
 # A video whose features move less than this part of the picture altogether stands still.
 _STILL = 0.02
-# Curves of high dynamic range by the number that a stream has for them (ITU-T H.273).
+# Numbers that a stream has for no matrix, and for curves of high dynamic range (ITU-T H.273).
+_UNSPECIFIED = 2
 _HIGH_RANGE: dict[int, Literal["hlg", "pq"]] = {16: "pq", 18: "hlg"}
 
 
@@ -38,11 +39,12 @@ _HIGH_RANGE: dict[int, Literal["hlg", "pq"]] = {16: "pq", 18: "hlg"}
 class _Scan:
     """What the first pass finds: float64 [F] each, and the error that ended it early, if any.
 
-    ``way`` is the displacement since the start, in parts of the picture's longer side; ``sharp``
-    the frames' relative sharpness.
+    ``way`` is the displacement since the start, in parts of the picture's longer side; ``time`` in
+    seconds (phones film at a rate that varies); ``sharp`` the frames' relative sharpness.
     """
 
     way: NDArray[np.float64]
+    time: NDArray[np.float64]
     sharp: NDArray[np.float64]
     broken: str
 
@@ -88,6 +90,7 @@ def _scan(path: Path) -> _Scan:
     import av
 
     details: list[NDArray[np.float64]] = []
+    times: list[float] = []
     nodes, moves = [0], []
     last: NDArray[np.uint8] | None = None
     broken = ""
@@ -95,6 +98,7 @@ def _scan(path: Path) -> _Scan:
         for index, (rate, frame) in enumerate(_decoded(path)):
             grey = frame.to_ndarray(format="gray")
             details.append(fineness(grey, 640))
+            times.append(index / rate if frame.time is None else float(frame.time))
             if index % max(1, round(rate / _RATE)) == 0:
                 factor = min(1.0, _SIDE / max(grey.shape))
                 small = np.asarray(cv2.resize(np.ascontiguousarray(grey), None, fx=factor,
@@ -115,7 +119,8 @@ def _scan(path: Path) -> _Scan:
         # Where features are lost, the picture moved fast or was covered.
         steps[np.isnan(steps)] = np.nanquantile(steps, 0.9) if np.isfinite(steps).any() else 0.0
     way = np.interp(np.arange(len(details)), nodes, np.concatenate([[0.0], np.cumsum(steps)]))
-    return _Scan(way, relative_sharpness(np.array(details), reach=8), broken)
+    return _Scan(way, np.maximum.accumulate(times),
+                 relative_sharpness(np.array(details), reach=8), broken)
 
 
 def _chosen(scan: _Scan, count: int, spacing: str) -> list[int]:
@@ -126,6 +131,8 @@ def _chosen(scan: _Scan, count: int, spacing: str) -> list[int]:
     place = (np.arange(frames) + 0.5) / frames
     if spacing == "parallax" and scan.way[-1] > _STILL:
         place = scan.way / scan.way[-1]
+    elif scan.time[-1] > scan.time[0]:
+        place = (scan.time - scan.time[0]) / (scan.time[-1] - scan.time[0])
     part = np.minimum((place * count).astype(int), count - 1)
     best: dict[int, int] = {}
     for index in range(frames):
@@ -211,7 +218,10 @@ def _pixels(frame: Any, max_side: int) -> NDArray[np.uint8]:
     """A decoded frame in sRGB, uint8 [H, W, 3]."""
     curve = _HIGH_RANGE.get(int(frame.color_trc or 0))
     if curve is None:
-        return np.asarray(frame.to_ndarray(format="rgb24"))
+        # What says nothing is BT.709 from 720 lines on, as players take it, else BT.601.
+        unsaid = int(frame.colorspace) == _UNSPECIFIED and frame.format.name.startswith("yuv")
+        matrix = "ITU709" if unsaid and min(frame.width, frame.height) >= 720 else None
+        return np.asarray(frame.to_ndarray(format="rgb24", src_colorspace=matrix))
     ratio = min(1.0, max_side / max(frame.width, frame.height)) if max_side else 1.0
     deep = frame.to_ndarray(format="rgb48le", width=max(1, round(ratio * frame.width)),
                             height=max(1, round(ratio * frame.height)))
