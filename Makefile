@@ -4,13 +4,25 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint clean
+.PHONY: demo test test-vectors lint clean
 
 demo: $(STAMP)
 	$(BIN)/lfportrait demo --out demo-out
 
 test: $(STAMP)
 	$(BIN)/python -m pytest
+
+# Tests that run kernels, and the small demo, as on processors with fewer instructions than this.
+KERNEL_TESTS := tests/lanes tests/lightfield tests/field tests/example/test_kernels.py \
+	tests/example/test_patches.py tests/example/test_patch_levels.py \
+	tests/example/test_surface_guide.py tests/example/skin/test_atlas.py \
+	tests/capture/test_mattes.py tests/share/page/test_texels.py
+test-vectors: $(STAMP)
+	for level in avx2 sse2; do \
+	  echo "compiled for $$level"; export LFPORTRAIT_VECTORS=$$level; \
+	  $(BIN)/python -m pytest $(KERNEL_TESTS) \
+	    && $(BIN)/lfportrait demo --quick --out demo-out/$$level || exit 1; \
+	done
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -1,5 +1,6 @@
-"""Arrays that are mapped rather than read: the same numbers, in a file that NumPy reads, too."""
+"""Files that appear whole or not at all; arrays that are mapped rather than read."""
 
+import os
 import zipfile
 
 import numpy as np
@@ -8,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from lfportrait.files import map_arrays, write_mappable
+from lfportrait.errors import UserError
+from lfportrait.files import map_arrays, read_json, write_json, write_mappable
 
 ARRAYS = {"shares": np.linspace(0, 1, 7, dtype=np.float16), "words": np.array(["skin", "häir"]),
           "one": np.float64(3.5), "none": np.zeros((0, 3), np.int32),
@@ -72,3 +74,21 @@ def test_other_files_are_refused(tmp_path):
         archive.writestr("plane.npy", written(tmp_path / "b.npz", ARRAYS).read_bytes()[:60])
     with pytest.raises(ValueError):
         map_arrays(path)
+
+
+def test_file_systems_without_permissions_or_renaming_over(tmp_path, monkeypatch):
+    """Memory cards and network drives refuse one or the other; the file is written all the same."""
+    def refuse(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "chmod", refuse)
+    monkeypatch.setattr(os, "replace", refuse)
+    path = tmp_path / "a.json"
+    path.write_text("old")
+    write_json(path, [1])
+    assert read_json(path) == [1]
+    assert [one.name for one in tmp_path.iterdir()] == ["a.json"]
+    monkeypatch.setattr(os, "rename", refuse)
+    with pytest.raises(UserError, match="can't write"):
+        write_json(path, [2])
+    assert read_json(path) == [1] and len(list(tmp_path.iterdir())) == 1

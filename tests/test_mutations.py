@@ -3,6 +3,7 @@
 Each test takes a good file, changes a few things in it at random, and reads it.
 """
 
+import copy
 import json
 import warnings
 from pathlib import Path
@@ -17,7 +18,17 @@ from lfportrait.field import VoxelField
 from lfportrait.lightfield import Display
 from tests.capture.test_camera import rig
 from tests.capture.test_capture import colmap_model, write_transforms
-from tests.capture.test_programs import bundler, centred, metashape, photos, visualsfm
+from tests.capture.test_phones import polycam, record3d
+from tests.capture.test_programs import (
+    bundler,
+    centred,
+    meshroom,
+    metashape,
+    openmvg,
+    photos,
+    reality_capture,
+    visualsfm,
+)
 from tests.fields import shell_field
 
 STRANGE = [None, True, -1, 0, 1, 7, 1e300, -1e-300, float("nan"), float("inf"), 2 ** 70, "", "x",
@@ -59,7 +70,7 @@ def changed(data, random):
         if random.random() < 0.2:
             del holder[path[-1]]
         else:
-            holder[path[-1]] = STRANGE[random.integers(len(STRANGE))]
+            holder[path[-1]] = copy.deepcopy(STRANGE[random.integers(len(STRANGE))])
     return data
 
 
@@ -128,12 +139,97 @@ def test_colmap_models(tmp_path, text):
     each_damaged(tmp_path, sorted(model.iterdir()), 250, np.random.default_rng(2))
 
 
-@pytest.mark.parametrize("write", [metashape, bundler, visualsfm])
+@pytest.mark.parametrize("write", [metashape, bundler, visualsfm, meshroom, openmvg,
+                                   reality_capture])
 def test_cameras_of_programs(tmp_path, write):
     photos(tmp_path, centred())
     write(tmp_path, centred())
     files = sorted(path for path in tmp_path.iterdir() if path.is_file())
     each_damaged(tmp_path, files, 200, np.random.default_rng(3))
+
+
+@pytest.mark.parametrize("write", [meshroom, openmvg])
+def test_documents_of_programs(tmp_path, write):
+    photos(tmp_path, centred())
+    write(tmp_path, centred())
+    file = next(path for path in tmp_path.iterdir() if path.is_file())
+    good, random = json.loads(file.read_text()), np.random.default_rng(8)
+    for _ in range(150):
+        file.write_text(json.dumps(changed(good, random)))
+        one_line(Capture.load, tmp_path)
+
+
+@pytest.mark.parametrize("write", [polycam, record3d])
+def test_exports_of_phones(tmp_path, write):
+    write(tmp_path, centred(), False)
+    files = sorted(path for path in tmp_path.rglob("*") if path.is_file()
+                   and path.suffix != ".jpg")
+    random = np.random.default_rng(9)
+    each_damaged(tmp_path, files, 100, random)
+    good = json.loads(files[0].read_text())
+    for _ in range(100):
+        files[0].write_text(json.dumps(changed(good, random)))
+        one_line(Capture.load, tmp_path)
+
+
+def test_jobs(tmp_path):
+    from lfportrait.job.batch import load_jobs
+
+    (tmp_path / "anna").mkdir()
+    good = b"""title = "week"
+[defaults]
+seed = 3
+stylize.strength = 0.5
+[[sitter]]
+name = "anna"
+photos = "anna"
+styles = ["soft"]
+sweeps = true
+[[style]]
+name = "soft"
+painting = "fauve"
+[[display]]
+panel = "generic-1080p"
+encode.size = 0.6
+"""
+    path, random = tmp_path / "jobs.toml", np.random.default_rng(10)
+    for _ in range(400):
+        path.write_bytes(bytes_changed(good, random))
+        one_line(load_jobs, path)
+    values = [b"true", b"-1", b"1e999", b"nan", b"[]", b"{}", b'""', b'"\\u0000"', b"1979-05-27",
+              b'["x", 1]', b"0x7fffffffffffffffff", b'"../../.."']
+    lines = good.splitlines()
+    for _ in range(300):
+        changed_lines = list(lines)
+        number = random.integers(len(lines))
+        key = lines[number].split(b" = ")[0]
+        changed_lines[number] = (key + b" = " if b"=" in lines[number] else b"x = ") + values[
+            random.integers(len(values))]
+        path.write_bytes(b"\n".join(changed_lines))
+        one_line(load_jobs, path)
+
+
+def test_answers_to_a_study(tmp_path):
+    from lfportrait.evaluate.study import read_answers
+    from tests.evaluate.study.people import answer
+
+    questions = [{"name": "style", "text": "Which is more like the painting?"}]
+    entries = [{"sitter": "anna", "style": "ink", "method": name} for name in ("skin", "arf")]
+    design = {"format": "lfportrait study", "study": "s1", "questions": questions,
+              "entries": entries, "pairs": [[0, 1]], "sheets": [[[0, 0]]], "repeats": 1}
+    (tmp_path / "study.json").write_text(json.dumps(design))
+    good = answer(design, 0, lambda *_: "left")
+    file, random = tmp_path / "a.json", np.random.default_rng(11)
+    file.write_text(json.dumps(good))
+    assert one_line(read_answers, [file], tmp_path)
+    for _ in range(400):
+        file.write_text(json.dumps(changed(good, random)))
+        one_line(read_answers, [file], tmp_path)
+        one_line(read_answers, [file])
+    file.write_text(json.dumps(good))
+    for _ in range(300):
+        (tmp_path / "study.json").write_text(json.dumps(changed(design, random)))
+        one_line(read_answers, [file], tmp_path)
 
 
 def test_fields(tmp_path):
@@ -194,3 +290,22 @@ def test_exemplars_pictures(tmp_path):
         for _ in range(60):
             path.write_bytes(bytes_changed(good, random))
             one_line(read_image, path)
+
+
+def test_exemplars(tmp_path):
+    from lfportrait.example import Exemplar
+    from lfportrait.files import write_image
+
+    random = np.random.default_rng(12)
+    path = tmp_path / "a.png"
+    write_image(path, random.integers(0, 256, (40, 30, 3), np.uint8))
+    (tmp_path / "a.landmarks.txt").write_text("\n".join(
+        f"{x} {y}" for x, y in random.uniform(5, 25, (68, 2)).round(2)))
+    write_image(tmp_path / "a.mask.png", np.full((40, 30, 3), 255, np.uint8))
+    files = sorted(tmp_path.iterdir())
+    good = {file: file.read_bytes() for file in files}
+    for _ in range(200):
+        file = files[random.integers(len(files))]
+        file.write_bytes(bytes_changed(good[file], random))
+        one_line(Exemplar.load, path)
+        file.write_bytes(good[file])

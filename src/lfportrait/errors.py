@@ -1,4 +1,6 @@
-"""Errors that are the user's to mend, as opposed to faults of ours."""
+"""Errors that are the user's to correct, as opposed to faults of ours."""
+
+import re
 
 __all__ = ["UserError"]
 
@@ -7,5 +9,9 @@ class UserError(Exception):
     """A mistake in the input: one line that says what is wrong and what to do about it.
 
     The command line prints the message alone, on standard error, and exits with code 2. Any other
-    exception is a fault of lfportrait's and exits with code 1.
+    exception is a fault of lfportrait's and exits with code 1. What a file holds may be quoted in
+    it: line breaks and control characters become spaces.
     """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+\s*", " ", str(message)))

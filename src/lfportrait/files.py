@@ -66,13 +66,31 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         umask = os.umask(0)
         os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
+        with contextlib.suppress(OSError):  # memory cards and network drives know no permissions
+            os.chmod(temporary, 0o666 & ~umask)
+        _rename(temporary, path)
     except OSError as error:
         raise UserError(f"can't write {path}: {error.strerror or error}; free some space or choose "
                         "another output with --out") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _rename(temporary: Path, path: Path) -> None:
+    """Rename over an older file, or, where the file system refuses that, in its place."""
+    try:
+        os.replace(temporary, path)
+    except OSError:
+        if not path.is_file():
+            raise
+        old = temporary.with_name(temporary.name + ".old")
+        os.rename(path, old)
+        try:
+            os.rename(temporary, path)
+        except OSError:
+            os.rename(old, path)
+            raise
+        old.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

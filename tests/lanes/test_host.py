@@ -16,6 +16,7 @@ from lfportrait.lanes import host
                                                         ("AVX2", 8)),
     ({"neon": True}, ("NEON", 4)), ({}, ("none", 1))])
 def test_the_widest_unit_counts(monkeypatch, features, unit):
+    monkeypatch.delenv("LFPORTRAIT_VECTORS", raising=False)
     monkeypatch.setattr(llvmlite.binding, "get_host_cpu_features", lambda: features)
     assert host.vector_unit() == unit
 

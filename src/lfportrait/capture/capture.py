@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import tempfile
 from collections.abc import Sequence
@@ -124,7 +125,8 @@ class Capture:
         old = temporary.with_name(temporary.name + ".old")
         try:
             self._write(temporary)
-            temporary.chmod(0o755)
+            with contextlib.suppress(OSError):  # some file systems know no permissions
+                temporary.chmod(0o755)
             if folder.exists():
                 # Moved away in one step: at no time is there a folder with half of its pictures.
                 folder.rename(old)
@@ -163,8 +165,9 @@ class Capture:
         ----------
         path
             A folder that lfportrait wrote; a NeRF-Blender, instant-ngp or nerfstudio folder or its
-            ``transforms*.json``; a COLMAP model; Metashape's ``cameras.xml``, Bundler's
-            ``bundle.out`` with ``list.txt``, VisualSfM's ``.nvm``; an LLFF folder; an NSVF folder.
+            ``transforms*.json``; a COLMAP model; the cameras of Metashape, RealityCapture,
+            Meshroom, OpenMVG, Bundler or VisualSfM; an export of Polycam or Record3D; an LLFF or
+            NSVF folder.
         holdout
             Every ``holdout``-th picture becomes a test view where the data set does not say which
             are; 0 holds out none.

@@ -76,7 +76,7 @@ class Make(Common):
 
     photos: tyro.conf.Positional[Path]
     """Folder of photos, a video, or a calibrated data set (transforms.json, COLMAP,
-    Metashape, Bundler, VisualSfM, LLFF, NSVF)."""
+    Metashape, RealityCapture, Meshroom, Polycam, Record3D and others)."""
     style: str
     """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
     out: Path

@@ -3,8 +3,8 @@
 A kernel is a factory over a namespace of operations: `vectors` gives it 16 lanes (SIMD), `one_lane`
 plain numbers, which makes a scalar twin that is easy to debug. `types` tells Numba what lanes are;
 `interleaved` and `shuffles` add loads, stores and orders that pictures and short rows need;
-`cache_keys`, `compiling` and `decorators` are about compiling, `threads` about sharing out a
-kernel's lines, `host` about the machine.
+`processor` says which instructions are used; `cache_keys`, `compiling` and `decorators` are about
+compiling, `threads` about sharing out a kernel's lines, `host` about the machine.
 
 No kernel here uses Numba's own threads, but one that a user brings may, and Numba loads them when
 it is asked how many there are: OpenMP's where there is one, because the fallback may not be entered
@@ -18,6 +18,7 @@ import numba
 from numba.core.caching import FunctionCache
 
 from ..files import temporary_home
+from .processor import limit_vectors
 
 __all__ = ["keep_kernels"]
 
@@ -45,4 +46,5 @@ def keep_kernels() -> None:
                       "NUMBA_CACHE_DIR=FOLDER names a lasting one", stacklevel=1)
 
 
+limit_vectors()
 keep_kernels()

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import llvmlite.binding
 import numba
 from numba.core.caching import FunctionCache
+
+from .processor import features
 
 __all__ = ["KernelCache", "kernel_cache", "thread_count", "vector_unit"]
 
@@ -37,9 +38,9 @@ class KernelCache(NamedTuple):
 
 
 def vector_unit() -> tuple[str, int]:
-    """The name of this processor's vector unit, and how many floats it takes at a time."""
-    features = llvmlite.binding.get_host_cpu_features()
-    return next(((name, width) for feature, name, width in _UNITS if features.get(feature)),
+    """The name of the vector unit that kernels use, and how many floats it takes at a time."""
+    found = features()
+    return next(((name, width) for feature, name, width in _UNITS if found.get(feature)),
                 ("none", 1))
 
 

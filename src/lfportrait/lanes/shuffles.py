@@ -6,7 +6,6 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-import llvmlite.binding
 import numpy as np
 from llvmlite import ir
 from numba import types
@@ -15,6 +14,7 @@ from numba.extending import intrinsic
 
 from .cache_keys import identified
 from .decorators import lean
+from .processor import features, narrowed, widened
 from .types import WIDTH, F, I
 from .vectors import gather_pair
 
@@ -23,7 +23,6 @@ __all__ = ["largest", "make_look_up", "make_restrict", "make_store_columns", "sm
 
 _VF = ir.VectorType(ir.FloatType(), WIDTH)
 _VI = ir.VectorType(ir.IntType(32), WIDTH)
-_VH = ir.VectorType(ir.HalfType(), WIDTH)
 
 
 def _address(context: Any, builder: Any, array_type: Any, array: Any, index: Any, index_type: Any,
@@ -41,18 +40,16 @@ def store_half(typing, array, start, value):  # type: ignore[no-untyped-def]
         return None
 
     def code(context, builder, sig, args):  # type: ignore[no-untyped-def]
-        address = _address(context, builder, sig.args[0], args[0], args[1], sig.args[1], _VH)
-        builder.store(builder.fptrunc(args[2], _VH), address, align=2)
+        address = _address(context, builder, sig.args[0], args[0], args[1], sig.args[1],
+                           ir.VectorType(ir.IntType(16), WIDTH))
+        builder.store(narrowed(builder, args[2]), address, align=2)
         return context.get_dummy_value()
     return types.none(array, start, value), code
 
 
 def _has_permutes() -> bool:
     """Whether this processor picks 16-bit values from two registers in one step (AVX-512 BW)."""
-    try:
-        return bool(llvmlite.binding.get_host_cpu_features().get("avx512bw", False))
-    except RuntimeError:  # the features can't be told
-        return False
+    return bool(features().get("avx512bw"))
 
 
 def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
@@ -93,7 +90,7 @@ def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
                 order = ir.Constant(_VI, list(range(WIDTH * half, WIDTH * (half + 1))))
                 part = builder.shuffle_vector(
                     pair_of_lanes, ir.Constant(table, ir.Undefined), order)
-                values.append(builder.fpext(builder.bitcast(part, _VH), _VF))
+                values.append(widened(builder, part))
             return context.make_tuple(builder, pair, values)
 
         def permute(context, builder, sig, args):  # type: ignore[no-untyped-def]

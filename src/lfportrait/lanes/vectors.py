@@ -31,6 +31,7 @@ from numba.extending import intrinsic
 
 from .cache_keys import identified, identified_all
 from .decorators import lean
+from .processor import widened
 from .types import (
     F32,
     I1,
@@ -228,12 +229,10 @@ def gather_pair(typing, array, index):
     def code(context, builder, sig, args):
         words = _gather(builder, _pointer(context, builder, sig.args[0], args[0]), args[1], I16,
                         I32, 2)
-        half = ir.VectorType(ir.HalfType(), WIDTH)
         short = ir.VectorType(I16, WIDTH)
         sixteen = ir.Constant(VI, [16] * WIDTH)
-        low = builder.fpext(builder.bitcast(builder.trunc(words, short), half), VF)
-        high = builder.fpext(builder.bitcast(
-            builder.trunc(builder.lshr(words, sixteen), short), half), VF)
+        low = widened(builder, builder.trunc(words, short))
+        high = widened(builder, builder.trunc(builder.lshr(words, sixteen), short))
         return context.make_tuple(builder, pair, [low, high])
     return pair(array, index), code
 
@@ -252,8 +251,8 @@ def _load(half: bool):
             if not half:
                 return builder.load(builder.bitcast(address, ir.PointerType()), align=4, typ=VF)
             words = builder.load(builder.bitcast(address, ir.PointerType()), align=2,
-                                 typ=ir.VectorType(ir.HalfType(), WIDTH))
-            return builder.fpext(words, VF)
+                                 typ=ir.VectorType(I16, WIDTH))
+            return widened(builder, words)
         return F(array, start), code
     return function
 

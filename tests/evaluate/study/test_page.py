@@ -204,13 +204,15 @@ def test_another_person_at_the_same_screen(browser, short):
         with each.finish().path().open() as stream:
             assert json.load(stream)["person"] == first
         each.page.reload()  # thanks stay, and nothing is downloaded again
-        assert each.page.is_visible("#done") and each.state()["saved"]
+        each.page.wait_for_selector("#done", state="visible")
+        assert each.state()["saved"]
         with each.page.expect_download() as download:
             each.page.click("#save")
         assert first in download.value.suggested_filename
         each.page.once("dialog", lambda dialog: dialog.accept())
         each.page.click("#another")
-        assert each.page.is_visible("#welcome") and each.page.is_disabled("#start")
+        each.page.wait_for_selector("#welcome", state="visible")
+        assert each.page.is_disabled("#start")
         assert each.state()["person"] != first and each.answered() == 0
 
 

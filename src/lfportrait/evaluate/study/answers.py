@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -136,7 +136,29 @@ def _design(path: Path) -> dict[str, Any]:
     design = read_json(path)
     if not isinstance(design, dict) or design.get("format") != "lfportrait study":
         raise UserError(f"{path} is not the study.json that `lfportrait study` wrote")
+    if not _is_whole(design):
+        raise UserError(f"{path} is damaged; write the study again")
     return design
+
+
+def _is_whole(design: dict[str, Any]) -> bool:
+    """Whether all that answers are compared with is there and refers to what exists."""
+    entries, sheets = design.get("entries"), design.get("sheets")
+    return (isinstance(design.get("study"), str) and isinstance(design.get("repeats"), int)
+            and _all(design.get("questions"), lambda one: isinstance(one["name"], str))
+            and _all(entries, lambda one: all(isinstance(one[key], str)
+                                              for key in ("sitter", "style", "method")))
+            and _all(design.get("pairs"), lambda pair: len(pair) == 2 and all(
+                isinstance(place, int) and 0 <= place < len(entries or ()) for place in pair))
+            and _all(sheets, lambda sheet: isinstance(sheet, list)))
+
+
+def _all(values: Any, right: Callable[[Any], bool]) -> bool:
+    """Whether a document's part is a list that is not empty and whose entries are all right."""
+    try:
+        return isinstance(values, list) and bool(values) and all(map(right, values))
+    except (KeyError, TypeError, IndexError):
+        return False
 
 
 def read_answers(files: Sequence[Path], study: Path | None = None,

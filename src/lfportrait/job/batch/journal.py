@@ -6,6 +6,7 @@ The same objects are the lines of ``--json-lines``, the rows of the table and th
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import time
@@ -77,16 +78,28 @@ def read_events(results: Path) -> list[Event]:
 
 
 def _lock(stream: IO[bytes], wait: bool = False) -> None:
-    """Lock a file for this process; `OSError` where another has it and is not waited for."""
+    """Lock a file for this process; `BlockingIOError` where another has it and is not waited for.
+
+    Network drives without locks leave it unlocked.
+    """
     try:
         import fcntl
     except ImportError:  # Windows
         import msvcrt
 
         how = msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK  # type: ignore[attr-defined]
-        msvcrt.locking(stream.fileno(), how, 1)  # type: ignore[attr-defined]
+        try:
+            msvcrt.locking(stream.fileno(), how, 1)  # type: ignore[attr-defined]
+        except OSError as error:
+            raise BlockingIOError(*error.args) from error
     else:
-        fcntl.flock(stream.fileno(), fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        try:
+            fcntl.flock(stream.fileno(), fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except OSError as error:
+            if error.errno in (errno.EACCES, errno.EAGAIN):
+                raise BlockingIOError(*error.args) from error
+            if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.EINVAL, errno.ENOSYS):
+                raise
 
 
 @contextmanager
