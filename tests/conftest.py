@@ -48,7 +48,7 @@ def no_pauses():
 def kept(monkeypatch, tmp_path_factory, request):
     """A folder for what the user's cache would keep, new for each test: none believes another."""
     folder = tmp_path_factory.getbasetemp() / "kept" / str(abs(hash(request.node.nodeid)))
-    monkeypatch.setattr("lfportrait.keys.user_cache", lambda kind: folder / kind)
+    monkeypatch.setattr("lfportrait.cache.user_cache", lambda kind: folder / kind)
     return folder
 
 

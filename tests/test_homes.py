@@ -7,7 +7,7 @@ import numba
 import pytest
 
 from lfportrait import files, lanes
-from lfportrait.keys import user_cache  # itself, not what tests have instead
+from lfportrait.cache import user_cache  # itself, not what tests have instead
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lfportrait.cache import hash_of
 from lfportrait.errors import UserError
 from lfportrait.files import atomic_path, atomic_write, read_image, write_exr, write_image
-from lfportrait.keys import key_of
 from lfportrait.stages import StageFolder, fingerprint_files
 
 
@@ -66,10 +66,10 @@ def test_a_stage_that_fails_leaves_no_record(tmp_path):
 
 
 def test_keys_tell_every_parameter_apart():
-    keys = {key_of(Config()), key_of(Config(number=2)), key_of(Config(name="b")),
-            key_of(Config(), np.arange(3)), key_of(Config(), np.arange(4)), key_of({"a": 1})}
+    keys = {hash_of(Config()), hash_of(Config(number=2)), hash_of(Config(name="b")),
+            hash_of(Config(), np.arange(3)), hash_of(Config(), np.arange(4)), hash_of({"a": 1})}
     assert len(keys) == 6
-    assert key_of(Config()) == key_of(Config())
+    assert hash_of(Config()) == hash_of(Config())
 
 
 def test_fingerprint_sees_contents_and_names(tmp_path):

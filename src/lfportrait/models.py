@@ -20,11 +20,11 @@ from importlib.resources import files
 from pathlib import Path
 from urllib.parse import quote
 
+from .cache import user_cache
 from .download import download as _download
 from .download import megabytes
 from .errors import UserError
 from .files import atomic_path
-from .keys import user_cache
 
 __all__ = ["GROUPS", "PURPOSES", "ModelFile", "add", "available", "cache_folder", "expand", "fetch",
            "fetchable", "in_use", "listing", "missing", "registry", "require"]

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from .. import face, models
+from ..cache import hash_of, kept_arrays, key_of
 from ..errors import UserError
 from ..face import FacePose
 from ..files import read_image
-from ..keys import code_hash, kept_arrays, key_of
-from . import guides
 from .guides.regions import Regions, find_regions
 from .providers import provided_styles
 
@@ -92,8 +91,7 @@ class Exemplar:
             return {"rotation": pose.rotation, "shift": pose.shift,
                     "numbers": np.array([pose.scale, pose.residual])}
 
-        kept = kept_arrays("poses", key_of(self.landmarks, code_hash(Path(face.__file__).parent)),
-                           find)
+        kept = kept_arrays("poses", key_of("face", self.landmarks), find)
         scale, residual = kept["numbers"].tolist()
         return FacePose(kept["rotation"], scale, kept["shift"], residual)
 
@@ -113,9 +111,9 @@ class Exemplar:
                     for name, matte in (("person", found.person), ("hair", found.hair))
                     if matte is not None}
 
-        code = code_hash(Path(face.__file__).parent, Path(guides.__file__).parent)
-        kept = kept_arrays("regions", key_of(self.image, self.landmarks, self.mask, networks, code),
-                           find)
+        key = key_of(("face", "example.guides.regions"), self.image, self.landmarks, self.mask,
+                     networks)
+        kept = kept_arrays("regions", key, find)
         # A file keeps rounded numbers: the first run goes on with those that the next will find.
         mattes = {name: matte.astype(np.float32) / np.float32(65535)
                   for name, matte in kept.items()}
@@ -178,7 +176,7 @@ def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> tuple[NDArray[np.
         return {"faces": np.array(face.detect_faces(image, thorough=False)).reshape(-1, 68, 2)}
 
     try:
-        found = kept_arrays("faces", key_of(image, face.detectors_key()), find)["faces"]
+        found = kept_arrays("faces", hash_of(image, face.detectors_key()), find)["faces"]
     except UserError as error:
         raise UserError(f"the style {path} has no {beside.name} beside it, and its landmarks "
                         f"can't be detected: {error}") from error

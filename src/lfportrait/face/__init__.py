@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import models
-from ..keys import code_hash, key_of
+from ..cache import key_of
 from .detect import detect_faces, detect_landmarks, face_yaw
 from .generic_head import GENERIC_LANDMARKS, generic_depth
 from .mask import face_mask
@@ -45,8 +45,7 @@ __all__ = [
 
 def detectors_key() -> str:
     """Hash of what finds landmarks: the networks that are at hand, and the code of this package."""
-    return key_of(models.in_use(["face-landmarker", "face-landmarks-68", "face-detector"]),
-                  code_hash(Path(__file__).parent))
+    return key_of("face", models.in_use(["face-landmarker", "face-landmarks-68", "face-detector"]))
 
 
 def capture_from_faces(photos: Path, config: Any, progress: Any = None) -> Any:

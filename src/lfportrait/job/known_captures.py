@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cache import kept_arrays, key_of
 from ..capture import Camera, Capture, LatePictures, is_calibrated
 from ..errors import UserError
-from ..keys import kept_arrays, key_of
 from ..progress import Progress
 
 __all__ = ["capture_of_face"]
@@ -77,7 +77,7 @@ def _key(photos: Path) -> str:
                        for path in root.rglob("*") if path.is_file())
     except OSError as error:
         raise UserError(f"can't read {photos}: {error.strerror}") from error
-    return key_of("capture", str(photos.resolve()), files, detectors_key())
+    return key_of("job.prepare", str(photos.resolve()), files, detectors_key())
 
 
 def _told(capture: Capture) -> dict[str, NDArray[Any]]:

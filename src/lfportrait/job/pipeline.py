@@ -26,13 +26,13 @@ from pathlib import Path
 from typing import Any
 
 from .. import models
+from ..cache import key_of
 from ..capture import Capture
 from ..device import computing_device
 from ..errors import UserError
 from ..example import Exemplar
 from ..field import VoxelField
 from ..files import write_json
-from ..keys import key_of
 from ..lanes.compiling import compiling_progress
 from ..lightfield import Display
 from ..measure import machine, peak_memory_bytes
@@ -151,7 +151,7 @@ class _Job:
         field = field_key(capture, config)
         style = style_key(field, config, painting_key(self.exemplar))
         code = code_key(style, config, self.display)
-        share = key_of("share", code, config.sweep_size, config.page)
+        share = key_of("job.summary", code, config.sweep_size, config.page)
         self.stages.run("capture", capture, ["capture"], self._capture)
         self.stages.run("reconstruct", field, ["field.npz"], self._reconstruct)
         self.stages.run("stylize", style, ["styled.npz"], self._stylize)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import models
+from ..cache import kept_arrays, key_of
 from ..capture import (
     CalibrateConfig,
     Capture,
@@ -26,7 +27,6 @@ from ..capture import (
     portrait_frame_from_landmarks,
 )
 from ..errors import UserError
-from ..keys import kept_arrays, key_of
 from ..progress import Progress
 from .person import cut_person, rough_mattes
 from .photo_check import problem_sheet
@@ -121,8 +121,8 @@ def _kept_landmarks(capture: Capture, progress: Progress | None,
                 **({} if points is None else {"points": points})}
 
     cameras = capture.cameras
-    key = key_of(capture.images, capture.alphas, cameras.pose, cameras.focal, cameras.center,
-                 detectors_key())
+    key = key_of("job.prepare", capture.images, capture.alphas, cameras.pose, cameras.focal,
+                 cameras.center, detectors_key())
     kept = kept_arrays("landmarks", key, find)
     return kept.get("points"), json.loads(str(kept["figures"]))
 

@@ -11,13 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import demo
+from ..cache import key_of, user_cache
 from ..capture import Capture
 from ..demo import SITTER, demo_cameras, head_field, landmarks
 from ..errors import UserError
 from ..example import Skin
 from ..field import VoxelField
-from ..keys import code_hash, key_of, user_cache
 from ..stylize import kept_skin
 
 __all__ = ["preview_head"]
@@ -34,7 +33,7 @@ def _capture() -> Capture:
 
 def _key() -> str:
     """Hash of the code that models the head."""
-    return key_of("preview head", code_hash(Path(str(demo.__file__)).parent))
+    return key_of("job.preview_head")
 
 
 def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, Capture, Skin]:

@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
+from ..cache import hash_of, key_of
 from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
 from ..files import write_image
-from ..keys import key_of
 from ..lightfield import (
     Display,
     EncodeConfig,
@@ -84,18 +84,18 @@ def source_files(photos: Path) -> list[Path]:
 def source_key(photos: Path | Capture) -> str:
     """Hash of photos' names and contents, or of a capture in memory."""
     if isinstance(photos, Capture):
-        return key_of(photos.images, photos.alphas, photos.cameras.pose)
+        return hash_of(photos.images, photos.alphas, photos.cameras.pose)
     return fingerprint_files(source_files(Path(photos)))
 
 
 def capture_key(source: str, config: MakeConfig, seed: int) -> str:
     """Key of a capture made from files with the hash ``source``."""
-    return key_of("capture", source, config.calibrate, config.keep_background, seed)
+    return key_of("job.prepare", source, config.calibrate, config.keep_background, seed)
 
 
 def field_key(capture: str, config: MakeConfig) -> str:
     """Key of the field of a capture with the key ``capture``."""
-    return key_of("reconstruct", capture, config.reconstruct)
+    return key_of("field.reconstruction", capture, config.reconstruct)
 
 
 def painting_key(exemplar: Exemplar) -> tuple[str, str]:
@@ -107,12 +107,12 @@ def painting_key(exemplar: Exemplar) -> tuple[str, str]:
 
 def style_key(field: str, config: MakeConfig, painting: tuple[str, str]) -> str:
     """Key of the field with the key ``field`` in the manner of an exemplar (`painting_key`)."""
-    return key_of("stylize", field, config.stylize, *painting)
+    return key_of("stylize.optimize", field, config.stylize, *painting)
 
 
 def code_key(style: str, config: MakeConfig, display: Display) -> str:
     """Key of the styled field with the key ``style``, coded for a display."""
-    return key_of("encode", style, config.encode, display)
+    return key_of("lightfield.coding", style, config.encode, display)
 
 
 def look_at(photos: Path) -> None:

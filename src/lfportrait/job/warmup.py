@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ..keys import key_of
+from ..cache import hash_of
 from ..progress import Progress
 
 __all__ = ["FUNCTIONS", "Warmup", "run_stage", "run_stages"]
@@ -115,7 +115,7 @@ def _mark(name: str) -> Path:
     from ..lanes.cache_keys import kernel_sources
     from ..lanes.compiling import cache_folder
 
-    key = key_of(name, kernel_sources(), numba.__version__, sys.version,
+    key = hash_of(name, kernel_sources(), numba.__version__, sys.version,
                  llvmlite.binding.get_host_cpu_name(),
                  str(llvmlite.binding.get_host_cpu_features()))
     return cache_folder() / f"warm-{name}-{key[:16]}"

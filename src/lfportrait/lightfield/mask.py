@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cache import key_of, user_cache
 from ..files import atomic_write
-from ..keys import user_cache
 from .display import Display
 from .kernels.panel import lens_of, mask_views
 
@@ -59,7 +59,7 @@ class ViewMask:
         file = None
         if cache is not False:
             folder = user_cache("masks") if cache is True else Path(cache)
-            file = folder / f"{display.hash()}.npy"
+            file = folder / f"{key_of('lightfield.mask', display.hash())}.npy"
             try:
                 stored = np.load(file, mmap_mode="r", allow_pickle=False)
                 if stored.shape == shape and stored.dtype == kind:

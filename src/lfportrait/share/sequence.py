@@ -18,10 +18,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cache import key_of
 from ..errors import UserError
 from ..field import VoxelField
 from ..files import read_json, write_json
-from ..keys import key_of
 from ..lightfield import Display, EncodeConfig, Placement, ViewMask, encode, write_coded
 from .video import write_video
 
@@ -105,7 +105,7 @@ def _key(field: VoxelField, display: Display, config: EncodeConfig, sequence: Se
     for array in (field.links, field.density, field.sh, field.center, field.radius, *texels):
         digest.update(np.ascontiguousarray(array).data)
     motion = dataclasses.replace(sequence, fps=1.0, video="lossless")
-    return key_of("sequence", digest.hexdigest(), display, config, motion)
+    return key_of("share.sequence", digest.hexdigest(), display, config, motion)
 
 
 def _names(sequence: SequenceConfig) -> list[str]:

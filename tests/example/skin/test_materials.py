@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion
 
-from lfportrait import keys
+from lfportrait import cache
 from lfportrait.example import LABELS, Exemplar, Regions
 from lfportrait.example.skin import storage
 from lfportrait.example.skin.materials import (
@@ -613,7 +613,7 @@ def test_places_that_are_moved_far_are_not_at_home():
 
 
 def test_what_a_painting_is_made_of_is_kept(drawn, monkeypatch, tmp_path):
-    monkeypatch.setattr(keys, "user_cache", lambda kind: tmp_path / kind)
+    monkeypatch.setattr(cache, "user_cache", lambda kind: tmp_path / kind)
     exemplar, regions = drawn, drawn.regions()
     labels = regions.labels()
     first = known_shares(exemplar, regions, labels)
@@ -622,7 +622,7 @@ def test_what_a_painting_is_made_of_is_kept(drawn, monkeypatch, tmp_path):
     again = known_shares(exemplar, regions, labels)
     assert again.dtype == np.float32 and np.array_equal(again, first)
     monkeypatch.undo()
-    monkeypatch.setattr(keys, "user_cache", lambda kind: tmp_path / kind)
+    monkeypatch.setattr(cache, "user_cache", lambda kind: tmp_path / kind)
     photo = known_shares(exemplar, regions, labels, strict=False)
     assert len(list((tmp_path / "materials").iterdir())) == 2
     assert np.abs(photo - painted_shares(exemplar, regions, labels, strict=False)).max() < 0.003

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from ... import models
+from ...cache import key_of
 from ...capture import Capture
 from ...errors import UserError
 from ...example import Exemplar
 from ...field import ReconstructConfig, VoxelField
 from ...files import read_json, write_image
-from ...keys import key_of
 from ...measure import machine
 from ...progress import Progress
 from ...stages import StageFolder, check_writable, finished_record
@@ -139,8 +139,9 @@ class _Run:
 
     def _base(self, source: Source) -> str:
         """Key of all that depends on the sitter and on the views."""
-        return key_of("tables", self.keys[source.name], self.sizes.pixels, self.sizes.render_size,
-                      self.sizes.close_size, self.config.views, self.config.cone, self.seed)
+        return key_of("evaluate.tables.sitters", self.keys[source.name], self.sizes.pixels,
+                      self.sizes.render_size, self.sizes.close_size, self.config.views,
+                      self.config.cone, self.seed)
 
     def _paint_key(self, source: Source, exemplar: Exemplar, method: str) -> str:
         chosen = (own_parameters(method, field_config(method, self.config.stylize, self.sizes,
@@ -148,11 +149,11 @@ class _Run:
                   if METHODS[method].kind == "field"
                   else view_config(method, self.sizes, self.seed))
         others = [name for name in models.registry() if name not in self.measuring]
-        return key_of("tables-paint", self._base(source), exemplar.image, exemplar.landmarks,
-                      method, chosen, _networks(others))
+        return key_of("evaluate.tables.painting", self._base(source), exemplar.image,
+                      exemplar.landmarks, method, chosen, _networks(others))
 
     def _measure_key(self, source: Source, exemplar: Exemplar, method: str) -> str:
-        return key_of("tables-measure", self._paint_key(source, exemplar, method),
+        return key_of("evaluate.tables.figures", self._paint_key(source, exemplar, method),
                       "views" in self.config.chosen(), self.sizes.crops,
                       _networks([*self.measuring, "face-landmarker", "vgg16"]))
 
@@ -177,8 +178,8 @@ class _Run:
             return field_of(capture, file, ReconstructConfig(finest=256, seed=self.seed),
                             self.teller.inside(f"{source.name}: field"))
 
-        self.folder.run(f"field.{source.name}", key_of(self.keys[source.name], self.seed),
-                        [f"{home}/field.npz"], field)
+        key = key_of("field.reconstruction", self.keys[source.name], self.seed)
+        self.folder.run(f"field.{source.name}", key, [f"{home}/field.npz"], field)
         return Sitter(source.name, VoxelField.load(file), capture, file, pixels=self.sizes.pixels,
                       views=self.config.views, cone=self.config.cone,
                       render_size=self.sizes.render_size, close_size=self.sizes.close_size)
@@ -208,7 +209,8 @@ class _Run:
                     "content_network": "vgg16" if models.available("vgg16") else "embedded",
                  "skin_seconds": seconds, "skin_pixels": len(skin.index)}
 
-        key = key_of("tables-floor", self._base(source), _networks(self.measuring))
+        key = key_of("evaluate.tables.figures", "floor", self._base(source),
+                     _networks(self.measuring))
         name, picture = f"floor.{source.name}", f"pictures/{source.name}/photo.png"
         if self.config.done_only:
             return finished_record(self.out, name, key, [picture])
@@ -289,7 +291,7 @@ class _Run:
     def _speed(self) -> dict[str, Any]:
         """Table 1 and Fig. 6, of the first sitter in the first style."""
         source, exemplar = self.sources[0], self.exemplars[0]
-        key = key_of("tables-speed", self._base(source), exemplar.image, self.config.size,
+        key = key_of("evaluate.tables.speed", self._base(source), exemplar.image, self.config.size,
                      machine())
 
         def found() -> dict[str, Any]:

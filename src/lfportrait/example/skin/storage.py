@@ -15,21 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...cache import kept_arrays, key_of
 from ...capture import Camera
 from ...files import atomic_write, map_arrays, write_mappable
-from ...keys import code_hash, kept_arrays, key_of
-from .. import guides
 from ..exemplar import Exemplar
 from ..guides.regions import Regions
 from ..surface_guide import HeadPlane
-from . import picture_materials
 from .charts import Atlas, Shape
 from .picture_materials import painted_shares
 from .sitter import Skin
 
 __all__ = ["known_shares", "load_skin", "save_skin", "skin_key"]
 
-VERSION = 15
 MOST = 30
 """Paintings that are kept: six megabytes for one of 768 x 1024."""
 STEPS = np.float32(255)
@@ -43,7 +40,7 @@ _OURS = (*_LISTS, "key", "pixels", "landmarks", "boxes", "depth", "color", "owne
 
 def skin_key(*made_of: Any) -> str:
     """What a skin depends on, as a short text."""
-    return key_of("skin", VERSION, *made_of)
+    return key_of("example.skin.sitter", *made_of)
 
 
 def save_skin(skin: Skin, path: Path, key: str, **more: NDArray[Any]) -> None:
@@ -113,8 +110,8 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]
         shares = painted_shares(exemplar, regions, labels, strict)
         return {"shares": np.asarray(shares * STEPS + np.float32(0.5), np.uint8)}
 
-    code = code_hash(Path(guides.__file__).parent, Path(picture_materials.__file__))
-    key = key_of(exemplar.image, exemplar.landmarks, regions.person, regions.hair, strict, code)
+    key = key_of("example.skin.picture_materials", exemplar.image, exemplar.landmarks,
+                 regions.person, regions.hair, strict)
     # A file keeps rounded numbers: the first run goes on with those that the next will find.
     kept = kept_arrays("materials", key, find, most=MOST)["shares"]
     return kept.astype(np.float32) / STEPS

@@ -12,6 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ...cache import key_of
 from ...capture import Capture
 from ...errors import UserError
 from ...measure import peak_memory_bytes
@@ -82,8 +83,8 @@ class Trainer:
         # Mattes laid anew, deflated, as a checkpoint keeps them.
         self.laid: NDArray[np.uint8] | None = None
         self.poses = PoseRefiner(capture, self.views) if config.refine_poses else None
-        self.key = (f"{config} {len(self.views)} {int(self.data.pixels[::997].sum())} "
-                    f"{self.workers}")
+        self.key = key_of("field.reconstruction", config, len(self.views),
+                          int(self.data.pixels[::997].sum()), self.workers)
         self.began = self._saved = time.perf_counter()
         self._save_took = 0.0
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from ...cache import hash_of
 from ...errors import UserError
 from ...files import write_json
-from ...keys import key_of
 from ..steps import source_files
 
 __all__ = ["Fingerprints"]
@@ -45,7 +45,7 @@ class Fingerprints:
                       for path in sorted(source_files(source)) for state in [path.stat()]]
         except OSError as error:
             raise UserError(f"can't read the photos in {source}: {error.strerror}") from error
-        key = key_of(*states)
+        key = hash_of(*states)
         if key not in self._known:
             self._known[key] = self._compute(source)
         return self._known[key]

@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ...cache import key_of
 from ...errors import UserError
-from ...keys import key_of
 from ...lightfield import Display, EncodeConfig
 from ...measure import usable_cores
 from ...stages import finished_record
@@ -230,7 +230,7 @@ class _Portraits:
             # Skins of unlike resolution have files of their own.
             pixels = config.stylize.pixels
             file = f"skin-{pixels:g}"
-            skin = key_of("skin", field.key, pixels)
+            skin = key_of("example.skin.sitter", field.key, pixels)
             found.append(self._task("skin", file, (f"{file}.npz",), skin, needs=needs,
                                     config=config))
             needs = (*needs, found[0].name)
@@ -243,14 +243,14 @@ class _Portraits:
             found.append(self._coded(style, self.jobs.panels[name], styled))
         if self.sitter.pages:
             found.append(self._task("page", "page", ("portrait.html",),
-                                    key_of("page", key, config.page), needs=(styled.name,),
+                                    key_of("share.page", key, config.page), needs=(styled.name,),
                                     config=config, style=style, label="portrait.html"))
         if self.sitter.sweeps:
             display = self._first_display()
             found.append(self._task(
                 "sweep", "sweep", ("sweep.mp4",),
-                key_of("sweep", key, config.sweep_size, display and display.cone,
-                       config.encode.background),
+                key_of(("share.video", "field.grid"), key, config.sweep_size,
+                       display and display.cone, config.encode.background),
                 needs=(styled.name,), config=config, style=style, display=display,
                 label="sweep.mp4"))
         return found

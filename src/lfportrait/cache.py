@@ -1,12 +1,17 @@
-"""Hashes of what a file is made from: the same key, the same bytes, nothing to be done again.
+"""One rule for all that is kept: a key is a hash of the code that makes it and of what it is given.
 
-What takes seconds to find and is asked for again and again (what networks say of a painting, where
-a capture's face is) is kept in the user's cache under such a hash.
+The same key, the same bytes, nothing to be done again. The first argument of `key_of` names the
+modules that make the result; their code and all that they import is part of the key
+(`lfportrait.sources`), so an update makes stale what it changes and nothing else. Keys of stages
+(`lfportrait.stages`), of skins, masks, sequences and checkpoints are made here, and so are those of
+what takes seconds to find and is asked for again and again (what networks say of a painting, where
+a capture's face is), which is kept in the user's cache.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import json
 import os
@@ -22,12 +27,14 @@ from numpy.typing import NDArray
 
 from .errors import UserError
 from .files import atomic_write, temporary_home
-from .version import __version__
+from .sources import Kept, Sources
 
-__all__ = ["code_hash", "kept_arrays", "key_of", "user_cache"]
+__all__ = ["code_of", "hash_of", "kept_arrays", "key_of", "user_cache"]
 
 MOST = 100
 """Files that are kept of a kind: those that were used last."""
+_INSTALLATIONS = 8
+"""Copies of the package whose imports are kept."""
 
 
 def _plain(value: Any) -> Any:
@@ -47,17 +54,55 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def key_of(*parts: Any) -> str:
+def hash_of(*parts: Any) -> str:
     """Hash of parameters (data classes, dictionaries, arrays, numbers, strings), 32 hex digits."""
-    text = json.dumps([__version__, *(_plain(part) for part in parts)], sort_keys=True)
+    text = json.dumps([_plain(part) for part in parts], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def code_hash(*places: Path) -> str:
-    """Hash of source files, and of all below folders: another version of the code, another hash."""
-    files = [file for place in places
-             for file in (sorted(place.rglob("*.py")) if place.is_dir() else [place])]
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+def key_of(makers: str | tuple[str, ...], *parts: Any) -> str:
+    """Key of a result: hash of the code that makes it and of what it is made from, 32 hex digits.
+
+    Parameters
+    ----------
+    makers
+        The modules that make it, named from the package on: ``"field.reconstruction"``.
+    parts
+        Data classes, dictionaries, arrays, numbers, strings, keys of other results.
+    """
+    return hash_of(code_of(*([makers] if isinstance(makers, str) else makers)), *parts)
+
+
+@functools.cache
+def code_of(*modules: str) -> str:
+    """Hash of modules, named from the package on, and of all that they import."""
+    return _sources().code_of(modules)
+
+
+@functools.cache
+def _sources() -> Sources:
+    package = Path(__file__).parent
+    file = user_cache("code") / f"{hash_of(package)}.json"
+
+    def read() -> str | None:
+        with suppress(OSError, ValueError):
+            return file.read_text(encoding="utf-8")
+        return None
+
+    def write(text: str) -> None:
+        with suppress(OSError, UserError):
+            with atomic_write(file) as stream:
+                stream.write(text.encode())
+            _drop_oldest(file.parent, "*.json", _INSTALLATIONS)
+
+    return Sources(package, Kept(read, write))
+
+
+def _drop_oldest(folder: Path, pattern: str, most: int) -> None:
+    """Remove all but so many files, those that were used last."""
+    by_age = sorted(folder.glob(pattern), key=lambda path: path.stat().st_mtime)
+    for old in by_age[:-most]:
+        old.unlink(missing_ok=True)
 
 
 def user_cache(kind: str) -> Path:
@@ -111,7 +156,5 @@ def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]]
     with suppress(OSError, UserError):
         with atomic_write(file) as stream:
             np.savez(stream, allow_pickle=False, **arrays)
-        by_age = sorted(folder.glob("*.npz"), key=lambda path: path.stat().st_mtime)
-        for old in by_age[:-(most or MOST)]:
-            old.unlink(missing_ok=True)
+        _drop_oldest(folder, "*.npz", most or MOST)
     return arrays
