@@ -18,8 +18,9 @@ SOURCE = ROOT / "src" / "lfportrait"
 STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
           "evaluate", "job", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
-GROUND = ("cache", "colour", "device", "download", "errors", "files", "health", "lanes", "lazy",
-          "measure", "metrics", "models", "progress", "sources", "stages", "version")
+GROUND = ("cache", "colour", "device", "download", "errors", "files", "health", "labels",
+          "lanes", "lazy", "measure", "metrics", "models", "progress", "sources", "stages",
+          "version")
 """Carries all stages and knows none."""
 
 Graph = dict[str, set[str]]

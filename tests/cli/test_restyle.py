@@ -65,11 +65,11 @@ def test_the_result_can_be_mixed_again(styled, tmp_path):
 
 @pytest.mark.parametrize("words, told", [
     ("--strength 2", "the strength must be a number from 0 to 1"),
-    ("--region beard=1", "no region 'beard' in this field; it has hair, lips, eyes"),
+    ("--region beard=1", "no region 'beard' here; there are hair, lips, eyes"),
     ("--region hair", "can't read the region 'hair'"),
     ("--region hair=oil", "no style 'oil' in this field; it has ken, ink"),
     ("--style oil", "no style 'oil' in this field; it has ken, ink"),
-    ("--keep nose", "no region 'nose' in this field; it has hair, lips, eyes")])
+    ("--keep nose", "no region 'nose' here; there are hair, lips, eyes")])
 def test_mistakes_are_told_in_one_line_and_nothing_is_written(styled, tmp_path, capsys, words,
                                                               told):
     out = tmp_path / "mixed.npz"

@@ -10,11 +10,12 @@ from lfportrait.example import Exemplar, SurfaceGuide, position_guide
 from lfportrait.example.guides.appearance import appearance_guide, match_histogram
 from lfportrait.example.guides.blurs import gaussian_blur
 from lfportrait.example.guides.face_frame import FaceFrame
-from lfportrait.example.guides.labels import LABELS, without_hair
+from lfportrait.example.guides.labels import without_hair
 from lfportrait.example.guides.maps import anchor_scale, relative_stretch
 from lfportrait.example.guides.position import fold_inside, mls_similarity, pixel_centres
 from lfportrait.example.guides.regions import find_regions
 from lfportrait.example.surface_guide import squeeze
+from lfportrait.labels import PICTURE_LABELS as LABELS
 from tests.portraits import CANONICAL, HEAD_LANDMARKS, ball_head, drawn_face
 from tests.reference import mls
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from lfportrait.example import Exemplar
 from lfportrait.example.guides.control_points import lengthen_neck, plain_neck
-from lfportrait.example.guides.labels import LABELS
 from lfportrait.example.guides.regions import find_regions
 from lfportrait.example.photo_guide import FlatGuide
+from lfportrait.labels import PICTURE_LABELS as LABELS
 from tests.portraits import drawn_face
 
 

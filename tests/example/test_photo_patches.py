@@ -166,7 +166,7 @@ def test_large_photos_are_refined_small(style, photo, regions, results, monkeypa
 
 
 def test_a_part_of_a_photo_in_floats(style, photo, regions):
-    config = TransferConfig(quality="best", region="head", strength=0.5)
+    config = TransferConfig(quality="best", extent="head", strength=0.5)
     image = np.float32(photo.image / 255)
     made = Transfer(style, config).apply(image, photo.landmarks, regions=regions).image
     wall = inside(photo.mask < 0.5, 10)

@@ -190,7 +190,7 @@ def test_transfer_paints_the_whole_picture_in_the_exemplar_s_colours(tmp_path):
 
 def test_transfer_region_and_strength():
     style, photo = drawn_face(128, 96, ground=(0, 0, 0)), drawn_face(128, 96, seed=1)
-    prepared = Transfer(style, TransferConfig(region="head"))
+    prepared = Transfer(style, TransferConfig(extent="head"))
     result = prepared.apply(photo.image, photo.landmarks, mask=photo.mask)
     untouched = photo.mask == 0
     assert np.allclose(result.image[untouched], photo.image[untouched] / 255, atol=1e-5)

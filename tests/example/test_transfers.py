@@ -8,12 +8,12 @@ from scipy.ndimage import shift as moved
 
 from lfportrait.capture import video_frames
 from lfportrait.cli import main
-from lfportrait.errors import UserError
-from lfportrait.example import Transfer, VideoTransfer, mix_regions, read_region
-from lfportrait.example.guides.labels import LABELS
+from lfportrait.example import Transfer, VideoTransfer, mix_regions
 from lfportrait.example.guides.regions import find_regions
 from lfportrait.face import read_landmarks, write_landmarks
 from lfportrait.files import read_image, write_image
+from lfportrait.labels import PICTURE_LABELS as LABELS
+from lfportrait.labels import read_value
 from lfportrait.share import write_video
 from tests.portraits import drawn_face
 
@@ -44,27 +44,12 @@ def style(tmp_path):
     return tmp_path / "style.png"
 
 
-@pytest.mark.parametrize("text, wanted", [
-    ("hair=other.png:0.5", ("hair", "other.png", 0.5)), ("lips=0.3", ("lips", "", 0.3)),
-    ("body=off", ("body", "", 0.0)), ("skin=a:b.png", ("skin", "a:b.png", 1.0)),
-    ("eyes=other.png", ("eyes", "other.png", 1.0))])
-def test_regions_are_read(text, wanted):
-    choice = read_region(text)
-    assert (choice.region, choice.style, choice.strength) == wanted
-
-
-@pytest.mark.parametrize("text", ["hair", "beard=0.5", "hair=1.5", "=x.png"])
-def test_bad_regions_are_told(text):
-    with pytest.raises(UserError, match=r"strength|regions are"):
-        read_region(text)
-
-
 def test_a_region_gets_its_own_exemplar():
     face = drawn_face(160, 120)
     blue, red = np.zeros((160, 120, 3), np.float32), np.zeros((160, 120, 3), np.float32)
     blue[..., 2] = red[..., 0] = 1
     out = mix_regions(face.image, face.landmarks, blue,
-                      [read_region("hair=red"), read_region("background=off")], {"red": red})
+                      [read_value("hair", "red"), read_value("background", "off")], {"red": red})
     labels = find_regions(face.image, face.landmarks).labels()
     hair, skin, ground = (labels[..., LABELS.index(name)] > 250
                           for name in ("hair", "skin", "background"))
@@ -72,6 +57,24 @@ def test_a_region_gets_its_own_exemplar():
     assert np.abs(out[hair] - (1, 0, 0)).max() < 0.05
     assert np.abs(out[skin] - (0, 0, 1)).max() < 0.05
     assert np.abs(out[ground] - face.image[ground] / 255).max() < 0.05
+
+
+def test_necks_and_ears_are_regions_of_a_photo():
+    """They are told apart as a painter tells them; together they are the body and the skin."""
+    face = drawn_face(160, 120)
+    red = np.zeros((160, 120, 3), np.float32)
+    red[..., 0] = 1
+    def painted(*names):
+        choices = [read_value(name, "red") for name in names]
+        out = mix_regions(face.image, face.landmarks, face.image / np.float32(255), choices,
+                          {"red": red})
+        return np.abs(out - face.image / 255).sum(-1)
+
+    neck, clothes, body = painted("neck"), painted("clothes"), painted("body")
+    assert body.max() > 0.5 and (body - np.maximum(neck, clothes) > -1e-3).all()
+    assert np.abs(painted("features") - painted("brows", "eyes", "nose", "lips")).max() < 0.1
+    skin, ears = painted("skin"), painted("ears")
+    assert skin.max() > 0.5 and ears.mean() < skin.mean()
 
 
 def test_folder(tmp_path, photo, style, capsys):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lfportrait.errors import UserError
-from lfportrait.example import LABELS
 from lfportrait.field import VoxelField, save_field
+from lfportrait.labels import PICTURE_LABELS as LABELS
 from lfportrait.stylize import MixConfig, StyledField
 from lfportrait.stylize.mixing.tones import (
     BINS,
@@ -199,8 +199,8 @@ def test_where_regions_overlap_the_later_one_counts():
     ({"strength": float("nan")}, "strength must be a number from 0 to 1"),
     ({"identity": -0.1}, "identity must be a number from 0 to 1, not -0.1"),
     ({"style": "oil"}, "no style 'oil' in this field; it has ken, ink"),
-    ({"keep": ("eyes",)}, "no region 'eyes' in this field; it has face, hair, ears"),
-    ({"regions": {"eyes": 1}}, "no region 'eyes' in this field; it has face, hair, ears"),
+    ({"keep": ("eyes",)}, "no region 'eyes' here; there are face, hair, ears"),
+    ({"regions": {"eyes": 1}}, "no region 'eyes' here; there are face, hair, ears"),
     ({"regions": {"hair": 5}}, "strength of hair must be a number from 0 to 4, not 5"),
     ({"regions": {"hair": "-1"}}, "strength of hair must be a number from 0 to 4, not '-1'"),
     ({"regions": {"hair": "ink:9"}}, "strength of hair must be a number from 0 to 4, not '9'"),

@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -19,8 +19,8 @@ from ..example import (
     MethodConfig,
     NetworkConfig,
     TransferConfig,
-    read_region,
 )
+from ..labels import LABELS, RegionStyle, members, read_regions, read_value
 from ..stylize import StylizeConfig
 from .common import Common
 
@@ -40,10 +40,13 @@ class TransferPhoto(Common):
     """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
     out: Path = Path("out.png")
     """File for the stylised picture; for a folder of photos a folder, for a video a .mp4."""
-    regions: list[str] = option(default_factory=list)
-    """Regions painted in their own way: REGION=STYLE:STRENGTH, REGION=STRENGTH or REGION=off, e.g.
-    hair=other.png:0.5 lips=0.3; regions are brows, eyes, nose, lips, skin, hair, body,
-    background."""
+    region: Annotated[tuple[tuple[str, ...], ...], tyro.conf.UseAppendAction,
+                      tyro.conf.arg(aliases=("--regions",))] = ()
+    """A region painted in its own way: NAME=NUMBER multiplies its strength (0 keeps the photo,
+    above 1 exaggerates, 4 at most), NAME=STYLE or NAME=STYLE:NUMBER paints it like another picture,
+    e.g. hair=other.png:0.5 lips=0.3; where regions overlap, the later one counts. Regions are
+    brows, eyes, nose, lips, skin, ears, hair, neck, clothes, background, and the groups features
+    and body."""
     config: Annotated[TransferConfig, tyro.conf.arg(name="")] = option(
         default_factory=lambda: TransferConfig(quality="best"))
     """Transfer by StyleBlit; a video is always painted with --quality fast."""
@@ -65,10 +68,10 @@ class TransferPhoto(Common):
         from .transfers import transfer_folder, transfer_photo, transfer_video
 
         exemplar = Exemplar.load(self.style)
-        choices = [read_region(text) for text in self.regions]
+        choices = self._choices()
         if is_video(self.photo):
             if self.method != "styleblit" or choices:
-                raise UserError("a video is painted by --method styleblit, without --regions")
+                raise UserError("a video is painted by --method styleblit, without --region")
             with self.progress("transfer") as progress:
                 return transfer_video(self.photo, self.out, exemplar,
                                       replace(self.config, seed=self.seed, quality="fast"),
@@ -80,6 +83,20 @@ class TransferPhoto(Common):
         seconds = transfer_photo(self.photo, self.out, exemplar, self._config(), choices,
                                  self.dump)
         return {"method": self.method, **seconds}
+
+    def _choices(self) -> list[RegionStyle]:
+        """What regions get."""
+        # Before this version the option said what is painted, `--extent` now.
+        extents: tuple[Literal["picture", "head", "face"], ...] = ("picture", "head", "face")
+        for extent in extents:
+            if any(extent in words for words in self.region):
+                print(f"note: --region {extent} is --extent {extent} now", file=sys.stderr)
+                self.config = replace(self.config, extent=extent)
+        found = read_regions([text for text in words if text not in extents]
+                             for words in self.region)
+        for name in found:
+            members(name, LABELS)
+        return [read_value(name, value) for name, value in found.items()]
 
     def _config(self) -> MethodConfig:
         """The configuration of the chosen method."""

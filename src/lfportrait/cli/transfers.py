@@ -16,7 +16,6 @@ from ..errors import UserError
 from ..example import (
     Exemplar,
     MethodConfig,
-    RegionStyle,
     Transfer,
     TransferConfig,
     VideoTransfer,
@@ -27,6 +26,7 @@ from ..example import (
 )
 from ..face import detect_landmarks, face_pose
 from ..files import picture_format, read_image, write_image
+from ..labels import RegionStyle
 from ..progress import Progress
 
 __all__ = ["transfer_folder", "transfer_photo", "transfer_video"]

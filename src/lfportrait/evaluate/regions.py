@@ -18,8 +18,9 @@ from PIL import Image
 from scipy import ndimage
 
 from ..capture import Camera
-from ..example import LABELS, Exemplar
+from ..example import Exemplar
 from ..field import C0, VoxelField
+from ..labels import PICTURE_LABELS
 from .repeats import Repeat, over_exemplar, strongest_repeat
 from .views import arc_cameras, face_unit
 
@@ -47,7 +48,7 @@ class RowLabels:
     weights
         uint8 [N, R]; 255 is wholly inside.
     names
-        Names of the R regions, as in `lfportrait.example.LABELS`.
+        Names of the R regions, as in `lfportrait.example.PICTURE_LABELS`.
     """
 
     weights: NDArray[np.uint8]
@@ -141,7 +142,7 @@ def exemplar_regions(exemplar: Exemplar, unit: float, names: Sequence[str],
     unit
         Wanted size of its face in pixels (`Exemplar.size`).
     names
-        Regions of `lfportrait.example.LABELS`; others are left out.
+        Regions of `lfportrait.example.PICTURE_LABELS`; others are left out.
     margin
         Pixels that a region keeps from its borders.
 
@@ -161,8 +162,9 @@ def exemplar_regions(exemplar: Exemplar, unit: float, names: Sequence[str],
         return np.asarray(Image.fromarray(image).resize(size, Image.Resampling.LANCZOS))
 
     return resized(exemplar.image), {
-        name: _eroded(resized(np.ascontiguousarray(labels[..., LABELS.index(name)])) > 127, margin)
-        for name in names if name in LABELS}
+        name: _eroded(resized(np.ascontiguousarray(labels[..., PICTURE_LABELS.index(name)])) > 127,
+                      margin)
+        for name in names if name in PICTURE_LABELS}
 
 
 def region_repeats(styled: VoxelField, exemplar: Exemplar, labels: RowLabels, *,

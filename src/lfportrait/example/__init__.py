@@ -12,14 +12,13 @@ from ..lazy import attach
 if TYPE_CHECKING:
     from .exemplar import Exemplar, face_size
     from .guides.appearance import appearance_guide
-    from .guides.labels import LABELS
     from .guides.maps import Guides
     from .guides.position import position_guide
     from .guides.regions import Regions, find_regions
     from .methods import METHODS, Method, MethodConfig, paint, prepare
     from .patches import PatchConfig
     from .providers import Sitting, provided_styles
-    from .region_styles import RegionStyle, mix_regions, read_region
+    from .region_styles import mix_regions
     from .rivals import (
         FaceBlit,
         FaceBlitConfig,
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FRONTAL",
-    "LABELS",
     "METHODS",
     "PROFILE",
     "BlitConfig",
@@ -56,7 +54,6 @@ __all__ = [
     "Painted",
     "Painting",
     "PatchConfig",
-    "RegionStyle",
     "Regions",
     "Sitting",
     "Skin",
@@ -82,7 +79,6 @@ __all__ = [
     "position_guide",
     "prepare",
     "provided_styles",
-    "read_region",
     "suited",
     "surface_position_guide",
     "synthesise",

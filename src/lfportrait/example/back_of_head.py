@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from ..labels import PICTURE_LABELS
 from .exemplar import Exemplar
 from .guides.appearance import grey
 from .guides.blurs import broad_blur
-from .guides.labels import LABELS
 from .guides.regions import Regions
 from .kernels.seeds import seed_points
 from .kernels.sites import nearest_sites
@@ -100,7 +100,7 @@ class Patchwork:
         right, down = regions.frame.local(regions.person.shape)
         hair = (regions.hair if regions.hair is not None
                 else regions.person * (down < -0.35).astype(np.float32))
-        neck = regions.labels()[..., LABELS.index("body")] > 127
+        neck = regions.labels()[..., PICTURE_LABELS.index("body")] > 127
         if self.short:
             # Beside the chin such a mask may well hold background.
             neck &= np.abs(right) < 0.45

@@ -14,10 +14,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..labels import PICTURE_LABELS
 from .exemplar import Exemplar, face_size
 from .guides.appearance import grey
 from .guides.control_points import lay_body, lengthen_neck, match_regions, plain_neck
-from .guides.labels import LABELS, missing_labels
+from .guides.labels import missing_labels
 from .guides.outline import EdgeMatch, signed_distances
 from .guides.position import fold_inside, folded_position_guide
 from .guides.regions import Regions
@@ -46,7 +47,7 @@ class FlatGuide:
     exemplar
         The painting.
     regions, labels
-        Of the painting; labels uint8 [h, w, len(LABELS)].
+        Of the painting; labels uint8 [h, w, len(PICTURE_LABELS)].
     """
 
     def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> None:
@@ -123,7 +124,7 @@ class FlatGuide:
         known = [(match, edge) for match, edge in zip(self._edges, EDGES) if match is not None]
         small = np.empty((len(known), *(-(-n // grid) for n in labels.shape[:2])), np.float32)
         for plane, (_, (name, invert)) in zip(small, known):
-            shrink_label(labels, LABELS.index(name), invert, grid, plane)
+            shrink_label(labels, PICTURE_LABELS.index(name), invert, grid, plane)
         away = signed_distances(small, [match.far(grid, scale) for match, _ in known])
         for distance, (match, (name, _)) in zip(away, known):
             match.pull(nodes, distance * np.float32(grid), grid, scale,
@@ -143,7 +144,7 @@ class FlatGuide:
         landmarks
             [68, 2] of the photo.
         labels
-            uint8 [H, W, len(LABELS)] of the photo, changed in place.
+            uint8 [H, W, len(PICTURE_LABELS)] of the photo, changed in place.
         person
             float32 [H, W].
 
@@ -157,5 +158,5 @@ class FlatGuide:
 
 
 def _label(labels: NDArray[np.uint8], name: str) -> Float32:
-    """One label of [H, W, len(LABELS)], float32 [H, W] in [0, 1]."""
-    return labels[..., LABELS.index(name)].astype(np.float32) * np.float32(1 / 255)
+    """One label of [H, W, len(PICTURE_LABELS)], float32 [H, W] in [0, 1]."""
+    return labels[..., PICTURE_LABELS.index(name)].astype(np.float32) * np.float32(1 / 255)

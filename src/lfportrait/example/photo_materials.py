@@ -39,7 +39,7 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
     Parameters
     ----------
     photo, regions, labels
-        uint8 [H, W, 3], and its regions and labels (uint8 [H, W, len(LABELS)]).
+        uint8 [H, W, 3], and its regions and labels (uint8 [H, W, len(PICTURE_LABELS)]).
     position
         float32 [H, W, 2], exemplar pixels; no NaN.
     painted

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ..labels import MATERIALS
 from .exemplar import Exemplar, face_size
 from .guides.appearance import grey
 from .guides.blurs import broad_blur, enlarged, gaussian_blur
@@ -44,7 +45,7 @@ from .skin.materials import (
     material_guides,
     resized_materials,
 )
-from .skin.picture_materials import EARS, FEATURES, GROUND, HAIR, MATERIALS, NECK, SKIN
+from .skin.picture_materials import EARS, FEATURES, GROUND, HAIR, NECK, SKIN
 from .skin.pieces import pieces
 from .skin.storage import known_shares
 
@@ -106,7 +107,7 @@ class PhotoPatches:
     Parameters
     ----------
     exemplar, regions, labels
-        The painting, its regions, and its labels uint8 [h, w, len(LABELS)].
+        The painting, its regions, and its labels uint8 [h, w, len(PICTURE_LABELS)].
     config
         Parameters.
     seed

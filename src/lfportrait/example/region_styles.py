@@ -1,64 +1,20 @@
-"""Regions painted in their own way: another exemplar for the hair, less of it on the lips."""
+"""Regions of a photo painted in their own way: another exemplar for the hair, less on the lips."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
-from .guides.labels import LABELS
+from ..labels import GROUPS, LABELS, PICTURE_LABELS, RegionStyle, members
+from .exemplar import Exemplar
 from .guides.regions import find_regions
+from .skin.picture_materials import CLOTHES, EARS, NECK, SKIN, picture_shares
 
-__all__ = ["RegionStyle", "mix_regions", "read_region"]
+__all__ = ["mix_regions"]
 
 Float32 = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class RegionStyle:
-    """What one region gets.
-
-    Attributes
-    ----------
-    region
-        Of `labels.LABELS`.
-    style
-        Another exemplar, or "" for the one of the whole picture.
-    strength
-        0 leaves the photo, 1 gives the painting.
-    """
-
-    region: str
-    style: str
-    strength: float
-
-
-def read_region(text: str) -> RegionStyle:
-    """Read ``REGION=STYLE:STRENGTH``, ``REGION=STYLE``, ``REGION=STRENGTH`` or ``REGION=off``.
-
-    Raises
-    ------
-    UserError
-        If it is none of these.
-    """
-    region, sign, rest = text.partition("=")
-    if not sign or region not in LABELS:
-        raise UserError(f"can't read the region {text!r}: write REGION=STYLE:STRENGTH, for example "
-                        f"hair=other.png:0.5 or lips=0.3; regions are {', '.join(LABELS)}")
-    if rest == "off":
-        return RegionStyle(region, "", 0.0)
-    style, _, number = rest.rpartition(":") if ":" in rest else ("", "", rest)
-    try:
-        strength = float(number)
-    except ValueError:
-        # No number: all of it is the style (a path may hold colons).
-        return RegionStyle(region, rest, 1.0)
-    if not 0.0 <= strength <= 1.0:
-        raise UserError(f"the strength in {text!r} must lie between 0 and 1")
-    return RegionStyle(region, style, strength)
 
 
 def mix_regions(photo: NDArray[np.uint8], landmarks: NDArray[np.floating], painted: Float32,
@@ -82,11 +38,35 @@ def mix_regions(photo: NDArray[np.uint8], landmarks: NDArray[np.floating], paint
     -------
     float32 [H, W, 3] in [0, 1].
     """
-    labels = find_regions(photo, landmarks).labels()
+    shares = _region_shares(photo, landmarks, [choice.region for choice in choices])
     plain = photo[..., :3].astype(np.float32) / np.float32(255)
     out = np.array(painted, np.float32)
     for choice in choices:
-        share = labels[..., LABELS.index(choice.region), None] / np.float32(255)
+        share = shares[choice.region][..., None]
         wanted = others[choice.style] if choice.style else painted
         out += share * (plain + np.float32(choice.strength) * (wanted - plain) - out)
     return np.clip(out, 0, 1)
+
+
+def _region_shares(photo: NDArray[np.uint8], landmarks: NDArray[np.floating],
+                   names: Sequence[str]) -> dict[str, Float32]:
+    """How far each pixel lies in each region, float32 [H, W] by its name.
+
+    The labels of pictures (`PICTURE_LABELS`) tell ears from skin and neck from clothes by nothing:
+    where one of those is asked for, they are parted as a painter parts them.
+    """
+    regions = find_regions(photo, landmarks)
+    labels = regions.labels()
+    found = {name: labels[..., n] / np.float32(255) for n, name in enumerate(PICTURE_LABELS)}
+    if any(name in ("ears", "skin", "neck", "clothes") for name in names):
+        picture = Exemplar(np.ascontiguousarray(photo[..., :3]),
+                           np.asarray(landmarks, np.float64), "")
+        parts = picture_shares(picture, regions, labels)
+        for whole, (one, two), columns in (("skin", ("skin", "ears"), (SKIN, EARS)),
+                                           ("body", GROUPS["body"], (NECK, CLOTHES))):
+            first, second = (parts[..., column] for column in columns)
+            share = first / np.maximum(first + second, np.float32(1e-3))
+            known = found[whole]
+            found[one], found[two] = known * share, known * (1 - share)
+    return {name: np.asarray(sum(found[part] for part in (
+        (name,) if name in found else members(name, LABELS))), np.float32) for name in names}

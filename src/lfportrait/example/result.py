@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import write_image
-from .guides.labels import LABELS
+from ..labels import PICTURE_LABELS
 from .guides.maps import Guides
 from .styleblit import Synthesis
 
@@ -88,7 +88,7 @@ def dump_transfer(result: TransferResult, folder: Path) -> None:
     pictures = {
         "position": position_picture(guides.position, result.exemplar_shape),
         "appearance": 0.5 + guides.appearance,
-        "labels": labels @ LABEL_COLOURS[:len(LABELS)],
+        "labels": labels @ LABEL_COLOURS[:len(PICTURE_LABELS)],
         "table_error": error / 100,
         "chunks": chunk_picture(synthesis.shift, synthesis.level),
         "synthesis": synthesis.image,

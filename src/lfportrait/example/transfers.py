@@ -58,7 +58,7 @@ class TransferConfig:
     """fast: StyleBlit alone, a tenth of a second. best: around the face agreeing patches, without
     rows and stripes, in seconds; `lfportrait transfer` has it for photos, all else is fast. It uses
     patch search: see the note on patents in docs/methods.md."""
-    region: Literal["picture", "head", "face"] = "picture"
+    extent: Literal["picture", "head", "face"] = "picture"
     """What is painted: the whole picture, the person, or the face alone (the paper)."""
     strength: float = 1.0
     """0 leaves the photo, 1 gives the painting."""
@@ -203,7 +203,7 @@ class Transfer:
             hold = seeds_anchor is not None or self._flat.turned(points, regions)
             position = self._flat(cover, points, regions, labels, config.grid, config.contours,
                                   hold, aside)
-            if config.region == "picture" and not hold:
+            if config.extent == "picture" and not hold:
                 person = self._flat.own_shoulders(position, points, labels, person)
         else:
             # The place in the exemplar says what a surface point is, alike in every view.
@@ -336,20 +336,20 @@ class Transfer:
     @property
     def covers_all(self) -> bool:
         """Whether nothing of a photo is left."""
-        return self.config.region == "picture" and self.config.strength == 1
+        return self.config.extent == "picture" and self.config.strength == 1
 
     def cover(self, photo: NDArray[np.generic], landmarks: NDArray[np.float64],
                person: Float32) -> Float32:
         """Weight of the synthesis against the photo."""
         config = self.config
-        if config.region == "face":
+        if config.extent == "face":
             from ..face import face_mask
 
             colours = np.asarray(photo, np.float32) * (1 if photo.dtype == np.uint8 else 255)
             picture = (np.clip(colours, 0, 255) + 0.5).astype(np.uint8)
             mask = face_mask(picture, landmarks)
             cover = broad_blur(np.asarray(mask, np.float32), 0.06 * face_size(landmarks))
-        elif config.region == "head":
+        elif config.extent == "head":
             cover = person
         else:
             cover = np.ones(photo.shape[:2], np.float32)

@@ -23,13 +23,12 @@ from torch.nn import functional
 
 from .. import models
 from ..errors import UserError
+from ..labels import SEGMENTS
 from .player import Player
 from .tflite import read_tflite
 
-__all__ = ["PARTS", "hair_mask", "mattes", "parts", "person_matte"]
+__all__ = ["SEGMENTS", "hair_mask", "mattes", "parts", "person_matte"]
 
-PARTS = ("background", "hair", "body-skin", "face-skin", "clothes", "others")
-"""Classes of the network ``multiclass-segmentation``; ``others`` is what the person wears."""
 
 _MULTICLASS = "multiclass-segmentation"
 
@@ -151,7 +150,7 @@ def parts(image: NDArray[np.uint8], up: NDArray[Any] | None = None,
     Returns
     -------
     maps
-        float32 [H, W] in [0, 1] for each name of `PARTS`; they sum to 1.
+        float32 [H, W] in [0, 1] for each name of `SEGMENTS`; they sum to 1.
 
     Raises
     ------
@@ -162,7 +161,7 @@ def parts(image: NDArray[np.uint8], up: NDArray[Any] | None = None,
     with _one_thread():
         shares, shape = _shares(image, turns)
     return {name: _full_size(shares[..., index], shape, turns)
-            for index, name in enumerate(PARTS)}
+            for index, name in enumerate(SEGMENTS)}
 
 
 def _upright(image: NDArray[np.uint8], turns: int) -> NDArray[np.uint8]:
@@ -173,9 +172,10 @@ def _shares(image: NDArray[np.uint8], turns: int) -> tuple[torch.Tensor, tuple[i
     """Confidences [256, 256, 6] of the classes, and height and width of the upright picture."""
     upright = _upright(image, turns)
     result = _run(_MULTICLASS, _resized(upright, 256))[0]
-    if result.shape[-1] != len(PARTS):
+    if result.shape[-1] != len(SEGMENTS):
         raise UserError(f"the network {_MULTICLASS} has {result.shape[-1]} classes instead of "
-                        f"{len(PARTS)}; get its file again: lfportrait models fetch {_MULTICLASS}")
+                        f"{len(SEGMENTS)}; get its file again: lfportrait models fetch "
+                        f"{_MULTICLASS}")
     # The documents call its output logits in one place, confidences in another.
     ready = bool((result >= 0).all()) and bool(((result.sum(-1) - 1).abs() < 1e-3).all())
     return (result if ready else torch.softmax(result, -1)), upright.shape[:2]

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ..capture import Capture
 from ..device import computing_device
 from ..errors import UserError
-from ..example import LABELS, Exemplar
+from ..example import Exemplar
 from ..field import C0, SurfaceTexture, VoxelField
+from ..labels import PICTURE_LABELS
 from ..progress import Progress
 from .config import StylizeConfig
 from .mixing import StyledField
@@ -99,7 +100,8 @@ def stylize_with_figures(field: LateField, capture: Capture,
             blocks = texel_rows(sitter.skin, textures[0])
     else:
         field = field if isinstance(field, VoxelField) else field()
-        labels, regions = np.zeros((len(field.density), len(LABELS)), np.uint8), LABELS
+        regions = PICTURE_LABELS
+        labels = np.zeros((len(field.density), len(regions)), np.uint8)
         colors, found = _by_views(field, capture, exemplars, config, progress, dump)
     figures.update(found)
     figures["notices"] = notices(capture, exemplars, config)

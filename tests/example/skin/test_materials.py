@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import binary_erosion
 
 from lfportrait import cache
-from lfportrait.example import LABELS, Exemplar, Regions
+from lfportrait.example import Exemplar, Regions
 from lfportrait.example.skin import storage
 from lfportrait.example.skin.materials import (
     DARKEST,
@@ -26,7 +26,6 @@ from lfportrait.example.skin.picture_materials import (
     FEATURES,
     GROUND,
     HAIR,
-    MATERIALS,
     NECK,
     SKIN,
     material_shares,
@@ -37,6 +36,8 @@ from lfportrait.example.skin.pieces import pieces
 from lfportrait.example.skin.regions import below_hair, hair_by_place, without_bays
 from lfportrait.example.skin.storage import known_shares
 from lfportrait.example.surface_guide import HeadPlane
+from lfportrait.labels import MATERIALS
+from lfportrait.labels import PICTURE_LABELS as LABELS
 from tests.portraits import HEAD_LANDMARKS
 
 ALL = np.ones(len(MATERIALS), bool)

@@ -4,8 +4,8 @@ import numpy as np
 from scipy import ndimage
 
 from lfportrait.capture import Camera
-from lfportrait.example import LABELS
 from lfportrait.field import SurfaceTexture
+from lfportrait.labels import PICTURE_LABELS as LABELS
 from lfportrait.stylize import StyledField
 from tests.fields import head_field
 

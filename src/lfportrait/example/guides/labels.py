@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from ...labels import PICTURE_LABELS
 from ..kernels.labels import soft_labels
 from .blurs import broad_blur, gaussian_blur, shrunk
 from .face_frame import FaceFrame
 
-__all__ = ["LABELS", "missing_labels", "polygon", "region_labels", "soft_face",
+__all__ = ["PICTURE_LABELS", "missing_labels", "polygon", "region_labels", "soft_face",
            "without_hair"]
 
 Float32 = NDArray[np.float32]
@@ -24,8 +25,6 @@ Float64 = NDArray[np.float64]
 OUTLINE_BLUR = 0.02
 """Sigma of the blur of the person's outline, over the distance of brows and chin."""
 
-LABELS = ("brows", "eyes", "nose", "lips", "skin", "hair", "body", "background")
-"""Channels of the soft region labels; ears belong to the skin, neck and clothes to the body."""
 
 
 def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, frame: FaceFrame,
@@ -44,7 +43,7 @@ def region_labels(person: Float32, hair: Float32 | None, landmarks: Float64, fra
 
     Returns
     -------
-    uint8 [H, W, len(LABELS)], 255 = wholly inside; about 255 in sum.
+    uint8 [H, W, len(PICTURE_LABELS)], 255 = wholly inside; about 255 in sum.
     """
     blur = 0.03 * frame.height
     factor = 2 * min(4, max(1, int(blur / 4))) if blur >= 2 else 1
@@ -71,19 +70,19 @@ def soft_face(shape: tuple[int, ...], landmarks: Float64, above: float = 0.1) ->
 
 
 def missing_labels(style: NDArray[np.uint8]) -> frozenset[str]:
-    """Labels among hair and body that an exemplar [h, w, len(LABELS)] does not show.
+    """Labels among hair and body that an exemplar [h, w, len(PICTURE_LABELS)] does not show.
 
     Hair of an exemplar whose hair can't be told from its skin (a statue) is skin, a body that it
     does not show is background.
     """
     return frozenset(name for name in ("hair", "body")
-                     if style[..., LABELS.index(name)].mean() < 0.5)
+                     if style[..., PICTURE_LABELS.index(name)].mean() < 0.5)
 
 
 def without_hair(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Labels [h, w, len(LABELS)] whose hair is skin, for a target that shows no hair."""
+    """Labels [h, w, len(PICTURE_LABELS)] whose hair is skin, for a target that shows no hair."""
     out = labels.copy()
-    hair, skin = LABELS.index("hair"), LABELS.index("skin")
+    hair, skin = PICTURE_LABELS.index("hair"), PICTURE_LABELS.index("skin")
     out[..., skin] = np.minimum(out[..., skin].astype(np.int64) + out[..., hair], 255)
     out[..., hair] = 0
     return out

@@ -26,7 +26,7 @@ class Guides:
     appearance
         float32 [H, W], grey minus blur in [-1, 1], matched to the exemplar's distribution.
     labels
-        uint8 [H, W, K], soft region labels (255 = wholly inside), see `regions.LABELS`.
+        uint8 [H, W, K], soft region labels (255 = wholly inside), by `PICTURE_LABELS`.
     anchor
         float32 [H, W, 2], the pixel's place in the plane of the seed grid, in exemplar pixels.
     """

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
+from ...labels import PICTURE_LABELS
 from .colour_segmentation import overlap, separate
 from .face_frame import FaceFrame
-from .labels import LABELS, polygon, region_labels
+from .labels import polygon, region_labels
 
-__all__ = ["LABELS", "RAYS", "FaceFrame", "Regions", "find_regions"]
+__all__ = ["PICTURE_LABELS", "RAYS", "FaceFrame", "Regions", "find_regions"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -171,7 +172,7 @@ class Regions:
         return np.asarray(nearest[..., ::-1] + 0.5, np.float32)
 
     def labels(self, like: frozenset[str] = frozenset()) -> NDArray[np.uint8]:
-        """Soft labels, uint8 [H, W, len(LABELS)]; see `labels.region_labels`."""
+        """Soft labels, uint8 [H, W, len(PICTURE_LABELS)]; see `labels.region_labels`."""
         return region_labels(self.person, self.hair, self.landmarks, self.frame, like)
 
 

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...labels import PICTURE_LABELS
 from .appearance import grey
 from .blurs import broad_blur
 from .colour_segmentation import overlap
-from .labels import LABELS
 from .regions import Regions, find_regions
 
 __all__ = ["is_scalp", "photo_regions"]
@@ -70,7 +70,7 @@ def is_scalp(photo: NDArray[np.generic], regions: Regions) -> bool:
     hair *= person
     sure = (hair > 0.7).sum() > SURE * (hair > 0.2).sum()
     small = Regions(regions.landmarks * ratio, person, hair)
-    skin = small.labels()[..., LABELS.index("skin")] > 230
+    skin = small.labels()[..., PICTURE_LABELS.index("skin")] > 230
     # Edges of either are rough, whatever lies between them.
     kernel = np.ones((5, 5), np.uint8)
     scalp, skin = (cv2.erode(np.asarray(one, np.uint8), kernel) > 0

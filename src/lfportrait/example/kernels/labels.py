@@ -71,7 +71,7 @@ def _four(a, b, c, d):
 @shared("person")
 @kernel
 def soft_labels(since, until, person, hair, planes, factor, hair_is_skin, body_is_ground, out):
-    """Labels of every pixel in the order of `regions.LABELS`: eight bytes in two words.
+    """Labels of every pixel in the order of `PICTURE_LABELS`: eight bytes in two words.
 
     Parameters
     ----------

@@ -21,10 +21,11 @@ import tyro
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
 from ..guides.appearance import Distribution, grey, match_histogram
 from ..guides.control_points import match_regions
-from ..guides.labels import LABELS, missing_labels
+from ..guides.labels import missing_labels
 from ..guides.position import folded_position_guide, pixel_centres
 from ..guides.regions import Regions, find_regions
 from ..kernels.patches import CELL
@@ -46,8 +47,8 @@ STEP = np.log(1.1)
 """The exemplar is resized to sizes that are this far apart (logarithm), so that few are made."""
 CODES = np.array([[200, 60], [255, 150], [150, 215], [255, 255], [150, 150], [255, 0], [0, 200],
                   [0, 0]], np.float32)
-"""Segmentation guide: a place in the plane for each of `LABELS`, far apart where they must not
-mix."""
+"""Segmentation guide: a place in the plane for each of `PICTURE_LABELS`, far apart where they must
+not mix."""
 
 
 @dataclass(frozen=True)
@@ -201,8 +202,8 @@ class FaceStyle:
 
 def _head(labels: NDArray[np.uint8]) -> Float32:
     """Head and hair against body and background, float32 [H, W] in [0, 1]."""
-    other = labels[..., LABELS.index("body")].astype(np.float32)
-    other += labels[..., LABELS.index("background")]
+    other = labels[..., PICTURE_LABELS.index("body")].astype(np.float32)
+    other += labels[..., PICTURE_LABELS.index("background")]
     return np.clip(1 - other / 255, 0, 1).astype(np.float32)
 
 

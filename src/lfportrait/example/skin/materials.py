@@ -14,21 +14,12 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
+from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..guides.appearance import Distribution, grey, match_histogram
 from ..guides.blurs import broad_blur
 from ..patches import SCALE
-from .picture_materials import (
-    CLOTHES,
-    EARS,
-    FEATURES,
-    GROUND,
-    HAIR,
-    MATERIALS,
-    NECK,
-    SKIN,
-    material_shares,
-)
+from .picture_materials import CLOTHES, EARS, FEATURES, GROUND, HAIR, NECK, SKIN, material_shares
 from .regions import below_hair, hair_by_place, without_bays
 from .sitter import BLUR, Skin
 

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, gaussian_filter
 
+from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
 from ..guides.blurs import broad_blur
-from ..guides.labels import LABELS, soft_face
+from ..guides.labels import soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
@@ -51,7 +52,7 @@ from .materials import (
     sitter_looks,
     sitter_shares,
 )
-from .picture_materials import EARS, HAIR, MATERIALS, NECK, SKIN
+from .picture_materials import EARS, HAIR, NECK, SKIN
 from .pieces import pieces
 from .sitter import Skin
 from .storage import known_shares
@@ -188,7 +189,8 @@ class SkinPainter:
         # Votes look a pixel beyond a piece.
         self._labels = self.transfer.labels.copy()
         outside = ~binary_erosion(inside, np.ones((3, 3)))
-        self._labels[outside] = 255 * (np.arange(len(LABELS)) == LABELS.index("background"))
+        ground = PICTURE_LABELS.index("background")
+        self._labels[outside] = 255 * (np.arange(len(PICTURE_LABELS)) == ground)
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
         """Paint a skin.

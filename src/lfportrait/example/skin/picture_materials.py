@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...labels import FEATURES as FACE_FEATURES
+from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.appearance import grey, skin_distance
 from ..guides.blurs import broad_blur, enlarged, gaussian_blur, shrunk
-from ..guides.labels import LABELS, soft_face
+from ..guides.labels import soft_face
 from ..guides.regions import Regions
 
 __all__ = ["CLOTHES", "EARS", "FEATURES", "GROUND", "HAIR", "MATERIALS", "NECK", "PLAIN", "SKIN",
@@ -23,7 +25,6 @@ __all__ = ["CLOTHES", "EARS", "FEATURES", "GROUND", "HAIR", "MATERIALS", "NECK",
 
 Float32 = NDArray[np.float32]
 
-MATERIALS = ("skin", "hair", "neck", "clothes", "background", "features", "ears")
 SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES, EARS = range(7)
 PLAIN = 0.08
 """A background whose colours deviate by no more than this (standard deviation) is plain."""
@@ -112,8 +113,9 @@ class _Small:
     def plain_skin(self) -> NDArray[np.bool_]:
         """Skin without features, of the small picture."""
         labels = self.part(self.labels)
-        features = labels[..., [LABELS.index(n) for n in ("brows", "eyes", "nose", "lips")]]
-        return np.asarray((labels[..., LABELS.index("skin")] > 200) & (features.sum(-1) < 30))
+        features = labels[..., [PICTURE_LABELS.index(name) for name in FACE_FEATURES]]
+        skin = labels[..., PICTURE_LABELS.index("skin")]
+        return np.asarray((skin > 200) & (features.sum(-1) < 30))
 
     def part(self, plane: NDArray[Any]) -> NDArray[Any]:
         """Every so many pixels of a plane of the picture, [h, w]."""
@@ -147,7 +149,7 @@ class _Small:
 
     def like_plain_ground(self, body: NDArray[np.bool_]) -> Float32:
         """How much the body looks like the background; 0 where that is not plain."""
-        behind = self.part(self.labels[..., LABELS.index("background")]) > 250
+        behind = self.part(self.labels[..., PICTURE_LABELS.index("background")]) > 250
         if not behind.any() or self.image[behind].std(axis=0).max() >= PLAIN:
             return np.zeros(behind.shape, np.float32)
         return self.alike(behind, self.part(body), LIKE_PLAIN)
@@ -175,9 +177,9 @@ class _Small:
 def material_shares(labels: NDArray[np.uint8]) -> Float32:
     """Shares of `MATERIALS`, float32 [..., 7], by soft labels, uint8 [..., K]: a body is neck."""
     share = labels.astype(np.float32) / np.float32(255)
-    named = {name: share[..., n] for n, name in enumerate(LABELS)}
+    named = {name: share[..., n] for n, name in enumerate(PICTURE_LABELS)}
     out = np.zeros((*labels.shape[:-1], len(MATERIALS)), np.float32)
-    for name in ("brows", "eyes", "nose", "lips"):
+    for name in FACE_FEATURES:
         out[..., FEATURES] += named[name]
     out[..., SKIN], out[..., HAIR], out[..., NECK] = named["skin"], named["hair"], named["body"]
     out[..., GROUND] = named["background"]
@@ -255,7 +257,7 @@ def _overlooked(small: _Small, skin: Float32) -> Float32:
     """
     face = np.where(small.part(small.down) < 0, np.float32(0), small.part(small.face))
     plain = small.cheeks
-    known = small.part(small.labels[..., LABELS.index("hair")]) > 200
+    known = small.part(small.labels[..., PICTURE_LABELS.index("hair")]) > 200
     looked_at = small.part(skin) > 0.02
     hair = 1 - small.alike(plain, looked_at, LIKE_SKIN)
     hair *= small.alike(known, looked_at, LIKE_HAIR)

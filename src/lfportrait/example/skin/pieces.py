@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...labels import MATERIALS
 from ..back_of_head import Sites
 from ..kernels.sites import nearest_sites
 from .materials import ExemplarMaterials, into
-from .picture_materials import MATERIALS
 
 __all__ = ["pieces"]
 

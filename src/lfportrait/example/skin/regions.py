@@ -10,18 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Camera
+from ...labels import FEATURES, PICTURE_LABELS, SURFACE_LABELS
 from ..guides.face_frame import FaceFrame
-from ..guides.labels import LABELS, region_labels
+from ..guides.labels import region_labels
 from ..surface_guide import HeadPlane
 from .cells import Cells
 
-__all__ = ["REGIONS", "below_hair", "hair_by_place", "skin_regions", "without_bays"]
+__all__ = ["SURFACE_LABELS", "below_hair", "hair_by_place", "skin_regions", "without_bays"]
 
 Float32 = NDArray[np.float32]
 
-REGIONS = ("brows", "eyes", "nose", "lips", "skin", "ears", "hair", "neck", "clothes")
-"""Regions of a head; together they are about 255 everywhere."""
-FEATURES = ("brows", "eyes", "nose", "lips")
 HAIRLINE = 0.64, 88.0
 """Where hair begins: above the brows (chin -1) in the middle; at their height, in degrees."""
 LOCKS = ((0.03, 11), (0.025, 29), (0.02, 67))
@@ -101,7 +99,7 @@ def _hair_end(plane: HeadPlane, flat: Float32) -> Float32:
 def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Float32,
                  flat: Float32, hair: Float32 | None, ears: Float32,
                  clothes: Float32) -> NDArray[np.uint8]:
-    """Soft labels of a skin's places, uint8 [N, R] by `REGIONS`.
+    """Soft labels of a skin's places, uint8 [N, R] by `SURFACE_LABELS`.
 
     Parameters
     ----------
@@ -123,14 +121,14 @@ def skin_regions(plane: HeadPlane, camera: Camera, points: Float32, normals: Flo
     angle = np.abs(flat[:, 0]) / np.float32(plane.radius)
     jaw = np.where(angle > 1.2, np.float32(0.75), np.float32(1.0))
     neck = np.clip((depth - jaw) / np.float32(0.1), 0, 1)
-    out = np.zeros((len(points), len(REGIONS)), np.float32)
+    out = np.zeros((len(points), len(SURFACE_LABELS)), np.float32)
     rest = np.ones(len(points), np.float32)
     for name, share in (*((name, features[:, n]) for n, name in enumerate(FEATURES)),
                         ("clothes", clothes), ("ears", ears * (1 - hair)), ("hair", hair),
                         ("neck", neck)):
-        out[:, REGIONS.index(name)] = rest * share
+        out[:, SURFACE_LABELS.index(name)] = rest * share
         rest = rest * (1 - share)
-    out[:, REGIONS.index("skin")] = rest
+    out[:, SURFACE_LABELS.index("skin")] = rest
     return np.asarray(out * 255 + 0.5, np.uint8)
 
 
@@ -150,6 +148,6 @@ def _features(plane: HeadPlane, camera: Camera, points: Float32, normals: Float3
     inside = (x >= 0) & (y >= 0) & (x < SIDE) & (y < SIDE) & (normals[:, 2] > 0)
     inside &= points[:, 2] > float(np.nanmin(plane.landmarks[:, 2]))
     out = np.zeros((len(points), len(FEATURES)), np.float32)
-    chosen = labels[y[inside], x[inside]][:, [LABELS.index(name) for name in FEATURES]]
+    chosen = labels[y[inside], x[inside]][:, [PICTURE_LABELS.index(name) for name in FEATURES]]
     out[inside] = chosen / np.float32(255)
     return out

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ...capture import Camera
 from ...field import VoxelField
+from ...labels import SURFACE_LABELS
 from ..exemplar import face_size
 from ..guides.appearance import grey, skin_distance
 from ..guides.blurs import broad_blur, gaussian_blur
@@ -29,7 +30,7 @@ from ..surface_guide import HeadPlane
 from .cells import Cells
 from .charts import Atlas, draw_atlas
 from .ear_places import ear_places
-from .regions import REGIONS, hair_by_place, skin_regions
+from .regions import hair_by_place, skin_regions
 from .relief import around_face, hair_by_relief
 
 BEFORE, BEHIND = 2.5, 7.0
@@ -192,7 +193,7 @@ class Skin:
     def _labels(self) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
         points = self.atlas.points.reshape(-1, 3)[self.index]
         return skin_regions(self.plane, self.atlas.cameras[0], points, self.atlas.shape.at(points),
-                            self.flat, self.hair, self.ears, self.clothes), REGIONS
+                            self.flat, self.hair, self.ears, self.clothes), SURFACE_LABELS
 
     @property
     def face(self) -> float:

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import tyro
 
-from ...errors import UserError
-from ...example import RegionStyle
+from ...labels import RegionStyle, RegionValue, read_regions
 
-__all__ = ["MOST", "MixConfig", "RegionValue", "known", "number", "plain", "read_value"]
-
-RegionValue = float | str | tuple[str, float]
-"""What a region gets: a strength, a style, or a style and a strength; text is read as typed."""
-
-MOST = 4.0
-"""The largest strength of a region: colours four times as far from the photo as the painting's."""
+__all__ = ["MixConfig", "plain"]
 
 _Words = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 """Words of an option that may be given several times, and several words at a time."""
@@ -52,100 +44,10 @@ class MixConfig:
         UserError
             If a region is not of the form NAME=VALUE.
         """
-        regions: dict[str, RegionValue] = {}
-        for text in (text for words in self.region for text in words):
-            name, sign, value = text.partition("=")
-            if not sign:
-                raise UserError(f"can't read the region {text!r}: write NAME=NUMBER, NAME=STYLE or "
-                                "NAME=STYLE:NUMBER, for example hair=0.5")
-            # Taken out first: the last word on a region comes after those on the others.
-            regions.pop(name, None)
-            regions[name] = value
+        regions: dict[str, RegionValue] = dict(read_regions(self.region))
         return {"strength": self.strength, "identity": self.identity, "regions": regions,
                 "keep_colors": self.keep_colors, "style": self.style or None,
                 "keep": tuple(name for words in self.keep for name in words)}
-
-
-def number(value: Any, what: str, most: float) -> float:
-    """A number from 0 to ``most``.
-
-    Raises
-    ------
-    UserError
-        If it is none, naming ``what`` it was meant for.
-    """
-    try:
-        found = float(value)
-    except (TypeError, ValueError):
-        found = math.nan
-    if not 0.0 <= found <= most:
-        raise UserError(f"{what} must be a number from 0 to {most:g}, not {value!r}")
-    return found
-
-
-def known(name: Any, kind: str, names: Sequence[str]) -> str:
-    """The name, which must be one of those that a field has.
-
-    Raises
-    ------
-    UserError
-        If it is not, with the names that there are; ``kind`` is "region" or "style".
-    """
-    if name not in names:
-        raise UserError(f"there is no {kind} {name!r} in this field; it has "
-                        f"{', '.join(names) or 'none'}")
-    return str(name)
-
-
-def read_value(region: str, value: RegionValue, styles: Sequence[str]) -> RegionStyle:
-    """What a region gets.
-
-    Parameters
-    ----------
-    region
-        Its name.
-    value
-        A strength, a style, or both; text: ``NUMBER``, ``off``, ``STYLE`` or ``STYLE:NUMBER``. A
-        style whose name is a number is meant by ``STYLE:NUMBER`` alone.
-    styles
-        Styles that there are.
-
-    Returns
-    -------
-    region_style
-        Without a style of its own, that of the whole field is meant.
-
-    Raises
-    ------
-    UserError
-        If the value is none of these, the style unknown, or the strength out of range.
-    """
-    what = f"the strength of {region}"
-    if isinstance(value, str):
-        if value == "off":
-            return RegionStyle(region, "", 0.0)
-        if _is_number(value):
-            return RegionStyle(region, "", number(value, what, MOST))
-        name, _, rest = value.rpartition(":")
-        # A style's name may hold a colon.
-        if value in styles or not _is_number(rest) or not name:
-            return RegionStyle(region, known(value, "style", styles), 1.0)
-        return RegionStyle(region, known(name, "style", styles), number(rest, what, MOST))
-    if isinstance(value, Iterable):
-        both = tuple(value)
-        if len(both) != 2:
-            raise UserError(f"{region} takes a strength, a style, or a style and a strength, "
-                            f"not {value!r}")
-        return RegionStyle(region, known(both[0], "style", styles), number(both[1], what, MOST))
-    return RegionStyle(region, "", number(value, what, MOST))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def plain(choices: Mapping[str, RegionStyle]) -> dict[str, Any]:

@@ -22,9 +22,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from ...example import RegionStyle
 from ...field import C0, SurfaceTexture, VoxelField, read_arrays, save_field
-from .options import RegionValue, known, number, plain, read_value
+from ...labels import (
+    PICTURE_LABELS,
+    RegionStyle,
+    RegionValue,
+    members,
+    number,
+    one_of,
+    read_value,
+)
+from .options import plain
 from .texels import mixed_texels
 from .tones import BINS, colored, luma, matching_curve, tone_histogram, toned
 
@@ -115,7 +123,7 @@ class StyledField(VoxelField):
             The field, with which densities, cube and background are shared.
         painted, styles, photo, labels, regions
             As the attributes; colours are clipped to [0, 1]. By default the regions are
-            `lfportrait.example.LABELS`.
+            `lfportrait.labels.PICTURE_LABELS`.
         textures, texel_rows
             One texture for each style, all of the same places, and the attribute of that name; or
             neither.
@@ -128,9 +136,7 @@ class StyledField(VoxelField):
             If the arrays do not fit together, or hold values that are not finite.
         """
         if regions is None:
-            from ...example import LABELS
-
-            regions = LABELS
+            regions = PICTURE_LABELS
         twice = sorted({name for name in styles if list(styles).count(name) > 1})
         if twice:
             raise UserError(f"two styles have the name {twice[0]}: rename one of the pictures")
@@ -182,10 +188,11 @@ class StyledField(VoxelField):
         """
         strength = number(strength, "the strength", 1.0)
         identity = number(identity, "the identity", 1.0)
-        style = self.styles[0] if style is None else known(style, "style", self.styles)
-        kept = tuple(known(name, "region", self.regions)
-                     for name in ((keep,) if isinstance(keep, str) else keep))
-        choices = {known(name, "region", self.regions): read_value(name, value, self.styles)
+        style = self.styles[0] if style is None else one_of(style, "style", self.styles)
+        kept = (keep,) if isinstance(keep, str) else tuple(keep)
+        for name in (*kept, *(regions or ())):
+            members(name, self.regions)
+        choices = {name: read_value(name, value, self.styles)
                    for name, value in (regions or {}).items()}
         mixture = {"strength": strength, "identity": identity, "regions": plain(choices),
                    "keep_colors": bool(keep_colors), "keep": list(kept), "style": style}
@@ -224,7 +231,9 @@ class StyledField(VoxelField):
         # The last has its whole label, the ones before it what is left. At the seam of two regions
         # their labels add up to 1, and nothing of what the rest of the field gets shows there.
         for choice in reversed(choices):
-            label = self.labels[rows, self.regions.index(choice.region)]
+            parts = [self.regions.index(name) for name in members(choice.region, self.regions)]
+            label = self.labels[rows, parts[0]] if len(parts) == 1 else (
+                self.labels[rows][:, parts].sum(axis=1, dtype=np.int32))
             share = np.minimum(label * np.float32(1 / 255), room)
             room = room - share
             name = choice.style or style

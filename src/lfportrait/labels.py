@@ -1,0 +1,186 @@
+"""What the parts of a portrait are called: one set of labels, one grammar for ``--region``.
+
+Every part has one name wherever it is met: in a picture, on a head's surface, in a styled field's
+file and on the command line. What tells parts apart can't always tell all of them, so there are
+coarser sets; each is a grouping of the one set:
+
+- `PICTURE_LABELS`: the soft labels that guide the synthesis (`lfportrait.example.guides`);
+- `SURFACE_LABELS`: those of a head's surface, which has no background;
+- `MATERIALS`: what a painter needs to keep apart (`lfportrait.example.skin`);
+- `SEGMENTS`: what the segmentation network sees (`lfportrait.face`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .errors import UserError
+
+__all__ = ["FEATURES", "GROUPS", "LABELS", "MATERIALS", "MOST", "PICTURE_LABELS", "SEGMENTS",
+           "SURFACE_LABELS", "RegionStyle", "RegionValue", "members", "number", "one_of",
+           "read_regions", "read_value"]
+
+FEATURES = ("brows", "eyes", "nose", "lips")
+"""Features of a face."""
+LABELS = (*FEATURES, "skin", "ears", "hair", "neck", "clothes", "background")
+"""All parts; together they are everything."""
+GROUPS = {"features": FEATURES, "body": ("neck", "clothes")}
+"""Names for several parts."""
+PICTURE_LABELS = (*FEATURES, "skin", "hair", "body", "background")
+"""Ears belong to the skin here."""
+SURFACE_LABELS = LABELS[:-1]
+MATERIALS = ("skin", "hair", "neck", "clothes", "background", "features", "ears")
+SEGMENTS = ("background", "hair", "body-skin", "face-skin", "clothes", "others")
+"""In the order of the network's channels."""
+
+RegionValue = float | str | tuple[str, float]
+"""What a region gets: a strength, a style, or a style and a strength; text is read as typed."""
+MOST = 4.0
+"""The largest strength of a region: colours four times as far from the photo as the painting's."""
+
+
+def members(name: str, known: Sequence[str]) -> tuple[str, ...]:
+    """The labels among ``known`` that a label or a group of them means.
+
+    Raises
+    ------
+    UserError
+        If ``name`` is neither, with those that there are.
+    """
+    if name in known:
+        return (name,)
+    found = GROUPS.get(name, ())
+    if found and all(one in known for one in found):
+        return found
+    groups = [group for group, parts in GROUPS.items()
+              if group not in known and all(part in known for part in parts)]
+    raise UserError(f"there is no region {name!r} here; there are "
+                    f"{', '.join([*known, *groups]) or 'none'}")
+
+
+@dataclass(frozen=True)
+class RegionStyle:
+    """What one region gets.
+
+    Attributes
+    ----------
+    region
+        A label or a group of labels.
+    style
+        Another exemplar or style, or "" for that of the whole.
+    strength
+        0 leaves the photo, 1 gives the painting, more exaggerates.
+    """
+
+    region: str
+    style: str
+    strength: float
+
+
+def read_regions(words: Iterable[Iterable[str]]) -> dict[str, str]:
+    """Values by the names of regions, from words ``REGION=VALUE``; the last on a region counts.
+
+    Raises
+    ------
+    UserError
+        If a word has no sign.
+    """
+    found: dict[str, str] = {}
+    for text in (text for part in words for text in part):
+        region, sign, value = text.partition("=")
+        if not sign:
+            raise UserError(f"can't read the region {text!r}: write REGION=NUMBER, REGION=STYLE, "
+                            "REGION=STYLE:NUMBER or REGION=off, for example hair=0.5")
+        # Taken out first: the last word on a region comes after those on the others.
+        found.pop(region, None)
+        found[region] = value
+    return found
+
+
+def read_value(region: str, value: RegionValue, styles: Sequence[str] | None = None) -> RegionStyle:
+    """What a region gets.
+
+    Parameters
+    ----------
+    region
+        Its name.
+    value
+        A strength, a style, or both; text: ``NUMBER``, ``off``, ``STYLE`` or ``STYLE:NUMBER``. A
+        style whose name is a number is meant by ``STYLE:NUMBER`` alone.
+    styles
+        Styles that there are; None where any name may be one, as a picture's path is.
+
+    Returns
+    -------
+    region_style
+        Without a style of its own, that of the whole is meant.
+
+    Raises
+    ------
+    UserError
+        If the value is none of these, the style unknown, or the strength out of range.
+    """
+    what = f"the strength of {region}"
+    if isinstance(value, str):
+        if value == "off":
+            return RegionStyle(region, "", 0.0)
+        if _is_number(value):
+            return RegionStyle(region, "", number(value, what, MOST))
+        name, _, rest = value.rpartition(":")
+        # A style's name may hold a colon.
+        if value in (styles or ()) or not _is_number(rest) or not name:
+            return RegionStyle(region, _style(value, styles), 1.0)
+        return RegionStyle(region, _style(name, styles), number(rest, what, MOST))
+    if isinstance(value, Iterable):
+        both = tuple(value)
+        if len(both) != 2:
+            raise UserError(f"{region} takes a strength, a style, or a style and a strength, "
+                            f"not {value!r}")
+        return RegionStyle(region, _style(both[0], styles), number(both[1], what, MOST))
+    return RegionStyle(region, "", number(value, what, MOST))
+
+
+def _style(name: Any, styles: Sequence[str] | None) -> str:
+    return str(name) if styles is None else one_of(name, "style", styles)
+
+
+def one_of(name: Any, kind: str, names: Sequence[str]) -> str:
+    """The name, which must be one of those that a field has.
+
+    Raises
+    ------
+    UserError
+        If it is not, with the names that there are; ``kind`` says what it names.
+    """
+    if name not in names:
+        raise UserError(f"there is no {kind} {name!r} in this field; it has "
+                        f"{', '.join(names) or 'none'}")
+    return str(name)
+
+
+def number(value: Any, what: str, most: float) -> float:
+    """A number from 0 to ``most``.
+
+    Raises
+    ------
+    UserError
+        If it is none, naming ``what`` it was meant for.
+    """
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        found = math.nan
+    if not 0.0 <= found <= most:
+        raise UserError(f"{what} must be a number from 0 to {most:g}, not {value!r}")
+    return found
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
