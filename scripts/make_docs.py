@@ -76,7 +76,16 @@ Written by `scripts/make_docs.py` from the configuration classes; don't edit thi
 
 
 def field_docs(config: type) -> dict[str, str]:
-    """The docstring below each field of a data class."""
+    """The docstring below each field of a data class; those of the classes above it come first."""
+    docs: dict[str, str] = {}
+    for above in reversed(config.__mro__):
+        if dataclasses.is_dataclass(above):
+            docs |= own_field_docs(above)
+    return docs
+
+
+def own_field_docs(config: type) -> dict[str, str]:
+    """The docstrings of the fields that a data class names itself."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(config))).body[0]
     assert isinstance(tree, ast.ClassDef)
     docs, name = {}, ""

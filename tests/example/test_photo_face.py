@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lfportrait.example import Transfer, TransferConfig
-from lfportrait.example import photo_patches as module
 from lfportrait.example.guides.regions import find_regions
+from lfportrait.example.painter import photo as module
 from tests.portraits import CANONICAL, drawn_face
 
 HEIGHT, WIDTH = 240, 200

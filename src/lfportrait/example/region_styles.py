@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..labels import GROUPS, LABELS, PICTURE_LABELS, RegionStyle, members
 from .exemplar import Exemplar
 from .guides.regions import find_regions
-from .skin.picture_materials import CLOTHES, EARS, NECK, SKIN, picture_shares
+from .painter.picture_materials import CLOTHES, EARS, NECK, SKIN, picture_shares
 
 __all__ = ["mix_regions"]
 

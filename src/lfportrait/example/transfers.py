@@ -38,7 +38,7 @@ from .table import TableConfig, cached_table
 from .turned import face_aside, suited
 
 if TYPE_CHECKING:
-    from .photo_patches import PhotoPatches
+    from .painter.photo import PhotoPatches
 
 __all__ = ["Transfer", "TransferConfig", "TransferResult", "face_landmarks", "transfer"]
 
@@ -256,7 +256,7 @@ class Transfer:
     def _refined(self, photo: NDArray[np.generic], points: NDArray[np.float64], regions: Regions,
                  made: TransferResult, turned: bool) -> Float32:
         """The picture with patches around the face; its seconds are noted."""
-        from .photo_patches import PhotoPatches
+        from .painter.photo import PhotoPatches
 
         start = time.perf_counter()
         if self._patches is None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import grey_closing, grey_opening
 
-from lfportrait.example.skin.cells import Cells
+from lfportrait.example.painter.cells import Cells
 
 
 @pytest.fixture

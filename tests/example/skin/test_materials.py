@@ -9,18 +9,16 @@ from scipy.ndimage import binary_erosion
 
 from lfportrait import cache
 from lfportrait.example import Exemplar, Regions
-from lfportrait.example.skin import storage
-from lfportrait.example.skin.materials import (
-    DARKEST,
+from lfportrait.example.painter import kept as storage
+from lfportrait.example.painter.kept import known_shares
+from lfportrait.example.painter.materials import (
     RARE,
     ExemplarMaterials,
     at_home,
     even_uses,
     light_neck,
-    sitter_looks,
-    sitter_shares,
 )
-from lfportrait.example.skin.picture_materials import (
+from lfportrait.example.painter.picture_materials import (
     CLOTHES,
     EARS,
     FEATURES,
@@ -32,9 +30,9 @@ from lfportrait.example.skin.picture_materials import (
     painted_shares,
     picture_shares,
 )
-from lfportrait.example.skin.pieces import pieces
+from lfportrait.example.painter.pieces import pieces
+from lfportrait.example.skin.materials import DARKEST, sitter_looks, sitter_shares
 from lfportrait.example.skin.regions import below_hair, hair_by_place, without_bays
-from lfportrait.example.skin.storage import known_shares
 from lfportrait.example.surface_guide import HeadPlane
 from lfportrait.labels import MATERIALS
 from lfportrait.labels import PICTURE_LABELS as LABELS

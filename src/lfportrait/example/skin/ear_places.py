@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..painter.cells import Cells
 from ..surface_guide import HeadPlane
-from .cells import Cells
 
 __all__ = ["ear_places"]
 

@@ -10,18 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..guides.appearance import grey
+from ..painter.cells import Cells
+from ..painter.light import BLUR, CELL, REACH
 from .canvas import Canvas
-from .cells import Cells
 from .sitter import Skin
 
 __all__ = ["carried_light"]
 
 Float32 = NDArray[np.float32]
-
-CELL = 0.03
-"""Side of the cells that light is carried in, over the face's height."""
-BLUR, REACH = 1.5, 12.0
-"""Sigma of its blur, and how far it is carried, in cells."""
 
 
 def carried_light(skin: Skin, canvas: Canvas, core: NDArray[np.bool_], color: Float32,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,19 @@ from ..guides.labels import soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
+from ..painter.kept import known_shares
+from ..painter.materials import (
+    LEAST,
+    ExemplarMaterials,
+    at_home,
+    into,
+    light_neck,
+)
+from ..painter.patch_painter import PainterConfig, PatchPainter, Wish, flesh
+from ..painter.picture_materials import HAIR, SKIN
+from ..painter.pieces import pieces
 from ..patches import (
-    PatchConfig,
-    PatchSource,
     PatchTarget,
-    synthesise_patches,
 )
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
@@ -38,24 +46,8 @@ from ..turned import frontalised
 from .canvas import Canvas, canvas_of
 from .ears import shade_ears
 from .light import carried_light
-from .materials import (
-    LEAST,
-    ROAM,
-    SHOWN,
-    ExemplarMaterials,
-    at_home,
-    even_uses,
-    into,
-    light_neck,
-    material_guides,
-    resized_materials,
-    sitter_looks,
-    sitter_shares,
-)
-from .picture_materials import EARS, HAIR, NECK, SKIN
-from .pieces import pieces
+from .materials import SHOWN, sitter_looks, sitter_shares
 from .sitter import Skin
-from .storage import known_shares
 
 __all__ = ["Painting", "SkinConfig", "SkinPainter"]
 
@@ -85,24 +77,12 @@ STRETCHED = 0.7
 
 
 @dataclass(frozen=True)
-class SkinConfig:
+class SkinConfig(PainterConfig):
     """Painting on the skin."""
 
     agree: bool = True
     """Let patches agree outside the face; else chunks and pieces alone, which repeat and tear but
     touch no patent (docs/methods.md)."""
-    tone_weight: float = 0.5
-    """Weight of the photo's light and shade where patches are laid, 0 to 2."""
-    detail_weight: float = 2.0
-    """Weight of the photo's edges and patterns there, 0 to 4."""
-    material_weight: float = 3.0
-    """Weight of keeping hair, skin and clothes apart, 0 to 4."""
-    place_weight: float = 4.0
-    """Weight of staying near the place that the guide names, around the face, 0 to 20."""
-    far_place_weight: float = 0.15
-    """The same in hair, on neck and clothes."""
-    patches: PatchConfig = field(default_factory=PatchConfig)
-    """Synthesis of patches."""
 
 
 @dataclass
@@ -166,7 +146,6 @@ class SkinPainter:
             self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed),
                                      regions=regions)
             self._prepare()
-        self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def _prepare(self) -> None:
         """Find the exemplar's materials and the part of its face that is copied."""
@@ -174,8 +153,9 @@ class SkinPainter:
         soft = self.transfer.face.astype(np.float32) / np.float32(255)
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
         # The mask, too: labels know no hair within the landmarks.
-        self._shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
-        hair = self._shares[..., HAIR]
+        shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
+        self._painter = PatchPainter(exemplar, shares, self.config, self.seed, sharp=False)
+        hair = shares[..., HAIR]
         if self.transfer.regions.hair is not None:
             hair = np.maximum(hair, self.transfer.regions.hair)
         covered = gaussian_filter(hair[::4, ::4], 0.04 * exemplar.size / 4)
@@ -210,7 +190,7 @@ class SkinPainter:
         clock = _Clock()
         guide = SurfaceGuide(skin.plane.landmarks, self.exemplar, self.transfer.regions)
         size = skin.pixels / guide.scale / step
-        source = aside.submit(self._source, round(size, 3)) if self.config.agree else None
+        source = aside.submit(self._painter.source, round(size, 3)) if self.config.agree else None
         canvas, places = canvas_of(skin, step)
         position, ratio = self._positions(guide, places)
         if not self.config.agree:
@@ -236,7 +216,7 @@ class SkinPainter:
         target = self._target(places, theirs, size, canvas, position, anchor, ratio, labels,
                               face[:, 1], core, painted)
         clock.lap("face, targets")
-        color, _ = synthesise_patches(target, pictures, self.config.patches, self.seed)
+        color = self._painter.lay(target, pictures)
         shade_ears(places, canvas, color)
         exchange(canvas.owner, color)
         clock.lap("patches")
@@ -321,17 +301,15 @@ class SkinPainter:
         ``painted`` is the face, soon.
         """
         config = self.config
-        unit = self.exemplar.size * size / 50
+        unit = self._painter.unit(size)
         shares = sitter_shares(skin, labels, theirs.present)
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
         tone, detail = sitter_looks(skin, shares, theirs)
         guided = position * np.float32(size)
         wanted = into(shares, theirs, guided)
         home = at_home(guided, wanted, unit)
-        flesh = shares[:, [SKIN, NECK, EARS]].sum(axis=1)
         color = painted.result()
-        tone += flesh * carried_light(skin, canvas, core, color, tone)
-        guides = material_guides(shares, tone, detail, self._weights())
+        tone += flesh(shares) * carried_light(skin, canvas, core, color, tone)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
         rigid = pieces(shares, theirs, wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
@@ -349,33 +327,18 @@ class SkinPainter:
         state[own & np.append(core, False)[canvas.slots]] = FIXED
         active = np.zeros(len(core), bool)
         active[canvas.slots[state == ACTIVE]] = True
-        share = (state == ACTIVE).sum() / max(int(active.sum()), 1)
-        even = even_uses(shares[active], tone[active], theirs, float(share))
+        often = float((state == ACTIVE).sum() / max(int(active.sum()), 1))
         exchange(canvas.owner, color)
         sure = np.stack([trust, UNSEEN + (1 - UNSEEN) * skin.seen], axis=1)
-        asked, start, much, sure = (canvas.spread(values) for values in (
-            wanted, begin, weight[:, None], sure))
-        return PatchTarget(canvas.spread(guides), start, start, asked, much[..., 0],
-                           float((ROAM * unit) ** 2), even, sure, state, canvas.owner, color)
-
-    def _weights(self) -> tuple[float, float, float]:
-        """Weights of tone, detail and materials."""
-        return self.config.tone_weight, self.config.detail_weight, self.config.material_weight
+        return self._painter.target(canvas, theirs, size, Wish(
+            shares, tone, detail, wanted, begin, weight, sure, state, color, often))
 
     def materials(self) -> dict[str, float]:
         """Shares of the exemplar's picture by material; what it does not show is left out."""
-        shares = self._shares.reshape(-1, len(MATERIALS))
+        shares = self._painter.shares.reshape(-1, len(MATERIALS))
         means = np.ones(len(shares), np.float32) @ shares / len(shares)  # faster than a mean
         return {name: round(float(share), 4) for name, share in zip(MATERIALS, means)
                 if share > LEAST}
-
-    def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
-        """The exemplar at the painting's scale, its pyramid and materials; the last one is kept."""
-        if size not in self._sources:
-            picture, theirs = resized_materials(self.exemplar, self._shares, size)
-            self._sources = {size: (PatchSource.of(picture, material_guides(
-                theirs.shares, theirs.tone, theirs.detail, self._weights())), theirs)}
-        return self._sources[size]
 
 
 def _meeting_behind(skin: Skin) -> Float32:

@@ -13,8 +13,8 @@ from ...capture import Camera
 from ...labels import FEATURES, PICTURE_LABELS, SURFACE_LABELS
 from ..guides.face_frame import FaceFrame
 from ..guides.labels import region_labels
+from ..painter.cells import Cells
 from ..surface_guide import HeadPlane
-from .cells import Cells
 
 __all__ = ["SURFACE_LABELS", "below_hair", "hair_by_place", "skin_regions", "without_bays"]
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..painter.cells import Cells
 from ..surface_guide import HeadPlane
-from .cells import Cells
 from .regions import hair_by_place
 
 __all__ = ["around_face", "hair_by_relief"]

@@ -24,10 +24,11 @@ from ...field import VoxelField
 from ...labels import SURFACE_LABELS
 from ..exemplar import face_size
 from ..guides.appearance import grey, skin_distance
-from ..guides.blurs import broad_blur, gaussian_blur
+from ..guides.blurs import broad_blur
 from ..kernels.atlas import best_facing, exchange
+from ..painter.cells import Cells
+from ..painter.looks import BLUR, contours
 from ..surface_guide import HeadPlane
-from .cells import Cells
 from .charts import Atlas, draw_atlas
 from .ear_places import ear_places
 from .regions import hair_by_place, skin_regions
@@ -36,7 +37,7 @@ from .relief import around_face, hair_by_relief
 BEFORE, BEHIND = 2.5, 7.0
 """Lattice points up to so many voxels before a chart's surface, and under it, take its colour."""
 
-__all__ = ["PIXELS", "Skin", "contours", "face_pixels"]
+__all__ = ["PIXELS", "Skin", "face_pixels"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -53,12 +54,8 @@ AGREED = 0.35
 A real head's: 0.72; statues and shaven heads: 0.1 at most."""
 LOWEST = -0.75
 """Hair hangs at least this far below the brows (up, in the face's heights)."""
-BLUR = 0.06
-"""Sigma of the blur that tells detail from light, over the face's size (`face_size`)."""
 OTHER = 2.3
 """A crown of hair is further than this from the face's colours, in standard deviations."""
-CONTOUR = 0.016
-"""Detail of this strength (root mean square of luma) counts half."""
 
 
 @dataclass(frozen=True)
@@ -233,26 +230,6 @@ def _looks(atlas: Atlas, index: NDArray[np.int32], size: float,
     tone, detail, looks, strength = (np.asarray(plane.reshape(-1)[index], np.float32)
                                      for plane in planes)
     return tone, detail, looks, strength
-
-
-def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Float32]:
-    """Luma without grain, and how much edges and patterns have to say, float32 [H, W] each.
-
-    Parameters
-    ----------
-    values, inside
-        float32 [H, W], luma times the weight of a pixel, and that weight.
-    size
-        Of the face in pixels.
-    """
-    sigma = BLUR * size
-    soft = gaussian_blur(values, 0.2 * sigma)
-    soft /= np.maximum(gaussian_blur(inside, 0.2 * sigma), np.float32(1e-3))
-    near = broad_blur(values, 0.6 * sigma)
-    near /= np.maximum(broad_blur(inside, 0.6 * sigma), np.float32(1e-3))
-    fine = (soft - near) * inside
-    energy = broad_blur(fine * fine, 0.5 * sigma)
-    return soft, np.asarray(energy / (energy + np.float32(CONTOUR ** 2)), np.float32)
 
 
 def _hair_in_front(atlas: Atlas, index: NDArray[np.int32]) -> Float32 | None:

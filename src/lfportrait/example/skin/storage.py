@@ -15,22 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...cache import kept_arrays, key_of
+from ...cache import key_of
 from ...capture import Camera
 from ...files import atomic_write, map_arrays, write_mappable
-from ..exemplar import Exemplar
-from ..guides.regions import Regions
 from ..surface_guide import HeadPlane
 from .charts import Atlas, Shape
-from .picture_materials import painted_shares
 from .sitter import Skin
 
-__all__ = ["known_shares", "load_skin", "save_skin", "skin_key"]
+__all__ = ["load_skin", "save_skin", "skin_key"]
 
-MOST = 30
-"""Paintings that are kept: six megabytes for one of 768 x 1024."""
-STEPS = np.float32(255)
-"""Shares are kept in so many steps: the labels that they come from have no more."""
 _LISTS = ("index", "flat", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
           "seen", "outwards", "rows")
 _OURS = (*_LISTS, "key", "pixels", "landmarks", "boxes", "depth", "color", "owner",
@@ -90,28 +83,3 @@ def load_skin(path: Path, key: str) -> Skin | None:
     kept = {**theirs, "labels": (arrays["labels"], tuple(arrays["regions"].tolist()))}
     return Skin(atlas, HeadPlane(arrays["landmarks"]), float(arrays["pixels"]),
                 **{"hair": None, "kept": kept, **lists})
-
-
-def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
-                 strict: bool = True) -> NDArray[np.float32]:
-    """`painted_shares`, from the user's cache where they have been found before.
-
-    Parameters
-    ----------
-    exemplar, regions, labels, strict
-        As there; ``labels`` are the regions' own, uint8 [h, w, K].
-
-    Returns
-    -------
-    shares
-        float32 [h, w, 7] in [0, 1] by `MATERIALS`, in steps of 1/255.
-    """
-    def find() -> dict[str, NDArray[Any]]:
-        shares = painted_shares(exemplar, regions, labels, strict)
-        return {"shares": np.asarray(shares * STEPS + np.float32(0.5), np.uint8)}
-
-    key = key_of("example.skin.picture_materials", exemplar.image, exemplar.landmarks,
-                 regions.person, regions.hair, strict)
-    # A file keeps rounded numbers: the first run goes on with those that the next will find.
-    kept = kept_arrays("materials", key, find, most=MOST)["shares"]
-    return kept.astype(np.float32) / STEPS

@@ -21,36 +21,33 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..labels import MATERIALS
-from .exemplar import Exemplar, face_size
-from .guides.appearance import grey
-from .guides.blurs import broad_blur, enlarged, gaussian_blur
-from .guides.labels import soft_face
-from .guides.maps import relative_stretch
-from .guides.position import pixel_centres
-from .guides.regions import Regions
-from .kernels.patches import ACTIVE, FIXED, OUTSIDE
-from .patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
-from .photo_materials import has_plain_ground, photo_looks, photo_shares
-from .skin.cells import Cells
-from .skin.light import BLUR, REACH
-from .skin.light import CELL as CELL_OF_LIGHT
-from .skin.materials import (
-    ROAM,
+from ...labels import MATERIALS
+from ..exemplar import Exemplar, face_size
+from ..guides.appearance import grey
+from ..guides.blurs import broad_blur, enlarged, gaussian_blur
+from ..guides.labels import soft_face
+from ..guides.maps import relative_stretch
+from ..guides.position import pixel_centres
+from ..guides.regions import Regions
+from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
+from ..patches import PatchConfig
+from .cells import Cells
+from .kept import known_shares
+from .light import BLUR, REACH
+from .light import CELL as CELL_OF_LIGHT
+from .materials import (
     ExemplarMaterials,
     at_home,
-    even_uses,
     into,
     light_neck,
-    material_guides,
-    resized_materials,
 )
-from .skin.picture_materials import EARS, FEATURES, GROUND, HAIR, NECK, SKIN
-from .skin.pieces import pieces
-from .skin.storage import known_shares
+from .patch_painter import PainterConfig, PatchPainter, Sheet, Wish, flesh
+from .photo_materials import has_plain_ground, photo_looks, photo_shares
+from .picture_materials import FEATURES, GROUND, HAIR, SKIN
+from .pieces import pieces
 
 if TYPE_CHECKING:
-    from .result import TransferResult
+    from ..result import TransferResult
 
 __all__ = ["PhotoPatches", "PhotoPatchesConfig"]
 
@@ -81,24 +78,16 @@ PLAIN_EVEN = 8.0
 
 
 @dataclass(frozen=True)
-class PhotoPatchesConfig:
+class PhotoPatchesConfig(PainterConfig):
     """Parameters of `PhotoPatches`."""
 
     tone_weight: float = 0.3
-    """Weight of the photo's light and shade where patches are laid, 0 to 2."""
     detail_weight: float = 1.0
-    """Weight of the photo's edges and patterns there, 0 to 4."""
     material_weight: float = 1.5
-    """Weight of keeping hair, skin and clothes apart, 0 to 4."""
-    place_weight: float = 4.0
-    """Weight of staying near the place that the guide names, around the face, 0 to 20."""
-    far_place_weight: float = 0.15
-    """The same in hair, neck, clothes and background, where the guide is not rigid."""
     chunk_weight: float = 1.0
     """Weight of staying with StyleBlit's chunks where those are of like material, 0 to 20."""
     patches: PatchConfig = field(default_factory=lambda: PatchConfig(
         style_weight=1.0, uniformity=8000.0, votes=4, last_votes=1, passes=2, levels=5))
-    """Synthesis of patches."""
 
 
 class PhotoPatches:
@@ -116,16 +105,16 @@ class PhotoPatches:
 
     def __init__(self, exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
                  config: PhotoPatchesConfig | None = None, seed: int = 0) -> None:
-        self.exemplar, self.config, self.seed = exemplar, config or PhotoPatchesConfig(), seed
-        self._shares = known_shares(exemplar, regions, labels, strict=False)
-        hair = self._shares[..., HAIR]
+        self.exemplar, self.config = exemplar, config or PhotoPatchesConfig()
+        shares = known_shares(exemplar, regions, labels, strict=False)
+        self._painter = PatchPainter(exemplar, shares, self.config, seed, sharp=True)
+        hair = shares[..., HAIR]
         if regions.hair is not None:
             hair = np.maximum(hair, regions.hair)
         hair = np.ascontiguousarray(hair)
         # [2, h, w]: 1 where there is too much of it, on a face and above its brows.
         self._covered = np.stack([broad_blur(hair, blur * exemplar.size) / np.float32(most)
                                   for most, blur in (COVERED, SHADED)])
-        self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
                result: TransferResult, scale: float, turned: bool = False) -> Float32:
@@ -171,14 +160,14 @@ class PhotoPatches:
 
     def _lay(self, work: _Work) -> tuple[Float32, Float32]:
         """The picture [H, W, 3], and 1 where it is fixed [H, W]."""
-        config, exemplar = self.config, self.exemplar
+        config, painter = self.config, self._painter
         size = round(1 / work.scale, 3)
-        source, theirs = self._source(size)
-        unit = exemplar.size * size / 50
+        source, theirs = painter.source(size)
+        unit = painter.unit(size)
         covered = np.isfinite(work.position[..., 0])
         position = np.nan_to_num(work.position)
         labels = work.regions.labels()
-        planes = photo_shares(work.photo, work.regions, labels, position, self._shares,
+        planes = photo_shares(work.photo, work.regions, labels, position, painter.shares,
                               theirs.present)
         light_neck(planes.reshape(-1, len(MATERIALS)), grey(work.photo).reshape(-1), theirs)
         tone, detail, trust = photo_looks(work.photo, work.landmarks, planes, theirs)
@@ -194,9 +183,7 @@ class PhotoPatches:
                                (shares[:, SKIN] + shares[:, FEATURES]).reshape(soft.shape))
         # Eyes and brows stay: patches of features would take those of others.
         core = _round(work, core & self._bare(work)) | core & (planes[..., FEATURES] > 0.5)
-        flesh = planes[..., [SKIN, NECK, EARS]].sum(axis=-1)
-        tone = tone + flesh * _carried_light(work, core, tone)
-        guides = material_guides(planes, tone, detail, self._weights())
+        tone = tone + flesh(planes) * _carried_light(work, core, tone)
         # Where StyleBlit's chunks are of the right material and not stretched, they stay.
         wanted = np.where(kept[:, None], begin, wanted)
         # But not under the photo's patterns; those of its hair are none.
@@ -204,19 +191,15 @@ class PhotoPatches:
         weight = np.where(kept, config.chunk_weight * (1 - loose), config.far_place_weight)
         weight = np.maximum(weight, config.place_weight * near * shares[:, SKIN] * home) / unit ** 2
         state = np.where(core, FIXED, np.where(covered, ACTIVE, OUTSIDE)).astype(np.uint8)
-        active = (state == ACTIVE).reshape(-1)
         often = EVEN.copy()
         if has_plain_ground(theirs):
             often[GROUND] = PLAIN_EVEN
-        even = even_uses(shares[active], tone.reshape(-1)[active], theirs, often, theirs.luma)
-        shape = soft.shape
-        begin, wanted = begin.reshape(*shape, 2), wanted.reshape(*shape, 2)
-        target = PatchTarget(guides, begin, begin, wanted,
-                             weight.astype(np.float32).reshape(shape), float((ROAM * unit) ** 2),
-                             even, np.stack([trust, trust], axis=-1), state, None,
-                             work.painted)
-        color, _ = synthesise_patches(target, source, config.patches, self.seed)
-        return color, core.astype(np.float32)
+        trusted = trust.reshape(-1)
+        wish = Wish(shares, tone.reshape(-1), detail.reshape(-1), wanted, begin,
+                    weight.astype(np.float32), np.stack([trusted, trusted], axis=1), state,
+                    work.painted, often)
+        target = painter.target(Sheet((soft.shape[0], soft.shape[1])), theirs, size, wish)
+        return painter.lay(target, source), core.astype(np.float32)
 
     def _bare(self, work: _Work) -> Bools:
         """Where StyleBlit has not laid the exemplar's hair over a face, bool [H, W].
@@ -234,17 +217,6 @@ class PhotoPatches:
         bare = gaussian_blur(np.asarray(hair < 1, np.float32),
                              max(1.0, EDGE * face_size(work.landmarks)))
         return np.asarray(bare > 0.8)
-
-    def _weights(self) -> tuple[float, float, float]:
-        return self.config.tone_weight, self.config.detail_weight, self.config.material_weight
-
-    def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
-        """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept."""
-        if size not in self._sources:
-            picture, theirs = resized_materials(self.exemplar, self._shares, size)
-            self._sources = {size: (PatchSource.of(picture, material_guides(
-                theirs.shares, theirs.luma, theirs.detail, self._weights())), theirs)}
-        return self._sources[size]
 
     def _begin(self, work: _Work, shares: Float32, theirs: ExemplarMaterials, wanted: Float32,
                tone: Float32, rigid: Bools, size: float) -> tuple[Float32, Bools]:

@@ -1,4 +1,4 @@
-"""What a photo is made of, and how it would look in the exemplar's paint (`photo_patches`).
+"""What a photo is made of, and how it would look in the exemplar's paint (`photo`).
 
 The photo says itself what is hair, neck, clothes and background; what the exemplar does not show
 is painted with what comes nearest.
@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .exemplar import Exemplar, face_size
-from .guides.appearance import grey, skin_distance
-from .guides.blurs import broad_blur, gaussian_blur
-from .guides.regions import Regions
-from .skin.materials import STAND_INS, ExemplarMaterials, matched_looks
-from .skin.picture_materials import CLOTHES, GROUND, HAIR, PLAIN, SKIN, picture_shares
-from .skin.sitter import BLUR, contours
+from ..exemplar import Exemplar, face_size
+from ..guides.appearance import grey, skin_distance
+from ..guides.blurs import broad_blur, gaussian_blur
+from ..guides.regions import Regions
+from .looks import BLUR, contours
+from .materials import STAND_INS, ExemplarMaterials, matched_looks
+from .picture_materials import CLOTHES, GROUND, HAIR, PLAIN, SKIN, picture_shares
 
 __all__ = ["has_plain_ground", "photo_looks", "photo_shares"]
 
@@ -34,7 +34,7 @@ HAIR_TRUST = 0.4
 
 def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.uint8],
                  position: Float32, painted: Float32, present: NDArray[np.bool_]) -> Float32:
-    """Shares of `skin.picture_materials.MATERIALS` of a photo, of those that the exemplar has.
+    """Shares of `MATERIALS` of a photo, of those that the exemplar has.
 
     Parameters
     ----------

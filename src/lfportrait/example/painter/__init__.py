@@ -1,0 +1,7 @@
+"""What paints everything but the face: patches of like material, for photos and for heads alike.
+
+`picture_materials` says what a picture is made of, `materials` what patches of which are laid where
+and in which tones, `pieces` where the search for them begins, `looks` and `light` how tones, edges
+and the painted face's light go into it. `patch_painter` lays the patches; it is asked by `photo`
+for a photo and by `skin.painting` for the surface of a head.
+"""

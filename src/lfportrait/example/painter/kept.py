@@ -1,0 +1,45 @@
+"""The materials of paintings, kept in the user's cache."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...cache import kept_arrays, key_of
+from ..exemplar import Exemplar
+from ..guides.regions import Regions
+from .picture_materials import painted_shares
+
+__all__ = ["known_shares"]
+
+MOST = 30
+"""Paintings that are kept: six megabytes for one of 768 x 1024."""
+STEPS = np.float32(255)
+"""Shares are kept in so many steps: the labels that they come from have no more."""
+
+
+def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8],
+                 strict: bool = True) -> NDArray[np.float32]:
+    """`painted_shares`, from the user's cache where they have been found before.
+
+    Parameters
+    ----------
+    exemplar, regions, labels, strict
+        As there; ``labels`` are the regions' own, uint8 [h, w, K].
+
+    Returns
+    -------
+    shares
+        float32 [h, w, 7] in [0, 1] by `MATERIALS`, in steps of 1/255.
+    """
+    def find() -> dict[str, NDArray[Any]]:
+        shares = painted_shares(exemplar, regions, labels, strict)
+        return {"shares": np.asarray(shares * STEPS + np.float32(0.5), np.uint8)}
+
+    key = key_of("example.painter.picture_materials", exemplar.image, exemplar.landmarks,
+                 regions.person, regions.hair, strict)
+    # A file keeps rounded numbers: the first run goes on with those that the next will find.
+    kept = kept_arrays("materials", key, find, most=MOST)["shares"]
+    return kept.astype(np.float32) / STEPS

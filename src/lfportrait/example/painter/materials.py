@@ -1,0 +1,304 @@
+"""Like material for the patches: what is painted of what, and how it would look in an exemplar.
+
+The exemplar's materials are read from its picture (`picture_materials`). Who has a photo or a head
+to be painted says what each of its places is made of (`photo_materials`, `skin.materials`); tones
+and detail of each material become those of the exemplar's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d
+
+from ...labels import MATERIALS
+from ..exemplar import Exemplar
+from ..guides.appearance import Distribution, grey, match_histogram
+from ..guides.blurs import broad_blur
+from ..patches import SCALE
+from .looks import BLUR
+from .picture_materials import CLOTHES, EARS, HAIR, NECK, SKIN
+
+__all__ = ["FEW", "STAND_INS", "ExemplarMaterials", "at_home", "even_uses", "into", "light_neck",
+           "matched_looks", "material_guides", "mostly", "resized_materials"]
+
+Float32 = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+CODES = np.array([[150, 150], [255, 0], [150, 138], [0, 60], [0, 255], [255, 255],
+                  [174, 150]], np.float32)
+"""A place in a plane for each of `MATERIALS`, far apart where they must not mix."""
+ROAM = 25.0
+"""Further than this from the guided place, in units of a 50th of the face, nothing gets dearer."""
+DEPTH = 0.2
+"""Well inside is this far from the edge, over the face's size, or most of the way there is."""
+LEAST = 0.004
+"""A material that covers less of the exemplar than this is not there."""
+LEAST_CLOTHES = 0.012
+"""Clothes that cover less than this are too little to dress a body."""
+FEW = 100
+"""Fewer places than this say nothing of how tones are distributed."""
+SPREAD = 2.0
+"""Tones of neck and clothes are drawn apart by no more: a plain shirt gets no stripes from an
+exemplar's white collar on a dark coat."""
+TONES, RARE = 24, 4.0
+"""Tones that uses of the exemplar are evened out in; none is used so many times more than another.
+"""
+HOME = 0.5, 3.0
+"""Places that are moved so little to their material, in 50ths of the face, are where they belong;
+those that are moved so far are not."""
+LIT = 0.06, 0.12
+"""A neck whose tone is so much off begins to be painted, and is wholly painted, as skin."""
+NEARLY = (0.05, 0.25), (0.5, 0.7)
+"""So little of a neck begins to be painted as skin at all, and so much of it lets all of it be."""
+STAND_INS = ((CLOTHES, NECK), (NECK, SKIN), (HAIR, SKIN), (EARS, SKIN))
+"""What stands in for a material that the exemplar does not show, in this order."""
+
+
+@dataclass
+class ExemplarMaterials:
+    """Materials and looks of an exemplar at one scale.
+
+    Attributes
+    ----------
+    shares
+        float32 [h, w, 7] by `MATERIALS`.
+    tone, detail
+        float32 [h, w], luma blurred, and what that leaves out.
+    nearest
+        int32 [7, h, w], flat index of the nearest pixel of each material.
+    deep
+        The same, of the nearest pixel well inside each material.
+    present
+        bool [7], materials that it shows.
+    """
+
+    shares: Float32
+    tone: Float32
+    detail: Float32
+    nearest: NDArray[np.int32]
+    deep: NDArray[np.int32]
+    present: Bools
+
+    @property
+    def luma(self) -> Float32:
+        """Tone and detail together, float32 [h, w]."""
+        return self.tone + self.detail
+
+    @staticmethod
+    def of(picture: Float32, shares: Float32, size: float) -> ExemplarMaterials:
+        """From its picture [h, w, 3] and shares; ``size`` of the face in pixels."""
+        luma = grey(picture)
+        present = shares.reshape(-1, len(MATERIALS)).mean(axis=0) > LEAST
+        present[CLOTHES] &= bool(shares[..., CLOTHES].mean() > LEAST_CLOTHES)
+        nearest, deep = (np.empty((len(MATERIALS), *luma.shape), np.int32) for _ in range(2))
+        for material in range(len(MATERIALS)):
+            inside = shares[::2, ::2, material] > 0.6
+            if material == EARS:
+                inside |= shares[::2, ::2, [SKIN, EARS]].sum(axis=-1) > 0.6
+            nearest[material] = _nearest(inside, luma.shape)
+            depth = distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
+            limit = min(DEPTH * size / 2, 0.6 * float(depth.max(initial=0.0)))
+            deep[material] = _nearest(inside & (depth >= limit), luma.shape)
+        tone = broad_blur(luma, BLUR * size)
+        return ExemplarMaterials(shares, tone, luma - tone, nearest, deep, present)
+
+
+def _nearest(there: Bools, shape: tuple[int, ...]) -> NDArray[np.int32]:
+    """Flat index of the nearest pixel of a mask of every second pixel, int32 [h, w]."""
+    rows, columns = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
+    if not there.any():
+        return np.asarray(rows * shape[1] + columns, np.int32)
+    _, found = distance_transform_edt(~there, return_indices=True)
+    away = found[:, rows // 2, columns // 2]
+    # On the mask a pixel is its own nearest one.
+    own = there[rows // 2, columns // 2]
+    y = np.where(own, rows, np.minimum(2 * away[0], shape[0] - 1))
+    x = np.where(own, columns, np.minimum(2 * away[1], shape[1] - 1))
+    return np.asarray(y * shape[1] + x, np.int32)
+
+
+def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
+               shown: Bools | None = None) -> None:
+    """Let skin stand in for a neck that the exemplar shows in another light, in place.
+
+    The sitter's face says how light his neck would be in the exemplar's paint. Where the exemplar's
+    own neck is not, as it lies in the chin's shadow or is drawn in a few dark strokes, the paint of
+    its face is nearer.
+
+    Parameters
+    ----------
+    shares
+        float32 [N, 7] of the sitter's places; skin grows at the neck's cost.
+    tone
+        float32 [N] in [0, 1], the sitter's.
+    theirs
+        The exemplar's materials.
+    shown
+        bool [N], places that photos show; others don't tell how light a neck is. None: all.
+    """
+    neck, face = (mostly(shares[:, part].sum(axis=1), shown) for part in ([NECK], [SKIN, EARS]))
+    their_neck, their_face = (theirs.shares[..., part].sum(axis=-1) > 0.5
+                              for part in ([NECK], [SKIN, EARS]))
+    if min(part.sum() for part in (neck, face, their_neck, their_face)) < FEW:
+        return
+    by_face, by_neck = (_like(tone, ours, theirs.tone, those)
+                        for ours, those in ((face, their_face), (neck, their_neck)))
+    other = np.clip((np.abs(by_face - by_neck) - LIT[0]) / (LIT[1] - LIT[0]), 0, 1)
+    other *= shares[:, NECK]
+    # Mostly one of them is all of it: a neck of two paints has a seam that the sitter's has not.
+    part = float(other.sum()) / float(shares[:, NECK].sum())
+    (least, some), (most, every) = NEARLY
+    other *= np.clip((part - least) / (some - least), 0, 1)
+    other += (shares[:, NECK] - other) * np.clip((part - most) / (every - most), 0, 1)
+    shares[:, SKIN] += other
+    shares[:, NECK] -= other
+
+
+def mostly(share: Float32, shown: Bools | None) -> Bools:
+    """Places [N] that are mostly of a material: those that are shown, where they are enough."""
+    inside = share > 0.5
+    seen = inside if shown is None else inside & shown
+    return seen if seen.sum() >= FEW else inside
+
+
+def _like(tone: Float32, ours: Bools, reference: Float32, theirs: Bools) -> Float32:
+    """Tones [N], changed so that ``ours`` are distributed as ``theirs`` of the reference are."""
+    wanted = Distribution.of(reference, theirs.astype(np.float32))
+    return match_histogram(np.ascontiguousarray(tone[None]), wanted,
+                           ours[None].astype(np.float32))[0]
+
+
+def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: ExemplarMaterials,
+                  reference: Float32 | None = None, shown: Bools | None = None,
+                  darkest: float = 0.0) -> tuple[Float32, Float32]:
+    """Tones and detail [N] of places as the exemplar would have them, float32 [N] each.
+
+    Tones are distributed as the exemplar's of the same material (`SPREAD`). Detail is made as
+    strong as its strokes, within bounds: noise of a plain place does not become strokes. Nothing is
+    said about the background: both are 0 there. ``reference`` [h, w] are the exemplar's tones, by
+    default ``theirs.tone``; of the places only those ``shown``, bool [N], tell how ours lie.
+    """
+    reference = theirs.tone if reference is None else reference
+    out, strong = (np.zeros(len(shares), np.float32) for _ in range(2))
+    for material in (SKIN, HAIR, NECK, CLOTHES):
+        alike = [SKIN, EARS] if material == SKIN else [material]
+        share = shares[:, alike].sum(axis=1)
+        inside = mostly(share, shown)
+        there = theirs.shares[..., alike].sum(axis=-1) > 0.5
+        if not (share > 0).any():
+            continue
+        if inside.sum() < FEW or there.sum() < FEW:
+            out += share * tone
+            strong += share * detail
+            continue
+        matched = _like(tone, inside, reference, there)
+        if material in (NECK, CLOTHES):
+            middle = np.median(matched[inside])
+            most = SPREAD * tone[inside].std() / max(float(reference[there].std()), 1e-4)
+            matched = middle + (matched - middle) * np.float32(min(1.0, most))
+        if material in (SKIN, NECK) and darkest > 0:
+            matched = np.maximum(matched, np.quantile(reference[there], darkest))
+        out += share * matched
+        gain = theirs.detail[there].std() / max(float(detail[inside].std()), 1e-4)
+        strong += share * detail * np.float32(np.clip(gain, 0.5, 2.5))
+    return out, strong
+
+
+def material_guides(shares: Float32, tone: Float32, detail: Float32,
+                    weights: tuple[float, float, float]) -> Float32:
+    """Guides of patches, float32 [..., 4]: detail, tone, materials (2).
+
+    Parameters
+    ----------
+    shares, tone, detail
+        float32 [..., 7] by `MATERIALS`, and [...].
+    weights
+        Of tone, detail and materials.
+    """
+    roots = SCALE * np.sqrt([weights[1], weights[0], *[weights[2] / 2] * 2])
+    planes = np.concatenate([255 * detail[..., None], 255 * tone[..., None], shares @ CODES],
+                            axis=-1)
+    return np.asarray(planes * roots.astype(np.float32), np.float32)
+
+
+def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
+              factor: float | Float32, reference: Float32 | None = None) -> Float32:
+    """How often each pixel of an exemplar would be used if those alike were used alike, [h, w].
+
+    Alike are pixels of a material and of a tone: were all skin to be used alike, the shade under a
+    painter's cheekbone would have to lie somewhere, and be a stain on a back.
+
+    Parameters
+    ----------
+    shares, tone
+        float32 [N, 7] and [N], the places to be painted.
+    theirs
+        The exemplar's materials.
+    factor
+        Pixels to be painted for each place, times how much more often than evenly the exemplar's
+        may be used; one number, or one for each material.
+    reference
+        float32 [h, w], the exemplar's tones, by default ``theirs.tone``.
+    """
+    reference = theirs.tone if reference is None else reference
+    factors = np.broadcast_to(np.asarray(factor, np.float32), (len(MATERIALS),))
+    steps = np.linspace(0, 1, TONES)
+    out = np.zeros(theirs.tone.shape, np.float32)
+    ours, these = (np.clip(np.rint(tones.reshape(-1) * (TONES - 1)), 0, TONES - 1).astype(int)
+                       for tones in (tone, reference))
+    for material in range(len(MATERIALS)):
+        share = theirs.shares[..., material]
+        asked, there = (gaussian_filter1d(np.bincount(bins, weights, TONES), 1.0, mode="nearest")
+                        for bins, weights in ((ours, shares[:, material]),
+                                              (these, share.reshape(-1))))
+        if asked.sum() == 0 or there.sum() == 0:
+            continue
+        alike = asked.sum() / max(there.sum(), 1.0)
+        uses = np.clip(asked / np.maximum(there, 1e-3 * there.sum()), alike / RARE, alike * RARE)
+        out += share * np.interp(reference, steps, factors[material] * uses).astype(np.float32)
+    return out
+
+
+def resized_materials(exemplar: Exemplar, shares: Float32, size: float,
+                      ) -> tuple[Float32, ExemplarMaterials]:
+    """An exemplar's picture, float32 [h, w, 3], and its materials at ``size`` times its own."""
+    height, width = exemplar.image.shape[:2]
+    shape = max(round(width * size), 16), max(round(height * size), 16)
+    picture = np.asarray(Image.fromarray(exemplar.image).resize(
+        shape, Image.Resampling.LANCZOS), np.float32) / np.float32(255)
+    small = np.stack([np.asarray(Image.fromarray(shares[..., n]).resize(
+        shape, Image.Resampling.BILINEAR)) for n in range(len(MATERIALS))], axis=-1)
+    return picture, ExemplarMaterials.of(picture, small, exemplar.size * size)
+
+
+def into(shares: Float32, theirs: ExemplarMaterials, position: Float32) -> Float32:
+    """Positions [N, 2], moved to the exemplar's nearest place of the like material."""
+    height, width = theirs.tone.shape
+    x = np.clip(position[:, 0], 0, width - 1).astype(np.int64)
+    y = np.clip(position[:, 1], 0, height - 1).astype(np.int64)
+    near = theirs.nearest[shares.argmax(axis=1), y, x]
+    moved = near != y * width + x
+    found = np.stack([near % width, near // width], axis=1) + np.float32(0.5)
+    return np.asarray(np.where(moved[:, None], found, position), np.float32)
+
+
+def at_home(guided: Float32, wanted: Float32, unit: float) -> Float32:
+    """How far the exemplar has the material where the guide leads, [N] in [0, 1].
+
+    A place under a hat that is to be a forehead has been moved to the rim of the hat's shade: that
+    is not where a forehead should come from.
+
+    Parameters
+    ----------
+    guided, wanted
+        float32 [N, 2], the guide's places, and those of like material next to them (`into`).
+    unit
+        A 50th of the face, in their pixels.
+    """
+    away = np.linalg.norm(wanted - guided, axis=1) / np.float32(unit)
+    near, far = HOME
+    return np.asarray(np.clip((far - away) / (far - near), 0, 1), np.float32)

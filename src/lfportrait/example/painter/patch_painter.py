@@ -1,0 +1,201 @@
+"""One painter for photos and heads: patches of an exemplar, of like material, over an atlas.
+
+An atlas is a picture whose pixels are places of what is painted: the charts of a head's surface
+(`skin.canvas.Canvas`), or a photo, which is an atlas with one chart (`Sheet`). Who paints says of
+each place what it is made of, how light it is to be and where in the exemplar the guide leads
+(`Wish`); the painter lays patches that agree with each other and with what is painted already.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..exemplar import Exemplar
+from ..kernels.patches import ACTIVE
+from ..patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
+from .materials import (
+    ROAM,
+    ExemplarMaterials,
+    even_uses,
+    material_guides,
+    resized_materials,
+)
+from .picture_materials import EARS, NECK, SKIN
+
+__all__ = ["Atlas", "PainterConfig", "PatchPainter", "Sheet", "Wish", "flesh"]
+
+Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class PainterConfig:
+    """Painting with patches."""
+
+    tone_weight: float = 0.5
+    """Weight of the photo's light and shade where patches are laid, 0 to 2."""
+    detail_weight: float = 2.0
+    """Weight of the photo's edges and patterns there, 0 to 4."""
+    material_weight: float = 3.0
+    """Weight of keeping hair, skin and clothes apart, 0 to 4."""
+    place_weight: float = 4.0
+    """Weight of staying near the place that the guide names, around the face, 0 to 20."""
+    far_place_weight: float = 0.15
+    """The same in hair, neck, clothes and background, where the guide is not rigid."""
+    patches: PatchConfig = field(default_factory=PatchConfig)
+    """Synthesis of patches."""
+
+
+class Atlas(Protocol):
+    """Where N places lie in a picture [H, W].
+
+    Attributes
+    ----------
+    slots
+        int32 [H, W], the number of each pixel's place; -1 where there is none.
+    owner
+        int32 [H, W], the flat index of the pixel that owns what a pixel shows (copies at the
+        charts' edges), or None where each owns its own.
+    """
+
+    @property
+    def slots(self) -> NDArray[np.int32]:
+        """See above."""
+
+    @property
+    def owner(self) -> NDArray[np.int32] | None:
+        """See above."""
+
+    def spread(self, values: Float32) -> Float32:
+        """Values [N, C] of the places as a picture [H, W, C]."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A photo [H, W]: an atlas with one chart, whose places are its pixels."""
+
+    shape: tuple[int, int]
+
+    @property
+    def slots(self) -> NDArray[np.int32]:
+        """The pixels' numbers."""
+        return np.arange(self.shape[0] * self.shape[1], dtype=np.int32).reshape(self.shape)
+
+    @property
+    def owner(self) -> None:
+        """Each pixel owns what it shows."""
+        return None
+
+    def spread(self, values: Float32) -> Float32:
+        """Values [N, C] as a picture [H, W, C]."""
+        return np.asarray(values, np.float32).reshape(*self.shape, -1)
+
+
+@dataclass
+class Wish:
+    """What is to be painted at N places, and what is painted already.
+
+    Attributes
+    ----------
+    shares
+        float32 [N, 7] by `MATERIALS`.
+    tone, detail
+        float32 [N], luma and its fine part as the exemplar would have them.
+    wanted, begin
+        float32 [N, 2], places in the exemplar (in pixels of the painting's size): where the guide
+        leads, moved into like material, and where the search begins.
+    weight
+        float32 [N], of staying near ``wanted``, in units of a squared pixel.
+    sure
+        float32 [N, 2], how far detail and tone are to be trusted.
+    state
+        uint8 [H, W]: `ACTIVE` is to be painted, `FIXED` is, `FOREIGN` is another's copy, `OUTSIDE`
+        is nothing.
+    color
+        float32 [H, W, 3] in [0, 1], what is painted.
+    often
+        How often the exemplar's pixels may be used, against evenly: a number, or one a material.
+    """
+
+    shares: Float32
+    tone: Float32
+    detail: Float32
+    wanted: Float32
+    begin: Float32
+    weight: Float32
+    sure: Float32
+    state: NDArray[np.uint8]
+    color: Float32
+    often: float | Float32 = 1.0
+
+
+class PatchPainter:
+    """One exemplar prepared for painting with patches.
+
+    Parameters
+    ----------
+    exemplar, shares
+        The painting, and what it is made of, float32 [h, w, 7] (`known_shares`).
+    config
+        Parameters.
+    seed
+        Of the search.
+    sharp
+        Whether tones are compared with their detail, as on photos, or blurred, as on heads.
+    """
+
+    def __init__(self, exemplar: Exemplar, shares: Float32, config: PainterConfig, seed: int,
+                 sharp: bool) -> None:
+        self.exemplar, self.shares, self.config, self.seed = exemplar, shares, config, seed
+        self._sharp = sharp
+        self._sources: dict[float, tuple[PatchSource, ExemplarMaterials]] = {}
+
+    def unit(self, size: float) -> float:
+        """A 50th of the exemplar's face in pixels of a painting of ``size``."""
+        return self.exemplar.size * size / 50
+
+    def tones(self, theirs: ExemplarMaterials) -> Float32:
+        """The exemplar's tones that ours are compared with, float32 [h, w]."""
+        return theirs.luma if self._sharp else theirs.tone
+
+    def source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
+        """The exemplar at ``size`` times its own, its pyramid and materials; the last is kept."""
+        if size not in self._sources:
+            picture, theirs = resized_materials(self.exemplar, self.shares, size)
+            self._sources = {size: (PatchSource.of(picture, self._guides(
+                theirs.shares, self.tones(theirs), theirs.detail)), theirs)}
+        return self._sources[size]
+
+    def target(self, atlas: Atlas, theirs: ExemplarMaterials, size: float,
+               wish: Wish) -> PatchTarget:
+        """What the patches are to do."""
+        painted = wish.state == ACTIVE
+        active = np.zeros(len(wish.shares), bool)
+        active[atlas.slots[painted]] = True
+        even = even_uses(wish.shares[active], wish.tone[active], theirs, wish.often,
+                         self.tones(theirs))
+        guides = self._guides(wish.shares, wish.tone, wish.detail)
+        asked, start, weight, sure = (atlas.spread(values) for values in (
+            wish.wanted, wish.begin, wish.weight[:, None], wish.sure))
+        return PatchTarget(atlas.spread(guides), start, start, asked,
+                           np.ascontiguousarray(weight[..., 0]),
+                           float((ROAM * self.unit(size)) ** 2), even, sure, wish.state,
+                           atlas.owner, wish.color)
+
+    def lay(self, target: PatchTarget, source: PatchSource) -> Float32:
+        """The painting, float32 [H, W, 3] in [0, 1]."""
+        color, _ = synthesise_patches(target, source, self.config.patches, self.seed)
+        return color
+
+    def _guides(self, shares: Float32, tone: Float32, detail: Float32) -> Float32:
+        config = self.config
+        return material_guides(shares, tone, detail, (config.tone_weight, config.detail_weight,
+                                                      config.material_weight))
+
+
+def flesh(shares: Float32) -> Float32:
+    """How far places are skin, neck or ears, float32 [...]."""
+    return np.asarray(shares[..., [SKIN, NECK, EARS]].sum(axis=-1), np.float32)
