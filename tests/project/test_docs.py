@@ -56,7 +56,8 @@ def test_rows_show_default_choices_and_meaning(make_docs):
     assert "| `--quiet` | `no` | Whether. |" in text and "`1e-05`" in text
 
 
-PAGES = ["CONTRIBUTING.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md")))]
+PAGES = ["CONTRIBUTING.md", *(path.relative_to(ROOT).as_posix()
+                               for path in sorted((ROOT / "docs").rglob("*.md")))]
 
 
 def targets(text):
