@@ -23,7 +23,7 @@ from lfportrait.example import Exemplar, SurfaceGuide, Transfer
 from lfportrait.face import detect_landmarks
 from lfportrait.field import VoxelField, reconstruct_with_figures
 from lfportrait.files import read_image, write_image
-from lfportrait.job.pipeline import prepare_capture
+from lfportrait.job.prepare import prepare_capture
 
 ANGLES = (0, 30, 60, 80)
 GAP = 4

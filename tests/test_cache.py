@@ -9,6 +9,7 @@ import pytest
 
 from lfportrait import cache
 from lfportrait.cache import kept_arrays, user_cache
+from lfportrait.job.graph import STAGES
 from lfportrait.sources import Kept, Sources
 
 
@@ -96,9 +97,7 @@ def package(copied):
     return stale
 
 
-MAKERS = {"capture": ["job.prepare"], "field": ["field.reconstruction"],
-          "stylize": ["stylize.optimize"], "encode": ["lightfield.coding"],
-          "page": ["share.page"], "sweep": ["share.video"]}
+MAKERS = {name: stage.makers for name, stage in STAGES.items() if name not in ("skin", "share")}
 
 
 @pytest.mark.parametrize(("file", "old", "new", "stages"), [

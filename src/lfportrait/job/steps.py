@@ -1,9 +1,7 @@
-"""The stages of a job, each as a function from files to files, and the keys of what they make.
+"""The parameters of a job, what it is given, and its stages as functions from files to files.
 
-A stage is pure: what it writes follows from the files it reads, its parameters and the seed. `make`
-runs the stages one after the other in one folder, a batch runs those of many jobs at once; both
-know by the same keys what is done. A key is a hash of the version, the stage's parameters and the
-keys of what it reads.
+A stage is pure: what it writes follows from the files it reads, its parameters and the seed. Which
+stages there are, and their keys, is in `graph`; how a task of the graph is done, in `work`.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..cache import hash_of, key_of
+from ..cache import hash_of
 from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
@@ -38,9 +36,8 @@ from ..share import PageConfig
 from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
 
-__all__ = ["MakeConfig", "capture_key", "code_key", "field_key", "fitted", "look_at",
-           "painting_key", "save_folder", "source_files", "source_key", "style_key", "write_code",
-           "write_field", "write_styled"]
+__all__ = ["MakeConfig", "fitted", "look_at", "painting_key", "save_folder", "source_files",
+           "source_key", "write_code", "write_field", "write_styled"]
 
 
 @dataclass(frozen=True)
@@ -88,31 +85,11 @@ def source_key(photos: Path | Capture) -> str:
     return fingerprint_files(source_files(Path(photos)))
 
 
-def capture_key(source: str, config: MakeConfig, seed: int) -> str:
-    """Key of a capture made from files with the hash ``source``."""
-    return key_of("job.prepare", source, config.calibrate, config.keep_background, seed)
-
-
-def field_key(capture: str, config: MakeConfig) -> str:
-    """Key of the field of a capture with the key ``capture``."""
-    return key_of("field.reconstruction", capture, config.reconstruct)
-
-
 def painting_key(exemplar: Exemplar) -> tuple[str, str]:
     """Hashes of an exemplar's picture and landmarks, taken once for all who sit for it."""
     image, landmarks = (hashlib.sha256(np.ascontiguousarray(part).tobytes()).hexdigest()
                         for part in (exemplar.image, exemplar.landmarks))
     return image, landmarks
-
-
-def style_key(field: str, config: MakeConfig, painting: tuple[str, str]) -> str:
-    """Key of the field with the key ``field`` in the manner of an exemplar (`painting_key`)."""
-    return key_of("stylize.optimize", field, config.stylize, *painting)
-
-
-def code_key(style: str, config: MakeConfig, display: Display) -> str:
-    """Key of the styled field with the key ``style``, coded for a display."""
-    return key_of("lightfield.coding", style, config.encode, display)
 
 
 def look_at(photos: Path) -> None:

@@ -19,11 +19,10 @@ from ..capture import Camera, Capture
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from ..field import Coverage, VoxelField
 from ..files import write_image
-from ..lightfield import Display, EncodeConfig, ViewMask, read_coded, simulate
+from ..lightfield import Display, ViewMask, read_coded, simulate
 from ..measure import machine
 from ..progress import Progress
 from ..share import (
-    PageConfig,
     Picture,
     Report,
     Section,
@@ -34,8 +33,10 @@ from ..share import (
     write_report,
     write_video,
 )
-from ..stylize import load_styled
+from ..stylize import kept_skin, load_styled
 from ..version import __version__
+from .graph import Task
+from .steps import MakeConfig
 
 __all__ = ["share_job"]
 
@@ -43,33 +44,34 @@ _ANGLES = (-45, 0, 45)
 _FEW = np.array([(0.9, 0.2, 0.1), (1.0, 0.6, 0.1), (1.0, 0.75, 0.3), (0.3, 0.6, 1.0)])
 """Colours of places seen from none, one, two and more directions, for any eye to tell apart."""
 
+_COLOURS = {"skin": "beige", "hair": "brown", "neck": "pink", "ears": "orange", "clothes": "blue"}
+_PALETTE = {"brows": (0.35, 0.2, 0.1), "eyes": (0.1, 0.6, 0.3), "nose": (0.95, 0.75, 0.5),
+            "lips": (0.8, 0.15, 0.25), "skin": (0.96, 0.87, 0.72), "ears": (0.95, 0.6, 0.25),
+            "hair": (0.5, 0.3, 0.15), "neck": (0.95, 0.72, 0.75), "clothes": (0.3, 0.5, 0.8)}
+"""Colours of a surface's labels in the report."""
+
 Float32 = NDArray[np.float32]
 
 
-def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: EncodeConfig,
-              transfer: TransferConfig, figures: dict[str, Any], *, parameters: Any = None,
-              page: PageConfig | None = None, size: int = 512, frames: int = 90,
-              progress: Progress | None = None) -> dict[str, Any]:
+def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, Any],
+              progress: Progress | None = None, frames: int = 90) -> dict[str, Any]:
     """Write ``portrait.html``, ``sweep.mp4``, ``hero.png`` and ``report.html`` of a finished job.
 
     Parameters
     ----------
-    folder
-        The job's folder with ``capture/``, ``field.npz``, ``styled.npz``, ``lightfield.png``.
-    exemplar, display, encode, transfer
-        What the job was run with.
+    task
+        What to write: its folder holds ``capture/``, ``field.npz``, ``styled.npz`` and
+        ``lightfield.png``; its parameters are listed at the end of the report.
+    results
+        Folder that the task's is relative to.
+    exemplar
+        The painting.
     figures
         Figures of the stages so far.
-    parameters
-        The job's configuration (a data class), listed at the end of the report.
-    page
-        Caption and size of the page; by default it names the exemplar.
-    size
-        Height of the sweep in pixels.
-    frames
-        Frames of the sweep.
     progress
         Progress line.
+    frames
+        Frames of the sweep.
 
     Returns
     -------
@@ -81,13 +83,15 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
         if progress is not None:
             progress.update(progress.done, text)
 
+    folder, display, config = results / task.folder, task.display, task.config
+    assert display is not None
     capture = Capture.load(folder / "capture")
     field, styled = VoxelField.load(folder / "field.npz"), load_styled(folder / "styled.npz")
     say("page")
-    written = write_page(styled, folder / "portrait.html", page)
+    written = write_page(styled, folder / "portrait.html", config.page)
     say("sweep")
-    write_video(folder / "sweep.mp4", sweep_frames(styled, display.cone, frames, size,
-                                                   background=encode.background))
+    write_video(folder / "sweep.mp4", sweep_frames(styled, display.cone, frames, config.sweep_size,
+                                                   background=config.encode.background))
     say("pictures of the report")
     cameras = sweep_cameras(90.0, 1, 480, styled)
     strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)
@@ -104,18 +108,19 @@ def share_job(folder: Path, exemplar: Exemplar, display: Display, encode: Encode
             _inputs(capture, exemplar),
             _field_section(field, capture),
             covered,
-            _guides(field, capture, exemplar, transfer),
+            _style_section(field, styled, capture, exemplar, folder, config),
             Section("Stylised views", "The optimised field; every view shows the same strokes.",
                     [Picture(image, f"{angle:+d} degrees", width=480)
                      for image, angle in zip(strip, (-45, -22, 0, 22, 45))], layout="strip"),
             Section("Sweep", "Over the display's view cone.", video=folder / "sweep.mp4"),
             _lightfield(coded, display),
             _figures(figures),
-            Section("Parameters", "", tables=[Table(_parameters(parameters),
+            Section("Parameters", "", tables=[Table(_parameters(config),
                                                     ("parameter", "value"))])])
     say("report")
     write_report(folder / "report.html", report)
-    return {"frames": frames, "size": size, "page": written, "head_covered": round(share, 3)}
+    return {"frames": frames, "size": config.sweep_size, "page": written,
+            "head_covered": round(share, 3)}
 
 
 def _strip(field: VoxelField, cameras: Camera, angles: tuple[int, ...], background: float,
@@ -222,6 +227,39 @@ def _turned(field: VoxelField) -> Camera:
     first = sweep_cameras(90.0, 1, 448, field)[0]
     return Camera.arc(np.array(_ANGLES, float), distance=float(np.linalg.norm(first.position[0])),
                       width=448, height=448, focal=float(first.focal[0, 0]))
+
+
+def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exemplar: Exemplar,
+                   folder: Path, config: MakeConfig) -> Section:
+    """How the style came onto the head: on its surface, or by painted views."""
+    if capture.landmarks is None or not config.stylize.on_skin:
+        return _guides(field, capture, exemplar, config.stylize.transfer)
+    skin = kept_skin(folder / "field.npz", field, capture, config.stylize.pixels)
+    labels, names = skin.labels
+    palette = np.array([_PALETTE[name] for name in names], np.float32)
+    shown = np.vstack([labels.astype(np.float32) / 255 @ palette, np.ones((1, 3), np.float32)])
+    atlas = skin.atlas
+    yaw = np.degrees(np.arctan2(-atlas.cameras.pose[:, 0, 2], -atlas.cameras.pose[:, 2, 2]))
+    level = np.abs(atlas.cameras.pose[:, 1, 2]) < 0.5
+    pictures = []
+    for angle in _ANGLES:
+        chart = int(np.argmin(np.where(level, np.abs(yaw - angle), np.inf)))
+        x0, y0, x1, y1, dx, dy = (int(value) for value in atlas.boxes[chart])
+        part = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
+        there = np.isfinite(atlas.depth[part])[..., None]
+        painted = np.clip(styled.render(atlas.cameras, chart, background=1.0).color, 0, 1)
+        slots = skin.slots[part]
+        for picture, words in (
+                (atlas.color[part], f"from {round(float(yaw[chart]))} degrees, photographed"),
+                (np.where((slots >= 0)[..., None], shown[slots], atlas.color[part].mean(
+                    axis=-1, keepdims=True)), "its regions"),
+                (painted[y0:y1, x0:x1], "painted")):
+            pictures.append(Picture(np.where(there, picture, 1.0).astype(np.float32), words))
+    return Section("Painted on the surface", "The head's surface is laid out in charts and painted "
+                   "once for all views: the face by guides, look-up table and StyleBlit, the rest "
+                   "by patches of like material ("
+                   + ", ".join(f"{name} {colour}" for name, colour in _COLOURS.items())
+                   + "). Three of the charts.", pictures)
 
 
 def _guides(field: VoxelField, capture: Capture, exemplar: Exemplar,

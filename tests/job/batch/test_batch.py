@@ -268,7 +268,7 @@ def test_a_full_disk_fails_what_is_written_then_and_the_rest_is_made_later(
 def test_a_fault_of_ours_is_a_failure_with_a_traceback_kept(studio, copy, inline, monkeypatch):
     (copy / "anna/ken/portrait.html").unlink()
     (copy / "bert/ken/portrait.html").unlink()
-    monkeypatch.setattr("lfportrait.job.batch.work.write_page", lambda *_: {}["nothing"])
+    monkeypatch.setattr("lfportrait.job.work.write_page", lambda *_: {}["nothing"])
     figures = batch(studio / "jobs.toml", copy)
     assert set(figures["failed"]) == {"anna/ken/page", "bert/ken/page"}
     assert "a fault of ours: KeyError: 'nothing'" in figures["failed"]["anna/ken/page"]
@@ -297,7 +297,7 @@ def test_the_command_tells_of_failures_by_its_exit_code(studio, copy, inline, mo
     assert main([*words, "--json", str(tmp_path / "run.json")]) == 0
     assert json.loads((tmp_path / "run.json").read_text())["done"] == 22
     (copy / "anna/ken/portrait.html").unlink()
-    monkeypatch.setattr("lfportrait.job.batch.work.write_page", lambda *_: {}["nothing"])
+    monkeypatch.setattr("lfportrait.job.work.write_page", lambda *_: {}["nothing"])
     assert main(words) == 3
     assert "failed: anna/ken/page" in capsys.readouterr().out
     assert main(["batch", "status", str(copy)]) == 0

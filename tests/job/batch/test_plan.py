@@ -10,10 +10,11 @@ from lfportrait import models
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
 from lfportrait.job.batch import load_jobs, prepare_batch
-from lfportrait.job.batch.costs import DECLARED, Estimates, cores_of_a_task
+from lfportrait.job.batch.costs import Estimates, cores_of_a_task
 from lfportrait.job.batch.driver import _Left
 from lfportrait.job.batch.fingerprints import Fingerprints
-from lfportrait.job.batch.plan import STAGES, draw_plan
+from lfportrait.job.batch.plan import draw_plan
+from lfportrait.job.graph import STAGES
 from lfportrait.job.steps import source_key
 
 
@@ -50,7 +51,7 @@ def test_one_capture_field_and_skin_serve_all_styles(studio, jobs_text):
 @pytest.mark.parametrize("old, new, stages", [
     ('steps = 1', 'steps = 2', {"stylize", "encode", "page"}),
     ('encode.size = 0.6', 'encode.size = 0.7', {"encode"}),
-    ('sh_degree = 0', 'sh_degree = 1', set(STAGES) - {"capture", "sweep"}),
+    ('sh_degree = 0', 'sh_degree = 1', set(STAGES) - {"capture", "sweep", "share"}),
     ('[defaults]', '[defaults]\npage.title = "She"', {"page"}),
     ('pixels = 48.0', 'pixels = 40.0', {"skin", "stylize", "encode", "page"})])
 def test_a_change_redoes_what_depends_on_it(studio, jobs_text, old, new, stages):
@@ -163,7 +164,7 @@ def test_photos_are_read_once(tmp_path):
 
 def test_estimates_follow_what_was_measured():
     estimates = Estimates()
-    assert estimates.need("field") == DECLARED["field"] and set(DECLARED) == set(STAGES)
+    assert estimates.need("field") == STAGES["field"].need
     for seconds, memory in ((2.0, 100), (4.0, 300)):
         estimates.learn("field", {"cost": {"cpu_seconds": seconds, "bytes": 10,
                                            "peak_memory_bytes": memory}})

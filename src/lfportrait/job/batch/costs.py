@@ -1,6 +1,6 @@
 """What a task takes: cores, memory, time and disk, before it has been run.
 
-The declared figures were measured (`docs/scale.md`); the tasks of a batch that are done correct
+The figures of `STAGES` were measured (`docs/scale.md`); the tasks of a batch that are done correct
 them: what a stage took there, its next tasks are taken to need.
 """
 
@@ -10,42 +10,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from .plan import Plan
+from ..graph import STAGES, Need, Plan
 
-__all__ = ["DECLARED", "Estimates", "Need", "cores_of_a_task"]
+__all__ = ["Estimates", "cores_of_a_task"]
 
-
-@dataclass(frozen=True)
-class Need:
-    """What a task of a stage takes.
-
-    Attributes
-    ----------
-    core_seconds
-        Time on one core; a task on several is taken to be done sooner in proportion.
-    memory
-        Peak of its process in bytes.
-    disk
-        Bytes that it writes.
-    """
-
-    core_seconds: float
-    memory: int
-    disk: int
-
-
-_MB = 1_000_000
-
-DECLARED = {
-    "capture": Need(2.0, 300 * _MB, 7 * _MB),
-    "field": Need(68.0, 1200 * _MB, 67 * _MB),
-    "skin": Need(12.0, 1100 * _MB, 87 * _MB),
-    "stylize": Need(39.0, 2100 * _MB, 26 * _MB),
-    "encode": Need(12.0, 1600 * _MB, 6 * _MB),
-    "page": Need(6.0, 1600 * _MB, 5 * _MB),
-    "sweep": Need(29.0, 1600 * _MB, 1 * _MB),
-}
-"""Measured on one core on the demo's head at its full size, on a 4K panel, and rounded up."""
 
 _SLACK = 1.2
 """Memory of a task over the largest that was measured of its stage in this batch."""
@@ -82,7 +50,7 @@ class Estimates:
         """What the next task of a stage is taken to need."""
         found = self._found.get(stage)
         if found is None:
-            return DECLARED[stage]
+            return STAGES[stage].need
         return Need(found.core_seconds / found.count, int(_SLACK * found.memory),
                     round(found.disk / found.count))
 

@@ -22,6 +22,7 @@ from ...files import atomic_write, write_json
 from ...lanes.compiling import compiling_progress
 from ...measure import usable_cores
 from ...stages import check_writable
+from ..graph import Plan, Task, finished
 from ..networks import get_networks, networks_of
 from ..steps import painting_key, source_key
 from ..warmup import Warmup
@@ -30,7 +31,7 @@ from .fingerprints import Fingerprints
 from .index import write_index
 from .jobs_file import load_jobs
 from .journal import FOLDER, Journal, Watcher, locked
-from .plan import Plan, Task, draw_plan, finished
+from .plan import draw_plan
 from .runners import KERNELS, LocalRunner, Runner
 from .state import Batch
 from .work import Outcome

@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ...version import __version__
-from .plan import Task, finished
+from ..graph import Task, finished
 from .state import Batch
 
 __all__ = ["write_index"]

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import UserError
+from ..graph import Task, finished
 from ..warmup import Warmup
 from .journal import locked_file
-from .plan import Task, finished
 from .runners import ATTEMPTS, KERNELS, thread_settings
 from .work import Outcome, do_task
 

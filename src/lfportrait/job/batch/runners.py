@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ...measure import free_memory_bytes, usable_cores
-from .plan import Task
+from ..graph import Task
 from .work import Outcome
 
 __all__ = ["ATTEMPTS", "KERNELS", "LocalRunner", "Runner", "thread_settings"]

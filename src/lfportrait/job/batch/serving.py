@@ -14,7 +14,7 @@ import sys
 import threading
 from pathlib import Path
 
-from .plan import Task
+from ..graph import Task
 from .work import do_task
 
 __all__ = ["serve"]

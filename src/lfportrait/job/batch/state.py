@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from ...measure import free_disk_bytes
+from ..graph import STAGES, Plan
 from .costs import Estimates
 from .fingerprints import Fingerprints
 from .jobs_file import Jobs
-from .plan import STAGES, Plan
 
 __all__ = ["Batch", "dry_figures"]
 

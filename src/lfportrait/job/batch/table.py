@@ -16,9 +16,9 @@ from rich.table import Table
 from ...errors import UserError
 from ...files import read_json
 from ...stages import finished_record
-from .costs import DECLARED, Estimates
+from ..graph import STAGES
+from .costs import Estimates
 from .journal import FOLDER, Event, is_running, read_events
-from .plan import STAGES
 
 __all__ = ["BatchTable", "JsonLines", "batch_status", "dry_table", "duration"]
 
@@ -106,7 +106,7 @@ class BatchTable:
         """Core-seconds of a task: what was measured in this run, else what the plan said."""
         measured = self._estimates.need(stage)
         row = self._stages[stage]
-        if measured is DECLARED[stage] and row["to_do"]:
+        if measured is STAGES[stage].need and row["to_do"]:
             return float(row["core_seconds"]) / int(row["to_do"])
         return measured.core_seconds
 

@@ -1,0 +1,201 @@
+"""What each stage does: its files from the files of the stages before, in whatever process.
+
+Nothing but the task, the folder of the results and a few tools is known here.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from ..capture import Camera, Capture
+from ..errors import UserError
+from ..example import Exemplar, Skin
+from ..example.skin import load_skin, save_skin
+from ..field import VoxelField
+from ..files import write_image
+from ..lanes.compiling import compiling_progress
+from ..progress import Progress
+from ..share import sweep_cameras, sweep_frames, write_page, write_video
+from ..stages import StageFolder
+from ..stylize import kept_skin, load_styled
+from .graph import STAGES, Task
+from .prepare import prepare_capture
+from .steps import save_folder, write_code, write_field, write_styled
+from .warmup import Warmup
+
+__all__ = ["Tools", "do_stage"]
+
+_THUMBNAIL = 192
+"""Height of the small pictures of an index in pixels."""
+
+
+@dataclass
+class Tools:
+    """What a stage is given besides its task.
+
+    Attributes
+    ----------
+    shown
+        Whether its progress is shown.
+    device
+        Where to compute.
+    warmup
+        Kernels that are being compiled beside.
+    capture, exemplar
+        Photos and painting that are in memory already, instead of the task's source.
+    sheet
+        Picture of the photos that were left out; by default in the task's folder.
+    """
+
+    shown: bool = False
+    device: str = "auto"
+    warmup: Warmup | None = None
+    capture: Capture | None = None
+    exemplar: Exemplar | None = None
+    sheet: Path | None = None
+
+    @contextmanager
+    def progress(self, stage: str) -> Iterator[Progress]:
+        """A stage's progress line, once its kernels are there."""
+        with compiling_progress(STAGES[stage].title, enabled=self.shown) as progress:
+            if self.warmup is not None:
+                self.warmup.wait(STAGES[stage].kernels, progress)
+            yield progress
+
+    def painting(self, task: Task) -> Exemplar:
+        """The painting of a task."""
+        return _exemplar(task.source) if self.exemplar is None else self.exemplar
+
+
+def do_stage(task: Task, results: Path, folder: StageFolder, tools: Tools,
+             figures: dict[str, dict[str, Any]] | None = None) -> dict[str, Any]:
+    """Do the work of a task; its figures.
+
+    Parameters
+    ----------
+    task
+        What to do.
+    results
+        Folder that the task's paths are relative to.
+    folder
+        The task's own folder.
+    tools
+        What else there is.
+    figures
+        Of the stages before, for the report.
+    """
+    with tools.progress(task.stage) as progress:
+        if task.stage == "share":
+            from .summary import share_job
+
+            return share_job(task, results, tools.painting(task), figures or {}, progress)
+        return _WORK[task.stage](task, results, folder, tools, progress)
+
+
+def _capture(task: Task, results: Path, folder: StageFolder, tools: Tools,
+             progress: Progress) -> dict[str, Any]:
+    target = results / task.folder
+    if tools.capture is not None:
+        capture, figures = tools.capture, {"source": "embedded", "views": len(tools.capture)}
+    else:
+        capture, figures = prepare_capture(
+            Path(task.source), replace(task.config.calibrate, seed=task.seed),
+            keep_background=task.config.keep_background, need_face=True, progress=progress,
+            sheet=tools.sheet or target / "photos-left-out.jpg")
+    save_folder(capture.save, target / task.outputs[0])
+    for name in task.outputs[1:]:
+        angle = np.abs(np.arctan2(capture.cameras.position[:, 0], capture.cameras.position[:, 2]))
+        _write_thumbnail(target / name, capture.image_float(int(np.argmin(angle))))
+    return figures
+
+
+def _field(task: Task, results: Path, folder: StageFolder, tools: Tools,
+           progress: Progress) -> dict[str, Any]:
+    checkpoint = f"{task.record}.npz"
+    figures = write_field(results / task.inputs["capture"],
+                          results / task.folder / task.outputs[0], task.config, task.seed,
+                          progress, folder.scratch(checkpoint))
+    folder.remove_scratch(checkpoint)
+    return figures
+
+
+def _skin(task: Task, results: Path, folder: StageFolder, tools: Tools,
+          progress: Progress) -> dict[str, Any]:
+    capture = Capture.load(results / task.inputs["capture"])
+    if capture.landmarks is None:
+        raise UserError("the capture has no facial landmarks, which painting on the skin needs; "
+                        "set stylize.method to arf")
+    skin = Skin.of(VoxelField.load(results / task.inputs["field"]), capture.landmarks,
+                   capture.cameras, task.config.stylize.pixels)
+    save_skin(skin, results / task.folder / task.outputs[0], task.key)
+    return {}
+
+
+@functools.lru_cache(4)
+def _exemplar(painting: str) -> Exemplar:
+    """A painting, read once for the tasks of a process."""
+    return Exemplar.load(painting)
+
+
+def _stylize(task: Task, results: Path, folder: StageFolder, tools: Tools,
+             progress: Progress) -> dict[str, Any]:
+    target, config = results / task.folder, task.config.stylize
+    path = results / task.inputs["field"]
+    field, capture = VoxelField.load(path), Capture.load(results / task.inputs["capture"])
+    skin = None
+    if config.on_skin:
+        skin = (load_skin(results / task.inputs["skin"], task.skin_key)
+                if "skin" in task.inputs else kept_skin(path, field, capture, config.pixels))
+    figures = write_styled(field, capture, tools.painting(task), target / task.outputs[0],
+                           task.config, task.seed, progress, device=tools.device, skin=skin)
+    for name in task.outputs[1:]:
+        styled = load_styled(target / task.outputs[0])
+        cameras: Camera = sweep_cameras(0.0, 1, _THUMBNAIL, styled)
+        _write_thumbnail(target / name, styled.render(cameras, 0, background=1.0).color)
+    return figures
+
+
+def _encode(task: Task, results: Path, folder: StageFolder, tools: Tools,
+            progress: Progress) -> dict[str, Any]:
+    assert task.display is not None
+    figures = write_code(VoxelField.load(results / task.inputs["styled"]), task.display,
+                         results / task.folder, task.outputs[0], task.config,
+                         prefix=f"{task.label}_" if task.label else "", device=tools.device)
+    return {**figures, "more": [figures["quilt"]]}
+
+
+def _page(task: Task, results: Path, folder: StageFolder, tools: Tools,
+          progress: Progress) -> dict[str, Any]:
+    return write_page(load_styled(results / task.inputs["styled"]),
+                      results / task.folder / task.outputs[0], task.config.page)
+
+
+def _sweep(task: Task, results: Path, folder: StageFolder, tools: Tools,
+           progress: Progress) -> dict[str, Any]:
+    styled = load_styled(results / task.inputs["styled"])
+    cone = task.display.cone if task.display is not None else 40.0
+    write_video(results / task.folder / task.outputs[0],
+                sweep_frames(styled, cone, 90, task.config.sweep_size,
+                             background=task.config.encode.background))
+    return {}
+
+
+def _write_thumbnail(path: Path, image: Any) -> None:
+    """A small JPEG of a picture, [H, W, 3] floats in [0, 1]."""
+    pixels = (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
+    width = max(1, round(pixels.shape[1] * _THUMBNAIL / pixels.shape[0]))
+    small = Image.fromarray(pixels).resize((width, _THUMBNAIL), Image.Resampling.LANCZOS)
+    write_image(path, np.asarray(small), quality=85)
+
+
+_WORK: dict[str, Callable[[Task, Path, StageFolder, Tools, Progress], dict[str, Any]]] = {
+    "capture": _capture, "field": _field, "skin": _skin, "stylize": _stylize, "encode": _encode,
+    "page": _page, "sweep": _sweep}
