@@ -145,6 +145,20 @@ def test_imports_are_looked_through(tmp_path):
     assert "lfportrait.d.two" in Sources(root).closure(["d"])
 
 
+def test_packages_beside_ours_are_followed_into_it_and_back(tmp_path):
+    for name, text in {"lfportrait/__init__.py": "", "lfportrait/a.py": "from . import b\n",
+                       "lfportrait/b.py": "", "lfportrait/c.py": "", "lab/__init__.py": "",
+                       "lab/one.py": "from lfportrait.a import x\nfrom .two import y\n",
+                       "lab/two.py": "", "lab/three.py": "",
+                       "single.py": "import lab.two\n"}.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    sources = Sources(tmp_path / "lfportrait", beside=(tmp_path / "lab", tmp_path / "single.py"))
+    assert sources.closure(["lab.one"]) == {"lab.one", "lab.two", "lfportrait.a", "lfportrait.b"}
+    assert sources.closure(["single"]) == {"single", "lab.two"}
+    assert sources.closure(["c", "lab.three"]) == {"lfportrait.c", "lab.three"}
+
+
 def test_the_imports_are_read_once(tmp_path, monkeypatch):
     (tmp_path / "lfportrait").mkdir()
     (tmp_path / "lfportrait" / "__init__.py").write_text("import json\n")

@@ -19,6 +19,7 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,8 @@ def key_of(makers: str | tuple[str, ...], *parts: Any) -> str:
     Parameters
     ----------
     makers
-        The modules that make it, named from the package on: ``"field.reconstruction"``.
+        The modules that make it, named from the package on: ``"field.reconstruction"``. Those of
+        another package are named in full: ``"their_package.module"``.
     parts
         Data classes, dictionaries, arrays, numbers, strings, keys of other results.
     """
@@ -75,14 +77,30 @@ def key_of(makers: str | tuple[str, ...], *parts: Any) -> str:
 
 @functools.cache
 def code_of(*modules: str) -> str:
-    """Hash of modules, named from the package on, and of all that they import."""
-    return _sources().code_of(modules)
+    """Hash of modules, named as for `key_of`, and of all that they import."""
+    others = sorted({name.partition(".")[0] for name in modules} - _own_names())
+    return _sources(*(place for name in others if (place := _place(name)) is not None)
+                    ).code_of(modules)
 
 
 @functools.cache
-def _sources() -> Sources:
+def _own_names() -> set[str]:
+    """What stands at the top of our package."""
+    return {path.stem for path in Path(__file__).parent.iterdir()}
+
+
+def _place(package: str) -> Path | None:
+    """The folder of an installed package, or the file of a module."""
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:
+        return None
+    return Path(spec.origin).parent if spec.submodule_search_locations else Path(spec.origin)
+
+
+@functools.cache
+def _sources(*beside: Path) -> Sources:
     package = Path(__file__).parent
-    file = user_cache("code") / f"{hash_of(package)}.json"
+    file = user_cache("code") / f"{hash_of(package, *beside)}.json"
 
     def read() -> str | None:
         with suppress(OSError, ValueError):
@@ -95,7 +113,7 @@ def _sources() -> Sources:
                 stream.write(text.encode())
             _drop_oldest(file.parent, "*.json", _INSTALLATIONS)
 
-    return Sources(package, Kept(read, write))
+    return Sources(package, Kept(read, write), beside)
 
 
 def _drop_oldest(folder: Path, pattern: str, most: int) -> None:

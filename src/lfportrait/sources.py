@@ -1,10 +1,11 @@
-"""The package's own code as an input of its results: what a module imports, and hashes of it.
+"""Our own code as an input of results: what a module imports, and hashes of it.
 
 A result is stale when the code that made it changed. That code is a module, all that it imports,
 whatever those import, and the files beside them that they name (pages, shaders, tables). Imports
 are read from the sources as text, those in functions included and those for type checkers left out.
 A package's front door (``__init__.py``) is looked through: who imports `VoxelField` from
-``lfportrait.field`` depends on the module that defines it, not on the whole package.
+``lfportrait.field`` depends on the module that defines it, not on the whole package. Packages
+beside ours, which import it, are read in the same way where a module of theirs makes a result.
 """
 
 from __future__ import annotations
@@ -80,21 +81,27 @@ class _Module(NamedTuple):
 
 
 class Sources:
-    """A package's modules, what each imports, and hashes of it all.
+    """The modules of our package and of some beside it, what each imports, and hashes of it all.
+
+    A module of ours is named from the package on (``"field.reconstruction"``), one of another
+    package in full.
 
     Parameters
     ----------
     folder
-        The package's folder.
+        Our package's folder.
     kept
         Where what the files say is kept: reading all of them takes most of a second.
+    beside
+        Folders of other packages, or files of single modules.
     """
 
-    def __init__(self, folder: Path, kept: Kept | None = None) -> None:
-        self.folder, self._kept = folder, kept
+    def __init__(self, folder: Path, kept: Kept | None = None,
+                 beside: Iterable[Path] = ()) -> None:
+        self._roots, self._kept = (folder, *beside), kept
 
     def code_of(self, names: Iterable[str]) -> str:
-        """Hash of modules, named from the package on, and of all that they import.
+        """Hash of modules and of all that they import.
 
         Raises
         ------
@@ -107,9 +114,9 @@ class Sources:
         return digest.hexdigest()[:32]
 
     def closure(self, names: Iterable[str]) -> set[str]:
-        """Dotted names of modules, named from the package on, and of all that they import."""
+        """Full names of modules and of all that they import."""
         seen: set[tuple[str, str]] = set()
-        left = [(f"{_PACKAGE}.{name}", "") for name in names]
+        left = [(name if name in self._modules else f"{_PACKAGE}.{name}", "") for name in names]
         while left:
             place = left.pop()
             if place not in seen:
@@ -148,27 +155,32 @@ class Sources:
     def _files(self) -> dict[str, Path]:
         """Path of each module by its dotted name; a package stands for its ``__init__.py``."""
         found = {}
-        for path in sorted(path for path in self._all_files if path.suffix == ".py"):
-            parts = [_PACKAGE, *path.relative_to(self.folder).with_suffix("").parts]
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+        for root in self._roots:
+            package = _PACKAGE if root == self._roots[0] else root.stem
+            for path in (path for path in self._all_files(root) if path.suffix == ".py"):
+                inner = () if path == root else path.relative_to(root).with_suffix("").parts
+                parts = [package, *inner]
+                found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
         return found
 
-    @cached_property
-    def _all_files(self) -> list[Path]:
-        return sorted(path for path in self.folder.rglob("*")
-                      if path.suffix not in (".pyc", ".nbi", ".nbc") and path.is_file()
-                      and not path.name.startswith((".", "warm-")))
+    @staticmethod
+    def _all_files(root: Path) -> list[Path]:
+        return [root] if root.is_file() else sorted(
+            path for path in root.rglob("*")
+            if path.suffix not in (".pyc", ".nbi", ".nbc") and path.is_file()
+            and not path.name.startswith((".", "warm-")))
 
     @cached_property
     def _data(self) -> dict[Path, list[Path]]:
         """Files that are no modules by the package's folder that they belong to."""
         found: dict[Path, list[Path]] = {}
-        for path in self._all_files:
-            if path.suffix != ".py":
-                home = path.parent
-                while not (home / "__init__.py").is_file() and home != self.folder:
-                    home = home.parent
-                found.setdefault(home, []).append(path)
+        for root in self._roots:
+            for path in self._all_files(root):
+                if path.suffix != ".py":
+                    home = path.parent
+                    while not (home / "__init__.py").is_file() and home != root:
+                        home = home.parent
+                    found.setdefault(home, []).append(path)
         return found
 
     @cached_property
