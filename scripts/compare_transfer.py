@@ -16,22 +16,20 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from lfportrait.evaluate.transfer_quality import (
-    SAMPLES,
-    compare_with_references,
-    quality_table,
-    references,
-)
 from lfportrait.example import (
-    FaceBlitConfig,
-    FaceStyleConfig,
     MethodConfig,
-    NetworkConfig,
     TransferConfig,
     paint,
 )
 from lfportrait.face import detect_landmarks
 from lfportrait.files import write_image, write_json
+from lfportrait_eval.baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
+from lfportrait_eval.metrics.transfer_quality import (
+    SAMPLES,
+    compare_with_references,
+    quality_table,
+    references,
+)
 
 CONFIGS: dict[str, MethodConfig] = {
     "styleblit": TransferConfig(), "best": TransferConfig(quality="best"),

@@ -1,6 +1,7 @@
 """Draw docs/images/house.svg from the code: the stages, their rooms, and who imports whom.
 
 An arrow leads from a stage to one that it imports. Arrows that a longer way implies are left out.
+The laboratory (`lfportrait_eval`) stands beside the house: it imports stages, and none imports it.
 The area of a box follows its lines of code; a bar in it tells a room's share of them.
 
 Run: python scripts/draw_house.py            writes the picture
@@ -21,6 +22,7 @@ from pathlib import Path
 
 from house import (
     GROUND,
+    LABORATORY,
     ROOT,
     SOURCE,
     STAGES,
@@ -38,6 +40,8 @@ ASPECT = 2.4  # a box is at most so much wider than high
 HEAD, ROW, FOOT = 49.0, 19.0, 9.0  # heights in a box: title, one room, below the last room
 BESIDE, BETWEEN = 46.0, 54.0  # gaps: beside boxes, between storeys
 MARGIN, ROOF = 44.0, 66.0
+CELL = 60.0  # least width of a module of the ground floor
+ANNEX, ANNEX_WIDTH = 64.0, 250.0  # gap before the laboratory's box, and its width
 
 
 @dataclass(frozen=True)
@@ -72,12 +76,12 @@ def counted(name: str, paths: list[Path], inner: tuple[Room, ...] = ()) -> Room:
 
 
 def rooms() -> list[Room]:
-    """The stages with the rooms inside, and the ground floor as the last."""
+    """The stages with the rooms inside, then the laboratory, and the ground floor as the last."""
     found = []
-    for stage in STAGES:
-        folders = sorted(path for path in (SOURCE / stage).iterdir()
+    for home in (*(SOURCE / stage for stage in STAGES), LABORATORY):
+        folders = sorted(path for path in home.iterdir()
                          if path.is_dir() and any(path.glob("*.py")))
-        found.append(counted(stage, sorted((SOURCE / stage).rglob("*.py")), tuple(
+        found.append(counted(home.name, sorted(home.rglob("*.py")), tuple(
             counted(folder.name, sorted(folder.rglob("*.py"))) for folder in folders)))
     cells = tuple(counted(name, [path for path in sorted(SOURCE.rglob("*.py"))
                                  if path.relative_to(SOURCE).parts[0] in (name, f"{name}.py")])
@@ -145,7 +149,8 @@ def placed(house: list[Room], levels: list[list[str]]) -> tuple[dict[str, Box], 
              else Box(Room(name, 0, 0), 0.0, 0.0) for level in levels for name in level}
     widths = [sum(boxes[name].width for name in level) + BESIDE * (len(level) - 1)
               for level in levels]
-    width, y = max(widths) + 2 * MARGIN, MARGIN + ROOF
+    width = max(max(widths) + 2 * MARGIN, CELL * len(GROUND) + MARGIN)
+    y = MARGIN + ROOF
     for level, taken in zip(levels, widths):
         x, tallest = (width - taken) / 2, max(boxes[name].height for name in level)
         for name in level:
@@ -276,17 +281,30 @@ def drawn_ground(room: Room, width: float, y: float) -> list[str]:
     return [*out, "</g>"]
 
 
+def drawn_annex(box: Box, wall: float) -> list[str]:
+    """The laboratory beside the house, with the arrow to the house's wall."""
+    left, right, eaves = box.x - 12, box.x + box.width + 12, box.y - 14
+    level = box.y + 34
+    return [f'<path class="wall" d="M{box.middle:g} {eaves - 54:g} L{right + 14:g} {eaves:g} '
+            f'H{right:g} V{box.y + box.height:g} H{left:g} V{eaves:g} H{left - 14:g} Z"/>',
+            *drawn_box(box),
+            f'<path class="arrow" d="M{left:g} {level:g} H{wall + 9:g}" marker-end="url(#head)"/>']
+
+
 def picture(house: list[Room], arrows: Graph) -> str:
     """The whole picture as SVG."""
     levels = storeys(arrows)
     parts = stretches(arrows, levels)
     levels = untangled(levels, parts)
-    boxes, width, bottom = placed(house, levels)
+    boxes, inside, bottom = placed(house, levels)
     ground = bottom + 34
+    tall = round(LINE * house[-2].lines / ANNEX_WIDTH)
+    beside = Box(house[-2], ANNEX_WIDTH, tall, inside + ANNEX, ground + 84 - tall)
+    width = beside.x + beside.width + MARGIN
     height = ground + 84 + MARGIN / 2
     eaves = min(boxes[name].y for name in levels[min(2, len(levels) - 1)]) - 18
     wall = MARGIN / 2 + 10
-    outline = (f"M{width / 2:g} 14 L{width - 10:g} {eaves:g} H{width - wall:g} V{ground:g} "
+    outline = (f"M{inside / 2:g} 14 L{inside - 10:g} {eaves:g} H{inside - wall:g} V{ground:g} "
                f"H{wall:g} V{eaves:g} H10 Z")
     note = "An arrow leads to what a stage imports. In the boxes: files · lines."
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}" '
@@ -305,7 +323,8 @@ def picture(house: list[Room], arrows: Graph) -> str:
         for name in level:
             if ">" not in name:
                 out += drawn_box(boxes[name])
-    return "\n".join([*out, *drawn_ground(house[-1], width, ground), "</svg>"]) + "\n"
+    out += drawn_annex(beside, inside - wall)
+    return "\n".join([*out, *drawn_ground(house[-1], inside, ground), "</svg>"]) + "\n"
 
 
 def settled(house: list[Room], before: str) -> list[Room]:

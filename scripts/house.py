@@ -1,5 +1,8 @@
 """The plan of the house: the order of the stages, and which module imports which.
 
+There are two packages: the product, `lfportrait`, and the laboratory beside it, `lfportrait_eval`,
+which imports the product and is imported by nothing there.
+
 The walk reads the sources as text (`ast`), so that imports in functions and type checks count, too.
 """
 
@@ -9,27 +12,34 @@ import ast
 import functools
 from pathlib import Path
 
-__all__ = ["GROUND", "ROOT", "SOURCE", "STAGES", "Graph", "circles", "graph_of", "imported",
-           "module_files", "place", "stage_imports", "without_detours"]
+__all__ = ["GROUND", "LABORATORY", "ORDER", "ROOMS", "ROOT", "SOURCE", "STAGES", "Graph", "circles",
+           "graph_of", "imported", "laboratory_imports", "module_files", "place", "stage_imports",
+           "without_detours"]
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / "src" / "lfportrait"
+LABORATORY = ROOT / "src" / "lfportrait_eval"
 
 STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
-          "evaluate", "job", "cli")
+          "job", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
 GROUND = ("cache", "colour", "device", "download", "errors", "files", "health", "labels",
-          "lanes", "lazy", "measure", "metrics", "models", "progress", "sources", "stages",
-          "version")
+          "lanes", "lazy", "measure", "metrics", "models", "plugins", "progress", "sources",
+          "stages", "version")
 """Carries all stages and knows none."""
+ROOMS = ("metrics", "baselines", "bench", "study", "tables", "commands")
+"""Of the laboratory, in order: a room imports only rooms before it, and the product."""
+ORDER = (*STAGES, *(f"{LABORATORY.name}.{room}" for room in ROOMS))
+"""Stages and rooms: each imports only those before it."""
 
 Graph = dict[str, set[str]]
 """What each module (or stage) imports."""
 
 
-def module_files(source: Path = SOURCE, package: str = "lfportrait") -> dict[str, Path]:
+def module_files(source: Path = SOURCE, package: str = "") -> dict[str, Path]:
     """Path of each module by its dotted name; a package stands for its ``__init__.py``."""
     files = {}
+    package = package or source.name
     for path in sorted(source.rglob("*.py")):
         parts = [package, *path.relative_to(source).with_suffix("").parts]
         files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
@@ -97,8 +107,12 @@ def circles(graph: Graph) -> list[list[str]]:
 
 
 def place(name: str) -> str:
-    """The stage or the ground-floor module that a module belongs to; empty for the package."""
-    return name.split(".")[1] if "." in name else ""
+    """The stage or the ground-floor module that a module belongs to; empty for the package.
+
+    In the laboratory: the room, with the package's name before it.
+    """
+    parts = name.split(".")
+    return ".".join(parts[:2] if parts[0] == LABORATORY.name else parts[1:2])
 
 
 def stage_imports(graph: Graph) -> Graph:
@@ -108,6 +122,12 @@ def stage_imports(graph: Graph) -> Graph:
         if place(name) in found:
             found[place(name)] |= {place(other) for other in others} & set(STAGES) - {place(name)}
     return found
+
+
+def laboratory_imports(graph: Graph) -> set[str]:
+    """Which stages the laboratory imports."""
+    return {place(other) for name, others in graph.items()
+            if name.partition(".")[0] == LABORATORY.name for other in others} & set(STAGES)
 
 
 def without_detours(graph: Graph) -> Graph:

@@ -1,7 +1,7 @@
 """Check the pages' scripts and styles with Biome: undeclared and unused names, slips, old ways.
 
-The files in `share/page/web/` and those in `evaluate/study/web/` are one script in their page, so
-they are checked joined as there: a name that one file uses must be in another.
+The files in `share/page/web/` and those in `study/web/` of the laboratory are one script in their
+page, so they are checked joined as there: a name that one file uses must be in another.
 
 Run: python scripts/lint_page.py            exit code 1 if there is anything to mend
 """
@@ -13,8 +13,8 @@ import tempfile
 from importlib import resources
 from pathlib import Path
 
-from lfportrait.evaluate.study import study_script
 from lfportrait.share import page_script
+from lfportrait_eval.study import study_script
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -26,7 +26,7 @@ def _style(package: str, name: str) -> str:
 def pages() -> dict[str, tuple[str, str]]:
     """Script and style of each page."""
     return {"portrait": (page_script(), _style("lfportrait.share.page", "page.css")),
-            "study": (study_script(), _style("lfportrait.evaluate.study", "study.css"))}
+            "study": (study_script(), _style("lfportrait_eval.study", "study.css"))}
 
 
 def lint(script: str, style: str = "") -> tuple[bool, str]:

@@ -18,12 +18,12 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from lfportrait.capture import CalibrateConfig, Capture
-from lfportrait.evaluate.bench.run import SHORT
 from lfportrait.example import Exemplar, SurfaceGuide, Transfer
 from lfportrait.face import detect_landmarks
 from lfportrait.field import VoxelField, reconstruct_with_figures
 from lfportrait.files import read_image, write_image
 from lfportrait.job.prepare import prepare_capture
+from lfportrait_eval.bench.run import SHORT
 
 ANGLES = (0, 30, 60, 80)
 GAP = 4

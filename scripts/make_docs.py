@@ -11,16 +11,12 @@ import dataclasses
 import inspect
 import sys
 import textwrap
+import typing
 from pathlib import Path
 
 from lfportrait.capture import CalibrateConfig
-from lfportrait.evaluate.study import StudyConfig
-from lfportrait.evaluate.tables import TablesConfig
 from lfportrait.example import (
     BlitConfig,
-    FaceBlitConfig,
-    FaceStyleConfig,
-    NetworkConfig,
     PatchConfig,
     SkinConfig,
     TableConfig,
@@ -32,7 +28,10 @@ from lfportrait.job.batch import BatchConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
 from lfportrait.share import ExportConfig, PageConfig, SequenceConfig
 from lfportrait.stylize import MixConfig, StylizeConfig
-from lfportrait.stylize.rivals import ArfConfig, RefNprConfig, StylizedNerfConfig
+from lfportrait_eval.baselines.field import ArfConfig, RefNprConfig, StylizedNerfConfig
+from lfportrait_eval.baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
+from lfportrait_eval.study import StudyConfig
+from lfportrait_eval.tables import TablesConfig
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "parameters.md"
 
@@ -135,6 +134,12 @@ def rows_of(config: type, docs: dict[str, str], flags: bool) -> list[str]:
                    else f"`{shown(entry.default)}`")
         kind = str(entry.type)
         choice = ""
+        if kind == "tyro.conf.Suppress[tuple[Any, ...]]":  # no option
+            continue
+        if kind.startswith("Annotated[str, Choice("):
+            hints = typing.get_type_hints(config, include_extras=True)
+            options = hints[entry.name].__metadata__[0].choices
+            choice = "One of " + ", ".join(f"`{option}`" for option in options) + ". "
         if kind.startswith("Literal["):
             options = ast.literal_eval(kind.removeprefix("Literal"))
             choice = "One of " + ", ".join(f"`{option}`" for option in options) + ". "

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from lfportrait.capture import Camera, Capture
-from lfportrait.evaluate import arc_cameras, head_cameras
 from lfportrait.field import VoxelField
 from lfportrait.files import read_image, write_image
+from lfportrait_eval.metrics import arc_cameras, head_cameras
 from make_contact_sheet import cell, labelled, total_width
 
 ANGLES = (-80.0, -45.0, 0.0, 45.0, 80.0)

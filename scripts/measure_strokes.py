@@ -13,14 +13,14 @@ import argparse
 from pathlib import Path
 
 from lfportrait.capture import CalibrateConfig
-from lfportrait.evaluate.bench.run import SHORT
-from lfportrait.evaluate.strokes import strokes_stick, strokes_table
 from lfportrait.example import Exemplar
 from lfportrait.face import detect_landmarks
 from lfportrait.field import VoxelField, reconstruct_with_figures
 from lfportrait.files import write_json
 from lfportrait.job.prepare import prepare_capture
 from lfportrait.stylize import stylize
+from lfportrait_eval.bench.run import SHORT
+from lfportrait_eval.metrics.strokes import strokes_stick, strokes_table
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -21,7 +21,10 @@ import numpy as np
 
 from lfportrait import models
 from lfportrait.capture import Capture
-from lfportrait.evaluate import (
+from lfportrait.example import Exemplar
+from lfportrait.field import VoxelField
+from lfportrait.files import write_json
+from lfportrait_eval.metrics import (
     Arc,
     PatchIndex,
     RowLabels,
@@ -30,9 +33,6 @@ from lfportrait.evaluate import (
     views_fidelity,
     without_nan,
 )
-from lfportrait.example import Exemplar
-from lfportrait.field import VoxelField
-from lfportrait.files import write_json
 
 CONE = 40.0
 FIDELITY = (0.0, 45.0)

@@ -16,12 +16,14 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
 
 TESTS = Path(__file__).resolve().parent
-FIRST = ("field/test_poses.py", "example/rivals/test_network.py", "job/batch/test_batch.py",
+FIRST = ("field/test_poses.py", "lfportrait_eval/baselines/transfer/test_network.py",
+         "job/batch/test_batch.py",
          "field/test_raycast.py", "job/batch/test_ray.py", "lightfield/test_slices.py",
          "field/test_cutout.py", "job/test_pipeline.py",
-         "evaluate/test_bench.py", "capture/test_calibrate.py",
+         "lfportrait_eval/bench/test_bench.py", "capture/test_calibrate.py",
          "example/video/test_frames.py", "lightfield/test_lightfield.py",
-         "field/test_field.py", "evaluate/test_evaluate.py", "project/test_examples.py",
+         "field/test_field.py", "lfportrait_eval/metrics/test_evaluate.py",
+         "project/test_examples.py",
          "project/test_object_scene.py", "cli/test_cli.py", "stylize/test_stylize.py")
 """Files that take long, longest first, so that no process sits on one when the others are done.
 Those that two processes begin with need different kernels, which are compiled once then: what one

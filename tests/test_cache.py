@@ -159,6 +159,29 @@ def test_packages_beside_ours_are_followed_into_it_and_back(tmp_path):
     assert sources.closure(["c", "lab.three"]) == {"lfportrait.c", "lab.three"}
 
 
+def test_a_key_may_name_modules_of_another_package():
+    """What the laboratory makes is stale when its code changes, or ours that it imports."""
+    keys = {name: cache.code_of(name) for name in (
+        "stylize.optimize", "lfportrait_eval.tables.figures",
+        "lfportrait_eval.baselines.field.methods")}
+    assert len(set(keys.values())) == 3
+    both = cache.code_of("stylize.optimize", "lfportrait_eval.baselines.field.methods")
+    assert both not in keys.values()
+    lab = cache._place("lfportrait_eval")
+    found = Sources(Path(cache.__file__).parent, beside=(lab,)).closure([
+        "lfportrait_eval.baselines.field.methods"])
+    assert {"lfportrait_eval.baselines.field.arf", "lfportrait.stylize.losses"} <= found
+    with pytest.raises(KeyError):
+        cache.code_of("no_such_package.module")
+
+
+def test_the_products_results_do_not_depend_on_the_laboratory():
+    lab = cache._place("lfportrait_eval")
+    sources = Sources(Path(cache.__file__).parent, beside=(lab,))
+    for makers in MAKERS.values():
+        assert not [name for name in sources.closure(makers) if name.startswith("lfportrait_eval")]
+
+
 def test_the_imports_are_read_once(tmp_path, monkeypatch):
     (tmp_path / "lfportrait").mkdir()
     (tmp_path / "lfportrait" / "__init__.py").write_text("import json\n")

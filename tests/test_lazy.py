@@ -52,6 +52,11 @@ def test_an_unknown_name_is_an_attribute_error():
         lfportrait.nothing  # noqa: B018
 
 
+def test_a_name_that_moved_says_where_it_is():
+    with pytest.raises(AttributeError, match="it is in lfportrait_eval now"):
+        lfportrait.evaluate  # noqa: B018
+
+
 def test_names_come_from_the_imports_that_type_checkers_see(tmp_path):
     file = tmp_path / "__init__.py"
     file.write_text("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n"

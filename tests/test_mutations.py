@@ -210,8 +210,8 @@ encode.size = 0.6
 
 
 def test_answers_to_a_study(tmp_path):
-    from lfportrait.evaluate.study import read_answers
-    from tests.evaluate.study.people import answer
+    from lfportrait_eval.study import read_answers
+    from tests.lfportrait_eval.study.people import answer
 
     questions = [{"name": "style", "text": "Which is more like the painting?"}]
     entries = [{"sitter": "anna", "style": "ink", "method": name} for name in ("skin", "arf")]

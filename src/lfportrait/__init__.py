@@ -30,4 +30,4 @@ __all__ = [
     "simulate", "stylize", "transfer",
 ]
 
-__getattr__, __dir__ = attach(__name__, __file__)
+__getattr__, __dir__ = attach(__name__, __file__, {"evaluate": "lfportrait_eval"})

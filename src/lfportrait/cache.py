@@ -68,7 +68,7 @@ def key_of(makers: str | tuple[str, ...], *parts: Any) -> str:
     ----------
     makers
         The modules that make it, named from the package on: ``"field.reconstruction"``. Those of
-        another package are named in full: ``"their_package.module"``.
+        another package are named in full: ``"lfportrait_eval.tables.figures"``.
     parts
         Data classes, dictionaries, arrays, numbers, strings, keys of other results.
     """

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -28,7 +28,8 @@ def _homes(file: str) -> dict[str, tuple[str, str]]:
             for alias in node.names}
 
 
-def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+def attach(package: str, file: str, moved: Mapping[str, str] | None = None,
+           ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """A package's ``__getattr__`` and ``__dir__`` for what its file imports for type checkers.
 
     Parameters
@@ -37,12 +38,16 @@ def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
         The package's ``__name__``.
     file
         Its ``__file__``.
+    moved
+        Names that it had, and the packages that have them now, for the message.
     """
     homes = _homes(file)
 
     def get(name: str) -> Any:
         if name not in homes:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            place = (moved or {}).get(name)
+            hint = f": it is in {place} now" if place else ""
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{hint}")
         home, original = homes[name]
         return getattr(import_module(home, package), original)
 

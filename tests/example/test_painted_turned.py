@@ -6,10 +6,10 @@ import pytest
 
 from lfportrait.capture import Capture
 from lfportrait.demo import SITTER, demo_cameras, demo_exemplar, head_field, landmarks
-from lfportrait.evaluate import PatchIndex, arc_cameras, views_fidelity
 from lfportrait.example import Skin
 from lfportrait.face import face_pose
 from lfportrait.stylize import StylizeConfig, stylize
+from lfportrait_eval.metrics import PatchIndex, arc_cameras, views_fidelity
 
 STYLE, SIZE = "impression", 240
 

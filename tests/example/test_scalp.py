@@ -5,11 +5,11 @@ import pytest
 
 from lfportrait.demo import SITTER, landmarks
 from lfportrait.demo.studio import photograph
-from lfportrait.evaluate import head_cameras
 from lfportrait.example.guides import scalp
 from lfportrait.example.guides.regions import Regions, find_regions
 from lfportrait.example.guides.scalp import is_scalp, photo_regions
 from lfportrait.face.generic_head import GENERIC_LANDMARKS
+from lfportrait_eval.metrics import head_cameras
 from tests.example.test_turned import posed
 
 SIZE = 400

@@ -73,8 +73,9 @@ def test_links_lead_somewhere(page):
 
 def missing(text):
     """Folders and modules in back quotes that are not here, nor in the package or a stage."""
-    source = ROOT / "src" / "lfportrait"
-    places = [ROOT, source, *(path for path in source.iterdir() if path.is_dir())]
+    packages = [ROOT / "src" / "lfportrait", ROOT / "src" / "lfportrait_eval"]
+    places = [ROOT, ROOT / "src", *packages,
+              *(path for source in packages for path in source.iterdir() if path.is_dir())]
     names = re.findall(r"`((?:[a-z_0-9]+/)+(?:[a-z_0-9]+\.py)?|[a-z_0-9]+\.py)`", text)
     return [name for name in names if not any((place / name).exists() for place in places)]
 

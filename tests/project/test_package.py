@@ -1,5 +1,6 @@
 """What the package must hold; `scripts/try_package.py` builds it and runs it."""
 
+import importlib
 import tomllib
 import zipfile
 from pathlib import Path
@@ -7,10 +8,11 @@ from pathlib import Path
 import pytest
 
 import try_package
+from lfportrait.cli import COMMANDS
 from try_package import ROOT, contents, same
 
-PACKAGE = ROOT / "src" / "lfportrait"
-SOURCES = [path for path in PACKAGE.rglob("*")
+PACKAGES = ROOT / "src" / "lfportrait", ROOT / "src" / "lfportrait_eval"
+SOURCES = [path for package in PACKAGES for path in package.rglob("*")
            if path.is_file() and "__pycache__" not in path.parts]
 
 
@@ -21,10 +23,28 @@ def test_every_folder_of_sources_is_a_package():
 
 def test_every_file_that_is_no_source_is_named_as_data():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-    patterns = project["tool"]["setuptools"]["package-data"]["lfportrait"]
-    named = {path for pattern in patterns for path in PACKAGE.glob(pattern)}
+    data = project["tool"]["setuptools"]["package-data"]
+    named = {path for package in PACKAGES for pattern in data[package.name]
+             for path in package.glob(pattern)}
     assert [path for path in SOURCES if path.suffix != ".py" and path not in named] == []
-    assert PACKAGE / "py.typed" in named
+    assert {package / "py.typed" for package in PACKAGES} <= named
+
+
+def test_the_command_line_knows_the_commands_of_both_packages():
+    """Those of the laboratory are written down there as the entry points name them."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    named = {name.replace(".", " "): place
+             for name, place in project["entry-points"]["lfportrait.commands"].items()}
+    assert named == {name: f"{module}:{kind}" for name, (module, kind, _) in COMMANDS.items()
+                     if "." in module}
+
+
+def test_what_the_entry_points_name_is_there():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    for group in project["entry-points"].values():
+        for place in group.values():
+            module, _, name = place.partition(":")
+            assert hasattr(importlib.import_module(module), name), place
 
 
 def test_git_knows_what_the_package_is_made_of():

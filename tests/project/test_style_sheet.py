@@ -9,11 +9,11 @@ import pytest
 import make_style_sheet
 import stylize_figures
 from lfportrait import models
-from lfportrait.evaluate import RowLabels
 from lfportrait.face import write_landmarks
 from lfportrait.field import VoxelField
 from lfportrait.files import read_image, write_image
-from tests.evaluate.test_bench import ball_capture
+from lfportrait_eval.metrics import RowLabels
+from tests.lfportrait_eval.bench.test_bench import ball_capture
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 from tests.share.test_video import ball
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Camera
-from lfportrait.evaluate.sharpness import sharpness
 from lfportrait.example import Painting, Skin
 from lfportrait.field import VoxelField
 from lfportrait.stylize import StyledField
@@ -27,6 +26,7 @@ from lfportrait.stylize.skin_texture import (
     surface_texture,
     texel_rows,
 )
+from lfportrait_eval.metrics.sharpness import sharpness
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS
 

@@ -1,22 +1,31 @@
-"""Options that every command has."""
+"""Options that every command has, and those of methods that other packages bring."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
+from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
+from ..plugins import offered
 from ..progress import Progress
 
-__all__ = ["Common"]
+__all__ = ["Common", "parsed"]
 
 
 @dataclass(kw_only=True)
 class Common:
     """Options that every command has."""
+
+    groups: ClassVar[dict[str, str]] = {}
+    """Groups of entry points (`lfportrait.plugins`) whose parameters are options, too, by what
+    stands before their names."""
+    given: ClassVar[tuple[Any, ...]] = ()
+    """Those parameters, where they differ from the defaults."""
 
     device: Annotated[str, tyro.conf.arg(metavar="auto|cpu|gpu|gpu:NAME")] = "auto"
     """Where to compute; this version does on the CPU."""
@@ -46,3 +55,32 @@ class Common:
     def exit_code(self, figures: dict[str, Any]) -> int:
         """The exit code of a run that came to its end with these figures: 0."""
         return 0
+
+
+def parsed(command: type[Common], arguments: Sequence[str], program: str) -> Common:
+    """A command with the options of these words.
+
+    Parameters
+    ----------
+    command
+        Its class. Each method of its `groups` adds the fields of its parameters as options,
+        ``--NAME.FIELD``; what differs from the defaults is `given`.
+    arguments
+        The words after the command's name.
+    program
+        How help calls it.
+    """
+    kinds = {f"{prefix}{name}": method.parameters for prefix, group in command.groups.items()
+             for name, method in offered(group).items()}
+    places = {f"given_{number}": kind for number, kind in enumerate(kinds.values())}
+    if not kinds:
+        return tyro.cli(command, args=arguments, prog=program)
+    entries: list[Any] = [
+        (place, Annotated[kind, tyro.conf.arg(name=name)], option(default_factory=kind))
+        for (place, kind), name in zip(places.items(), kinds, strict=True)]
+    whole = make_dataclass(command.__name__, entries, bases=(command,), kw_only=True,
+                           namespace={"__doc__": command.__doc__})
+    found: Any = tyro.cli(whole, args=arguments, prog=program)
+    given = (getattr(found, place) for place in places)
+    found.given = tuple(one for one in given if one != type(one)())
+    return found  # type: ignore[no-any-return]

@@ -3,6 +3,10 @@
 Each command is a data class whose fields are its options (tyro), with a method ``run`` that returns
 the figures for ``--json``. A command's module is imported only when it is called, so that a quick
 command does not wait for the libraries of a slow one.
+
+Commands of other packages are found by their entry points (`lfportrait.plugins`). Reading these
+takes longer than all of ``--help``, so they are read for a word that is no command here; those of
+this distribution's other package are written down as the entry points name them.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ import sys
 import time
 import traceback
 import warnings
+from collections.abc import Container
 from contextlib import suppress
 from typing import Any
 
@@ -34,6 +39,7 @@ MEMORY = {_MAPPED: 64 << 20, _TRIM: 512 << 20, _PAD: 64 << 20, _ARENAS: 1}
 As a rule each array of more than 32 MiB (at first 128 KiB) is mapped for itself and given back when
 it is freed; that its pages are made and zeroed anew each time is a fifth of a preview."""
 
+_LAB = "lfportrait_eval.commands"
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "demo": ("make", "Demo", "everything, on the embedded capture and exemplar"),
     "make": ("make", "Make", "photos and a painting in, a coded light field out"),
@@ -55,10 +61,10 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "cast": ("devices", "Cast", "show a quilt on a Looking Glass through a running Bridge"),
     "show": ("devices", "Show", "show a coded picture full screen on an attached panel, unscaled"),
     "display": ("displays", "DisplayCommand", "list, show and import displays; test patterns"),
-    "evaluate": ("tools", "Evaluate", "metrics of a finished job or of two folders of pictures"),
-    "evaluate tables": ("tools", "Tables", "the paper's comparisons: methods side by side"),
-    "bench": ("tools", "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),
-    "study": ("tools", "Study", "a page on which people compare portraits, and its results"),
+    "evaluate": (_LAB, "Evaluate", "metrics of a finished job or of two folders of pictures"),
+    "evaluate tables": (_LAB, "Tables", "the paper's comparisons: methods side by side"),
+    "bench": (_LAB, "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),
+    "study": (_LAB, "Study", "a page on which people compare portraits, and its results"),
     "doctor": ("doctor", "Doctor", "what works on this machine, and how to mend what does not"),
     "models": ("doctor", "Models", "list, fetch and add pretrained networks"),
 }
@@ -74,16 +80,44 @@ def _usage() -> str:
     return "\n".join(lines)
 
 
-def _execute(name: str, arguments: list[str]) -> int:
-    import tyro
+def _split(words: list[str]) -> tuple[str, list[str]] | None:
+    """The command that these words begin with, and the words after it; None if there is none."""
+    def among(known: Container[str]) -> tuple[str, list[str]] | None:
+        ways = ((" ".join(words[:count]), words[count:]) for count in (2, 1))
+        return next((way for way in ways if way[0] in known), None)
 
+    def provided() -> Container[str]:
+        from ..plugins import offered
+
+        return {name.replace(".", " ") for name in offered("lfportrait.commands")}
+
+    return among(COMMANDS) or among(provided())
+
+
+def _command_class(name: str) -> Any:
+    """The data class of a command."""
+    if name not in COMMANDS:
+        from ..plugins import offered
+
+        return offered("lfportrait.commands")[name.replace(" ", ".")]
+    module, class_name, _ = COMMANDS[name]
+    try:
+        return getattr(importlib.import_module(
+            module if "." in module else f".{module}", __package__), class_name)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name != module.partition(".")[0]:
+            raise
+        raise UserError(f"{name} is a command of the package {error.name}, which is not "
+                        "installed") from error
+
+
+def _execute(name: str, arguments: list[str]) -> int:
     from ..device import computing_device
     from ..files import write_json
     from ..measure import peak_memory_bytes
+    from .common import parsed
 
-    module_name, class_name, _ = COMMANDS[name]
-    module = importlib.import_module(f".{module_name}", __package__)
-    command: Any = tyro.cli(getattr(module, class_name), args=arguments, prog=f"lfportrait {name}")
+    command = parsed(_command_class(name), arguments, f"lfportrait {name}")
     device = computing_device(command.device)
     start = time.perf_counter()
     figures = command.run()
@@ -127,18 +161,17 @@ def main(arguments: list[str] | None = None) -> int:
     if words[0] in ("--version", "version"):
         print(__version__)
         return 0
-    if " ".join(words[:2]) in COMMANDS:  # a command of two words
-        words[:2] = [" ".join(words[:2])]
-    if words[0] not in COMMANDS:
+    found = _split(words)
+    if found is None:
         print(f"lfportrait: there is no command {words[0]!r}; the commands are "
               f"{', '.join(COMMANDS)}", file=sys.stderr)
         return 2
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            warnings.filterwarnings("always", category=UserWarning, module=r"lfportrait\.")
+            warnings.filterwarnings("always", category=UserWarning, module=r"lfportrait\w*\.")
             warnings.showwarning = _warn
-            return _execute(words[0], words[1:])
+            return _execute(*found)
     except UserError as error:
         print(f"lfportrait: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

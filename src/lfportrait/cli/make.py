@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import tyro
 
@@ -88,9 +88,12 @@ class Make(Common):
     config: Annotated[MakeConfig, tyro.conf.arg(name="")] = option(default_factory=MakeConfig)
     """Parameters of the stages."""
 
+    groups: ClassVar[dict[str, str]] = {"stylize.": "lfportrait.field_methods"}
+
     def run(self) -> dict[str, Any]:
         """Run the job."""
-        run = make(self.photos, self.style, self.out, self.display, self.config,
+        config = replace(self.config, stylize=replace(self.config.stylize, parameters=self.given))
+        run = make(self.photos, self.style, self.out, self.display, config,
                    device=self.device, seed=self.seed, quiet=self.quiet, offline=self.offline)
         return _told(run, self.out, self.quiet)
 

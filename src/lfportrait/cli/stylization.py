@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from dataclasses import field as option
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import tyro
 
 from ..errors import UserError
 from ..example import (
     Exemplar,
-    FaceBlitConfig,
-    FaceStyleConfig,
     Method,
     MethodConfig,
-    NetworkConfig,
     TransferConfig,
+    photo_method,
 )
 from ..labels import LABELS, RegionStyle, members, read_regions, read_value
 from ..stylize import StylizeConfig
@@ -32,7 +30,7 @@ __all__ = ["Stylize", "TransferPhoto"]
 
 @dataclass
 class TransferPhoto(Common):
-    """Stylise photos or a video by example: guides, look-up table, StyleBlit; or a rival."""
+    """Stylise photos or a video by example: guides, look-up table, StyleBlit; or another method."""
 
     photo: tyro.conf.Positional[Path]
     """Photo of a face, a folder of photos, or a video."""
@@ -51,16 +49,12 @@ class TransferPhoto(Common):
         default_factory=lambda: TransferConfig(quality="best"))
     """Transfer by StyleBlit; a video is always painted with --quality fast."""
     method: Method = "styleblit"
-    """styleblit: ours; faceblit: window-searched table and flood fill, as published; facestyle:
-    guided patch synthesis, seconds a picture; network: trained on the paintings of one style."""
-    faceblit: FaceBlitConfig = option(default_factory=FaceBlitConfig)
-    """FaceBlit."""
-    facestyle: FaceStyleConfig = option(default_factory=FaceStyleConfig)
-    """FaceStyle."""
-    network: NetworkConfig = option(default_factory=NetworkConfig)
-    """Network."""
+    """styleblit: ours; the others are published methods, to compare with, and have parameters of
+    their own (docs/methods.md)."""
     dump: Path | None = None
     """Folder for pictures of every intermediate: guides, labels, table error, chunks, mask."""
+
+    groups: ClassVar[dict[str, str]] = {"": "lfportrait.transfer_methods"}
 
     def run(self) -> dict[str, Any]:
         """Transfer and write."""
@@ -100,13 +94,12 @@ class TransferPhoto(Common):
 
     def _config(self) -> MethodConfig:
         """The configuration of the chosen method."""
-        if self.method == "faceblit":
-            return self.faceblit
-        if self.method == "facestyle":
-            return replace(self.facestyle, seed=self.seed)
-        if self.method == "network":
-            return replace(self.network, seed=self.seed)
-        return replace(self.config, seed=self.seed)
+        if self.method == "styleblit":
+            return replace(self.config, seed=self.seed)
+        kind = photo_method(self.method).parameters
+        config = next((one for one in self.given if isinstance(one, kind)), kind())
+        seeded = any(entry.name == "seed" for entry in fields(kind))
+        return replace(config, seed=self.seed) if seeded else config
 
 
 @dataclass
@@ -127,6 +120,8 @@ class Stylize(Common):
     dump: Path | None = None
     """Folder for pictures of every intermediate."""
 
+    groups: ClassVar[dict[str, str]] = {"": "lfportrait.field_methods"}
+
     def run(self) -> dict[str, Any]:
         """Stylise and save."""
         from ..field import field_file
@@ -143,8 +138,8 @@ class Stylize(Common):
             with field_file(self.out) as file:
                 styled, figures = stylize_with_figures(
                     lambda: self._read(file), capture, exemplars,
-                    replace(self.config, seed=self.seed), progress, device=self.device,
-                    dump=self.dump,
+                    replace(self.config, seed=self.seed, parameters=self.given), progress,
+                    device=self.device, dump=self.dump,
                     skin=lambda field: kept_skin(self.field, field, capture, self.config.pixels))
                 styled.save(file)
         for notice in figures["notices"]:

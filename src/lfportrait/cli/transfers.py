@@ -47,7 +47,7 @@ class _Painter:
 
     def _apply(self, style: str, photo: NDArray[np.uint8], points: NDArray[np.float64]) -> Any:
         exemplar = self.others[style] if style else self.exemplar
-        # Rivals take a painting as it is.
+        # Other methods take a painting as it is.
         chosen = suited(exemplar, points) if isinstance(self.config, TransferConfig) else exemplar
         key = style, chosen is exemplar
         if key not in self.prepared:

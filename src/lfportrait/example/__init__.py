@@ -2,7 +2,8 @@
 
 An `Exemplar` is the painting, a `Transfer` repaints photos by it: `guides` say which place of the
 painting answers a pixel, `table` looks it up, `styleblit` copies pieces. `surface_guide` does it on
-a head, the same from every side; `rivals` are other methods, `video` is for moving pictures.
+a head, the same from every side; `video` is for moving pictures; `methods` finds those of other
+packages.
 """
 
 from typing import TYPE_CHECKING
@@ -15,19 +16,10 @@ if TYPE_CHECKING:
     from .guides.maps import Guides
     from .guides.position import position_guide
     from .guides.regions import Regions, find_regions
-    from .methods import METHODS, Method, MethodConfig, paint, prepare
+    from .methods import Method, MethodConfig, PhotoMethod, paint, photo_method, prepare
     from .patches import PatchConfig
     from .providers import Sitting, provided_styles
     from .region_styles import mix_regions
-    from .rivals import (
-        FaceBlit,
-        FaceBlitConfig,
-        FaceStyle,
-        FaceStyleConfig,
-        NetworkConfig,
-        Painted,
-        StyleNetwork,
-    )
     from .skin import Painting, Skin, SkinConfig, SkinPainter
     from .styleblit import BlitConfig, Synthesis, synthesise
     from .surface_guide import SurfaceGuide, surface_position_guide
@@ -38,28 +30,21 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FRONTAL",
-    "METHODS",
     "PROFILE",
     "BlitConfig",
     "Exemplar",
-    "FaceBlit",
-    "FaceBlitConfig",
-    "FaceStyle",
-    "FaceStyleConfig",
     "Guides",
     "LookUpTable",
     "Method",
     "MethodConfig",
-    "NetworkConfig",
-    "Painted",
     "Painting",
     "PatchConfig",
+    "PhotoMethod",
     "Regions",
     "Sitting",
     "Skin",
     "SkinConfig",
     "SkinPainter",
-    "StyleNetwork",
     "SurfaceGuide",
     "Synthesis",
     "TableConfig",
@@ -76,6 +61,7 @@ __all__ = [
     "head_mesh",
     "mix_regions",
     "paint",
+    "photo_method",
     "position_guide",
     "prepare",
     "provided_styles",
@@ -85,4 +71,6 @@ __all__ = [
     "transfer",
 ]
 
-__getattr__, __dir__ = attach(__name__, __file__)
+__getattr__, __dir__ = attach(__name__, __file__, dict.fromkeys(
+    ("FaceBlit", "FaceBlitConfig", "FaceStyle", "FaceStyleConfig", "NetworkConfig", "Painted",
+     "StyleNetwork"), "lfportrait_eval.baselines.transfer"))

@@ -1,27 +1,67 @@
-"""The methods of transfer by name: ours, and the paper's rivals for Fig. 6 and for quality."""
+"""The methods of transfer by name: ours, and those of other packages.
+
+A package names a method under ``[project.entry-points."lfportrait.transfer_methods"]``. Behind the
+name is a `PhotoMethod`. The fields of its parameters are options of the command line:
+``--NAME.FIELD``. The published methods that ours is compared with come in this way.
+"""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..plugins import Choice, chosen, offered
 from .exemplar import Exemplar
 from .providers import Sitting
-from .rivals.faceblit import FaceBlit, FaceBlitConfig
-from .rivals.facestyle import FaceStyle, FaceStyleConfig
-from .rivals.network import NetworkConfig, StyleNetwork
-from .rivals.painted import Painted
-from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks
+from .transfers import Transfer, TransferConfig, face_landmarks
 from .turned import suited
 
-__all__ = ["METHODS", "Method", "MethodConfig", "paint", "prepare"]
+__all__ = ["GROUP", "OWN", "Method", "MethodConfig", "PhotoMethod", "paint", "photo_method",
+           "prepare"]
 
-Method = Literal["styleblit", "faceblit", "facestyle", "network"]
-METHODS: tuple[Method, ...] = ("styleblit", "faceblit", "facestyle", "network")
+GROUP = "lfportrait.transfer_methods"
+"""Entry points of the methods of other packages."""
+OWN = "styleblit"
+"""The method of this stage."""
 
-MethodConfig = TransferConfig | FaceBlitConfig | FaceStyleConfig | NetworkConfig
+Method = Annotated[str, Choice(GROUP, OWN)]
+
+
+MethodConfig = Any
+"""Parameters of a method: a `TransferConfig`, or those of another package's method."""
+
+
+@dataclass(frozen=True)
+class PhotoMethod:
+    """A method of another package.
+
+    Attributes
+    ----------
+    parameters
+        Class of its parameters, a frozen data class whose fields have defaults.
+    prepare
+        Prepares an exemplar by its parameters, as `prepare` does; the last argument are photos with
+        landmarks that a network also trains on, or None.
+    """
+
+    parameters: type[Any]
+    prepare: Callable[[Exemplar, Any, list[Sitting] | None], Any]
+
+
+def photo_method(name: str) -> PhotoMethod:
+    """A method of another package.
+
+    Raises
+    ------
+    UserError
+        If no installed package has it.
+    """
+    found: PhotoMethod = chosen(GROUP, name, (OWN,))
+    return found
 
 
 def prepare(exemplar: Exemplar, config: MethodConfig, own: list[Sitting] | None = None) -> Any:
@@ -41,17 +81,16 @@ def prepare(exemplar: Exemplar, config: MethodConfig, own: list[Sitting] | None 
     prepared
         Its ``apply(image, landmarks)`` gives a picture with ``image``, ``seconds`` and ``dump``.
     """
-    if isinstance(config, FaceBlitConfig):
-        return FaceBlit(exemplar, config)
-    if isinstance(config, FaceStyleConfig):
-        return FaceStyle(exemplar, config)
-    if isinstance(config, NetworkConfig):
-        return StyleNetwork(exemplar, config, own)
-    return Transfer(exemplar, config)
+    if isinstance(config, TransferConfig):
+        return Transfer(exemplar, config)
+    for method in offered(GROUP).values():
+        if isinstance(config, method.parameters):
+            return method.prepare(exemplar, config, own)
+    raise TypeError(f"no installed method of transfer has parameters like {config!r}")
 
 
 def paint(image: NDArray[np.uint8], exemplar: Exemplar, config: MethodConfig,
-          landmarks: NDArray[np.floating] | None = None) -> TransferResult | Painted:
+          landmarks: NDArray[np.floating] | None = None) -> Any:
     """Stylise one photo by the method of ``config``.
 
     Parameters
@@ -65,6 +104,11 @@ def paint(image: NDArray[np.uint8], exemplar: Exemplar, config: MethodConfig,
     landmarks
         [68, 2] in pixels; detected if None.
 
+    Returns
+    -------
+    result
+        With ``image``, ``seconds`` and ``dump``: a `TransferResult`, or what the method gives.
+
     Raises
     ------
     UserError
@@ -73,6 +117,4 @@ def paint(image: NDArray[np.uint8], exemplar: Exemplar, config: MethodConfig,
     points = np.asarray(face_landmarks(image) if landmarks is None else landmarks, np.float64)
     if isinstance(config, TransferConfig):
         exemplar = suited(exemplar, points)
-    prepared = prepare(exemplar, config, own=[(image, points)])
-    result: TransferResult | Painted = prepared.apply(image, points)
-    return result
+    return prepare(exemplar, config, own=[(image, points)]).apply(image, points)

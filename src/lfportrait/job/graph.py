@@ -105,7 +105,7 @@ def skin_key(field: str, pixels: float) -> str:
 
 def style_key(field: str, config: MakeConfig, painting: tuple[str, str]) -> str:
     """Key of the field with the key ``field`` in the manner of an exemplar (`painting_key`)."""
-    return stage_key("stylize", field, config.stylize, *painting)
+    return key_of(config.stylize.makers, field, config.stylize, *painting)
 
 
 def code_key(style: str, config: MakeConfig, display: Display) -> str:

@@ -31,7 +31,7 @@ class _Watch(event.Listener):
 
     def on_end(self, event: Any) -> None:
         function = event.data["dispatcher"].py_func
-        if function.__module__.startswith("lfportrait."):
+        if function.__module__.partition(".")[0].startswith("lfportrait"):
             self._heard(f"{function.__module__}.{function.__qualname__}")
 
 

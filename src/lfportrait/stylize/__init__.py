@@ -12,6 +12,7 @@ from ..lazy import attach
 
 if TYPE_CHECKING:
     from .config import StylizeConfig
+    from .methods import FieldMethod, FieldTask
     from .mixing import MixConfig, StyledField, load_styled
     from .networks import load_network
     from .on_skin import paint
@@ -20,8 +21,9 @@ if TYPE_CHECKING:
     from .skin_files import kept_skin
     from .skin_fit import row_labels
 
-__all__ = ["MixConfig", "StyledField", "StylizeConfig", "kept_skin", "load_network", "load_styled",
-           "paint", "rehearse", "row_labels", "stylize", "stylize_with_figures"]
+__all__ = ["FieldMethod", "FieldTask", "MixConfig", "StyledField", "StylizeConfig", "kept_skin",
+           "load_network", "load_styled", "paint", "rehearse", "row_labels", "stylize",
+           "stylize_with_figures"]
 
 __getattr__, __dir__ = attach(__name__, __file__)
 

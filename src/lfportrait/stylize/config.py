@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
 from ..errors import UserError
 from ..example import SkinConfig, TransferConfig
 from ..example.skin import PIXELS
-from .rivals.config import ArfConfig, RefNprConfig, StylizedNerfConfig
+from ..plugins import Choice, offered
+from .methods import GROUP, OWN, FieldMethod, field_method
 
 __all__ = ["StylizeConfig", "check_pixels"]
 
@@ -21,12 +22,10 @@ Network = Literal["auto", "vgg16", "resnet50", "vgg19-se", "embedded"]
 class StylizeConfig:
     """Parameters of the stylisation."""
 
-    method: Literal["skin", "paper", "arf", "stylized-nerf", "ref-npr"] = "skin"
+    method: Annotated[str, Choice(GROUP, *OWN)] = "skin"
     """skin: painted once on the head's surface, then fitted and refined; paper: views painted one
-    by one (Shen et al. 2023), then the losses; the others are rivals on the same field, with
-    parameters of their own. arf: nearest-neighbour features (Zhang et al. 2022);
-    stylized-nerf: a painting network and the field teach each other (Huang et al. 2022);
-    ref-npr: one view, painted by example, registered to the field (Zhang et al. 2023)."""
+    by one (Shen et al. 2023), then the losses; the others are published methods on the same field,
+    to compare with, and have parameters of their own (docs/methods.md)."""
     preview: bool = False
     """On the skin: half the resolution, no fit and no refinement; seconds."""
     pixels: float = PIXELS
@@ -78,17 +77,15 @@ class StylizeConfig:
     """Painting on the skin."""
     transfer: TransferConfig = field(default_factory=TransferConfig)
     """Example-based transfer of faces and views."""
-    arf: ArfConfig = field(default_factory=ArfConfig)
-    """Parameters of ARF."""
-    stylized_nerf: StylizedNerfConfig = field(default_factory=StylizedNerfConfig)
-    """Parameters of StylizedNeRF."""
-    ref_npr: RefNprConfig = field(default_factory=RefNprConfig)
-    """Parameters of Ref-NPR."""
+    parameters: tyro.conf.Suppress[tuple[Any, ...]] = ()
+    """Parameters of methods of other packages, their data classes; without one its defaults."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the views and of the chunks."""
 
     def check(self) -> None:
         """Raise `UserError` where parameters make no sense together or are out of range."""
+        if self.method not in OWN:
+            field_method(self.method)
         if self.preview and not self.on_skin:
             raise UserError(f"--preview paints on the skin; leave out --method {self.method}")
         if self.on_skin:
@@ -102,19 +99,40 @@ class StylizeConfig:
         return self.method == "skin"
 
     @property
-    def rival(self) -> bool:
-        """Whether the method is one of those of `rivals`."""
-        return self.method not in ("skin", "paper")
+    def other(self) -> FieldMethod | None:
+        """The method, where another package brings it."""
+        return None if self.method in OWN else field_method(self.method)
 
     @property
     def needs_face(self) -> bool:
         """Whether the method asks for the capture's landmarks."""
-        return self.method not in ("arf", "stylized-nerf")
+        return self.other is None or self.other.needs_face
 
     @property
     def networks(self) -> tuple[str, ...]:
         """Networks of the registry that the method can't do without."""
-        return ("adain",) if self.method == "stylized-nerf" else ()
+        return self.other.networks if self.other is not None else ()
+
+    @property
+    def makers(self) -> tuple[str, ...]:
+        """The modules whose code is part of a result's key (`lfportrait.cache.key_of`)."""
+        own = ("stylize.optimize",)
+        return own if self.other is None else (*own, self.other.paint.__module__)
+
+    def parameters_of(self, method: FieldMethod) -> Any:
+        """Parameters of a method of another package."""
+        given = (one for one in self.parameters if isinstance(one, method.parameters))
+        return next(given, None) or method.parameters()
+
+    def section(self, name: str) -> Any:
+        """Parameters of another package's method by its name in a file of jobs, or None."""
+        found = {method.replace("-", "_"): method for method in offered(GROUP)}
+        return self.parameters_of(field_method(found[name])) if name in found else None
+
+    def with_section(self, parameters: Any) -> StylizeConfig:
+        """The same with other parameters of another package's method."""
+        others = (one for one in self.parameters if type(one) is not type(parameters))
+        return replace(self, parameters=(*others, parameters))
 
     @property
     def painting(self) -> SkinConfig:

@@ -18,6 +18,7 @@ from ..field import C0, SurfaceTexture, VoxelField
 from ..labels import PICTURE_LABELS
 from ..progress import Progress
 from .config import StylizeConfig
+from .methods import FieldTask
 from .mixing import StyledField
 from .notices import notices
 from .on_skin import LateField, LateSkin, Sitter, stylize_skin
@@ -117,17 +118,16 @@ def stylize_with_figures(field: LateField, capture: Capture,
 def _by_views(field: VoxelField, capture: Capture, exemplars: list[Exemplar],
               config: StylizeConfig, progress: Progress | None, dump: Path | None,
               ) -> tuple[list[Float32], dict[str, Any]]:
-    """Colours in the manner of each exemplar by the paper's method or a rival's, and figures."""
+    """Colours in the manner of each exemplar by the paper's or another package's method."""
     # Here: their losses need torch, which paints of a skin do without.
     from .painted_views import stylize_views
-    from .rivals import RivalTask, stylize_as_rival
 
     colors, rows = [], []
     for one in exemplars:
-        if config.rival:
-            task = RivalTask(field, capture, one, config.background, config.seed, progress, dump,
+        if config.other is not None:
+            task = FieldTask(field, capture, one, config.background, config.seed, progress, dump,
                              config.transfer)
-            painted, row = stylize_as_rival(task, getattr(config, config.method.replace("-", "_")))
+            painted, row = config.other.paint(task, config.parameters_of(config.other))
         else:
             painted, row = stylize_views(field, capture, one, config, progress, dump)
         colors.append(painted)

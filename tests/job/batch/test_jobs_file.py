@@ -71,6 +71,23 @@ def test_a_sitter_goes_before_a_style_and_that_before_the_defaults(load):
     assert jobs.parameters("bert", "soft", "generic-4k").encode == MakeConfig().encode
 
 
+def test_parameters_of_another_packages_method(load):
+    jobs = load("""
+        [defaults.stylize.ref_npr]
+        steps = 3
+        [[style]]
+        painting = "fauve"
+        stylize.method = "ref-npr"
+        stylize.ref_npr.views = 5
+        [[sitter]]
+        photos = "anna"
+        """)
+    config = jobs.parameters("anna", "fauve").stylize
+    found = config.parameters_of(config.other)
+    assert (found.steps, found.views) == (3, 5) and len(config.parameters) == 1
+    assert config.makers[1:] == ("lfportrait_eval.baselines.field.methods",)
+
+
 @pytest.mark.parametrize("text, told", [
     ("sitter = 3", "double brackets"),
     ("[[siter]]", "no siter; did you mean sitter?"),
@@ -88,6 +105,9 @@ def test_a_sitter_goes_before_a_style_and_that_before_the_defaults(load):
     ('[[sitter]]\nphotos = "anna"\nstylize.stregth = 1', r"sitter anna.stylize: .*mean strength"),
     ('[[sitter]]\nphotos = "anna"\nstylize.strength = "x"', "strength = 'x' is not a number"),
     ('[[sitter]]\nphotos = "anna"\nstylize.method = "oil"', "none of skin, paper, arf"),
+    ('[[sitter]]\nphotos = "anna"\nstylize.arf.step = 1', "anna.stylize.arf: .*mean steps"),
+    ('[[sitter]]\nphotos = "anna"\nstylize.arf = 3', "arf = 3 is not a table"),
+    ('[[sitter]]\nphotos = "anna"\nstylize.parameters = []', "there is no parameters"),
     ('[[sitter]]\nphotos = "anna"\nstylize = 3', "stylize = 3 is not a table"),
     ('[[sitter]]\nphotos = "anna"\nreconstruct.rays = 3', "rays = 3 is not a list"),
     ('[[style]]\npainting = "fauve"\nreconstruct.max_voxels = 1', "there is no reconstruct"),

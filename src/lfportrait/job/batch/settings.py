@@ -15,6 +15,8 @@ from collections.abc import Mapping
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 
 from ...errors import UserError
+from ...plugins import Choice
+from ...stylize import StylizeConfig
 
 __all__ = ["checked", "overlaid", "unknown_key"]
 
@@ -49,7 +51,8 @@ def checked(value: Any, kind: Any, where: str) -> Any:
     """
     origin, inner = get_origin(kind), get_args(kind)
     if origin is typing.Annotated:
-        return checked(value, inner[0], where)
+        names = next((mark.choices for mark in inner[1:] if isinstance(mark, Choice)), None)
+        return checked(value, Literal[names] if names else inner[0], where)
     if origin in (Union, types.UnionType):
         return checked(value, next(one for one in inner if one is not type(None)), where)
     if origin is Literal:
@@ -74,7 +77,7 @@ def checked(value: Any, kind: Any, where: str) -> Any:
 @functools.cache
 def _types(kind: Any) -> dict[str, Any]:
     """The types of a data class's fields."""
-    return typing.get_type_hints(kind)
+    return typing.get_type_hints(kind, include_extras=True)
 
 
 def overlaid(config: _Config, table: Mapping[str, Any], where: str) -> _Config:
@@ -100,9 +103,17 @@ def overlaid(config: _Config, table: Mapping[str, Any], where: str) -> _Config:
     hints = _types(kind)
     # A seed is the job's, not a stage's.
     known = [entry.name for entry in dataclasses.fields(config)  # type: ignore[arg-type]
-             if entry.name != "seed"]
+             if entry.name not in ("seed", "parameters")]
     changed: dict[str, Any] = {}
     for key, value in table.items():
+        if key not in known and isinstance(config, StylizeConfig) and (
+                (section := config.section(key)) is not None):
+            # Parameters of another package's method.
+            if not isinstance(value, dict):
+                raise UserError(f"{where}: {key} = {value!r} is not a table")
+            section = overlaid(section, value, f"{where}.{key}")
+            config = typing.cast(_Config, config.with_section(section))
+            continue
         if key not in known:
             raise unknown_key(where, key, known)
         before = getattr(config, key)

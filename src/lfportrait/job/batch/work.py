@@ -95,7 +95,7 @@ def _done(task: Task, results: Path) -> dict[str, Any]:
     def work() -> dict[str, Any]:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("ignore")
-            warnings.filterwarnings("always", category=UserWarning, module=r"lfportrait\.")
+            warnings.filterwarnings("always", category=UserWarning, module=r"lfportrait\w*\.")
             cost, figures = cost_of(lambda: do_stage(task, results, folder, Tools()))
         written = sum(_size(folder.folder / name)
                       for name in (*task.outputs, *figures.get("more", ())))

@@ -1,4 +1,4 @@
-"""Colours seen and taught: products with a view's sparse weights, steps of Adam and RMSProp."""
+"""Colours seen and taught: products with a view's sparse weights, steps of Adam."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from ...lanes.decorators import lean_kernel
 from ...lanes.threads import shared
 
-__all__ = ["adam_step", "gather_colors", "rmsprop_step", "scatter_colors"]
+__all__ = ["adam_step", "gather_colors", "scatter_colors"]
 
 
 @shared("out")
@@ -58,27 +58,5 @@ def adam_step(since, until, colors, gradient, mean, square, rate, step):
                 change = (mean[row, channel] / unbias) / (
                     np.sqrt(square[row, channel] / unbias_square) + np.float32(1e-12))
                 value = colors[row, channel] - rate * change
-                colors[row, channel] = min(max(value, np.float32(0)), np.float32(1))
-                gradient[channel, row] = np.float32(0)
-
-
-@shared("colors")
-@lean_kernel
-def rmsprop_step(since, until, colors, gradient, square, rate):
-    """RMSProp as in svox2 on colours [N, 3] with gradient [3, N], where it is not zero.
-
-    A colour's first slope is its own mean square. Colours stay in [0, 1]; the gradient is set to
-    zero.
-    """
-    keep = np.float32(0.95)
-    for row in range(since, until):
-        for channel in range(3):
-            slope = gradient[channel, row]
-            if slope != 0:
-                mean = slope * slope
-                if square[row, channel] != 0:
-                    mean += keep * (square[row, channel] - mean)
-                square[row, channel] = mean
-                value = colors[row, channel] - rate * slope / (np.sqrt(mean) + np.float32(1e-20))
                 colors[row, channel] = min(max(value, np.float32(0)), np.float32(1))
                 gradient[channel, row] = np.float32(0)

@@ -1,8 +1,0 @@
-"""Speed, side by side with others and with the quality: encode, reconstruct, transfer, stylize."""
-
-from .encode import bench_masks
-from .run import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize
-from .transfer import bench_transfer, transfer_table
-
-__all__ = ["BENCHES", "bench", "bench_encode", "bench_masks", "bench_reconstruct",
-           "bench_stylize", "bench_transfer", "transfer_table"]

@@ -1,0 +1,163 @@
+"""What a method is shown: photos of the capture, cropped to the head, and the field behind them.
+
+The paper's method and the skin look at renders on arcs; the methods here were published with the
+photos that a field was trained on. A photo is laid on the background by the field's own opacity:
+what the field cannot show (a wall, a chair) would only disturb the losses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from PIL import Image
+
+from lfportrait.capture import Camera
+from lfportrait.errors import UserError
+from lfportrait.field import VoxelField
+from lfportrait.files import write_image
+from lfportrait.stylize import FieldTask
+from lfportrait.stylize.fit import ColorModel
+from lfportrait.stylize.views import StyleView, facing
+
+__all__ = ["PhotoView", "dump_views", "photo_views", "tensor", "view_of"]
+
+Float32 = NDArray[np.float32]
+
+
+@dataclass
+class PhotoView(StyleView):
+    """A view whose content is a photo, with the surface that it shows.
+
+    Attributes
+    ----------
+    camera
+        Its camera, a batch of one.
+    points
+        float64 [h, w, 3], world point under each pixel, NaN without one.
+    depth
+        float32 [h, w], distance along the optical axis; infinite without a surface.
+    """
+
+    camera: Any = None
+    points: Any = None
+    depth: Any = None
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Pixels that show nothing but the head, bool [h, w]."""
+        return self.alpha > 0.9
+
+
+def tensor(picture: Float32) -> torch.Tensor:
+    """A picture [h, w, 3] as the networks take it, [1, 3, h, w]."""
+    return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1), np.float32))[None]
+
+
+def photo_views(task: FieldTask, size: int, count: int) -> list[PhotoView]:
+    """Up to ``count`` training photos, evenly spread by their direction.
+
+    Parameters
+    ----------
+    task
+        Field, capture, background.
+    size
+        Longer side of the views in pixels.
+    count
+        How many.
+
+    Raises
+    ------
+    UserError
+        If no photo shows anything of the field.
+    """
+    cameras = task.capture.cameras
+    training = task.capture.training()
+    position = cameras.position[training]
+    order = training[np.argsort(np.arctan2(position[:, 0], position[:, 2]), kind="stable")]
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, min(count, len(order))).astype(int))]
+    views = []
+    for index in chosen:
+        view = view_of(task, cameras[int(index)], size, int(index))
+        if view is not None:
+            views.append(view)
+        task.tell(f"views: {len(views)} of {len(chosen)}", 1)
+    if not views:
+        raise UserError("no photo of the capture shows anything of the field: it was "
+                        "reconstructed from another capture")
+    return views
+
+
+def view_of(task: FieldTask, camera: Camera, size: int, photo: int | None) -> PhotoView | None:
+    """One view, cropped to the head; None where its camera sees nothing of the field.
+
+    Parameters
+    ----------
+    task
+        Field, capture, background.
+    camera
+        The camera, a batch of one.
+    size
+        Longer side of the view in pixels.
+    photo
+        Which photo it took; None: the field's render is the content.
+    """
+    box = _head_box(task.field, camera)
+    if box is None:
+        return None
+    cropped, window = _cropped(camera, box, size)
+    rendering = task.field.render(cropped, 0, background=task.background)
+    points = rendering.points(cropped, 0)
+    alpha = rendering.alpha
+    content = np.clip(rendering.color, 0.0, 1.0)
+    if photo is not None:
+        picture = np.rint(255 * task.capture.image_float(photo, task.background))
+        resized = Image.fromarray(picture.astype(np.uint8)).resize(
+            (int(cropped.width[0]), int(cropped.height[0])), Image.Resampling.BICUBIC, box=window)
+        content = (np.asarray(resized, np.float32) / 255 * alpha[..., None]
+                   + np.float32(task.background) * (1 - alpha[..., None]))
+    return PhotoView(content, content, alpha, facing(points, cropped.position[0]),
+                     task.field.sample_weights(cropped, 0),
+                     trust=np.where(alpha > 0.05, alpha, 0).astype(np.float32),
+                     camera=cropped, points=points, depth=rendering.depth)
+
+
+def _head_box(field: VoxelField, camera: Camera) -> tuple[float, float, float, float] | None:
+    """Left, top, right and bottom of what a camera sees of the field, in its pixels."""
+    width, height = int(camera.width[0]), int(camera.height[0])
+    coarse = camera.scaled(min(1.0, 160 / max(width, height)))
+    rows, columns = np.nonzero(field.render(coarse, 0).alpha > 0.02)
+    if not len(rows):
+        return None
+    across, down = width / coarse.width[0], height / coarse.height[0]
+    margin = 4
+    return (max((columns.min() - margin) * across, 0.0), max((rows.min() - margin) * down, 0.0),
+            min((columns.max() + 1 + margin) * across, float(width)),
+            min((rows.max() + 1 + margin) * down, float(height)))
+
+
+def _cropped(camera: Camera, box: tuple[float, float, float, float], size: int,
+             ) -> tuple[Camera, tuple[float, float, float, float]]:
+    """The camera restricted to a box, sides multiples of 16; and that box as it became."""
+    left, top, right, bottom = box
+    factor = size / max(right - left, bottom - top)
+    width, height = (max(16, int((end - start) * factor + 1e-6) // 16 * 16)
+                     for start, end in ((left, right), (top, bottom)))
+    right, bottom = left + width / factor, top + height / factor
+    window = (left, top, min(right, float(camera.width[0])), min(bottom, float(camera.height[0])))
+    cropped = Camera(camera.pose, camera.focal * factor,
+                     (camera.center - np.array([left, top])) * factor, np.array([width]),
+                     np.array([height]))
+    return cropped, window
+
+
+def dump_views(task: FieldTask, model: ColorModel, views: list[PhotoView]) -> None:
+    """Write every third view: what it was to keep, what it was fitted to, what it shows."""
+    if task.dump is None:
+        return
+    for index, view in enumerate(views[::3]):
+        write_image(task.dump / f"view_{index:02d}.png", np.concatenate(
+            [view.content, view.example, model.picture(view)], axis=1))

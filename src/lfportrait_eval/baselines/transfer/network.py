@@ -1,0 +1,203 @@
+"""A network that learnt one style (Futschik et al. 2019), for comparison: slow to make, then quick.
+
+A teacher (guided patch synthesis, or StyleBlit) paints many portraits in one style; a full-frame
+image-to-image network learns to turn the photos into the paintings (`unet`). Then a photo needs no
+guides. What the network has not seen it can't paint: train it on a folder with hundreds of
+portraits. Without a folder the embedded heads, and the photo to be painted, stand in.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lfportrait.errors import UserError
+from lfportrait.example.exemplar import Exemplar, face_size
+from lfportrait.example.providers import Sitting, provided_sittings
+from lfportrait.example.transfers import Transfer
+from lfportrait.files import atomic_write
+
+from .config import NetworkConfig
+from .facestyle import FaceStyle
+from .painted import Painted
+from .training_photos import folder_sittings, varied
+
+__all__ = ["StyleNetwork"]
+
+FORMAT = "lfportrait style network 1"
+
+
+@dataclass
+class _Trained:
+    """A network and what is to be known of it."""
+
+    painter: Any
+    facts: dict[str, Any] = field(default_factory=dict)
+
+
+class StyleNetwork:
+    """One exemplar's network, read from its checkpoint or trained.
+
+    Parameters
+    ----------
+    exemplar
+        The painting.
+    config
+        Parameters.
+    own
+        Photos with landmarks to train on besides; e.g. the one to be painted.
+
+    Raises
+    ------
+    UserError
+        If the checkpoint is damaged or of another style, or there is nothing to train on.
+    """
+
+    def __init__(self, exemplar: Exemplar, config: NetworkConfig | None = None,
+                 own: list[Sitting] | None = None) -> None:
+        self.exemplar = exemplar
+        self.config = config or NetworkConfig()
+        start = time.perf_counter()
+        path = self.config.checkpoint
+        if path is not None and path.exists():
+            self._trained = _load(path, _digest(exemplar))
+        else:
+            self._trained = self._train(own or [])
+            if path is not None:
+                _save(path, self._trained)
+        self.seconds = time.perf_counter() - start
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Width, steps, loss, number of pairs, seconds of teacher and training."""
+        return dict(self._trained.facts)
+
+    def apply(self, image: NDArray[np.uint8], landmarks: NDArray[np.floating]) -> Painted:
+        """Stylise one photo; the landmarks only tell the size of the face.
+
+        Parameters
+        ----------
+        image
+            uint8 [H, W, 3].
+        landmarks
+            [68, 2] in pixels.
+        """
+        from .unet import run
+
+        start = time.perf_counter()
+        photo = np.ascontiguousarray(image[..., :3])
+        height, width = photo.shape[:2]
+        scale = self._trained.facts["face"] / face_size(landmarks)
+        # A tiny face in a large picture must not fill the memory.
+        scale = min(scale, 3 * self._trained.facts["size"] / max(height, width))
+        size = max(round(width * scale), 16), max(round(height * scale), 16)
+        small = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS)
+        prepared = time.perf_counter()
+        made = run(self._trained.painter, np.asarray(small))
+        planes = [np.asarray(Image.fromarray(np.ascontiguousarray(made[..., c])).resize(
+            (width, height), Image.Resampling.BICUBIC)) for c in range(3)]
+        end = time.perf_counter()
+        return Painted(np.clip(np.stack(planes, axis=-1), 0, 1).astype(np.float32),
+                       {"precalculation_seconds": self.seconds, "guides_seconds": prepared - start,
+                        "synthesis_seconds": end - prepared},
+                       {"input": np.asarray(small), "output": made})
+
+    def _train(self, own: list[Sitting]) -> _Trained:
+        """Let the teacher paint, and train."""
+        from .unet import train
+
+        config = self.config
+        start = time.perf_counter()
+        pairs, faces = self._examples(own)
+        painted = time.perf_counter()
+        painter, steps, loss = train(
+            pairs, config.width, steps=config.steps, seconds=config.budget, rate=config.rate,
+            adversarial=config.adversarial, seed=config.seed)
+        return _Trained(painter, {
+            "format": FORMAT, "style": _digest(self.exemplar), "width": config.width,
+            "size": config.size, "face": faces, "pairs": len(pairs), "steps": steps, "loss": loss,
+            "teacher": config.teacher, "teacher_seconds": painted - start,
+            "training_seconds": time.perf_counter() - painted})
+
+    def _examples(self, own: list[Sitting],
+                  ) -> tuple[list[tuple[NDArray[np.uint8], NDArray[np.float32]]], float]:
+        """Photos and their paintings, and the mean size of the faces."""
+        config = self.config
+        random = np.random.default_rng(config.seed)
+        if config.photos is not None:
+            sittings = folder_sittings(config.photos) + own
+        else:
+            # Half of the examples show the photo itself, where there is one.
+            heads = config.pairs - config.pairs // 2 if own else config.pairs
+            sittings = provided_sittings(heads, config.size, config.seed)
+            sittings += [own[n % len(own)] for n in range(config.pairs // 2)] if own else []
+        style = _reduced(self.exemplar, 2 * config.size)
+        teacher: Any = FaceStyle(style) if config.teacher == "facestyle" else Transfer(style)
+        pairs, faces = [], []
+        for n in range(max(config.pairs, len(sittings) if config.photos is None else 1)):
+            photo, landmarks = varied(sittings[n % len(sittings)], config.size, random)
+            pairs.append((photo, teacher.apply(photo, landmarks).image))
+            faces.append(face_size(landmarks))
+        return pairs, float(np.mean(faces))
+
+
+def _reduced(exemplar: Exemplar, side: int) -> Exemplar:
+    """The exemplar with its longer side at most ``side`` pixels: the teacher is quicker."""
+    height, width = exemplar.image.shape[:2]
+    scale = side / max(height, width)
+    if scale >= 1:
+        return exemplar
+    size = max(round(width * scale), 16), max(round(height * scale), 16)
+    picture = np.asarray(Image.fromarray(exemplar.image).resize(size, Image.Resampling.LANCZOS))
+    mask = None
+    if exemplar.mask is not None:
+        mask = np.asarray(Image.fromarray(exemplar.mask).resize(size, Image.Resampling.BILINEAR))
+    points = exemplar.landmarks * (np.array(size) / (width, height))
+    return replace(exemplar, image=picture, landmarks=points, mask=mask)
+
+
+def _digest(exemplar: Exemplar) -> str:
+    """What tells one style from another."""
+    digest = hashlib.sha256(exemplar.image.tobytes())
+    digest.update(np.round(exemplar.landmarks, 2).tobytes())
+    return digest.hexdigest()
+
+
+def _save(path: Path, trained: _Trained) -> None:
+    from safetensors.torch import save
+
+    tensors = {name: value.contiguous() for name, value in trained.painter.state_dict().items()}
+    with atomic_write(path) as stream:
+        stream.write(save(tensors, metadata={"facts": json.dumps(trained.facts)}))
+
+
+def _load(path: Path, style: str) -> _Trained:
+    import torch
+    from safetensors import SafetensorError, safe_open
+
+    from .unet import Painter
+
+    try:
+        with safe_open(path, "pt") as stored:
+            facts = json.loads((stored.metadata() or {})["facts"])
+            if facts["format"] != FORMAT:
+                raise KeyError(FORMAT)
+            painter: Any = Painter(int(facts["width"]))
+            names = stored.keys()
+            painter.load_state_dict({name: stored.get_tensor(name) for name in names})
+    except (SafetensorError, OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
+        raise UserError(f"{path} is no network of a style, or damaged; remove it to train a new "
+                        "one") from error
+    if facts["style"] != style:
+        raise UserError(f"the network in {path} was trained on another style; name another "
+                        "--network.checkpoint")
+    # In the layout that it was trained in: other layouts round differently.
+    return _Trained(painter.eval().to(memory_format=torch.channels_last), facts)

@@ -1,0 +1,190 @@
+"""Commands of measurement: ``evaluate``, ``evaluate tables``, ``bench``, ``study``."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+from dataclasses import field as option
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import tyro
+
+from lfportrait.cli import Common
+from lfportrait.errors import UserError
+
+from .study import StudyConfig
+from .tables import TablesConfig
+
+__all__ = ["Bench", "Evaluate", "Study", "Tables"]
+
+
+@dataclass
+class Evaluate(Common):
+    """Measure a finished job: held-out views, consistency between views, style and identity."""
+
+    job: tyro.conf.Positional[Path]
+    """Folder that `lfportrait make` or `demo` wrote."""
+    style: str = ""
+    """The job's exemplar, for the distances to the style."""
+
+    def run(self) -> dict[str, Any]:
+        """Measure and print."""
+        from lfportrait.example import Exemplar
+
+        from .metrics import evaluate_job
+
+        exemplar = Exemplar.load(self.style) if self.style else None
+        with self.progress("evaluate") as progress:
+            figures = evaluate_job(self.job, exemplar, progress=progress)
+        for name, value in sorted(_flat(figures).items()):
+            print(f"{name:<44} {value:.4g}" if isinstance(value, float) else f"{name:<44} {value}")
+        return figures
+
+
+@dataclass
+class Tables(Common):
+    """Compare methods as the paper does: the same sitters, styles and views, every figure.
+
+    Writes tables.md, tables.csv, tables.json and index.html. It takes about a minute for each
+    sitter, style and method, and goes on where it was stopped.
+    """
+
+    capture: tuple[str, ...] = ()
+    """Sitters: CAPTURE, NAME=CAPTURE or NAME=CAPTURE:FIELD each. Without a field, one is
+    reconstructed and kept."""
+    styles: tuple[str, ...] = ()
+    """Exemplars: pictures, or names from `lfportrait styles`."""
+    field: tuple[str, ...] = ()
+    """Field files, in the order of the captures."""
+    out: Path = Path("tables")
+    """Folder for the tables, and for all that is computed on the way."""
+    document: Path | None = None
+    """Markdown file in which the tables are put, between the lines <!-- tables: begin --> and
+    <!-- tables: end -->."""
+    config: Annotated[TablesConfig, tyro.conf.arg(name="")] = option(default_factory=TablesConfig)
+    """What is compared, and how large."""
+
+    groups: ClassVar[dict[str, str]] = {"stylize.": "lfportrait.field_methods"}
+
+    def run(self) -> dict[str, Any]:
+        """Measure and write."""
+        from lfportrait.capture import CalibrateConfig
+        from lfportrait.example import Exemplar
+        from lfportrait.job import prepare_capture
+
+        from .tables import fill_document, place_in, sources_of, write_tables
+
+        sources = sources_of(self.capture, self.field)
+        config = replace(self.config, stylize=replace(self.config.stylize, parameters=self.given))
+        exemplars = [Exemplar.load(style) for style in self.styles]
+        if self.document is not None:
+            place_in(self.document)
+        with self.progress("tables") as progress:
+            figures = write_tables(
+                sources, exemplars, self.out, config, seed=self.seed, progress=progress,
+                open_capture=lambda path: prepare_capture(path, CalibrateConfig(seed=self.seed),
+                                                          need_face=True, progress=progress)[0])
+        text = (self.out / "tables.md").read_text("utf-8")
+        print(text)
+        if self.document is not None:
+            fill_document(self.document, text)
+        print(f"{self.out / 'index.html'}: {len(figures['cells'])} cells")
+        return figures
+
+
+@dataclass
+class Bench(Common):
+    """Measure speed, ratios side by side in one run."""
+
+    what: tyro.conf.Positional[Literal["encode", "reconstruct", "transfer", "stylize", "all"]]
+    """Which stage."""
+    field: Path | None = None
+    """Field file to code and render; without it, the embedded head is reconstructed first."""
+    capture: Path | None = None
+    """Capture to reconstruct and stylise; the embedded one by default."""
+    full: bool = False
+    """Reconstruct by the default schedule, which takes minutes, instead of a short one."""
+    plot: Path | None = None
+    """Write the reconstruction's PSNR over time as a picture to this file."""
+
+    def run(self) -> dict[str, Any]:
+        """Measure and print."""
+        from .bench import bench, transfer_table
+
+        with self.progress("bench") as progress:
+            figures = bench(self.what, field=self.field, capture=self.capture, plot=self.plot,
+                            full=self.full, progress=progress)
+        for name, value in _flat(figures).items():
+            if ".curve." in f".{name}":  # for --json and the plot
+                continue
+            print(f"{name:<44} {value:.4g}" if isinstance(value, float) else f"{name:<44} {value}")
+        if self.what in ("transfer", "all"):
+            print(transfer_table(figures if self.what == "transfer" else figures["transfer"]))
+        return figures
+
+
+@dataclass
+class Study(Common):
+    """A user study: a page on which people choose between portraits, and what they chose.
+
+    `lfportrait study JOB JOB ...` writes the page; `lfportrait study results FILE ...` evaluates
+    the answer files that people hand over.
+    """
+
+    jobs: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Folders of jobs, or videos SITTER/STYLE/METHOD.mp4; METHOD=PATH or METHOD:SITTER:STYLE=PATH
+    names them. Or the word results, and answer files."""
+    out: Path | None = None
+    """Folder for the page, by default study; for the results, by default study-results."""
+    study: Path | None = None
+    """results: the study.json of the study, or its folder, to check the answers against."""
+    config: Annotated[StudyConfig, tyro.conf.arg(name="")] = option(default_factory=StudyConfig)
+    """Questions, pairs and looks."""
+
+    def run(self) -> dict[str, Any]:
+        """Write the page, or evaluate."""
+        if not self.jobs:
+            raise UserError("name the portraits to compare: lfportrait study JOB JOB ...; or "
+                            "evaluate: lfportrait study results answers/*.json")
+        return self._results() if self.jobs[0] == "results" else self._page()
+
+    def _page(self) -> dict[str, Any]:
+        from .study import write_study
+
+        out = self.out or Path("study")
+        with self.progress("study", len(self.jobs)) as progress:
+            figures = write_study(self.jobs, out, self.config, seed=self.seed, progress=progress)
+        print(f"{out / 'index.html'}: {', '.join(figures['methods'])}; pairs: "
+              f"{figures['pairs']}, answers of each person: {figures['answers_per_person']}")
+        return figures
+
+    def _results(self) -> dict[str, Any]:
+        from .study import write_results
+
+        out = self.out or Path("study-results")
+        figures = write_results(self.jobs[1:], out, study=self.study, seed=self.seed)
+        for entry in figures["left_out"]:
+            print(f"left out: {entry['file']}: {entry['reason']}", file=sys.stderr)
+        for row in figures["preferences"]:
+            print(f"{row['question']:<12} {row['first']} over {row['second']}: "
+                  f"{100 * row['share']:.1f} % of {row['total']} "
+                  f"({100 * row['low']:.1f} to {100 * row['high']:.1f} %), "
+                  f"p = {row['p_holm']:.2g}")
+        print(f"{out / 'results.md'}: people: {figures['people']}, "
+              f"answers: {figures['answers']}")
+        return figures
+
+
+def _flat(figures: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested figures as one level of dotted names."""
+    rows: dict[str, Any] = {}
+    for name, value in figures.items():
+        if isinstance(value, dict):
+            rows.update(_flat(value, f"{prefix}{name}."))
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            for index, item in enumerate(value):
+                rows.update(_flat(item, f"{prefix}{name}.{index}."))
+        else:
+            rows[prefix + name] = value
+    return rows

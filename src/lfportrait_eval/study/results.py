@@ -1,0 +1,182 @@
+"""The results of a study as files: tables to read, to compute with, and drawings."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from lfportrait.files import atomic_write, write_json
+
+from .analysis import analyse
+from .answers import read_answers
+from .charts import Row, interval_chart
+
+__all__ = ["write_results"]
+
+_COLUMNS = {
+    "preferences.csv": ("question", "first", "second", "count", "total", "share", "low", "high",
+                        "effective", "wilson_low", "wilson_high", "people_for", "people_against",
+                        "people_undecided", "p", "p_holm"),
+    "ranking.csv": ("question", "method", "strength", "low", "high", "expected_share", "wins",
+                    "answers"),
+}
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.1f} %"
+
+
+def _interval(row: dict[str, Any]) -> str:
+    return "-" if row["low"] is None else f"{100 * row['low']:.1f} to {100 * row['high']:.1f} %"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _p(value: float) -> str:
+    return "< 0.0001" if value < 1e-4 else f"{value:.4f}"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    def cells(row: Sequence[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
+
+    return "\n".join([cells(head), cells(["---"] * len(head)), *map(cells, rows)])
+
+
+def _preferences(figures: dict[str, Any]) -> str:
+    return _table(
+        ("question", "preferred", "to", "share", "95 % interval", "answers", "people for : against",
+         "p", "p (Holm)"),
+        [(row["question"], row["first"], row["second"], _percent(row["share"]), _interval(row),
+          str(row["total"]), f"{row['people_for']} : {row['people_against']}", _p(row["p"]),
+          _p(row["p_holm"])) for row in figures["preferences"]])
+
+
+def _ranking(figures: dict[str, Any]) -> str:
+    rows = [row for ranking in figures["ranking"].values() for row in ranking or ()]
+    missing = [name for name, ranking in figures["ranking"].items() if ranking is None]
+    text = _table(("question", "method", "strength", "95 % interval", "wins expected"),
+                  [(row["question"], row["method"], f"{row['strength']:+.2f}",
+                    f"{row['low']:+.2f} to {row['high']:+.2f}", _percent(row["expected_share"]))
+                   for row in rows]) if rows else ""
+    if missing:
+        text += ("\n\nNo ranking: some methods were never compared, not even by way of others.")
+    return text.strip()
+
+
+def _people(figures: dict[str, Any]) -> str:
+    rows = []
+    for agreement, oneself, left in zip(figures["agreement"], figures["self_agreement"],
+                                        figures["left"]):
+        rows.append((agreement["question"], _number(agreement["kendall_u"]),
+                     _number(agreement["fleiss_kappa"]), _number(agreement["krippendorff_alpha"]),
+                     f"{_percent(oneself['share'])} of {oneself['total']}",
+                     f"{_percent(left['share'])} ({_interval(left)})"))
+    return _table(("question", "Kendall's u", "Fleiss' kappa", "Krippendorff's alpha",
+                   "same choice again", "left chosen"), rows)
+
+
+def _markdown(figures: dict[str, Any]) -> str:
+    asked = "\n".join(f"- **{question['name']}**: {question['text']}"
+                      for question in figures["questions"])
+    left_out = "\n".join(f"- {entry['file']}: {entry['reason']}" for entry in figures["left_out"])
+    seconds = figures["seconds_per_answer"]
+    count = figures["people"]
+    return "\n\n".join([
+        "# Results of a user study",
+        f"{count} {'person' if count == 1 else 'people'}, {figures['answers']} answers"
+        + ("" if seconds is None else f", {seconds:g} s for one (median)")
+        + f". Study `{figures['study']}`.",
+        asked,
+        "## Preferences", "![Shares with their intervals](preferences.svg)",
+        _preferences(figures),
+        "Intervals are Wilson's, of as many answers as these are worth: those of one person are "
+        "alike. The p-values are those of the sign test over people: each counts once, for the "
+        "method that they chose more often. Holm's correction is for all rows together.",
+        "## Ranking",
+        *(["![Strengths with their intervals](ranking.svg)"]
+          if any(figures["ranking"].values()) else []),
+        _ranking(figures),
+        "Strengths are logarithms after Bradley and Terry, 0 on average: one that is higher by 1 "
+        "wins 73 % of the time. Their intervals come from drawing people anew, 2000 times.",
+        "## People", _people(figures),
+        "Agreement is 1 where all answer alike and 0 where they answer as by chance. *Same choice "
+        "again*: of pairs that came twice, sides swapped.",
+        *(["## Files that were left out", left_out] if left_out else [])]) + "\n"
+
+
+def _chart_files(figures: dict[str, Any]) -> dict[str, str]:
+    def group(rows: Sequence[dict[str, Any]]) -> list[Row]:
+        return [Row(f"{row['first']} over {row['second']}", 100 * row["share"], 100 * row["low"],
+                    100 * row["high"], f"{_percent(row['share'])} of {row['total']}")
+                for row in rows]
+
+    names = [question["name"] for question in figures["questions"]]
+    found = {"preferences.svg": interval_chart(
+        [(name, group([row for row in figures["preferences"] if row["question"] == name]))
+         for name in names], title="Which portrait people preferred",
+        across="share of answers in %, 95 % intervals", reference=50.0,
+        span=(0.0, 100.0))}
+    ranked = [(name, [Row(row["method"], row["strength"], row["low"], row["high"],
+                          f"{row['strength']:+.2f}") for row in figures["ranking"][name]])
+              for name in names if figures["ranking"][name]]
+    if ranked:
+        found["ranking.svg"] = interval_chart(
+            ranked, title="Ranking of the methods",
+            across="strength (logarithm, Bradley and Terry), 95 % intervals over people",
+            reference=0.0)
+    return found
+
+
+def _csv(rows: Sequence[dict[str, Any]], columns: Sequence[str]) -> str:
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, columns, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def write_results(files: Sequence[str | Path], out: str | Path, *, study: Path | None = None,
+                  seed: int = 0) -> dict[str, Any]:
+    """Evaluate the answers to a study.
+
+    Parameters
+    ----------
+    files
+        Answer files.
+    out
+        Folder for ``results.md``, ``results.json``, ``preferences.csv``, ``ranking.csv``,
+        ``preferences.svg`` and ``ranking.svg``.
+    study
+        The study's ``study.json``, or its folder, to check the answers against.
+    seed
+        Seed of the bootstrap.
+
+    Returns
+    -------
+    figures
+        Those of `analyse`, and ``left_out``: files that can't be used, each with the ``reason``.
+
+    Raises
+    ------
+    UserError
+        If no file can be used.
+    """
+    people, left_out = read_answers([Path(file) for file in files], study)
+    figures = analyse(people, seed)
+    figures["left_out"] = [{"file": str(file), "reason": reason} for file, reason in left_out]
+    rows = {"preferences.csv": figures["preferences"],
+            "ranking.csv": [row for ranking in figures["ranking"].values()
+                            for row in ranking or ()]}
+    texts = {**_chart_files(figures), "results.md": _markdown(figures),
+             **{name: _csv(rows[name], columns) for name, columns in _COLUMNS.items()}}
+    for name, text in texts.items():
+        with atomic_write(Path(out) / name) as stream:
+            stream.write(text.encode())
+    write_json(Path(out) / "results.json", figures)
+    return figures

@@ -1,0 +1,265 @@
+"""The tables as files: Markdown to read and to include, CSV and JSON to compute with, the page."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lfportrait.errors import UserError
+from lfportrait.files import atomic_write, write_json
+
+from .page import write_tables_page
+from .summary import COLUMNS, FLOORS, GROUPS, Cell, Spread, best, spreads
+
+__all__ = ["BEGIN", "END", "fill_document", "markdown_tables", "place_in", "write_documents"]
+
+BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
+"""Lines of a Markdown file between which the tables are put."""
+_MARKS = {"low": " ↓", "high": " ↑", "one": " → 1", "": ""}
+
+Rows = dict[str, dict[str, Spread]]
+
+
+def write_documents(out: Path, facts: dict[str, Any], cells: Sequence[Cell],
+                    floors: dict[str, dict[str, Any]], speed: dict[str, Any],
+                    study: dict[str, Any] | None, failures: Sequence[dict[str, str]],
+                    missing: dict[str, list[str]], *, pictures: bool,
+                    paintings: dict[str, NDArray[np.uint8]]) -> dict[str, Any]:
+    """Write ``tables.md``, ``tables.csv``, ``tables.json`` and, with pictures, ``index.html``.
+
+    Parameters
+    ----------
+    out
+        Folder.
+    facts
+        What the run was: sizes, seed, machine, sitters, styles, methods.
+    cells, floors
+        What was measured.
+    speed, study
+        Table 1 and Fig. 6, and the figures of a user study; empty where there are none.
+    failures, missing
+        Cells that could not be measured, and networks that figures wait for.
+    pictures
+        Whether the page is written.
+    paintings
+        The styles' pictures by name.
+
+    Returns
+    -------
+    figures
+        Those of ``tables.json``.
+    """
+    rows = spreads(cells, list(facts["methods"]))
+    base = _floor_rows(floors)
+    figures = {
+        **{name: asdict(value) if name == "sizes" else value for name, value in facts.items()},
+        "cells": [{**asdict(cell)} for cell in cells], "floors": floors,
+        "summary": {method: {name: asdict(spread) for name, spread in row.items()}
+                    for method, row in {**rows, **base}.items()},
+        "not_measured": {"cells": list(failures), "networks": missing},
+        **{name: value for name, value in speed.items() if name != "stage_seconds"},
+        **({"study": study} if study is not None else {})}
+    text = markdown_tables(facts, rows, base, cells, speed, study, failures, missing)
+    for name, content in (("tables.md", text), ("tables.csv", _csv(cells, floors))):
+        with atomic_write(out / name) as stream:
+            stream.write(content.encode())
+    write_json(out / "tables.json", figures)
+    if pictures:
+        tables = [(title, *table) for title, table in _grids(rows, base, facts).items()]
+        write_tables_page(out, facts, cells, rows, base, tables + _speed_grids(speed),
+                          _notes(facts, cells, failures, missing), paintings)
+    return figures
+
+
+def _floor_rows(floors: dict[str, dict[str, Any]]) -> Rows:
+    """Mean and spread over the sitters of what is no method."""
+    made = [Cell(sitter, "", name, row[name], {}) for sitter, row in floors.items()
+            for name in FLOORS]
+    return spreads(made, list(FLOORS))
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}"
+
+
+def spread_text(spread: Spread | None, digits: int) -> str:
+    """Mean and spread as text; a dash where nothing was measured."""
+    if spread is None:
+        return "-"
+    if spread.count == 1:
+        return _number(spread.mean, digits)
+    return f"{_number(spread.mean, digits)} ± {_number(spread.deviation, digits)}"
+
+
+def _grids(rows: Rows, base: Rows, facts: dict[str, Any],
+           ) -> dict[str, tuple[list[str], list[list[str]], list[str | None]]]:
+    """Each table: its head, its rows, and the method that is best in each column."""
+    methods = list(facts["methods"])
+    found = {}
+    for key, (title, names) in GROUPS.items():
+        known = [name for name in names if any(name in row for row in rows.values())]
+        if not known:
+            continue
+        head = ["method", *(COLUMNS[name].title + _MARKS[COLUMNS[name].better] for name in known),
+                "n"]
+        lines = []
+        extra = base if key == "consistency" else {}
+        for method, row in {**{name: rows[name] for name in methods}, **extra}.items():
+            counts = sorted({row[name].count for name in known if name in row})
+            lines.append([FLOORS.get(method, method),
+                          *(spread_text(row.get(name), COLUMNS[name].digits) for name in known),
+                          " to ".join(str(count) for count in (
+                              [counts[0], counts[-1]] if len(counts) > 1 else counts)) or "0"])
+        found[title] = head, lines, [best(rows, name, methods) for name in known]
+    return found
+
+
+def _speed_grids(speed: dict[str, Any]) -> list[tuple[str, list[str], list[list[str]], list[Any]]]:
+    """Table 1 and Fig. 6."""
+    found: list[tuple[str, list[str], list[list[str]], list[Any]]] = []
+    if "table_1" in speed:
+        head = ["resolution", "with mask, s", "without, s", "build the mask, s", "load it, s",
+                "mask, MiB", "memory while coding, MiB"]
+        found.append(("Table 1: the mask guide", head, [[
+            row["resolution"], *(_number(row[f"{name}_seconds"], 3)
+                                 for name in ("with", "without", "build", "load")),
+            _number(row["bytes"] / 2 ** 20, 1), _number(row["memory_bytes"] / 2 ** 20, 1)]
+            for row in speed["table_1"]], []))
+    if "fig_6" in speed:
+        head = ["transfer", "pre-calculation, s", "as published, s", "guides and synthesis, s",
+                f"whole, {speed['fig_6_views']} views, s", "patches"]
+        found.append(("Fig. 6: transfer by example", head, [[
+            name, _number(row["precalculation_seconds"], 3),
+            "-" if row["published_seconds"] is None else _number(row["published_seconds"], 1),
+            _number(row["synthesis_seconds"], 3), _number(row["whole_seconds"], 1),
+            _number(row["patch_fidelity"], 2)] for name, row in speed["fig_6"].items()], []))
+    return found
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]], winners: Sequence[str | None] = (),
+           ) -> str:
+    """A table in Markdown, the best of each column bold."""
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+    shown = [[cell if not 0 < column <= len(winners) or winners[column - 1] != row[0]
+              else f"**{cell}**" for column, cell in enumerate(row)] for row in rows]
+    return "\n".join([line(head), line(["---"] * len(head)), *map(line, shown)])
+
+
+def _notes(facts: dict[str, Any], cells: Sequence[Cell], failures: Sequence[dict[str, str]],
+           missing: dict[str, list[str]]) -> list[str]:
+    """What was not measured, and which networks the methods had."""
+    titles = {"fid": "FID", "kid": "KID", "fid_2048": "FID-2048", "lpips_alex": "LPIPS (alex)",
+              "lpips_vgg": "LPIPS (vgg)", "identity": "landmarks"}
+    notes = [f"{titles[name]}: not measured: weights missing ({', '.join(networks)})."
+             for name, networks in missing.items()]
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for row in failures:
+        reasons.setdefault((row["method"], row["reason"]), []).append(
+            f"{row['sitter']} in {row['style']}")
+    for (method, reason), where in reasons.items():
+        kind = "weights missing: " if "models fetch" in reason or "the network" in reason else ""
+        notes.append(f"{method}: not measured ({', '.join(where)}): {kind}{reason}")
+    used: dict[str, str] = {}
+    for cell in cells:
+        networks = cell.facts.get("networks")
+        if networks:
+            used[cell.method] = (", ".join(f"{term} {name}" for term, name in networks.items())
+                                 if isinstance(networks, dict) else str(networks))
+    notes.append(f"content: features of the network {facts['content_network']}.")
+    return notes + [f"{method}: networks: {text}." for method, text in used.items()]
+
+
+def markdown_tables(facts: dict[str, Any], rows: Rows, base: Rows, cells: Sequence[Cell],
+                    speed: dict[str, Any], study: dict[str, Any] | None,
+                    failures: Sequence[dict[str, str]], missing: dict[str, list[str]]) -> str:
+    """All tables in Markdown, with what they were measured on."""
+    sizes, machine = facts["sizes"], facts["machine"]
+    parts = [
+        f"Sitters: {', '.join(facts['sitters'])}. Styles: {', '.join(facts['styles'])}. Seed "
+        f"{facts['seed']}. Size {facts['size']}: skin of {sizes.pixels:g} pixels a unit, painted "
+        f"views of {sizes.painted_size} pixels, {3 * sizes.painted_views} of them, arc of "
+        f"{facts['views']} views over {facts['cone']:g} degrees at {sizes.render_size} pixels, "
+        f"close views of {sizes.close_size} pixels. lfportrait {facts['version']}, "
+        f"{machine['processor']}, {machine['cores']} cores. Mean ± standard deviation over sitters "
+        "and styles, n cells; the best mean of a column is bold. The skin of a field is computed "
+        "once a sitter, in " + ", ".join(f"{seconds:.0f} s ({name})" for name, seconds in
+                                        facts["skin_seconds"].items()) + ".",
+        "\n".join(f"- `{name}`: {what}" for name, what in facts["methods"].items())]
+    for title, (head, lines, winners) in _grids(rows, base, facts).items():
+        parts += [f"### {title}", _table(head, lines, winners)]
+        if title == GROUPS["consistency"][0]:
+            parts.append(_photo_note(base))
+    for title, head, lines, _ in _speed_grids(speed):
+        parts += [f"### {title}", _table(head, lines)]
+    if study is not None:
+        parts += ["### User study", _study(study)]
+    notes = _notes(facts, cells, failures, missing)
+    if notes:
+        parts += ["### Not measured, and with which networks",
+                  "\n".join(f"- {note}" for note in notes)]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _photo_note(base: Rows) -> str:
+    """How far apart the pairs of photos are, which are not on the arc."""
+    photos = base.get("photos", {})
+    texts = [f"{name} {photos[key].mean:.1f} degrees apart" for name, key in (
+        ("neighbours", "short_degrees"), ("others", "long_degrees")) if key in photos]
+    return f"Pairs of photos: {', '.join(texts)}." if texts else ""
+
+
+def _study(study: dict[str, Any]) -> str:
+    """Who was preferred to whom."""
+    return _table(("question", "preferred", "to", "share", "95 % interval", "answers"), [
+        (row["question"], row["first"], row["second"], f"{100 * row['share']:.1f} %",
+         "-" if row["low"] is None else f"{100 * row['low']:.1f} to {100 * row['high']:.1f} %",
+         str(row["total"])) for row in study["preferences"]])
+
+
+def _csv(cells: Sequence[Cell], floors: dict[str, dict[str, Any]]) -> str:
+    """One line a cell; floors are methods of no style."""
+    names = [*COLUMNS]
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["sitter", "style", "method", *names])
+    rows: list[tuple[str, str, str, dict[str, Any]]] = [
+        (cell.sitter, cell.style, cell.method, cell.figures) for cell in cells]
+    rows += [(sitter, "", name, row[name]) for sitter, row in floors.items() for name in FLOORS]
+    for sitter, style, method, values in rows:
+        writer.writerow([sitter, style, method, *(
+            "" if values.get(name) is None else f"{values[name]:.6g}" for name in names)])
+    return stream.getvalue()
+
+
+def place_in(path: Path) -> tuple[str, str]:
+    """What stands before and behind the tables in a Markdown file.
+
+    Raises
+    ------
+    UserError
+        If the file can't be read, or has no lines `BEGIN` and `END`.
+    """
+    try:
+        text = path.read_text("utf-8")
+    except OSError as error:
+        raise UserError(f"can't read {path}: {error.strerror}") from error
+    first, last = text.find(BEGIN), text.find(END)
+    if first < 0 or last < first:
+        raise UserError(f"{path} has no place for the tables: it needs the lines {BEGIN} and {END}")
+    return text[:first], text[last:]
+
+
+def fill_document(path: Path, tables: str) -> None:
+    """Put tables into a Markdown file, between the lines `BEGIN` and `END` (`place_in`)."""
+    before, behind = place_in(path)
+    with atomic_write(path) as stream:
+        stream.write(f"{before}{BEGIN}\n\n{tables.strip()}\n\n{behind}".encode())

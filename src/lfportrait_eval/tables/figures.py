@@ -1,0 +1,257 @@
+"""The figures of one cell: a method's views of one sitter in one style, measured.
+
+A figure that can't be measured is None, and `missing_networks` says which weights it waits for. No
+other network stands in for them.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lfportrait import models
+from lfportrait.example import Exemplar
+from lfportrait.face import detect_landmarks
+from lfportrait.metrics import psnr, ssim
+from lfportrait.stylize import row_labels
+
+from ..metrics.consistency import Comparison, consistency
+from ..metrics.crops import spread_crops
+from ..metrics.features import feature_distance, frechet_distance, kernel_distance
+from ..metrics.inception import inception_features
+from ..metrics.likeness import contour_correlation, identity
+from ..metrics.patches import PatchIndex
+from ..metrics.perceptual import LPIPS_NETWORKS, lpips
+from ..metrics.regions import MARGIN, RowLabels, exemplar_regions
+from ..metrics.repeats import Repeat, over_exemplar, strongest_repeat
+from ..metrics.sharpness import gradient_energy
+from ..metrics.transfer_quality import face_region
+from .painting import Views, real_views
+from .sitters import SHOWN, Sitter, landmarks_in
+
+__all__ = ["Target", "agreement", "measure", "missing_networks"]
+
+Figures = dict[str, float | None]
+
+REGIONS = ("hair", "body")
+"""Whose paint may repeat itself."""
+CROP = 0.6
+"""Side of a crop over the width of the face."""
+
+
+def missing_networks() -> dict[str, list[str]]:
+    """The networks that figures wait for, by the beginning of the figures' names."""
+    wanted = {**{f"lpips_{name}": list(networks) for name, networks in LPIPS_NETWORKS.items()},
+              "fid_2048": ["inception-2048"], "fid": ["inception"], "kid": ["inception"],
+              "identity": ["face-landmarker"]}
+    found = {name: models.missing(networks) for name, networks in wanted.items()}
+    return {name: networks for name, networks in found.items() if networks}
+
+
+def distances() -> dict[str, Comparison]:
+    """LPIPS of each backbone whose weights are at hand."""
+    return {f"lpips_{name}": functools.partial(lpips, network=name)
+            for name, networks in LPIPS_NETWORKS.items() if not models.missing(networks)}
+
+
+class Target:
+    """What a sitter's views in one style are measured against; computed once for all methods.
+
+    Parameters
+    ----------
+    sitter, exemplar
+        Who, and in whose manner.
+    crops, seed
+        Number of crops, and of all samples.
+    """
+
+    def __init__(self, sitter: Sitter, exemplar: Exemplar, crops: int, seed: int) -> None:
+        self.sitter, self.exemplar, self.crops, self.seed = sitter, exemplar, crops, seed
+        self.middle = len(sitter.close) // 2
+        self.picture, masks = exemplar_regions(exemplar, sitter.unit, REGIONS,
+                                               MARGIN * sitter.unit)
+        scale = sitter.unit / exemplar.size
+        self.face = face_region(self.picture.shape, exemplar.landmarks * scale)
+        self.energy = gradient_energy(self.picture, self.face)
+        self.patches = PatchIndex(self.picture)
+        self.repeats = {name: _repeat(self.picture, mask, sitter.unit)
+                        for name, mask in masks.items()}
+
+    @functools.cached_property
+    def features(self) -> dict[str, NDArray[np.float64]]:
+        """Inception features of the exemplar's crops."""
+        exemplar = self.exemplar
+        width = float(np.ptp(exemplar.landmarks[:, 0]))
+        if exemplar.mask is None:
+            mask = np.zeros(exemplar.image.shape[:2], bool)
+            low, high = exemplar.landmarks.min(axis=0), exemplar.landmarks.max(axis=0)
+            mask[max(int(low[1]), 0):int(high[1]) + 1, max(int(low[0]), 0):int(high[0]) + 1] = True
+        else:
+            mask = exemplar.mask > 0.5
+        return inception_features(spread_crops(
+            [exemplar.image], [mask], max(int(CROP * width), 16), self.crops, self.seed + 1),
+            full=models.available("inception-2048"))
+
+    @functools.cached_property
+    def regions(self) -> list[dict[str, NDArray[np.bool_]]]:
+        """Where the sitter's regions are in the close views."""
+        labels = RowLabels.joined(*row_labels(self.sitter.skin))
+        return labels.masks(self.sitter.field, self.sitter.close_cameras, REGIONS,
+                            MARGIN * self.sitter.unit)
+
+
+def _repeat(picture: NDArray[Any], mask: NDArray[np.bool_], unit: float) -> Repeat:
+    """The strongest repeat of a region, NaN where it is too small to tell."""
+    if mask.sum() < unit ** 2:
+        return Repeat(float("nan"), (0, 0), float("nan"))
+    return strongest_repeat(picture, mask, unit)
+
+
+def measure(views: Views, target: Target, example: Views | None = None,
+            say: Callable[[str], None] = lambda text: None) -> Figures:
+    """All figures of a method's views.
+
+    Parameters
+    ----------
+    views
+        Of the method; those of the real field give its floor.
+    target
+        Sitter and style.
+    example
+        The same views painted by transfer, each by itself: the other reference of Table 2.
+    say
+        Told what is being measured.
+
+    Returns
+    -------
+    figures
+        By name, see `summary.COLUMNS`; None where something can't be measured.
+    """
+    say("consistency")
+    figures = agreement(views, target.sitter)
+    say("paint")
+    figures |= _paint(views, target)
+    say("likeness")
+    figures |= _likeness(views, target)
+    figures |= _pairs(views, target.sitter, example)
+    if models.available("inception"):
+        say("features")
+        figures |= _style(views, target)
+    return {name: None if value is None or np.isnan(value) else float(value)
+            for name, value in figures.items()}
+
+
+def _floats(pictures: list[NDArray[np.uint8]]) -> list[NDArray[np.float32]]:
+    return [picture.astype(np.float32) / np.float32(255) for picture in pictures]
+
+
+def agreement(views: Views, sitter: Sitter) -> Figures:
+    """Consistency of neighbours, of views 7 apart and of the arc's ends; contrast.
+
+    Parameters
+    ----------
+    views
+        Of a method, or of the real field.
+    sitter
+        Whose field's depths say what is the same point.
+
+    Returns
+    -------
+    figures
+        ``short_``, ``long_``, ``ends_`` with ``rmse``, ``normalised`` and ``lpips_...``;
+        ``contrast``: gradient energy over the real field's.
+    """
+    arc, painted = sitter.arc, _floats(views.arc)
+    rows = consistency(painted, arc.real, arc.cameras, gaps=(1, 7), compare=distances())
+    figures: Figures = {}
+    for name, gap in (("short", "gap_1"), ("long", "gap_7"), ("ends", "extremes")):
+        for key, value in rows.get(gap, {}).items():
+            if key in ("rmse", "normalised") or key.startswith("lpips"):
+                figures[f"{name}_{key}"] = value
+    some = np.unique(np.linspace(0, len(painted) - 1, 4).round().astype(int))
+    energies = np.array([[gradient_energy(picture, mask) for picture in (
+        painted[view], np.clip(arc.real[view].color, 0, 1))]
+        for view, mask in ((view, _inside(arc.masks[view])) for view in some)])
+    figures["contrast"] = float(np.mean(energies[:, 0]) / np.mean(energies[:, 1]))
+    return figures
+
+
+def _inside(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A mask without its outline, which is no paint."""
+    return np.asarray(ndimage.binary_erosion(mask, np.ones((3, 3), bool), 3, border_value=1), bool)
+
+
+def _paint(views: Views, target: Target) -> Figures:
+    """Patches, sharpness and repeats in the close views."""
+    sitter = target.sitter
+    shown = [(views.close[view], sitter.close[view].alpha > 0.5, target.regions[view])
+             for view in SHOWN]
+    figures: Figures = {"patches": float(np.mean([
+        target.patches.fidelity(picture, mask, seed=target.seed) for picture, mask, _ in shown]))}
+    front = views.close[target.middle]
+    face = face_region(front.shape, landmarks_in(sitter.close_cameras, target.middle,
+                                                 sitter.landmarks))
+    figures["sharpness"] = gradient_energy(front, face) / target.energy
+    for name in REGIONS:
+        own = target.repeats.get(name, Repeat(float("nan"), (0, 0), float("nan")))
+        measured = Repeat(0.0, (0, 0), 1.0) if np.isnan(own.peak) else own
+        ratios = [over_exemplar(_repeat(picture, masks[name], sitter.unit), measured)
+                  for picture, _, masks in shown if name in masks]
+        known = [ratio for ratio in ratios if np.isfinite(ratio)]
+        figures[f"repeats_{name}"] = max(known) if known else None
+    return figures
+
+
+def _likeness(views: Views, target: Target) -> Figures:
+    """Whether the head is still the person."""
+    sitter, middle = target.sitter, target.middle
+    real = np.clip(sitter.close[middle].color, 0, 1)
+    mask = sitter.close[middle].alpha > 0.5
+    front = _floats([views.close[middle]])[0]
+    figures: Figures = {"contours": contour_correlation(front, real, mask),
+                        "content": feature_distance(front, real, mask)}
+    if models.available("face-landmarker"):
+        found = identity(views.close, real_views(sitter).close, detect_landmarks)
+        figures |= {"identity_error": found["nme"], "identity_found": found["detected"]}
+    return figures
+
+
+def _pairs(views: Views, sitter: Sitter, example: Views | None) -> Figures:
+    """Table 2: PSNR, SSIM and LPIPS against the real field, and against the painted views."""
+    arc = sitter.arc
+    some = sorted({0, len(arc.real) // 2, len(arc.real) - 1})
+    references = {"content": [np.clip(shot.color, 0, 1) for shot in arc.real]}
+    if example is not None:
+        references["example"] = _floats(example.arc)
+    figures: Figures = {}
+    for name, wanted in references.items():
+        painted = _floats(views.arc)
+        values = [psnr(a, b, mask) for a, b, mask in zip(painted, wanted, arc.masks, strict=True)]
+        if not np.all(np.isfinite(values)):
+            continue  # the reference itself
+        figures[f"psnr_{name}"] = float(np.mean(values))
+        figures[f"ssim_{name}"] = float(np.mean([ssim(a, b) for a, b in zip(painted, wanted)]))
+        for key, distance in distances().items():
+            figures[f"{key}_{name}"] = float(np.mean([
+                distance(painted[view], np.asarray(wanted[view], np.float32), arc.masks[view])
+                for view in some]))
+    return figures
+
+
+def _style(views: Views, target: Target) -> Figures:
+    """Distances of Inception features of crops to the exemplar's."""
+    sitter = target.sitter
+    width = float(np.ptp(landmarks_in(sitter.close_cameras, target.middle,
+                                      sitter.landmarks)[:, 0]))
+    ours = inception_features(spread_crops(
+        views.close, [shot.alpha > 0.5 for shot in sitter.close], max(int(CROP * width), 16),
+        target.crops, target.seed), full=models.available("inception-2048"))
+    figures: Figures = {f"fid_{name}": frechet_distance(ours[name], target.features[name])
+                        for name in ours}
+    figures["kid_768"] = kernel_distance(ours["768"], target.features["768"])
+    return figures

@@ -1,0 +1,15 @@
+"""A small field of the modelled head, its capture and a painted exemplar, for all methods."""
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def small_head():
+    """Field, capture, exemplar."""
+    from lfportrait.demo import demo_capture, demo_exemplar
+    from lfportrait.field import ReconstructConfig, reconstruct_with_figures
+
+    capture = demo_capture(size=96, views=20)
+    field, _ = reconstruct_with_figures(capture, ReconstructConfig(
+        resolutions=(32, 64), rays=(0.15, 0.3), batch=(4096,), sh_degree=0))
+    return field, capture, demo_exemplar(width=240, height=320)
