@@ -7,9 +7,7 @@ face are tried with the face-api networks (`face68`).
 
 from __future__ import annotations
 
-import atexit
 import functools
-import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import models
+from .mediapipe_tasks import made, picture
 from .points import FROM_MEDIAPIPE, centred
 
 __all__ = ["detect_faces", "detect_landmarks", "face_yaw"]
@@ -28,41 +27,21 @@ _MANY = 8
 
 @functools.lru_cache(maxsize=4)
 def _landmarker(path: str, faces: int) -> Any:
-    """MediaPipe's detector of so many faces, one a process, its chatter silenced."""
-    os.environ.setdefault("GLOG_minloglevel", "3")
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    saved = os.dup(2)
-    silent = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(silent, 2)
-    try:
+    """MediaPipe's detector of so many faces, one a process."""
+    def make() -> Any:
         from mediapipe.tasks.python import BaseOptions, vision
 
-        options = vision.FaceLandmarkerOptions(
+        return vision.FaceLandmarker.create_from_options(vision.FaceLandmarkerOptions(
             base_options=BaseOptions(model_asset_path=path), num_faces=faces,
-            min_face_detection_confidence=0.4)
-        detector = vision.FaceLandmarker.create_from_options(options)
-        # When the process ends, closing would fail on threads and modules that are gone already
-        # (and say so on standard error); the system frees everything anyway.
-        atexit.register(setattr, detector, "_handle", None)
-        detector.detect(_mediapipe_image(np.zeros((64, 64, 3), np.uint8)))
-        return detector
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(silent)
+            min_face_detection_confidence=0.4))
 
-
-def _mediapipe_image(image: NDArray[np.uint8]) -> Any:
-    import mediapipe
-
-    return mediapipe.Image(image_format=mediapipe.ImageFormat.SRGB,
-                           data=np.ascontiguousarray(image))
+    return made(make, lambda task: task.detect(picture(np.zeros((64, 64, 3), np.uint8))))
 
 
 def _meshes(image: NDArray[np.uint8], most: int = 1) -> list[NDArray[np.float64]]:
     """MediaPipe's points of ``most`` faces mapped to 68 landmarks [68, 2], the largest first."""
     detector = _landmarker(str(models.fetch("face-landmarker")), most)
-    found = detector.detect(_mediapipe_image(image))
+    found = detector.detect(picture(image))
     height, width = image.shape[:2]
     faces: list[NDArray[np.float64]] = []
     for mesh in found.face_landmarks:  # the surest first

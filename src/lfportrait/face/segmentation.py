@@ -1,61 +1,90 @@
-"""Mattes of the person and of the hair by MediaPipe's segmentation networks, run in torch.
+"""Mattes of the person and of the hair by MediaPipe's segmentation networks.
 
-The official TensorFlow Lite files are read as they are (`tflite`) and played (`player`). Two small
-networks give person and hair; where the file of a third one, which tells six parts of a person
-apart, is at hand, both come from that. All were trained on pictures that the person fills, upright,
-so the picture is turned upright first, and the result turned back.
+MediaPipe runs the official TensorFlow Lite files itself. Two small networks give person and hair;
+where the file of a third one, which separates six parts of a person, is at hand, both come from
+that. All were trained on pictures that the person fills, upright, so the picture is turned upright
+first, and the result turned back.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from PIL import Image
-from torch.nn import functional
 
 from .. import models
 from ..errors import UserError
 from ..labels import SEGMENTS
-from .player import Player
-from .tflite import read_tflite
+from .mediapipe_tasks import made, picture
 
 __all__ = ["SEGMENTS", "hair_mask", "mattes", "parts", "person_matte"]
 
+Float32 = NDArray[np.float32]
 
 _MULTICLASS = "multiclass-segmentation"
 
 
-@functools.lru_cache(maxsize=3)
-def _network(path: Path) -> Player:
-    return Player(read_tflite(path))
+@functools.lru_cache(maxsize=4)
+def _segmenter(path: Path, size: int) -> Any:
+    """A network for pictures of ``size`` x ``size`` pixels."""
+    content, channels = _described(path.read_bytes(), size)
+
+    def make() -> Any:
+        from mediapipe.tasks.python import BaseOptions, vision
+
+        return vision.ImageSegmenter.create_from_options(vision.ImageSegmenterOptions(
+            base_options=BaseOptions(model_asset_buffer=content), output_confidence_masks=True))
+
+    return made(make, lambda task: task.segment(
+        picture(np.zeros((size, size, channels), np.uint8))))
 
 
-def _run(name: str, frame: torch.Tensor) -> torch.Tensor:
-    """The first output [1, h, w, c] of a network for one picture [1, H, W, C]."""
-    return _network(models.fetch(name))(frame)[0]
+def _described(content: bytes, size: int) -> tuple[bytes, int]:
+    """A TensorFlow Lite file as ImageSegmenter wants it, and its number of colour channels.
 
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Let torch compute on the calling thread alone.
-
-    The networks are hundreds of tiny steps: handing each out to several threads takes longer than
-    doing it, twice as long on two idle cores and many times on busy ones.
+    The files of the two small networks say nowhere what range their input has: 0 to 1. Without that
+    they are refused. They also work on pictures of another size than the one that they name.
     """
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+    import flatbuffers
+    from mediapipe.tasks.metadata import metadata_schema_py_generated as about
+    from mediapipe.tasks.metadata import schema_py_generated as schema
+
+    model = schema.ModelT.InitFromObj(schema.Model.GetRootAs(content))
+    graph = model.subgraphs[0]
+    frame = graph.tensors[graph.inputs[0]]
+    channels = int(frame.shape[3])
+    if not model.metadata:
+        frame.shape = [1, size, size, channels]
+        options = about.NormalizationOptionsT(mean=[0.0], std=[255.0])
+        unit = about.ProcessUnitT(about.ProcessUnitOptions.NormalizationOptions, options)
+        tensors = about.SubGraphMetadataT(
+            inputTensorMetadata=[about.TensorMetadataT(processUnits=[unit])],
+            outputTensorMetadata=[about.TensorMetadataT()])
+        builder = flatbuffers.Builder()
+        builder.Finish(about.ModelMetadataT(subgraphMetadata=[tensors]).Pack(builder), b"M001")
+        model.metadata = [schema.MetadataT("TFLITE_METADATA", len(model.buffers))]
+        model.buffers.append(schema.BufferT(np.frombuffer(builder.Output(), np.uint8)))
+        builder = flatbuffers.Builder()
+        builder.Finish(model.Pack(builder), b"TFL3")
+        content = bytes(builder.Output())
+    return content, channels
+
+
+def _run(name: str, frame: NDArray[np.uint8]) -> Float32:
+    """The output [h, w, c] of a network for one square picture [H, H, C]."""
+    found = _segmenter(models.fetch(name), len(frame)).segment(picture(frame))
+    return np.stack([mask.numpy_view().reshape(len(frame), len(frame))
+                     for mask in found.confidence_masks], axis=-1)
+
+
+def _softmax(values: Float32) -> Float32:
+    powers = np.exp(values - values.max(axis=-1, keepdims=True))
+    return powers / powers.sum(axis=-1, keepdims=True)
 
 
 def _quarter_turns(up: NDArray[Any] | None) -> int:
@@ -68,19 +97,17 @@ def _quarter_turns(up: NDArray[Any] | None) -> int:
     return 0 if y <= 0 else 2
 
 
-def _resized(image: NDArray[np.uint8], size: int) -> torch.Tensor:
-    """The picture as the networks want it: [1, size, size, 3] in [0, 1]."""
+def _resized(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+    """The picture as the networks want it: [size, size, 3]."""
     # Whole blocks of pixels first, where there are some: as good, and several times faster.
-    picture = Image.fromarray(image).resize((size, size), Image.Resampling.BILINEAR,
-                                            reducing_gap=1.0)
-    return torch.from_numpy(np.asarray(picture, np.float32) / 255.0)[None]
+    return np.asarray(Image.fromarray(image).resize((size, size), Image.Resampling.BILINEAR,
+                                                    reducing_gap=1.0))
 
 
-def _full_size(mask: torch.Tensor, shape: tuple[int, ...], turns: int) -> NDArray[np.float32]:
+def _full_size(mask: Float32, shape: tuple[int, ...], turns: int) -> Float32:
     """One map [h, w] of a network as a matte of the picture before it was turned."""
-    back = functional.interpolate(mask[None, None], size=shape, mode="bilinear",
-                                  align_corners=False)
-    return np.ascontiguousarray(np.rot90(back[0, 0].clamp(0, 1).numpy(), -turns))
+    back = cv2.resize(mask, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(np.rot90(np.clip(back, 0, 1), -turns), np.float32)
 
 
 def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:
@@ -104,8 +131,7 @@ def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> ND
     UserError
         If the network's weights are missing.
     """
-    with _one_thread():
-        return _person(image, _quarter_turns(up))
+    return _person(image, _quarter_turns(up))
 
 
 def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
@@ -113,26 +139,22 @@ def hair_mask(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: in
     """How much of each pixel is hair: float32 [H, W] in [0, 1]; arguments as `person_matte`.
 
     ``size`` is the side of the picture that the network sees, a multiple of 32. It was trained on
-    512; on photos 384 takes half of the time and differs in less than one pixel of 200, 256 a third
-    and in less than one of 100; paintings want 512. The network of six parts always sees 256.
+    512; on photos 384 takes two thirds of the time and differs in less than one pixel of 200, 256
+    two fifths and in less than one of 100; paintings want 512. The network of six parts always sees
+    256.
     """
-    with _one_thread():
-        return _hair(image, _quarter_turns(up), size)
+    return _hair(image, _quarter_turns(up), size)
 
 
 def mattes(image: NDArray[np.uint8], up: NDArray[Any] | None = None, size: int = 512,
            ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """`person_matte` and `hair_mask` at the same time, on two threads."""
+    """`person_matte` and `hair_mask`; the network of six parts runs once for both."""
     turns = _quarter_turns(up)
     if models.available(_MULTICLASS):
-        with _one_thread():
-            shares, shape = _shares(image, turns)
+        shares, shape = _shares(image, turns)
         return _full_size(1 - shares[..., 0], shape, turns), _full_size(shares[..., 1], shape,
                                                                         turns)
-    with _one_thread(), ThreadPoolExecutor(1) as other:
-        person = other.submit(_person, image, turns)
-        hair = _hair(image, turns, size)
-        return person.result(), hair
+    return _person(image, turns), _hair(image, turns, size)
 
 
 def parts(image: NDArray[np.uint8], up: NDArray[Any] | None = None,
@@ -158,8 +180,7 @@ def parts(image: NDArray[np.uint8], up: NDArray[Any] | None = None,
         If the network (``multiclass-segmentation``) is missing, or its file has other outputs.
     """
     turns = _quarter_turns(up)
-    with _one_thread():
-        shares, shape = _shares(image, turns)
+    shares, shape = _shares(image, turns)
     return {name: _full_size(shares[..., index], shape, turns)
             for index, name in enumerate(SEGMENTS)}
 
@@ -168,17 +189,17 @@ def _upright(image: NDArray[np.uint8], turns: int) -> NDArray[np.uint8]:
     return np.ascontiguousarray(np.rot90(image, turns))
 
 
-def _shares(image: NDArray[np.uint8], turns: int) -> tuple[torch.Tensor, tuple[int, ...]]:
+def _shares(image: NDArray[np.uint8], turns: int) -> tuple[Float32, tuple[int, ...]]:
     """Confidences [256, 256, 6] of the classes, and height and width of the upright picture."""
     upright = _upright(image, turns)
-    result = _run(_MULTICLASS, _resized(upright, 256))[0]
+    result = _run(_MULTICLASS, _resized(upright, 256))
     if result.shape[-1] != len(SEGMENTS):
         raise UserError(f"the network {_MULTICLASS} has {result.shape[-1]} classes instead of "
                         f"{len(SEGMENTS)}; get its file again: lfportrait models fetch "
                         f"{_MULTICLASS}")
     # The documents call its output logits in one place, confidences in another.
-    ready = bool((result >= 0).all()) and bool(((result.sum(-1) - 1).abs() < 1e-3).all())
-    return (result if ready else torch.softmax(result, -1)), upright.shape[:2]
+    ready = bool((result >= 0).all()) and bool((abs(result.sum(-1) - 1) < 1e-3).all())
+    return (result if ready else _softmax(result)), upright.shape[:2]
 
 
 def _person(image: NDArray[np.uint8], turns: int) -> NDArray[np.float32]:
@@ -187,7 +208,7 @@ def _person(image: NDArray[np.uint8], turns: int) -> NDArray[np.float32]:
         return _full_size(1 - shares[..., 0], shape, turns)
     upright = _upright(image, turns)
     matte = _run("person-segmentation", _resized(upright, 256))
-    return _full_size(matte[0, ..., 0], upright.shape[:2], turns)
+    return _full_size(matte[..., 0], upright.shape[:2], turns)
 
 
 def _hair(image: NDArray[np.uint8], turns: int, size: int) -> NDArray[np.float32]:
@@ -196,6 +217,5 @@ def _hair(image: NDArray[np.uint8], turns: int, size: int) -> NDArray[np.float32
         return _full_size(shares[..., 1], shape, turns)
     upright = _upright(image, turns)
     # The fourth channel is the hair of the frame before, of which nothing is known.
-    frame = torch.cat([_resized(upright, size), torch.zeros(1, size, size, 1)], dim=-1)
-    shares = torch.softmax(_run("hair-segmentation", frame), dim=-1)
-    return _full_size(shares[0, ..., 1], upright.shape[:2], turns)
+    frame = np.dstack([_resized(upright, size), np.zeros((size, size), np.uint8)])
+    return _full_size(_softmax(_run("hair-segmentation", frame))[..., 1], upright.shape[:2], turns)

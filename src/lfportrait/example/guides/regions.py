@@ -261,7 +261,7 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
     size
         Side of the picture that the network of the hair sees, a multiple of 32: paintings want 512,
         for photos 384 is as good (in one pixel of 250 hair becomes skin or skin hair) and takes
-        half the time, in videos 256 will do.
+        two thirds of the time, in videos 256 will do.
     by_colour
         Tell hair by its colour where the network's is not plausible; slow.
     """
