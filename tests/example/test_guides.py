@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import map_coordinates
 
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar, SurfaceGuide, position_guide
 from lfportrait.example.guides.appearance import appearance_guide, match_histogram
-from lfportrait.example.guides.blurs import gaussian_blur
+from lfportrait.example.guides.blurs import enlarged, gaussian_blur
 from lfportrait.example.guides.face_frame import FaceFrame
 from lfportrait.example.guides.labels import without_hair
 from lfportrait.example.guides.maps import anchor_scale, relative_stretch
@@ -82,6 +83,21 @@ def test_blur_is_a_gaussian():
 
     expected = gaussian_filter(image, 2.0, mode="reflect", radius=6)
     assert np.allclose(gaussian_blur(image, 2.0), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("factor", [2, 5])
+@pytest.mark.parametrize("shape", [(1, 1), (7, 23), (20, 10)])
+def test_block_means_are_enlarged_bilinearly(shape, factor):
+    """Also where the last block is cut, or missing: then its neighbour's value goes on."""
+    for less in (0, 1):
+        small = np.random.default_rng(0).random(
+            [max(1, -(-side // factor) - less) for side in shape]).astype(np.float32)
+        found = enlarged(small, factor, shape)
+        down, across = (np.clip((np.arange(side) + 0.5) / factor - 0.5, 0, blocks - 1)
+                        for side, blocks in zip(shape, small.shape))
+        expected = map_coordinates(small, np.meshgrid(down, across, indexing="ij"), order=1,
+                                   mode="nearest")
+        assert found.shape == shape and found == pytest.approx(expected, abs=1e-5)
 
 
 def test_blur_wider_than_the_picture():

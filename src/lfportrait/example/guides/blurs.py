@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.guides import blur_rows, enlarge, shrink
+from ..kernels.guides import shrink
 
 __all__ = ["broad_blur", "enlarged", "gaussian_blur", "gaussian_taps", "shrunk"]
 
@@ -22,12 +23,8 @@ def gaussian_taps(sigma: float) -> Float32:
 def gaussian_blur(image: Float32, sigma: float) -> Float32:
     """Gaussian blur of [H, W] with mirrored borders; kernel cut at 3 sigma."""
     taps = gaussian_taps(sigma)
-    rows = np.empty_like(image)
-    blur_rows(np.ascontiguousarray(image), taps, rows)
-    turned = np.ascontiguousarray(rows.T)
-    columns = np.empty_like(turned)
-    blur_rows(turned, taps, columns)
-    return np.ascontiguousarray(columns.T)
+    return np.asarray(cv2.sepFilter2D(image, -1, taps, taps, borderType=cv2.BORDER_REFLECT),
+                      np.float32)
 
 
 def broad_blur(image: Float32, sigma: float) -> Float32:
@@ -41,9 +38,7 @@ def broad_blur(image: Float32, sigma: float) -> Float32:
         return gaussian_blur(image, sigma)
     # Block means and the interpolation blur, too.
     rest = np.sqrt(max(sigma ** 2 - factor ** 2 / 4, 0.25)) / factor
-    out = np.empty(image.shape, np.float32)
-    enlarge(gaussian_blur(shrunk(image, factor), rest), factor, out)
-    return out
+    return enlarged(gaussian_blur(shrunk(image, factor), rest), factor, image.shape)
 
 
 def shrunk(image: Float32, factor: int) -> Float32:
@@ -55,11 +50,14 @@ def shrunk(image: Float32, factor: int) -> Float32:
     return out
 
 
-def enlarged(image: Float32, factor: int, shape: tuple[int, int]) -> Float32:
+def enlarged(image: Float32, factor: int, shape: tuple[int, ...]) -> Float32:
     """Means of blocks of ``factor`` pixels at all pixels of a picture (H, W), bilinear."""
     image = np.ascontiguousarray(image, np.float32)
     if factor == 1:
         return image
-    out = np.empty(shape, np.float32)
-    enlarge(image, factor, out)
-    return out
+    size = image.shape[1] * factor, image.shape[0] * factor
+    whole = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)[:shape[0], :shape[1]]
+    # Where the blocks end before the picture, their last value goes on.
+    down, across = (shape[axis] - whole.shape[axis] for axis in (0, 1))
+    return np.asarray(cv2.copyMakeBorder(whole, 0, down, 0, across, cv2.BORDER_REPLICATE),
+                      np.float32)

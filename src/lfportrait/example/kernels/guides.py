@@ -16,8 +16,8 @@ import numpy as np
 from ...lanes.decorators import kernel, lean, lean_kernel
 from ...lanes.threads import shared
 
-__all__ = ["blur_difference", "blur_rows", "count_values", "enlarge", "fold_points", "map_values",
-           "mls_points", "resample_fold", "resample_grid", "shrink", "stretch"]
+__all__ = ["blur_difference", "count_values", "fold_points", "map_values", "mls_points",
+           "resample_fold", "resample_grid", "shrink", "stretch"]
 
 _ORDER_FREE = {"reassoc", "contract", "arcp", "nsz"}
 """Sums may be taken in any order; NaN and infinity keep their meaning."""
@@ -143,26 +143,6 @@ def _mirrored(index, length):
     return index
 
 
-@shared("out")
-@kernel(fastmath=True)
-def blur_rows(since, until, image, taps, out):
-    """Convolve the columns of ``image`` [H, W] float32 with the symmetric ``taps`` [2 r + 1].
-
-    The border is mirrored. A whole row is accumulated at a time, so the loop over x vectorises.
-    """
-    height, width = image.shape
-    radius = taps.shape[0] // 2
-    for y in range(since, until):
-        row = np.zeros(width, np.float32)
-        for k in range(-radius, radius + 1):
-            line = image[_mirrored(y + k, height)]
-            weight = taps[k + radius]
-            for x in range(width):
-                row[x] += weight * line[x]
-        for x in range(width):
-            out[y, x] = row[x]
-
-
 @lean(fastmath=True)
 def _accumulate_rows(image, y, taps, row):
     """Sum the rows about ``y`` of ``image`` [H, W], weighted by ``taps``, with a mirrored margin.
@@ -253,29 +233,6 @@ def shrink(since, until, image, factor, out):
             for x in range(i * factor, right):
                 total += line[x]
             out[j, i] = total / np.float32((bottom - j * factor) * (right - i * factor))
-
-
-@shared("out")
-@kernel
-def enlarge(since, until, small, factor, out):
-    """Bilinear interpolation of ``small`` [h, w], block means of ``factor``, to ``out`` [H, W]."""
-    width = out.shape[1]
-    rows, columns = small.shape
-    share = np.float32(1) / np.float32(factor)
-    half = np.float32(0.5)
-    for y in range(since, until):
-        v = (np.float32(y) + half) * share - half
-        j = min(max(np.int64(np.floor(v)), 0), max(rows - 2, 0))
-        below = min(j + 1, rows - 1)
-        fy = min(max(v - np.float32(j), np.float32(0)), np.float32(1))
-        line = np.empty(columns, np.float32)
-        for i in range(columns):
-            line[i] = small[j, i] + fy * (small[below, i] - small[j, i])
-        for x in range(width):
-            u = (np.float32(x) + half) * share - half
-            i = min(max(np.int64(np.floor(u)), 0), max(columns - 2, 0))
-            fx = min(max(u - np.float32(i), np.float32(0)), np.float32(1))
-            out[y, x] = line[i] + fx * (line[min(i + 1, columns - 1)] - line[i])
 
 
 @shared("counts")
