@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 __all__ = ["psnr", "ssim"]
 
@@ -43,16 +42,8 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     """
     if a.shape != b.shape:
         raise ValueError(f"pictures of different shape: {a.shape} and {b.shape}")
-    x, y = np.atleast_3d(a.astype(np.float64)), np.atleast_3d(b.astype(np.float64))
+    from skimage.metrics import structural_similarity
 
-    def blur(image: NDArray[np.float64]) -> NDArray[np.float64]:
-        return ndimage.gaussian_filter(image, (1.5, 1.5, 0), truncate=3.5)
-
-    mean_x, mean_y = blur(x), blur(y)
-    variance_x = blur(x * x) - mean_x ** 2
-    variance_y = blur(y * y) - mean_y ** 2
-    covariance = blur(x * y) - mean_x * mean_y
-    c1, c2 = 0.01 ** 2, 0.03 ** 2
-    values = ((2 * mean_x * mean_y + c1) * (2 * covariance + c2)
-              / ((mean_x ** 2 + mean_y ** 2 + c1) * (variance_x + variance_y + c2)))
-    return float(values[5:-5, 5:-5].mean())
+    return float(structural_similarity(
+        a.astype(np.float64), b.astype(np.float64), data_range=1.0, gaussian_weights=True,
+        use_sample_covariance=False, channel_axis=2 if a.ndim == 3 else None))
