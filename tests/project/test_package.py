@@ -1,11 +1,14 @@
 """What the package must hold; `scripts/try_package.py` builds it and runs it."""
 
 import importlib
+import itertools
 import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import try_package
 from lfportrait.cli import COMMANDS
@@ -45,6 +48,21 @@ def test_what_the_entry_points_name_is_there():
         for place in group.values():
             module, _, name = place.partition(":")
             assert hasattr(importlib.import_module(module), name), place
+
+
+def test_the_pinned_versions_are_allowed_ones():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    pinned = dict(line.split("==") for line in
+                  (ROOT / "constraints.txt").read_text("utf-8").split())
+    pinned = {canonicalize_name(name): version for name, version in pinned.items()}
+    extras = project["optional-dependencies"].values()
+    for text in itertools.chain(project["dependencies"], *extras):
+        wanted = Requirement(text)
+        assert wanted.specifier.contains(pinned[canonicalize_name(wanted.name)]), text
+    # Its private parts may change with each minor version.
+    numba = next(text for text in project["dependencies"] if text.startswith("numba"))
+    major, minor, _ = pinned["numba"].split(".")
+    assert not Requirement(numba).specifier.contains(f"{major}.{int(minor) + 1}")
 
 
 def test_git_knows_what_the_package_is_made_of():
