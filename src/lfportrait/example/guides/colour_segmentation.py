@@ -7,10 +7,11 @@ The soft result follows the picture's edges by a guided filter (He et al. 2010).
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.ndimage import gaussian_filter, uniform_filter, zoom
+from scipy.ndimage import gaussian_filter, zoom
 
 __all__ = ["guided_filter", "overlap", "resize", "separate"]
 
@@ -28,7 +29,9 @@ def guided_filter(guide: Float32, values: Float32, radius: int, epsilon: float) 
     """Smooth ``values`` [H, W] along the edges of the grey ``guide`` [H, W]."""
 
     def mean(plane: Float32) -> Float32:
-        return np.asarray(uniform_filter(plane, 2 * radius + 1, mode="nearest"), np.float32)
+        side = 2 * radius + 1
+        return np.asarray(cv2.blur(plane, (side, side), borderType=cv2.BORDER_REPLICATE),
+                          np.float32)
 
     centre, average = mean(guide), mean(values)
     variance = mean(guide * guide) - centre ** 2
