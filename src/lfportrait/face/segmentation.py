@@ -54,24 +54,32 @@ def _described(content: bytes, size: int) -> tuple[bytes, int]:
     from mediapipe.tasks.metadata import metadata_schema_py_generated as about
     from mediapipe.tasks.metadata import schema_py_generated as schema
 
+    def table(kind: Any, **fields: Any) -> Any:
+        made = kind()
+        vars(made).update(fields)
+        return made
+
+    def packed(top: Any, mark: bytes) -> bytes:
+        builder = flatbuffers.Builder()
+        builder.Finish(top.Pack(builder), mark)
+        return bytes(builder.Output())
+
     model = schema.ModelT.InitFromObj(schema.Model.GetRootAs(content))
     graph = model.subgraphs[0]
     frame = graph.tensors[graph.inputs[0]]
     channels = int(frame.shape[3])
     if not model.metadata:
         frame.shape = [1, size, size, channels]
-        options = about.NormalizationOptionsT(mean=[0.0], std=[255.0])
-        unit = about.ProcessUnitT(about.ProcessUnitOptions.NormalizationOptions, options)
-        tensors = about.SubGraphMetadataT(
-            inputTensorMetadata=[about.TensorMetadataT(processUnits=[unit])],
-            outputTensorMetadata=[about.TensorMetadataT()])
-        builder = flatbuffers.Builder()
-        builder.Finish(about.ModelMetadataT(subgraphMetadata=[tensors]).Pack(builder), b"M001")
-        model.metadata = [schema.MetadataT("TFLITE_METADATA", len(model.buffers))]
-        model.buffers.append(schema.BufferT(np.frombuffer(builder.Output(), np.uint8)))
-        builder = flatbuffers.Builder()
-        builder.Finish(model.Pack(builder), b"TFL3")
-        content = bytes(builder.Output())
+        unit = table(about.ProcessUnitT,
+                     optionsType=about.ProcessUnitOptions.NormalizationOptions,
+                     options=table(about.NormalizationOptionsT, mean=[0.0], std=[255.0]))
+        tensors = table(about.SubGraphMetadataT, outputTensorMetadata=[about.TensorMetadataT()],
+                        inputTensorMetadata=[table(about.TensorMetadataT, processUnits=[unit])])
+        text = packed(table(about.ModelMetadataT, subgraphMetadata=[tensors]), b"M001")
+        model.metadata = [table(schema.MetadataT, name="TFLITE_METADATA",
+                                buffer=len(model.buffers))]
+        model.buffers.append(table(schema.BufferT, data=np.frombuffer(text, np.uint8)))
+        content = packed(model, b"TFL3")
     return content, channels
 
 
