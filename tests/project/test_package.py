@@ -4,6 +4,7 @@ import importlib
 import itertools
 import tomllib
 import zipfile
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,14 @@ def test_the_command_line_knows_the_commands_of_both_packages():
              for name, place in project["entry-points"]["lfportrait.commands"].items()}
     assert named == {name: f"{module}:{kind}" for name, (module, kind, _) in COMMANDS.items()
                      if "." in module}
+
+
+def test_the_installation_has_the_entry_points_of_the_project():
+    """Else commands and methods of the laboratory are not found: install again."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    for group, named in project["entry-points"].items():
+        found = {entry.name: entry.value for entry in entry_points(group=group)}
+        assert named.items() <= found.items(), "pyproject.toml changed: pip install -e '.[dev]'"
 
 
 def test_what_the_entry_points_name_is_there():
