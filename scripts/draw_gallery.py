@@ -19,9 +19,9 @@ from PIL import Image
 
 import lfportrait as lf
 from lfportrait.demo import demo_exemplar, demo_styles
-from lfportrait.evaluate import arc_cameras
 from lfportrait.files import write_image
 from lfportrait.progress import Progress
+from lfportrait_eval.metrics import arc_cameras
 
 GAP = 8
 HEIGHT = 440

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
@@ -39,6 +39,8 @@ class Encode(Common):
     """
     quilt: Path | None = None
     """Also write a quilt; a name such as portrait_qs8x6a0.75.png tells columns, rows, aspect."""
+    usual: ClassVar[tuple[str, ...]] = ("size", "focus", "view-cone", "background", "draft",
+                                        "frames", "fps")
     config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
     """Coding."""
     sequence: Annotated[SequenceConfig, tyro.conf.arg(name="")] = option(

@@ -13,6 +13,7 @@ import tyro
 
 from ..plugins import offered
 from ..progress import Progress
+from .short_help import print_short_help
 
 __all__ = ["Common", "parsed"]
 
@@ -26,6 +27,9 @@ class Common:
     stands before their names."""
     given: ClassVar[tuple[Any, ...]] = ()
     """Those parameters, where they differ from the defaults."""
+    usual: ClassVar[tuple[str, ...]] = ()
+    """Options of its configurations that ``--help`` shows beside its own; ``--help-all`` shows
+    all."""
 
     device: Annotated[str, tyro.conf.arg(metavar="auto|cpu|gpu|gpu:NAME")] = "auto"
     """Where to compute; this version does on the CPU."""
@@ -70,6 +74,10 @@ def parsed(command: type[Common], arguments: Sequence[str], program: str) -> Com
     program
         How help calls it.
     """
+    if {"-h", "--help"} & {*arguments} and "--help-all" not in arguments:
+        print_short_help(command, program)
+        raise SystemExit(0)
+    arguments = ["--help" if word == "--help-all" else word for word in arguments]
     kinds = {f"{prefix}{name}": method.parameters for prefix, group in command.groups.items()
              for name, method in offered(group).items()}
     places = {f"given_{number}": kind for number, kind in enumerate(kinds.values())}

@@ -89,6 +89,8 @@ class Make(Common):
     """Parameters of the stages."""
 
     groups: ClassVar[dict[str, str]] = {"stylize.": "lfportrait.field_methods"}
+    usual: ClassVar[tuple[str, ...]] = ("stylize.method", "stylize.strength", "encode.size",
+                                        "page.title")
 
     def run(self) -> dict[str, Any]:
         """Run the job."""

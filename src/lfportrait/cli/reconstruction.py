@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import tyro
@@ -87,6 +87,7 @@ class Reconstruct(Common):
     """Capture folder, transforms.json data set, COLMAP model, LLFF or NSVF folder."""
     out: Path = Path("field.npz")
     """File for the field."""
+    usual: ClassVar[tuple[str, ...]] = ("finest", "max-voxels", "rays", "refine-poses")
     config: Annotated[ReconstructConfig, tyro.conf.arg(name="")] = option(
         default_factory=ReconstructConfig)
     """Reconstruction."""

@@ -55,6 +55,7 @@ class TransferPhoto(Common):
     """Folder for pictures of every intermediate: guides, labels, table error, chunks, mask."""
 
     groups: ClassVar[dict[str, str]] = {"": "lfportrait.transfer_methods"}
+    usual: ClassVar[tuple[str, ...]] = ("quality", "extent", "strength")
 
     def run(self) -> dict[str, Any]:
         """Transfer and write."""
@@ -121,6 +122,8 @@ class Stylize(Common):
     """Folder for pictures of every intermediate."""
 
     groups: ClassVar[dict[str, str]] = {"": "lfportrait.field_methods"}
+    usual: ClassVar[tuple[str, ...]] = ("method", "preview", "strength", "keep", "pixels",
+                                        "texture")
 
     def run(self) -> dict[str, Any]:
         """Stylise and save."""

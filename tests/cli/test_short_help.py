@@ -1,0 +1,33 @@
+"""A dozen options at first, all of them when asked."""
+
+import pytest
+
+from lfportrait.cli import main
+
+
+def options(capsys, *words):
+    with pytest.raises(SystemExit) as end:
+        main(list(words))
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    return [line.split()[1].strip(",") for line in text.splitlines()
+            if line.lstrip("│ ").startswith("-") and not line.startswith("---")], text
+
+
+@pytest.mark.parametrize("command", ["make", "stylize", "transfer", "reconstruct", "encode",
+                                     "batch", "styles check"])
+def test_help_is_short_and_all_of_it_is_there(capsys, command):
+    words = command.split()
+    short, text = options(capsys, *words, "--help")
+    every, _ = options(capsys, *words, "--help-all")
+    assert 2 <= len(short) <= 16 and {*short} <= {*every}
+    assert ("--help-all" in text) == (len(every) > len(short))
+
+
+def test_what_a_command_needs_is_among_it(capsys):
+    short, _ = options(capsys, "make", "--help")
+    assert {"--style", "--out", "--display"} <= {*short}
+    short, _ = options(capsys, "stylize", "--help")
+    assert {"--style", "--capture", "--out", "--method", "--preview", "--strength"} <= {*short}
+    short, _ = options(capsys, "transfer", "--help")
+    assert {"--style", "--out", "--quality"} <= {*short} and {"--region", "--regions"} & {*short}
