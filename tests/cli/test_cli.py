@@ -39,7 +39,7 @@ def test_usage_names_every_command(capsys):
 def test_every_command_explains_its_options(capsys):
     for name in COMMANDS:
         with pytest.raises(SystemExit) as stop:
-            run(name, "--help")
+            run(name, "--help-all")
         assert stop.value.code == 0
         assert "--json" in capsys.readouterr().out
 

@@ -1,5 +1,7 @@
 """A dozen options at first, all of them when asked."""
 
+import re
+
 import pytest
 
 from lfportrait.cli import main
@@ -10,8 +12,7 @@ def options(capsys, *words):
         main(list(words))
     assert end.value.code == 0
     text = capsys.readouterr().out
-    return [line.split()[1].strip(",") for line in text.splitlines()
-            if line.lstrip("│ ").startswith("-") and not line.startswith("---")], text
+    return re.findall(r"^[│ ]{1,3}(?:-h, )?(--[a-z][\w.-]*)", text, flags=re.MULTILINE), text
 
 
 @pytest.mark.parametrize("command", ["make", "stylize", "transfer", "reconstruct", "encode",
