@@ -43,7 +43,8 @@ def test_every_stage_has_a_page_of_its_api():
     named = {re.search(r"^::: (\S+)$", path.read_text("utf-8"), re.MULTILINE)[1]
              for path in (ROOT / "docs" / "api").glob("*.md")}
     stages = {path.parent.name for path in (ROOT / "src" / "lfportrait").glob("*/__init__.py")}
-    assert named == {"lfportrait", *(f"lfportrait.{stage}" for stage in stages - {"cli", "lanes"})}
+    assert named == {"lfportrait", "lfportrait_eval",
+                     *(f"lfportrait.{stage}" for stage in stages - {"cli", "lanes"})}
 
 
 @pytest.mark.parametrize(("text", "found"), [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -44,12 +45,22 @@ class _Painter:
         self.others = {choice.style: Exemplar.load(choice.style)
                        for choice in choices if choice.style}
         self.prepared: dict[tuple[str, bool], Any] = {}
+        self._coming: Future[Any] | None = None
+
+    def begin(self) -> None:
+        """Prepare the exemplar as it is in another thread, while a face is looked for."""
+        if isinstance(self.config, TransferConfig):
+            aside = ThreadPoolExecutor(1)
+            self._coming = aside.submit(prepare, self.exemplar, self.config)
+            aside.shutdown(wait=False)
 
     def _apply(self, style: str, photo: NDArray[np.uint8], points: NDArray[np.float64]) -> Any:
         exemplar = self.others[style] if style else self.exemplar
         # Other methods take a painting as it is.
         chosen = suited(exemplar, points) if isinstance(self.config, TransferConfig) else exemplar
         key = style, chosen is exemplar
+        if key == ("", True) and self._coming is not None:
+            self.prepared[key], self._coming = self._coming.result(), None
         if key not in self.prepared:
             self.prepared[key] = prepare(chosen, self.config, own=[(photo, points)])
         return self.prepared[key].apply(photo, points)
@@ -68,9 +79,11 @@ def transfer_photo(path: Path, out: Path, exemplar: Exemplar, config: MethodConf
                    choices: Sequence[RegionStyle], dump: Path | None) -> dict[str, Any]:
     """Paint one photo; returns the seconds of the steps."""
     picture_format(out)
+    painter = _Painter(exemplar, config, choices)
+    painter.begin()
     photo = read_image(path)[..., :3]
     points = np.asarray(face_landmarks(photo), np.float64)
-    image, result = _Painter(exemplar, config, choices).paint(photo, points)
+    image, result = painter.paint(photo, points)
     write_image(out, image)
     turned = abs(face_pose(points).yaw)
     if turned > DOUBTFUL:

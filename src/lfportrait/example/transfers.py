@@ -195,6 +195,8 @@ class Transfer:
             points = aside.landmarks
             regions = Regions(points, regions.person, regions.hair)
         guided = time.perf_counter()
+        if config.quality == "best" and flat and seeds_anchor is None:
+            self._painter().begin(photo.shape, self.scale(points))
         if position is None:
             assert regions is not None
             person = regions.person
@@ -256,15 +258,19 @@ class Transfer:
     def _refined(self, photo: NDArray[np.generic], points: NDArray[np.float64], regions: Regions,
                  made: TransferResult, turned: bool) -> Float32:
         """The picture with patches around the face; its seconds are noted."""
+        start = time.perf_counter()
+        image = self._painter().refine(photo, points, regions, made, self.scale(points), turned)
+        made.seconds["patches_seconds"] = time.perf_counter() - start
+        return image
+
+    def _painter(self) -> PhotoPatches:
+        """What paints around the face, made when it is first wanted."""
         from .painter.photo import PhotoPatches
 
-        start = time.perf_counter()
         if self._patches is None:
             self._patches = PhotoPatches(self.exemplar, self.regions, self.labels,
                                          seed=self.config.seed)
-        image = self._patches.refine(photo, points, regions, made, self.scale(points), turned)
-        made.seconds["patches_seconds"] = time.perf_counter() - start
-        return image
+        return self._patches
 
     def _photo_anchor(self, shape: tuple[int, ...], scale: float) -> tuple[Float32, Seeds]:
         """Anchor plane and seeds of a photo: the same for all of one size."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -18,12 +19,13 @@ from ...labels import MATERIALS
 from ..exemplar import Exemplar
 from ..guides.appearance import Distribution, grey, match_histogram
 from ..guides.blurs import broad_blur
+from ..kernels.materials import largest_share, move_into
 from ..patches import SCALE
 from .looks import BLUR
 from .picture_materials import CLOTHES, EARS, HAIR, NECK, SKIN
 
 __all__ = ["FEW", "STAND_INS", "ExemplarMaterials", "at_home", "even_uses", "into", "light_neck",
-           "matched_looks", "material_guides", "mostly", "resized_materials"]
+           "mainly", "matched_looks", "material_guides", "mostly", "resized_materials"]
 
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -100,7 +102,8 @@ class ExemplarMaterials:
             if material == EARS:
                 inside |= shares[::2, ::2, [SKIN, EARS]].sum(axis=-1) > 0.6
             nearest[material] = _nearest(inside, luma.shape)
-            depth = distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
+            depth = cv2.distanceTransform(np.pad(inside, 1).astype(np.uint8), cv2.DIST_L2,
+                                          cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
             limit = min(DEPTH * size / 2, 0.6 * float(depth.max(initial=0.0)))
             deep[material] = _nearest(inside & (depth >= limit), luma.shape)
         tone = broad_blur(luma, BLUR * size)
@@ -275,15 +278,18 @@ def resized_materials(exemplar: Exemplar, shares: Float32, size: float,
     return picture, ExemplarMaterials.of(picture, small, exemplar.size * size)
 
 
-def into(shares: Float32, theirs: ExemplarMaterials, position: Float32) -> Float32:
-    """Positions [N, 2], moved to the exemplar's nearest place of the like material."""
-    height, width = theirs.tone.shape
-    x = np.clip(position[:, 0], 0, width - 1).astype(np.int64)
-    y = np.clip(position[:, 1], 0, height - 1).astype(np.int64)
-    near = theirs.nearest[shares.argmax(axis=1), y, x]
-    moved = near != y * width + x
-    found = np.stack([near % width, near // width], axis=1) + np.float32(0.5)
-    return np.asarray(np.where(moved[:, None], found, position), np.float32)
+def mainly(shares: Float32) -> NDArray[np.int64]:
+    """The material that each place is mostly, int64 [N], of shares float32 [N, 7]."""
+    out = np.empty(len(shares), np.int64)
+    largest_share(np.ascontiguousarray(shares, np.float32), out)
+    return out
+
+
+def into(material: NDArray[np.int64], theirs: ExemplarMaterials, position: Float32) -> Float32:
+    """Positions [N, 2], moved to the exemplar's nearest place of a material [N] (`mainly`)."""
+    out = np.empty(position.shape, np.float32)
+    move_into(np.ascontiguousarray(position, np.float32), material, theirs.nearest, out)
+    return out
 
 
 def at_home(guided: Float32, wanted: Float32, unit: float) -> Float32:

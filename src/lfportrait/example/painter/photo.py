@@ -13,6 +13,7 @@ Patch synthesis of this kind touches patents; see docs/methods.md before you use
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -30,7 +31,7 @@ from ..guides.maps import relative_stretch
 from ..guides.position import pixel_centres
 from ..guides.regions import Regions
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
-from ..patches import PatchConfig
+from ..patches import PatchConfig, PatchSource
 from .cells import Cells
 from .kept import known_shares
 from .light import BLUR, REACH
@@ -40,6 +41,7 @@ from .materials import (
     at_home,
     into,
     light_neck,
+    mainly,
 )
 from .patch_painter import PainterConfig, PatchPainter, Sheet, Wish, flesh
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
@@ -57,6 +59,8 @@ Bools = NDArray[np.bool_]
 
 LARGEST = 1.7e6
 """Photos of more pixels than this are refined at a smaller size and enlarged, but for the face."""
+ENLARGED = 1.2
+"""So are those in which the exemplar would be enlarged by more than this: it gets no finer."""
 CELL = 8
 """How rigid the guide is, is told on every so many pixels."""
 BENT = 0.3
@@ -108,6 +112,7 @@ class PhotoPatches:
         self.exemplar, self.config = exemplar, config or PhotoPatchesConfig()
         shares = known_shares(exemplar, regions, labels, strict=False)
         self._painter = PatchPainter(exemplar, shares, self.config, seed, sharp=True)
+        self._coming: tuple[float, Future[tuple[PatchSource, ExemplarMaterials]]] | None = None
         hair = shares[..., HAIR]
         if regions.hair is not None:
             hair = np.maximum(hair, regions.hair)
@@ -115,6 +120,20 @@ class PhotoPatches:
         # [2, h, w]: 1 where there is too much of it, on a face and above its brows.
         self._covered = np.stack([broad_blur(hair, blur * exemplar.size) / np.float32(most)
                                   for most, blur in (COVERED, SHADED)])
+
+    def begin(self, shape: tuple[int, ...], scale: float) -> None:
+        """Lay out the exemplar for a photo [H, W, 3] in another thread; `refine` waits for it."""
+        width, height = _laid_size(shape, scale)
+        ratio = (width / shape[1] + height / shape[0]) / 2
+        size = round(1 / (scale / ratio), 3)
+        aside = ThreadPoolExecutor(1)
+        self._coming = size, aside.submit(self._painter.source, size)
+        aside.shutdown(wait=False)
+
+    def _source(self, size: float) -> tuple[PatchSource, ExemplarMaterials]:
+        if self._coming is not None and self._coming[0] == size:
+            return self._coming[1].result()
+        return self._painter.source(size)
 
     def refine(self, photo: NDArray[np.generic], landmarks: Float64, regions: Regions,
                result: TransferResult, scale: float, turned: bool = False) -> Float32:
@@ -141,18 +160,18 @@ class PhotoPatches:
         """
         painted = result.synthesis.image
         height, width = photo.shape[:2]
-        step = max(1.0, float(np.sqrt(height * width / LARGEST)))
+        size = _laid_size(photo.shape, scale)
         eight = np.asarray(photo if photo.dtype == np.uint8 else
                            np.clip(photo, 0, 1) * 255 + 0.5, np.uint8)
         guides = result.guides
         place = guides.anchor + result.synthesis.shift
         work = _Work(eight, landmarks, regions, guides.position, place, painted,
                      scale, turned)
-        if step > 1:
-            work = work.shrunk(round(width / step), round(height / step))
+        if size != (width, height):
+            work = work.shrunk(*size)
         color, core = self._lay(work)
-        if step > 1:
-            color = np.clip(_resized(color, (width, height)), 0, 1)
+        if size != (width, height):
+            color = np.clip(_resized(color, (width, height), Image.Resampling.BICUBIC), 0, 1)
             core = np.clip(_resized(core, (width, height)), 0, 1)
         # The fixed face ends within its own paint: nothing is mixed but at the border's pixels.
         core = np.where(np.isfinite(guides.position[..., 0]), core, np.float32(1))[..., None]
@@ -162,7 +181,7 @@ class PhotoPatches:
         """The picture [H, W, 3], and 1 where it is fixed [H, W]."""
         config, painter = self.config, self._painter
         size = round(1 / work.scale, 3)
-        source, theirs = painter.source(size)
+        source, theirs = self._source(size)
         unit = painter.unit(size)
         covered = np.isfinite(work.position[..., 0])
         position = np.nan_to_num(work.position)
@@ -176,9 +195,13 @@ class PhotoPatches:
         rigid = _rigid(work.position * np.float32(size))
         near = np.clip(2 * broad_blur(soft, 0.12 * face_size(work.landmarks)), 0, 1).reshape(-1)
         guided = position.reshape(-1, 2) * np.float32(size)
-        wanted = into(shares, theirs, guided)
+        material = mainly(shares)
+        wanted = into(material, theirs, guided)
         home = at_home(guided, wanted, unit)
-        begin, kept = self._begin(work, shares, theirs, wanted, tone.reshape(-1), rigid, size)
+        # StyleBlit lays backgrounds in rows: there the guide itself is the better beginning.
+        behind = shares[:, GROUND] > 0.5
+        begin, kept = self._begin(work, material, theirs, behind, wanted, tone.reshape(-1), rigid,
+                                  size)
         core = covered & _core(work, soft, kept.reshape(soft.shape),
                                (shares[:, SKIN] + shares[:, FEATURES]).reshape(soft.shape))
         # Eyes and brows stay: patches of features would take those of others.
@@ -218,18 +241,17 @@ class PhotoPatches:
                              max(1.0, EDGE * face_size(work.landmarks)))
         return np.asarray(bare > 0.8)
 
-    def _begin(self, work: _Work, shares: Float32, theirs: ExemplarMaterials, wanted: Float32,
-               tone: Float32, rigid: Bools, size: float) -> tuple[Float32, Bools]:
+    def _begin(self, work: _Work, material: NDArray[np.int64], theirs: ExemplarMaterials,
+               behind: Bools, wanted: Float32, tone: Float32, rigid: Bools, size: float,
+               ) -> tuple[Float32, Bools]:
         """Where the search begins, [N, 2]: StyleBlit's chunks where [N], rigid pieces elsewhere."""
         height, width = work.painted.shape[:2]
         plane = np.stack(np.meshgrid(np.arange(width, dtype=np.float32) + np.float32(0.5),
                                      np.arange(height, dtype=np.float32) + np.float32(0.5)),
                          axis=-1).reshape(-1, 2)
-        piece = pieces(shares, theirs, wanted, plane, tone, self.exemplar.size * size)
+        piece = pieces(material, theirs, wanted, plane, tone, self.exemplar.size * size)
         own = np.nan_to_num(work.place).reshape(-1, 2) * np.float32(size)
-        moved = into(shares, theirs, own)
-        # StyleBlit lays backgrounds in rows: there the guide itself is the better beginning.
-        behind = shares[:, GROUND] > 0.5
+        moved = into(material, theirs, own)
         moved[behind] = wanted[behind]
         kept = rigid.reshape(-1) & (moved == own).all(axis=1) & ~behind
         home = behind | (at_home(own, moved, self.exemplar.size * size / 50) > 0.5)
@@ -263,6 +285,15 @@ class _Work:
         return _Work(photo, points, regions, _resized(self.position, size, nearest),
                      _resized(self.place, size, nearest), _resized(self.painted, size),
                      self.scale / float(ratio.mean()), self.turned)
+
+
+def _laid_size(shape: tuple[int, ...], scale: float) -> tuple[int, int]:
+    """Width and height that patches are laid at, for a photo [H, W, ...].
+
+    ``scale`` is exemplar pixels per pixel of the photo.
+    """
+    step = max(1.0, float(np.sqrt(shape[0] * shape[1] / LARGEST)), 1 / (ENLARGED * scale))
+    return (round(shape[1] / step), round(shape[0] / step)) if step > 1 else (shape[1], shape[0])
 
 
 def _resized(planes: Float32, size: tuple[int, int],

@@ -22,7 +22,7 @@ FAR, AWAY = 2.0, 0.05
 """Breadth of where these lie, over the face's size, and the tone that so far away costs."""
 
 
-def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: Float32,
+def pieces(material: NDArray[np.int64], theirs: ExemplarMaterials, wanted: Float32, plane: Float32,
            tone: Float32, size: float) -> Float32:
     """Rigid pieces of like material for the search to begin with, places float32 [N, 2].
 
@@ -33,8 +33,8 @@ def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: F
 
     Parameters
     ----------
-    shares
-        float32 [N, 7], the sitter's materials.
+    material
+        int64 [N], what the sitter's places are mostly (`mainly`).
     theirs
         The exemplar's.
     wanted, plane
@@ -52,7 +52,6 @@ def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: F
     count = np.maximum(np.bincount(number, minlength=len(middles)), 1)
     guided = np.stack([np.bincount(number, wanted[:, axis], len(middles)) / count
                        for axis in range(2)], axis=-1)
-    material = shares.argmax(axis=1)
     asked = np.bincount(number, tone, len(middles)) / count
     votes = np.bincount(number * len(MATERIALS) + material,
                         minlength=len(middles) * len(MATERIALS))
@@ -71,7 +70,7 @@ def pieces(shares: Float32, theirs: ExemplarMaterials, wanted: Float32, plane: F
     found, width = theirs.deep[material, y[number], x[number]], theirs.tone.shape[1]
     piece = np.stack([found % width, found // width], axis=1) + np.float32(0.5)
     piece += plane - middles[number]
-    return into(shares, theirs, np.asarray(piece, np.float32))
+    return into(material, theirs, np.asarray(piece, np.float32))
 
 
 def _pixels(places: NDArray[np.floating], theirs: ExemplarMaterials,

@@ -32,6 +32,7 @@ from ..painter.materials import (
     at_home,
     into,
     light_neck,
+    mainly,
 )
 from ..painter.patch_painter import PainterConfig, PatchPainter, Wish, flesh
 from ..painter.picture_materials import HAIR, SKIN
@@ -306,12 +307,13 @@ class SkinPainter:
         light_neck(shares, skin.tone, theirs, skin.seen > SHOWN)
         tone, detail = sitter_looks(skin, shares, theirs)
         guided = position * np.float32(size)
-        wanted = into(shares, theirs, guided)
+        material = mainly(shares)
+        wanted = into(material, theirs, guided)
         home = at_home(guided, wanted, unit)
         color = painted.result()
         tone += flesh(shares) * carried_light(skin, canvas, core, color, tone)
         # Where the guide would stretch its paint, the search begins with rigid pieces.
-        rigid = pieces(shares, theirs, wanted, anchor * np.float32(size), tone,
+        rigid = pieces(material, theirs, wanted, anchor * np.float32(size), tone,
                        self.exemplar.size * size)
         begin = np.where((ratio > STRETCHED)[:, None] & (home > 0.5)[:, None], wanted, rigid)
         # Around the face patches stay in place; elsewhere like material will do.
