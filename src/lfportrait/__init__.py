@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from .field import VoxelField, reconstruct
     from .job import make
     from .lightfield import Display, ViewMask, encode, simulate
-    from .stylize import StyledField, paint, stylize
+    from .stylize import Session, StyledField, paint, stylize
 
 __all__ = [
-    "Camera", "Capture", "Display", "Exemplar", "Skin", "StyledField", "UserError",
+    "Camera", "Capture", "Display", "Exemplar", "Session", "Skin", "StyledField", "UserError",
     "ViewMask", "VoxelField", "__version__", "calibrate", "encode", "make", "paint", "reconstruct",
     "simulate", "stylize", "transfer",
 ]

@@ -62,7 +62,7 @@ def test_a_head_takes_on_the_exemplars_colours(head, styled, violet):
     assert field.texture is not None and field.texture.texels.any()
     assert figures["refinement"]["steps"] == 2
     assert set(figures["pose"]) == {"yaw", "pitch", "roll"} and abs(figures["pose"]["yaw"]) < 9
-    assert set(figures["seconds"]) == {"skin", "paint", "fit", "texture", "refine", "total"}
+    assert set(figures["seconds"]) == {"paint", "fit", "texture", "refine", "total"}
 
 
 def test_the_same_seed_gives_the_same_bytes(head, capture, violet, styled):
@@ -153,38 +153,6 @@ def test_a_skin_that_cannot_be_written_is_computed_each_time(head, capture, tmp_
     (beside / "mine").touch()
     assert len(kept_skin(path, head, capture, 60.0).index) > 1000
     assert sorted(file.name for file in tmp_path.iterdir()) == ["head.npz", "head.skin.npz"]
-
-
-def test_field_and_skin_may_be_read_while_the_exemplar_is_looked_at(head, capture, violet):
-    skin = Skin.of(head, capture.landmarks, capture.cameras, PREVIEW.pixels)
-    known, _ = stylize_with_figures(head, capture, violet, PREVIEW, skin=skin)
-    asked = []
-
-    def read():
-        asked.append("field")
-        return head
-
-    def read_skin(field):
-        asked.append("skin")
-        return skin
-
-    def make_skin(field):
-        asked.append("skin")
-        assert field() is field() is head
-        return skin
-
-    # A skin that is there need not wait for the field, which is read once.
-    for of_field in (read_skin, make_skin):
-        asked.clear()
-        late, _ = stylize_with_figures(read, capture, violet, PREVIEW, skin=of_field)
-        assert asked == ["skin", "field"]
-        assert np.array_equal(late.sh, known.sh)
-        assert np.array_equal(late.texture.texels, known.texture.texels)
-
-    def fails():
-        raise UserError("no such field file")
-    with pytest.raises(UserError, match="no such field"):
-        stylize_with_figures(fails, capture, violet, PREVIEW)
 
 
 def test_closed_eyes_and_open_mouths_are_told(capture, violet):

@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass, fields, replace
 from dataclasses import field as option
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
@@ -21,9 +21,6 @@ from ..example import (
 from ..labels import LABELS, RegionStyle, members, read_regions, read_value
 from ..stylize import StylizeConfig
 from .common import Common
-
-if TYPE_CHECKING:
-    from ..field import FieldFile, VoxelField
 
 __all__ = ["Stylize", "TransferPhoto"]
 
@@ -127,7 +124,7 @@ class Stylize(Common):
 
     def run(self) -> dict[str, Any]:
         """Stylise and save."""
-        from ..field import field_file
+        from ..field import VoxelField, check_field_path
         from ..job import capture_of_face
         from ..stylize import kept_skin, stylize_with_figures
 
@@ -138,21 +135,14 @@ class Stylize(Common):
         with self.progress("stylize") as progress:
             exemplars = [Exemplar.load(style) for style in self.style]
             capture = capture_of_face(self.capture)
-            with field_file(self.out) as file:
-                styled, figures = stylize_with_figures(
-                    lambda: self._read(file), capture, exemplars,
-                    replace(self.config, seed=self.seed, parameters=self.given), progress,
-                    device=self.device, dump=self.dump,
-                    skin=lambda field: kept_skin(self.field, field, capture, self.config.pixels))
-                styled.save(file)
+            check_field_path(self.out)
+            field = VoxelField.load(self.field)
+            skin = (kept_skin(self.field, field, capture, self.config.pixels)
+                    if self.config.on_skin and capture.landmarks is not None else None)
+            config = replace(self.config, seed=self.seed, parameters=self.given)
+            styled, figures = stylize_with_figures(field, capture, exemplars, config, progress,
+                                                   device=self.device, dump=self.dump, skin=skin)
+            styled.save(self.out)
         for notice in figures["notices"]:
             print(f"note: {notice}", file=sys.stderr)
         return figures
-
-    def _read(self, file: FieldFile) -> VoxelField:
-        """The real field; its geometry is written while it is painted."""
-        from ..field import VoxelField
-
-        field = VoxelField.load(self.field)
-        file.begin(field)
-        return field

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..lazy import attach
 from .grid import Rendering, SampleWeights, VoxelField, camera_row
 from .harmonics import C0
-from .storage import FieldFile, field_file, read_arrays, save_checkpoint, save_field
+from .storage import check_field_path, read_arrays, save_checkpoint, save_field
 from .texture import SurfaceTexture
 
 if TYPE_CHECKING:
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from .reconstruction import reconstruct, reconstruct_with_figures
     from .surface import Mesh, PointCloud, field_mesh, field_points
 
-__all__ = ["C0", "Coverage", "FieldFile", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
-           "SampleWeights", "SurfaceTexture", "VoxelField", "camera_row", "field_file",
+__all__ = ["C0", "Coverage", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
+           "SampleWeights", "SurfaceTexture", "VoxelField", "camera_row", "check_field_path",
            "field_mesh", "field_points", "held_out_quality", "lattice_points", "read_arrays",
            "reconstruct", "reconstruct_with_figures", "save_checkpoint", "save_field"]
 

@@ -13,24 +13,23 @@ little for much time, and are stored as they are. `numpy.load` (and so svox2) re
 
 from __future__ import annotations
 
-import contextlib
 import zipfile
 import zlib
-from collections.abc import Collection, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..files import atomic_write
+from ..stages import check_writable
 from ..version import __version__
 from .background import Background
 from .texture import SurfaceTexture
 
-__all__ = ["FieldData", "FieldFile", "field_file", "load_field", "read_arrays", "save_checkpoint",
+__all__ = ["FieldData", "check_field_path", "load_field", "read_arrays", "save_checkpoint",
            "save_field"]
 
 
@@ -54,108 +53,17 @@ Loaded = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDAr
 _DEFLATED = ("links", "background_links", "texture_texels", "texture_charts")
 """The arrays of a file that are worth compressing."""
 
-_GEOMETRY = "links", "density", "center", "radius"
-"""What of a field is written ahead of its colours."""
-
 _NEEDED = ("links", "density_data", "sh_data")
 _READ = (*_NEEDED, "data", "radius", "center", "frame", "basis_type", "basis_data",
          "background_links", "background_data")
 _TEXTURE = ("texture_texels", "texture_projections", "texture_charts", "texture_pixels")
 
 
-class FieldFile:
-    """A field's file in the making (`field_file`).
-
-    Most of the time of writing goes into the links, which a new painting leaves as they are: they
-    may be written while that is still under way.
-    """
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self._stream = stream
-        self._begun: tuple[FieldData, Future[zipfile.ZipFile]] | None = None
-
-    def begin(self, field: FieldData) -> None:
-        """Write a field's geometry, in another thread; `finish` tells if that fails."""
-        aside = ThreadPoolExecutor(1)
-        self._begun = field, aside.submit(self._open, field)
-        aside.shutdown(wait=False)
-
-    def finish(self, field: FieldData, deflated: Collection[str], more: dict[str, Any]) -> None:
-        """Write the rest of a field, or all of it if its geometry is another.
-
-        Parameters
-        ----------
-        field
-            What the file is to hold.
-        deflated, more
-            As for `save_field`.
-
-        Raises
-        ------
-        OSError
-            If the disk is full, say; `field_file` makes it a `UserError`.
-        """
-        if self._begun is None or any(getattr(self._begun[0], name) is not getattr(field, name)
-                                      for name in _GEOMETRY):
-            self.close()
-            self.begin(field)
-        assert self._begun is not None
-        archive = self._begun[1].result()
-        behind: dict[str, Any] = {}
-        if field.background is not None:
-            behind = {"background_links": field.background.links,
-                      "background_data": field.background.data.astype(np.float32)}
-        _write_arrays(archive, {
-            "sh_data": np.clip(field.sh.reshape(len(field.sh), -1), -6e4, 6e4).astype(np.float16),
-            **behind, "basis_type": np.int64(1), **more}, (*_DEFLATED, *deflated))
-        archive.close()
-
-    def close(self) -> None:
-        """Leave off: nothing is written any more. Does nothing to a finished file."""
-        if self._begun is not None and self._begun[1].exception() is None:
-            with contextlib.suppress(OSError):
-                self._begun[1].result().close()
-
-    def _open(self, field: FieldData) -> zipfile.ZipFile:
-        self._stream.seek(0)
-        self._stream.truncate()
-        archive = zipfile.ZipFile(self._stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
-        try:
-            _write_arrays(archive, {
-                "radius": field.radius.astype(np.float32),
-                "center": field.center.astype(np.float32),
-                # svox2's kernels take the table in C order alone.
-                "links": _turned(field.links),
-                "density_data": field.density[:, None].astype(np.float32)}, _DEFLATED)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                archive.close()
-            raise
-        return archive
-
-
-@contextlib.contextmanager
-def field_file(path: Any) -> Iterator[FieldFile]:
-    """A field's file to be filled; it appears when the block has succeeded.
-
-    Parameters
-    ----------
-    path
-        File name, ending in ``.npz``.
-
-    Raises
-    ------
-    UserError
-        If the file has another ending or can't be written: at once, before hours of work.
-    """
+def check_field_path(path: Any) -> None:
+    """Raise `UserError` where no field can be written: to be asked before hours of work."""
     if Path(path).suffix != ".npz":
         raise UserError(f"a field is written as .npz, not {Path(path).name}")
-    with atomic_write(path) as stream:
-        file = FieldFile(stream)
-        try:
-            yield file
-        finally:
-            file.close()
+    check_writable(Path(path).parent)
 
 
 def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), **more: Any) -> None:
@@ -166,7 +74,7 @@ def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), *
     field
         What the file is to hold.
     path
-        File name, ending in ``.npz``, or a `FieldFile`.
+        File name, ending in ``.npz``.
     more
         Further arrays, by the names that they get in the file.
     deflated
@@ -182,17 +90,29 @@ def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), *
                                          np.float64(texture.pixels))
     more = {"frame": field.frame, "lfportrait_version": np.str_(__version__),
             **dict(zip(_TEXTURE, values)), **more}
-    if isinstance(path, FieldFile):
-        path.finish(field, deflated, more)
-        return
-    with field_file(path) as file:
-        file.finish(field, deflated, more)
+    _write(field, path, deflated, more)
 
 
 def save_checkpoint(field: FieldData, path: Any) -> None:
     """Write a field with svox2's own keys alone, in the order in which svox2 writes them."""
-    with field_file(path) as file:
-        file.finish(field, (), {})
+    _write(field, path, (), {})
+
+
+def _write(field: FieldData, path: Any, deflated: Collection[str], more: dict[str, Any]) -> None:
+    check_field_path(path)
+    behind: dict[str, Any] = {}
+    if field.background is not None:
+        behind = {"background_links": field.background.links,
+                  "background_data": field.background.data.astype(np.float32)}
+    with atomic_write(path) as stream, zipfile.ZipFile(
+            stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        _write_arrays(archive, {
+            "radius": field.radius.astype(np.float32), "center": field.center.astype(np.float32),
+            # svox2's kernels take the table in C order alone.
+            "links": _turned(field.links),
+            "density_data": field.density[:, None].astype(np.float32),
+            "sh_data": np.clip(field.sh.reshape(len(field.sh), -1), -6e4, 6e4).astype(np.float16),
+            **behind, "basis_type": np.int64(1), **more}, (*_DEFLATED, *deflated))
 
 
 def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],

@@ -18,11 +18,12 @@ if TYPE_CHECKING:
     from .on_skin import paint
     from .optimize import stylize, stylize_with_figures
     from .rehearsal import rehearse
+    from .session import Session
     from .skin_files import kept_skin
     from .skin_fit import row_labels
 
-__all__ = ["FieldMethod", "FieldTask", "MixConfig", "StyledField", "StylizeConfig", "kept_skin",
-           "load_network", "load_styled", "paint", "rehearse", "row_labels", "stylize",
+__all__ = ["FieldMethod", "FieldTask", "MixConfig", "Session", "StyledField", "StylizeConfig",
+           "kept_skin", "load_network", "load_styled", "paint", "rehearse", "row_labels", "stylize",
            "stylize_with_figures"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

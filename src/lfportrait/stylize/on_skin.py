@@ -9,9 +9,8 @@ refine them at half the size. What the lattice is too coarse for becomes the fie
 
 from __future__ import annotations
 
-import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..capture import Capture
 from ..example import Exemplar, Painting, Skin, SkinPainter
-from ..example.skin import canvas_of, face_pixels
+from ..example.skin import canvas_of
 from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
 from ..progress import Progress
@@ -32,12 +31,9 @@ from .skin_fit import chart_views, for_lattice, look_up_rows, row_labels, show_p
 from .skin_texture import surface_texture
 from .views import StyleView
 
-__all__ = ["LateField", "LateSkin", "Sitter", "paint", "stylize_skin"]
+__all__ = ["Painters", "Sitter", "paint", "stylize_skin"]
 
 Float32 = NDArray[np.float32]
-
-LateField = VoxelField | Callable[[], VoxelField]
-LateSkin = Skin | Callable[[Callable[[], VoxelField]], Skin] | None
 
 FINER = 2.0
 """Pixels of an exemplar, at most, per pixel of the skin."""
@@ -57,8 +53,7 @@ def paint(skin: Skin, exemplar: Exemplar, config: StylizeConfig | None = None) -
         a `SkinPainter`.
     """
     config = config or StylizeConfig()
-    painter = _painter(_fitting(exemplar, skin.face), config)
-    return painter.paint(skin, PREVIEW if config.preview else 1)
+    return Painters().of(exemplar, skin.face, config).paint(skin, PREVIEW if config.preview else 1)
 
 
 def _fitting(exemplar: Exemplar, face: float) -> Exemplar:
@@ -69,74 +64,36 @@ def _fitting(exemplar: Exemplar, face: float) -> Exemplar:
     return exemplar.within(FINER * face)
 
 
-def _painter(exemplar: Exemplar, config: StylizeConfig) -> SkinPainter:
-    return SkinPainter(exemplar, config.painting, config.transfer, config.seed)
-
-
 class Sitter:
     """A field to be painted: its skin, and what all paintings of it share.
 
-    What takes a while is made in another thread: a painting is looked at meanwhile.
-
     Parameters
     ----------
-    field
-        The real field, or what reads it.
-    capture
-        Its capture, with landmarks.
+    field, capture
+        The real field, and its capture with landmarks.
     config
         Parameters.
     skin
-        Of the field, or what makes it of a function that gives the field; None computes it.
+        Of the field; None computes it.
     """
 
-    def __init__(self, field: LateField, capture: Capture, config: StylizeConfig,
-                 skin: LateSkin) -> None:
+    def __init__(self, field: VoxelField, capture: Capture, config: StylizeConfig,
+                 skin: Skin | None) -> None:
         assert capture.landmarks is not None
-        self.capture, self.config = capture, config
+        self.field, self.capture, self.config = field, capture, config
         self.step = PREVIEW if config.preview else 1
-        self.face = (skin.face if isinstance(skin, Skin)
-                     else face_pixels(capture.landmarks, config.pixels))
-        self._load = functools.cache(field if callable(field) else lambda: field)
+        self.skin = skin or Skin.of(field, capture.landmarks, capture.cameras, config.pixels)
+        canvas_of(self.skin, self.step)
+        # What is shared takes a while: a painting is looked at meanwhile.
         aside = ThreadPoolExecutor(1)
-        # In this order: a painting waits for the skin, which may not need the field.
-        self._skin = aside.submit(self._read, skin)
-        self._field = aside.submit(self._load)
         self._shared = aside.submit(self._share)
         aside.shutdown(wait=False)
         self._views: dict[int, list[StyleView]] = {}
 
-    def _read(self, skin: LateSkin) -> Skin:
-        capture = self.capture
-        if skin is None:
-            assert capture.landmarks is not None
-            skin = Skin.of(self._load(), capture.landmarks, capture.cameras, self.config.pixels)
-        elif not isinstance(skin, Skin):
-            skin = skin(self._load)
-        canvas_of(skin, self.step)
-        return skin
-
     def _share(self) -> None:
-        skin = self._skin.result()
         if self.config.preview and self.config.texture:
-            chart_lattice(self.field, skin, self.step)
-        row_labels(skin)
-
-    @property
-    def field(self) -> VoxelField:
-        """The real field."""
-        return self._field.result()
-
-    @property
-    def skin(self) -> Skin:
-        """The field's skin."""
-        return self._skin.result()
-
-    def read(self, progress: Progress | None) -> Skin:
-        """The field's skin; ``progress`` tells if it takes its time."""
-        if progress is not None and not self._skin.done():
-            progress.update(progress.done, "skin")
-        return self.skin
+            chart_lattice(self.field, self.skin, self.step)
+        row_labels(self.skin)
 
     def wait(self) -> None:
         """Return when all is there that paintings share."""
@@ -151,25 +108,45 @@ class Sitter:
         return self._views[step]
 
 
+class Painters:
+    """Exemplars prepared for painting skins, kept from one stylisation to the next."""
+
+    MOST = 8
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Any, ...], tuple[Exemplar, SkinPainter]] = {}
+
+    def of(self, exemplar: Exemplar, face: float, config: StylizeConfig) -> SkinPainter:
+        """The painter of an exemplar for skins whose face has so many pixels."""
+        key = id(exemplar), face, config.painting, config.transfer, config.seed
+        found = self._known.pop(key, None)
+        if found is None:
+            painter = SkinPainter(_fitting(exemplar, face), config.painting, config.transfer,
+                                  config.seed)
+            # The exemplar is kept: its identity is not given to another.
+            found = exemplar, painter
+        self._known[key] = found
+        while len(self._known) > self.MOST:
+            del self._known[next(iter(self._known))]
+        return found[1]
+
+
 def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeConfig,
-                 progress: Progress | None, dump: Path | None,
+                 progress: Progress | None, dump: Path | None, painters: Painters | None = None,
                  ) -> tuple[list[Float32], list[SurfaceTexture], dict[str, Any]]:
     """Colours of a field's rows, float32 [N, 3], and textures, by exemplar, and figures."""
     colors, textures, rows = [], [], []
     constants: Any = None
     lattice: ChartLattice | None = None
-    for exemplar in (_fitting(one, sitter.face) for one in exemplars):
+    skin, field, painters = sitter.skin, sitter.field, painters or Painters()
+    for exemplar in exemplars:
         clock = time.perf_counter()
         if progress is not None:
             progress.update(progress.done, f"paint after {exemplar.name}")
-        painter = _painter(exemplar, config)
-        looked_at = time.perf_counter()
-        skin = sitter.read(progress)
-        ready = time.perf_counter()
+        painter = painters.of(exemplar, skin.face, config)
         painting = painter.paint(skin, sitter.step)
         painted = time.perf_counter()
         sitter.wait()
-        field = sitter.field
         model = ColorModel(field, config.background)
         look_up_rows(model, for_lattice(painting, field) if config.texture else painting)
         figures: dict[str, Any] = {"style": exemplar.name, "painting": painting.seconds,
@@ -196,14 +173,13 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
             figures["refinement"] = Refinement(model, sitter.views(painting, 2), config,
                                                constants).run(progress)
         end = time.perf_counter()
-        figures["seconds"] = {"skin": round(ready - looked_at, 3),
-                              "paint": round(painted - ready + looked_at - clock, 3),
+        figures["seconds"] = {"paint": round(painted - clock, 3),
                               "fit": round(fitted - painted, 3),
                               "texture": round(textured - fitted, 3),
                               "refine": round(end - textured, 3)}
         if dump is not None:
             write_image(dump / f"skin_{exemplar.name}.png", painting.color)
-            if painter.exemplar is not exemplar:
+            if painter.turned:
                 write_image(dump / f"frontal_{exemplar.name}.png", painter.exemplar.image)
         colors.append(model.colors)
         rows.append(figures)

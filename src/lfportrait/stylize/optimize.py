@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..capture import Capture
 from ..device import computing_device
 from ..errors import UserError
-from ..example import Exemplar
+from ..example import Exemplar, Skin
 from ..field import C0, SurfaceTexture, VoxelField
 from ..labels import PICTURE_LABELS
 from ..progress import Progress
@@ -21,7 +21,7 @@ from .config import StylizeConfig
 from .methods import FieldTask
 from .mixing import StyledField
 from .notices import notices
-from .on_skin import LateField, LateSkin, Sitter, stylize_skin
+from .on_skin import Painters, Sitter, stylize_skin
 from .skin_fit import row_labels
 from .skin_texture import texel_rows
 
@@ -30,26 +30,26 @@ __all__ = ["StylizeConfig", "stylize", "stylize_with_figures"]
 Float32 = NDArray[np.float32]
 
 
-def stylize(field: LateField, capture: Capture, exemplar: Exemplar | Sequence[Exemplar],
+def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[Exemplar],
             config: StylizeConfig | None = None, progress: Progress | None = None,
             device: str = "auto", dump: Path | None = None,
-            skin: LateSkin = None) -> StyledField:
+            skin: Skin | None = None) -> StyledField:
     """Give a field the manner of an exemplar: `stylize_with_figures`' field alone."""
     return stylize_with_figures(field, capture, exemplar, config, progress, device, dump, skin)[0]
 
 
-def stylize_with_figures(field: LateField, capture: Capture,
+def stylize_with_figures(field: VoxelField, capture: Capture,
                          exemplar: Exemplar | Sequence[Exemplar],
                          config: StylizeConfig | None = None, progress: Progress | None = None,
                          device: str = "auto", dump: Path | None = None,
-                         skin: LateSkin = None) -> tuple[StyledField, dict[str, Any]]:
+                         skin: Skin | None = None, painters: Painters | None = None,
+                         ) -> tuple[StyledField, dict[str, Any]]:
     """Give a field the manner of one or more exemplars.
 
     Parameters
     ----------
     field
-        The real radiance field, or a function that reads it, called in another thread while the
-        exemplar is looked at.
+        The real radiance field.
     capture
         Its capture: the landmarks in space, and where the photos were taken from.
     exemplar
@@ -63,8 +63,9 @@ def stylize_with_figures(field: LateField, capture: Capture,
     dump
         Folder for pictures of intermediates; None writes none.
     skin
-        Of the field, where it is known already (`Skin.of`, `kept_skin`), or what makes it of a
-        function that gives the field, called in that thread.
+        Of the field, where it is known already (`Skin.of`, `kept_skin`).
+    painters
+        Exemplars that were prepared before (`Session` keeps them).
 
     Returns
     -------
@@ -94,13 +95,12 @@ def stylize_with_figures(field: LateField, capture: Capture,
     blocks = None
     if config.on_skin:
         sitter = Sitter(field, capture, config, skin)
-        colors, textures, found = stylize_skin(sitter, exemplars, config, progress, dump)
-        field = sitter.field
+        colors, textures, found = stylize_skin(sitter, exemplars, config, progress, dump,
+                                                painters)
         labels, regions = row_labels(sitter.skin)
         if textures:
             blocks = texel_rows(sitter.skin, textures[0])
     else:
-        field = field if isinstance(field, VoxelField) else field()
         regions = PICTURE_LABELS
         labels = np.zeros((len(field.density), len(regions)), np.uint8)
         colors, found = _by_views(field, capture, exemplars, config, progress, dump)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from .config import check_pixels
 __all__ = ["kept_skin"]
 
 
-def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture: Capture,
+def kept_skin(path: Path, field: VoxelField, capture: Capture,
               pixels: float) -> Skin:
     """The skin of the field that was read from ``path``.
 
@@ -30,8 +29,7 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
     path
         The field's file.
     field, capture
-        The field, or a function that gives it, called if the skin is computed; and its capture
-        with landmarks.
+        The field and its capture with landmarks.
     pixels
         Pixels per world unit.
 
@@ -52,7 +50,6 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
     beside = path.with_suffix(".skin.npz")
     skin = load_skin(beside, key)
     if skin is None:
-        field = field if isinstance(field, VoxelField) else field()
         skin = Skin.of(field, capture.landmarks, capture.cameras, pixels)
         lattice = lattice_arrays(field, skin)
         with suppress(OSError, UserError):

@@ -132,13 +132,16 @@ class SkinPainter:
         As it is painted by: from the front.
     pose
         Of the face in the painting.
+    turned
+        Whether the painting's own face is not from the front.
     """
 
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
                  transfer: TransferConfig | None = None, seed: int = 0) -> None:
         # Of a face that is turned, the frontal picture.
         self.pose = exemplar.pose()
-        exemplar = frontalised(exemplar, self.pose)
+        given, exemplar = exemplar, frontalised(exemplar, self.pose)
+        self.turned = exemplar is not given
         self.exemplar, self.seed = exemplar, seed
         self.config = config or SkinConfig()
         regions = exemplar.regions()

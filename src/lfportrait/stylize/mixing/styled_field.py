@@ -274,7 +274,7 @@ class StyledField(VoxelField):
         Parameters
         ----------
         path
-            File name, or a file whose geometry may be written already (`field_file`).
+            File name, ending in ``.npz``.
 
         Raises
         ------

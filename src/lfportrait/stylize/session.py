@@ -1,0 +1,164 @@
+"""A head at hand: what stays in memory while somebody tries styles on it.
+
+A first preview reads field and surface, prepares a painting and lays out the lattice; after that a
+new painting takes under a second and a mixture hundredths. An app or a notebook keeps one session a
+head::
+
+    session = lf.Session("job/field.npz", "job/capture")
+    session.preview("ken.png")
+    session.mix(strength=0.7, regions={"hair": 2})
+    image = session.encode("lookingglass-16")
+    styled = session.stylize("ken.png")          # in full, when it is liked
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Capture
+from ..errors import UserError
+from ..example import Exemplar, Skin
+from ..field import VoxelField
+from ..progress import Progress
+from .config import StylizeConfig
+from .mixing import StyledField
+from .on_skin import Painters
+from .optimize import stylize_with_figures
+from .skin_files import kept_skin
+
+__all__ = ["Session"]
+
+_EXEMPLARS = 16
+"""Paintings that are kept."""
+
+
+class Session:
+    """A field, its surface and its painters, kept from one style to the next.
+
+    Parameters
+    ----------
+    field
+        The real field, or its file; beside a file the surface is kept (`kept_skin`).
+    capture
+        Its capture, or the capture's folder.
+    config
+        Parameters of all styles, unless a call brings its own.
+
+    Attributes
+    ----------
+    field, capture, config
+        As above.
+    shown
+        The last stylised or mixed field, or None.
+    figures
+        Of the last stylisation.
+
+    Raises
+    ------
+    UserError
+        If a file can't be read, or the capture has no landmarks.
+    """
+
+    def __init__(self, field: VoxelField | str | Path, capture: Capture | str | Path,
+                 config: StylizeConfig | None = None) -> None:
+        self.config = config or StylizeConfig()
+        self.config.check()
+        self.capture = capture if isinstance(capture, Capture) else Capture.load(capture)
+        self.field = field if isinstance(field, VoxelField) else VoxelField.load(field)
+        self.shown: StyledField | None = None
+        self.figures: dict[str, Any] = {}
+        self._file = None if isinstance(field, VoxelField) else Path(field)
+        self._skins: dict[float, Skin] = {}
+        self._painters = Painters()
+        self._exemplars: dict[tuple[str, int], Exemplar] = {}
+        if self.capture.landmarks is None:
+            raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on "
+                            "the photos")
+
+    def preview(self, style: str | Path | Exemplar, config: StylizeConfig | None = None,
+                ) -> StyledField:
+        """The field in a style at half the resolution, without fit and refinement."""
+        return self.stylize(style, replace(config or self.config, preview=True))
+
+    def stylize(self, style: str | Path | Exemplar, config: StylizeConfig | None = None,
+                progress: Progress | None = None) -> StyledField:
+        """The field in a style.
+
+        Parameters
+        ----------
+        style
+            A picture's path, a built-in style's name, or an `Exemplar`.
+        config
+            Parameters; by default the session's.
+        progress
+            Progress line.
+
+        Raises
+        ------
+        UserError
+            As `lfportrait.stylize`.
+        """
+        config = config or self.config
+        skin = self.skin(config.pixels) if config.on_skin else None
+        self.shown, self.figures = stylize_with_figures(
+            self.field, self.capture, self.exemplar(style), config, progress, skin=skin,
+            painters=self._painters)
+        return self.shown
+
+    def mix(self, **choices: Any) -> StyledField:
+        """Another mix of photo and painting of what is shown (`StyledField.mix`).
+
+        Raises
+        ------
+        UserError
+            If nothing is shown yet, or a choice makes no sense.
+        """
+        self.shown = self._shown().mix(**choices)
+        return self.shown
+
+    def encode(self, display: Any, config: Any = None) -> NDArray[np.uint8]:
+        """What is shown, coded for a display: uint8 [H, W, 3].
+
+        Parameters
+        ----------
+        display
+            A `Display`, a preset's name, or a display or calibration file.
+        config
+            `lfportrait.lightfield.EncodeConfig`.
+        """
+        from ..lightfield import Display, encode
+
+        panel = display if isinstance(display, Display) else Display.resolve(display)
+        return encode(self._shown(), panel, config)
+
+    def exemplar(self, style: str | Path | Exemplar) -> Exemplar:
+        """A painting, read once; a file that changed is read again."""
+        if isinstance(style, Exemplar):
+            return style
+        path = Path(style)
+        key = str(style), path.stat().st_mtime_ns if path.is_file() else 0
+        if key not in self._exemplars:
+            self._exemplars[key] = Exemplar.load(style)
+            while len(self._exemplars) > _EXEMPLARS:
+                del self._exemplars[next(iter(self._exemplars))]
+        return self._exemplars[key]
+
+    def skin(self, pixels: float) -> Skin:
+        """The head's surface at so many pixels per world unit."""
+        if pixels not in self._skins:
+            assert self.capture.landmarks is not None
+            self._skins[pixels] = (
+                Skin.of(self.field, self.capture.landmarks, self.capture.cameras, pixels)
+                if self._file is None else
+                kept_skin(self._file, self.field, self.capture, pixels))
+        return self._skins[pixels]
+
+    def _shown(self) -> StyledField:
+        if self.shown is None:
+            raise UserError("nothing is stylised yet; call preview or stylize first")
+        return self.shown

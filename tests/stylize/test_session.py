@@ -1,0 +1,79 @@
+"""A session keeps what styles share, and gives what a stylisation gives."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lfportrait as lf
+from lfportrait.errors import UserError
+from lfportrait.example import Exemplar
+from lfportrait.example.skin import SkinPainter
+from lfportrait.files import write_image
+from lfportrait.stylize import Session, stylize_with_figures
+from lfportrait.stylize import on_skin as module
+
+from .test_on_skin import PREVIEW, SMALL, capture, head, violet  # noqa: F401
+
+
+@pytest.fixture
+def session(head, capture):  # noqa: F811
+    return Session(head, capture, SMALL)
+
+
+def test_what_it_gives_is_what_a_stylisation_gives(session, head, capture, violet):  # noqa: F811
+    styled = session.stylize(violet)
+    alone, _ = stylize_with_figures(head, capture, violet, SMALL)
+    assert np.array_equal(styled.sh, alone.sh) and session.shown is styled
+    quick = session.preview(violet)
+    alone, _ = stylize_with_figures(head, capture, violet, replace(SMALL, preview=True))
+    assert np.array_equal(quick.sh, alone.sh)
+    assert session.figures["method"] == "skin"
+
+
+def test_painters_and_surface_are_made_once(session, violet, monkeypatch):  # noqa: F811
+    made = []
+
+    class Counted(SkinPainter):
+        def __init__(self, *given):
+            made.append(given)
+            super().__init__(*given)
+
+    monkeypatch.setattr(module, "SkinPainter", Counted)
+    skin = session.skin(PREVIEW.pixels)
+    session.preview(violet)
+    session.preview(violet)
+    assert len(made) == 1 and session.skin(PREVIEW.pixels) is skin
+    session.preview(violet, replace(SMALL, seed=1))
+    assert len(made) == 2
+
+
+def test_mixtures_and_light_fields(session, violet):  # noqa: F811
+    with pytest.raises(UserError, match="nothing is stylised"):
+        session.mix(strength=0.5)
+    first = session.preview(violet)
+    half = session.mix(strength=0.5, regions={"hair": 0})
+    assert session.shown is half and not np.array_equal(half.sh, first.sh)
+    panel = lf.Display(width=60, height=40, views=12, pitch=7.3, slant=0.16, offset=2.1,
+                       subpixels="RGB", cone=40.0)
+    assert session.encode(panel).shape == (40, 60, 3)
+
+
+def test_files_are_read_and_paintings_again_when_they_change(head, capture,  # noqa: F811
+                                                             violet, tmp_path):  # noqa: F811
+    head.save(tmp_path / "field.npz")
+    capture.save(tmp_path / "capture")
+    session = lf.Session(tmp_path / "field.npz", tmp_path / "capture", SMALL)
+    session.preview(violet)
+    assert (tmp_path / "field.skin.npz").is_file()
+    painting = tmp_path / "a.png"
+    write_image(painting, violet.image)
+    np.savetxt(tmp_path / "a.landmarks.txt", violet.landmarks)
+    first = session.exemplar(painting)
+    assert isinstance(first, Exemplar) and session.exemplar(painting) is first
+    write_image(painting, violet.image[..., ::-1].copy())
+    os.utime(painting, (1, 1))
+    assert not np.array_equal(session.exemplar(painting).image, first.image)
+    with pytest.raises(UserError, match="no facial landmarks"):
+        Session(head, replace(capture, landmarks=None))
