@@ -17,7 +17,8 @@ from lfportrait.errors import UserError
 from lfportrait.example import PhotoMethod
 from lfportrait.face import write_landmarks
 from lfportrait.files import read_image, read_json, write_image
-from lfportrait.job.steps import MakeConfig, style_key
+from lfportrait.job.graph import style_key
+from lfportrait.job.steps import MakeConfig
 from lfportrait.plugins import Choice, chosen, offered
 from lfportrait.stylize import FieldMethod, StylizeConfig
 from lfportrait_eval.baselines.field import ArfConfig, RefNprConfig

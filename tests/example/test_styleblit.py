@@ -45,7 +45,7 @@ def _problem(seed=0, height=40, width=48, style_height=56, style_width=44):
 def test_equals_the_plain_form(scale, width):
     guides, weights, style_appearance, style_labels, table, picture = _problem(width=width)
     own = synthesise(guides, weights, 0.0, style_appearance, style_labels, table, picture,
-                     BlitConfig(threshold=-1.0, slack=-1e9, radius=0), scale=scale)
+                     BlitConfig(threshold=-1.0, tolerance=-1e9, radius=0), scale=scale)
     assert (own.level == 0).all()
     config = BlitConfig(threshold=60.0, radius=0, levels=4)
     made = synthesise(guides, weights, 0.0, style_appearance, style_labels, table, picture,
@@ -59,7 +59,7 @@ def test_equals_the_plain_form(scale, width):
                         for n in range(begin, begin + count) if stored.pixels[n] >= 0]
     shift, level = reference.synthesise(
         guides.position, guides.appearance, guides.anchor, weights, style_appearance, own.shift,
-        own.error, seeds, 4, config.threshold, config.slack, free=scale is None)
+        own.error, seeds, 4, config.threshold, config.tolerance, free=scale is None)
     same = (level == made.level) & (np.abs(shift - made.shift) < 1e-3).all(axis=-1)
     assert same.mean() > 0.998  # a rounding at the threshold may differ
     assert len(np.unique(level)) >= 3
@@ -72,8 +72,9 @@ def test_tiles_do_not_show(width):
     torn = Guides(guides.position, guides.appearance, guides.labels, guides.anchor.copy())
     # One pixel of each tile lies far away.
     torn.anchor[::8, ::16] += 4000
-    results = [synthesise(g, weights, 0.0, style_appearance, style_labels, table, picture,
-                          BlitConfig(radius=0, gain=1e9), seed=2) for g in (guides, torn)]
+    config = BlitConfig(radius=0, min_improvement=1e9)
+    results = [synthesise(g, weights, 0.0, style_appearance, style_labels, table, picture, config,
+                          seed=2) for g in (guides, torn)]
     kept = np.ones((21, width), bool)
     kept[::8, ::16] = False
     same = (results[0].shift == results[1].shift).all(axis=-1)[kept]

@@ -64,6 +64,6 @@ def test_a_field_is_nearer_to_held_out_views_for_it():
     capture = ball_capture()
     psnr = {}
     for share in (0.0, 0.3):
-        config = ReconstructConfig(resolutions=(24,), rays=(0.3,), averaged=share)
+        config = ReconstructConfig(resolutions=(24,), rays=(0.3,), polyak_fraction=share)
         psnr[share] = reconstruct_with_figures(capture, config)[1]["test"]["psnr"]
     assert psnr[0.3] > psnr[0.0] + 0.1

@@ -301,7 +301,7 @@ def test_the_room_can_be_kept(tmp_path):
     ball_capture(count=6, size=24).save(tmp_path / "capture")
     figures = Reconstruct(tmp_path / "capture", tmp_path / "field.npz", keep_background=True,
                           quiet=True, config=ReconstructConfig(
-                              resolutions=(16,), rays=(0.01,), sh_degree=0, sweep=False)).run()
+                              resolutions=(16,), rays=(0.01,), sh_degree=0, mvs_init=False)).run()
     assert figures["voxels"] > 0
     assert VoxelField.load(tmp_path / "field.npz").background is not None
 
@@ -332,7 +332,7 @@ def test_densities_below_zero_put_the_outline_between_lattice_points():
 
 def test_small_voxels_keep_their_densities_above_zero():
     def floor(finest, pixel, **more):
-        config = ReconstructConfig(finest=finest, **more)
+        config = ReconstructConfig(resolution=finest, **more)
         return config.resolved(room=False, distance=4.0, pixel=pixel).density_floor
 
     assert floor(256, 0.005) == 0.1
@@ -343,7 +343,7 @@ def test_small_voxels_keep_their_densities_above_zero():
 
 def test_a_ball_without_mattes_is_reconstructed_on_white():
     capture = ball_capture(alpha=False)
-    config = replace(TINY, background_nlayers=0, lr_sigma=3.0, sweep=False, near_clip=0.0)
+    config = replace(TINY, background_nlayers=0, lr_sigma=3.0, mvs_init=False, near_clip=0.0)
     _, figures = reconstruct_with_figures(capture, config)
     assert figures["test"]["psnr"] > 24
 
@@ -473,13 +473,13 @@ def test_the_finest_level_follows_the_pixels():
     assert config.resolved(False, 4.0, 0.0025).resolutions == (104, 208, 416)
     assert config.resolved(False, 4.0, 0.0001).resolutions[-1] == 512
     assert config.resolved(True, 4.0, 0.0001).resolutions == (96, 192)
-    own = replace(config, finest=128, time_budget=60.0).resolved(False, 4.0, 0.0001)
+    own = replace(config, resolution=128, time_budget=60.0).resolved(False, 4.0, 0.0001)
     assert own.resolutions == (32, 64, 128)
     assert np.isinf(own.rays[-1])
     assert sum(own.shares()) == pytest.approx(1.0)
     assert own.shares() == pytest.approx((0.04, 0.16, 0.8))
     with pytest.raises(UserError, match="--finest"):
-        replace(config, finest=3).resolved(False, 4.0, 0.0041)
+        replace(config, resolution=3).resolved(False, 4.0, 0.0041)
 
 
 def test_a_time_budget_is_used_up_and_a_coarse_level_has_its_share():
@@ -500,7 +500,7 @@ def test_levels_and_rays_by_default():
     timed = ReconstructConfig(time_budget=60.0).resolved(room=False, distance=4.0, pixel=0.002)
     assert timed.resolutions == (128, 256, 512) and timed.rays == pytest.approx((1.6, 8.0, np.inf))
     assert timed.paced and timed.shares() == pytest.approx((0.04, 0.16, 0.8))
-    assert ReconstructConfig(finest=32).resolved(False, 4.0).resolutions == (16, 32)
+    assert ReconstructConfig(resolution=32).resolved(False, 4.0).resolutions == (16, 32)
     room = ReconstructConfig().resolved(room=True, distance=4.0)
     assert room.resolutions == (96, 192) and room.rays == (4.0, 8.0)
     for levels in ((32,), (32, 64), (32, 64, 128, 256)):

@@ -153,7 +153,7 @@ def test_space_before_the_surface_is_clear(surface):
 
 @pytest.fixture(scope="module")
 def whole(arc):
-    return reconstruct_with_figures(arc, ReconstructConfig(finest=96, rays=(0.5, 1.0), seed=1))
+    return reconstruct_with_figures(arc, ReconstructConfig(resolution=96, rays=(0.5, 1.0), seed=1))
 
 
 def test_photos_cover_the_face_and_not_the_back(arc, whole):

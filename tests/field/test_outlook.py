@@ -17,7 +17,7 @@ def _numbers(text: str) -> list[float]:
 def test_outlook_of_a_plaster_head(finest: int, first: float, count: int, millions: float,
                                    memory: float, seconds: float) -> None:
     """Beside what was measured after a first level of so many seconds and lattice points."""
-    config = ReconstructConfig(finest=finest).resolved(False, 2.0)
+    config = ReconstructConfig(resolution=finest).resolved(False, 2.0)
     told = _numbers(outlook(config, first, count, True, 2**30))
     assert told[0] == finest
     for number, measured in zip(told[1:], (millions, memory, seconds)):
@@ -34,5 +34,7 @@ def test_a_voxel_is_two_pixels_within_limits() -> None:
     assert lattice_points(0.1) == 256
     assert lattice_points(1e-5) == 512
     assert ReconstructConfig().resolved(False, 2.0, 1.04 / 400).resolutions[-1] == 416
-    assert ReconstructConfig(at_most=320).resolved(False, 2.0, 1.04 / 400).resolutions[-1] == 320
-    assert ReconstructConfig(at_most=320, finest=384).resolved(False, 2.0).resolutions[-1] == 384
+    few = ReconstructConfig(max_resolution=320)
+    assert few.resolved(False, 2.0, 1.04 / 400).resolutions[-1] == 320
+    asked = ReconstructConfig(max_resolution=320, resolution=384)
+    assert asked.resolved(False, 2.0).resolutions[-1] == 384

@@ -88,14 +88,14 @@ def test_the_coded_picture_is_made_of_the_views(undisturbed):
 def test_no_finer_lattice_than_the_display_shows():
     def points(display, **encode):
         config = fitted(MakeConfig(), [(Display.preset(display), EncodeConfig(**encode))])
-        return config.reconstruct.at_most
+        return config.reconstruct.max_resolution
 
     assert points("generic-4k") == points("lookingglass-portrait") == 256
     assert 320 <= points("generic-8k") < points("lookingglass-32-portrait") == 512
     assert points("generic-4k", size=2.0) > 256, "a head that is cropped by the panel"
-    own = MakeConfig(reconstruct=ReconstructConfig(at_most=300))
+    own = MakeConfig(reconstruct=ReconstructConfig(max_resolution=300))
     fit = fitted(own, [(Display.preset("lookingglass-32-portrait"), EncodeConfig())])
-    assert fit.reconstruct.at_most == 300
+    assert fit.reconstruct.max_resolution == 300
 
 
 def test_a_second_run_does_nothing_again(undisturbed, inputs):

@@ -121,7 +121,7 @@ def test_of_a_large_exemplar_no_more_is_used_than_the_skin_can_show(head, captur
 
 
 def test_without_agreement_chunks_alone_paint_the_head(head, capture, violet):
-    config = replace(PREVIEW, skin=replace(PREVIEW.skin, agree=False))
+    config = replace(PREVIEW, skin=replace(PREVIEW.skin, patchmatch=False))
     field, figures = stylize_with_figures(head, capture, violet, config)
     assert "patches" not in figures["painting"]
     assert np.isfinite(field.sh).all()

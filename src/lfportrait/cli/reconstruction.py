@@ -87,7 +87,7 @@ class Reconstruct(Common):
     """Capture folder, transforms.json data set, COLMAP model, LLFF or NSVF folder."""
     out: Path = Path("field.npz")
     """File for the field."""
-    usual: ClassVar[tuple[str, ...]] = ("finest", "max-voxels", "rays", "refine-poses")
+    usual: ClassVar[tuple[str, ...]] = ("resolution", "max-voxels", "rays", "refine-poses")
     config: Annotated[ReconstructConfig, tyro.conf.arg(name="")] = option(
         default_factory=ReconstructConfig)
     """Reconstruction."""
@@ -115,8 +115,8 @@ class Reconstruct(Common):
                     capture, mattes = cut_person(capture, progress)
             except UserError as error:
                 raise UserError(f"{error}; or keep the room with --keep-background") from error
-        if self.portrait_frame or (capture.alphas is not None and (self.config.close
-                                                                  or self.config.trim)):
+        if self.portrait_frame or (capture.alphas is not None and (self.config.fill_back
+                                                                  or self.config.cut_base)):
             with self.progress("face") as progress:
                 capture = find_face(capture, progress, reframe=self.portrait_frame)
         with self.progress("reconstruct") as progress:

@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-__all__ = ["print_short_help"]
+__all__ = ["all_options", "print_short_help"]
 
 _MOST = 16
 """A command with no more options than this shows all of them."""
@@ -21,8 +21,15 @@ _OPTION = re.compile(r"^│ (?:-\w, )?--[\w.-]+")
 _NAME = re.compile(r"--([\w.-]+)")
 
 
-def print_short_help(command: type, program: str) -> None:
-    """Print a command's help without the options that few people need."""
+def all_options(command: type, plain: bool = False) -> list[str]:
+    """The options of a class, ``--like.this``, with their negations; ``plain``: without dashes."""
+    found = [name for line in _help(command, "").splitlines() if _OPTION.match(line)
+             for name in _NAME.findall(line)]
+    return found if plain else [f"--{name}" for name in found]
+
+
+def _help(command: type, program: str) -> str:
+    """Tyro's help of a class."""
     import tyro
 
     # With an encoding: tyro draws its boxes of letters that the output can show.
@@ -30,7 +37,12 @@ def print_short_help(command: type, program: str) -> None:
     with contextlib.redirect_stdout(text), contextlib.suppress(SystemExit):
         tyro.cli(command, args=["--help"], prog=program)
     text.seek(0)
-    print(_short(text.read(), _usual(command), program), end="")
+    return text.read()
+
+
+def print_short_help(command: type, program: str) -> None:
+    """Print a command's help without the options that few people need."""
+    print(_short(_help(command, program), _usual(command), program), end="")
 
 
 def _usual(command: Any) -> set[str]:

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..renamed import accepts_old_names
 from .kernels.atlas import exchange
 from .kernels.patch_levels import finer_places, level_places
 from .kernels.patches import (
@@ -46,6 +47,7 @@ SCALE = 4.0
 """Colours and guides are in 1 / SCALE grey levels, times the root of a weight."""
 
 
+@accepts_old_names
 @dataclass(frozen=True)
 class PatchConfig:
     """Parameters of the synthesis."""
@@ -65,12 +67,12 @@ class PatchConfig:
     """Passes of the search in each alternation, 1 to 6."""
     reach: int = 16
     """Widest random step of the search on the finest level, in pixels."""
-    polish: bool = True
+    final_3x3: bool = True
     """Finish with patches of 3 x 3 pixels, which blur less."""
 
     def hasty(self) -> PatchConfig:
         """The same for a preview: fewer alternations."""
-        return replace(self, votes=max(1, self.votes // 2), last_votes=1, passes=1, polish=False)
+        return replace(self, votes=max(1, self.votes // 2), last_votes=1, passes=1, final_3x3=False)
 
 
 @dataclass
@@ -228,7 +230,7 @@ def synthesise_patches(target: PatchTarget, source: PatchSource, config: PatchCo
             engine = engines.pop(0).result()
             places = engine.first_places(places)
             votes = config.last_votes if level == 0 and config.last_votes else config.votes
-            radii = [MARGIN] * votes + [1] * (config.polish and level == 0)
+            radii = [MARGIN] * votes + [1] * (config.final_3x3 and level == 0)
             # The coarsest level is small, and what it finds is what all others build on.
             widest = (max(engine.size) if 0 < level == levels[0]
                       else max(2, config.reach >> max(0, level - 1)))

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..renamed import accepts_old_names
 from .guides.maps import Guides, anchor_scale
 from .kernels.blit import blit
 from .kernels.lookup import look_up
@@ -28,6 +29,7 @@ LANES = 16
 """Pixels that the kernels work on at once."""
 
 
+@accepts_old_names
 @dataclass(frozen=True)
 class BlitConfig:
     """Chunks and voting."""
@@ -35,14 +37,14 @@ class BlitConfig:
     threshold: float = 52.0
     """Largest guide error of a chunk, 0 to 200: 24 is smooth and steady, 52 keeps strokes, above
     100 the exemplar's own face is copied."""
-    slack: float = 8.0
+    tolerance: float = 8.0
     """A chunk is also kept if its error exceeds the pixel's own look-up by less than this."""
-    gain: float = 14.0
+    min_improvement: float = 14.0
     """A look-up must improve on the guided place by this error to be used, 0 to 50: high values
     keep noise of the photo from scattering pixels."""
     levels: int = 6
     """Coarsest level, 1 to 8: its cells are 2^levels exemplar pixels wide."""
-    calm_levels: int = 8
+    background_levels: int = 8
     """Coarsest level where the appearance hardly counts (background, clothes), 1 to 8."""
     radius: int = 1
     """Voting window: 0 none, 1 is 3 x 3, 2 is 5 x 5."""
@@ -53,7 +55,7 @@ class BlitConfig:
     @property
     def top(self) -> int:
         """The coarsest of all levels."""
-        return max(self.levels, self.calm_levels)
+        return max(self.levels, self.background_levels)
 
 
 @dataclass
@@ -224,8 +226,8 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
     error = np.empty((height, width), np.float32)
     look_up(guides.position, guides.appearance, guides.anchor, weights, words, per_label,
             table.indices, table.cell, np.float32(table.low), np.float32(table.step),
-            style_appearance, style_words, np.float32(config.gain), exact, margin, own_shift,
-            error)
+            style_appearance, style_words, np.float32(config.min_improvement), exact, margin,
+            own_shift, error)
     if seeds is None:
         seeds = plant(guides.anchor, config.top, seed, scale, min(finest, config.levels))
     shift = shift_planes(height, width, margin)
@@ -233,7 +235,7 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
     blit(guides.position, guides.appearance, guides.anchor, weights, words, per_label,
          style_appearance, style_words, own_shift, error, config.top, config.levels,
          np.float32(calm), seeds.finest, seeds.points, seeds.pixels, seeds.starts, seeds.firsts,
-         seeds.shapes, np.float32(config.threshold), np.float32(config.slack),
+         seeds.shapes, np.float32(config.threshold), np.float32(config.tolerance),
          scale is None, margin, shift, level)
     # Neighbours on one piece of the anchor plane; a photo's is one piece.
     pitch = scale if scale is not None else anchor_scale(guides.anchor)

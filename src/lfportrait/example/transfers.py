@@ -13,6 +13,7 @@ import tyro
 from numpy.typing import NDArray
 
 from ..errors import UserError
+from ..renamed import accepts_old_names
 from .exemplar import Exemplar, face_size
 from .guides.appearance import Distribution, appearance_guide, match_histogram
 from .guides.blurs import broad_blur, gaussian_blur, shrunk
@@ -50,6 +51,7 @@ CALM = 0.25
 """Share of the face's weight of the appearance below which it hardly counts."""
 
 
+@accepts_old_names
 @dataclass(frozen=True)
 class TransferConfig:
     """Parameters of the example-based transfer; lengths are relative to the face."""
@@ -91,7 +93,7 @@ class TransferConfig:
     aside: float = 20.0
     """The guide of a photo whose face is turned by more degrees follows what is seen of a generic
     head, not landmarks that are hidden; 90 = never."""
-    steadiness: float = 10.0
+    view_gain: float = 10.0
     """Factor of `blit.gain` in the views of a capture, 1 to 20: there a look-up that only one view
     makes is a stroke that jumps."""
     table: TableConfig = field(default_factory=TableConfig)
@@ -227,7 +229,7 @@ class Transfer:
         weights = self.weights(person, labels, position, scale)
         blit, label_weight = config.blit, config.label_weight
         if seeds is None:
-            blit = replace(blit, gain=config.steadiness * blit.gain)
+            blit = replace(blit, min_improvement=config.view_gain * blit.min_improvement)
             # On a photo the position is as smooth as the grid that it was computed on.
             weights[..., 0] *= relative_stretch(guides.position, guides.anchor,
                                                 cell=config.grid if flat else 1)

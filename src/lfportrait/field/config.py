@@ -9,6 +9,7 @@ import numpy as np
 import tyro
 
 from ..errors import UserError
+from ..renamed import accepts_old_names
 
 __all__ = ["ReconstructConfig", "lattice_points"]
 
@@ -24,6 +25,7 @@ def lattice_points(pixel: float) -> int:
     return int(np.clip(32 * round(1.04 / max(pixel, 1e-3) / 32), 256, 512))
 
 
+@accepts_old_names
 @dataclass(frozen=True)
 class ReconstructConfig:
     """Parameters of the reconstruction (svox2's names where it has them)."""
@@ -32,10 +34,10 @@ class ReconstructConfig:
     """Lattice points to two world units (the cube's edge), coarse to fine; by default a
     quarter (not of narrow arcs), half and all of --finest for photos with mattes, 96 192 for photos
     of a room."""
-    finest: int = 0
+    resolution: int = 0
     """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
     about two pixels, but at least 256 points and at most --at-most."""
-    at_most: int = 512
+    max_resolution: int = 512
     """Most lattice points that --finest 0 takes; `make` takes no more than the display shows, but
     at least 256."""
     rays: tuple[float, ...] = ()
@@ -69,7 +71,7 @@ class ReconstructConfig:
     colour is the running mean of. (Colours step as in SART, not by RMSProp as in svox2.)"""
     lr_sh_final: float = -1.0
     """Learning rate of the colours at the end; by default 1, and 0.5 for a room."""
-    averaged: float = -1.0
+    polyak_fraction: float = -1.0
     """Share of the last level, at its end, whose states the field is the mean of (Polyak and
     Juditsky 1992), 0 to 1; 0: the last state alone; by default 0.3, and 0 for a room."""
     rms_beta: float = 0.95
@@ -121,12 +123,12 @@ class ReconstructConfig:
     """Before and within the last level, lay the mattes anew: along the photos' edges, near the
     outline that the field shows by then. ``auto``: mattes that were made from the photos, not
     given ones."""
-    sweep: bool = True
+    mvs_init: bool = True
     """Start a room from the surfaces that a plane sweep of small photos finds, not from haze."""
-    close: bool = True
+    fill_back: bool = True
     """Close a head behind, where no photo shows it, smoothly and in the colours around it, once the
     field has been tested; for persons that are cut out and have landmarks."""
-    trim: bool = True
+    cut_base: bool = True
     """Cut a bust's frayed lower end by a plane, and drop crumbs, once it has been tested; for
     persons that are cut out and have landmarks."""
     time_budget: float = 0.0
@@ -197,7 +199,7 @@ class ReconstructConfig:
         UserError
             If levels do not fit together or a value makes no sense.
         """
-        finest = self.finest or min(lattice_points(pixel), self.at_most)
+        finest = self.resolution or min(lattice_points(pixel), self.max_resolution)
         if finest < 16:
             raise UserError(f"--finest and --at-most must be at least 16, not {finest}")
         usual = (finest // 4,) * (finest >= 64 and not narrow) + (finest // 2, finest)
@@ -218,8 +220,8 @@ class ReconstructConfig:
             raise UserError("give one --batch, or as many as --resolutions")
         if not 0 <= self.importance <= 1:
             raise UserError(f"--importance must be from 0 to 1, not {self.importance:g}")
-        if self.averaged > 1:
-            raise UserError(f"--averaged must be from 0 to 1, not {self.averaged:g}")
+        if self.polyak_fraction > 1:
+            raise UserError(f"--averaged must be from 0 to 1, not {self.polyak_fraction:g}")
         if self.sh_degree not in (0, 1, 2):
             raise UserError(f"--sh-degree must be 0, 1 or 2, not {self.sh_degree}")
 
@@ -233,7 +235,7 @@ class ReconstructConfig:
             lr_sigma=chosen(self.lr_sigma, 10.0, 7.0),
             lr_sigma_final=chosen(self.lr_sigma_final, 4.0, 1.0),
             lr_sh_final=chosen(self.lr_sh_final, 1.0, 0.5),
-            averaged=chosen(self.averaged, 0.3, 0.0),
+            polyak_fraction=chosen(self.polyak_fraction, 0.3, 0.0),
             lambda_tv=chosen(self.lambda_tv, 1e-5, 1e-3),
             lambda_tv_sh=chosen(self.lambda_tv_sh, 0.0, 5e-3),
             lambda_distortion=chosen(self.lambda_distortion, 0.03, 0.01),

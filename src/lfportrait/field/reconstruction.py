@@ -165,8 +165,8 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
     if surface is not None:
         figures["geometry"] = _geometry(surface, progress)
     cut = (find_cut(field, landmarks, capture.cameras[capture.training()],
-                    surely="mattes" not in capture.figures) if config.trim else None)
-    if config.close:
+                    surely="mattes" not in capture.figures) if config.cut_base else None)
+    if config.fill_back:
         if surface is not None:
             field, closed = close_sides(field, surface, capture, cut)
         else:

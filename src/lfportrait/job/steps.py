@@ -67,8 +67,8 @@ def fitted(config: MakeConfig, shown: Iterable[tuple[Display, EncodeConfig]]) ->
     """
     points = [lattice_points(Placement.of(display, encode).pixel(display))
               for display, encode in shown]
-    at_most = min(config.reconstruct.at_most, max(points, default=256))
-    return replace(config, reconstruct=replace(config.reconstruct, at_most=at_most))
+    at_most = min(config.reconstruct.max_resolution, max(points, default=256))
+    return replace(config, reconstruct=replace(config.reconstruct, max_resolution=at_most))
 
 
 def source_files(photos: Path) -> list[Path]:

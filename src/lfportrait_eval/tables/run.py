@@ -176,7 +176,7 @@ class _Run:
             if source.field is not None:
                 linked(source.field, file)
                 return {}
-            return field_of(capture, file, ReconstructConfig(finest=256, seed=self.seed),
+            return field_of(capture, file, ReconstructConfig(resolution=256, seed=self.seed),
                             self.teller.inside(f"{source.name}: field"))
 
         key = key_of("field.reconstruction", self.keys[source.name], self.seed)

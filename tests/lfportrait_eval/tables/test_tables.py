@@ -172,7 +172,7 @@ def test_a_methods_parameters_change_that_method_alone(files, tmp_path, brush):
     config = replace(SMALL, methods=("skin", "surface", "views"))
     compare(files, tmp_path, config)
     first = len(brush.painted)
-    other = replace(config.stylize, skin=replace(config.stylize.skin, agree=False))
+    other = replace(config.stylize, skin=replace(config.stylize.skin, patchmatch=False))
     compare(files, tmp_path, replace(config, stylize=other))
     assert brush.painted[first:] == [("warm", "skin")]
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, gaussian_filter
 
 from ...labels import MATERIALS, PICTURE_LABELS
+from ...renamed import accepts_old_names
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
 from ..guides.blurs import broad_blur
@@ -77,11 +78,12 @@ STRETCHED = 0.7
 """A guide that changes more slowly than this against the surface would stretch its paint."""
 
 
+@accepts_old_names
 @dataclass(frozen=True)
 class SkinConfig(PainterConfig):
     """Painting on the skin."""
 
-    agree: bool = True
+    patchmatch: bool = True
     """Let patches agree outside the face; else chunks and pieces alone, which repeat and tear but
     touch no patent (docs/methods.md)."""
 
@@ -194,10 +196,11 @@ class SkinPainter:
         clock = _Clock()
         guide = SurfaceGuide(skin.plane.landmarks, self.exemplar, self.transfer.regions)
         size = skin.pixels / guide.scale / step
-        source = aside.submit(self._painter.source, round(size, 3)) if self.config.agree else None
+        source = (aside.submit(self._painter.source, round(size, 3))
+                  if self.config.patchmatch else None)
         canvas, places = canvas_of(skin, step)
         position, ratio = self._positions(guide, places)
-        if not self.config.agree:
+        if not self.config.patchmatch:
             points = places.atlas.points.reshape(-1, 3)[places.index]
             position = guide(points[None])[0][0]
         anchor = np.asarray(guide.scale * places.flat + guide.shift, np.float32)
@@ -207,7 +210,7 @@ class SkinPainter:
         face = self._face[pixel[:, 1], pixel[:, 0]]
         clock.lap("guides")
         core = np.ones(len(face), bool)
-        if self.config.agree:
+        if self.config.patchmatch:
             core = self._core(places, canvas, face, ratio, size)
         painted = aside.submit(self._paint_face, places, guide, canvas, position, anchor, ratio,
                                core)

@@ -81,7 +81,7 @@ def start_room(capture: Capture, views: NDArray[np.int64], data: TrainingPixels,
                config: ReconstructConfig, resolution: int, width: int) -> Start:
     """Without mattes: the surfaces that a plane sweep finds, or else a cube of haze."""
     gains, test_gains = np.ones((len(views), 3)), np.ones((len(capture.testing()), 3))
-    maps = sweep_depth(capture, views) if config.sweep else []
+    maps = sweep_depth(capture, views) if config.mvs_init else []
     box = scene_box(maps, 1.0, config.reach) if maps else None
     if box is not None and config.exposure:
         held_out = [small_view(capture, int(view)) for view in capture.testing()]

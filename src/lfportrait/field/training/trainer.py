@@ -282,7 +282,7 @@ class Trainer:
         shares = config.shares()
         own = shares[self.level] * (1.0 - self.level_done)
         share = max(least, own / (own + sum(shares[self.level + 1:])))
-        faced = self.capture.landmarks is not None and (config.close or config.trim)
+        faced = self.capture.landmarks is not None and (config.fill_back or config.cut_base)
         whole = config.training_seconds(self.data.has_alpha, faced)
         return now + share * max(1.0, whole - (now - self.began))
 
@@ -370,7 +370,7 @@ class Trainer:
                 behind.step(rays, ground, slopes,
                             float(config.lr_color_bg * 0.05 ** done),
                             float(config.lr_sigma_bg * rate / config.lr_sigma))
-            if finest and Average.due(was, self.level_done, config.averaged):
+            if finest and Average.due(was, self.level_done, config.polyak_fraction):
                 self.average = self.average or Average(lattice, 3 * self.basis)
                 self.average.add(lattice)
             self.step += 1

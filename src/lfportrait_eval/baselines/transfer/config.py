@@ -8,6 +8,8 @@ from typing import Literal
 
 import tyro
 
+from lfportrait.renamed import accepts_old_names
+
 __all__ = ["FaceBlitConfig", "FaceStyleConfig", "NetworkConfig"]
 
 
@@ -35,6 +37,7 @@ class FaceBlitConfig:
     """Side in pixels of the box that softens the mask of the face."""
 
 
+@accepts_old_names
 @dataclass(frozen=True)
 class FaceStyleConfig:
     """Guided patch synthesis after FaceStyle."""
@@ -59,7 +62,7 @@ class FaceStyleConfig:
     """Widest random step of the search on the finest level, in pixels."""
     coarsest: int = 32
     """The pyramid ends where the shorter side would fall below this."""
-    polish: bool = True
+    final_3x3: bool = True
     """Finish with patches of 3 x 3 pixels, which blur less."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the random search."""

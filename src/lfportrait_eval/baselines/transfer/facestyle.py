@@ -164,7 +164,7 @@ class FaceStyle:
             PatchTarget(guides, position, position), source.pyramid,
             PatchConfig(config.style_weight, config.uniformity, levels, config.votes,
                         last_votes=0, passes=config.passes, reach=config.reach,
-                        polish=config.polish),
+                        final_3x3=config.final_3x3),
             config.seed)
         size = source.exemplar.image.shape[0], source.exemplar.image.shape[1]
         even = places.size / (size[0] * size[1]) * CELL ** 2
