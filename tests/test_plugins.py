@@ -138,7 +138,7 @@ def test_a_method_of_transfer_of_another_package(bring, tmp_path, monkeypatch, c
     figures = read_json(tmp_path / "run.json")
     assert figures["method"] == "flat-grey" and figures["seed"] == 3
     with pytest.raises(SystemExit):
-        main(["transfer", "--help"])
+        main(["transfer", "--help-all"])
     assert "--flat-grey.grey" in capsys.readouterr().out
 
 
@@ -224,5 +224,5 @@ def test_the_product_does_without_the_laboratory():
     assert done.returncode == 2 and done.stderr == (
         "lfportrait: evaluate is a command of the package lfportrait_eval, which is not "
         "installed\n")
-    done = without_laboratory("transfer", "--help")
+    done = without_laboratory("transfer", "--help-all")
     assert done.returncode == 0 and "--method {styleblit}" in done.stdout

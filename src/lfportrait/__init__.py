@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from .errors import UserError
     from .example import Exemplar, Skin, transfer
     from .field import VoxelField, reconstruct
-    from .job import make
+    from .job import Session, make
     from .lightfield import Display, ViewMask, encode, simulate
-    from .stylize import Session, StyledField, paint, stylize
+    from .stylize import StyledField, paint, stylize
 
 __all__ = [
     "Camera", "Capture", "Display", "Exemplar", "Session", "Skin", "StyledField", "UserError",

@@ -24,7 +24,7 @@ _NAME = re.compile(r"--([\w.-]+)")
 def all_options(command: type, plain: bool = False) -> list[str]:
     """The options of a class, ``--like.this``, with their negations; ``plain``: without dashes."""
     found = [name for line in _help(command, "").splitlines() if _OPTION.match(line)
-             for name in _NAME.findall(line)]
+             for name in _NAME.findall(line.strip("│ ").split("  ")[0])]
     return found if plain else [f"--{name}" for name in found]
 
 

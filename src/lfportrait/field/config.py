@@ -32,14 +32,14 @@ class ReconstructConfig:
 
     resolutions: tuple[int, ...] = ()
     """Lattice points to two world units (the cube's edge), coarse to fine; by default a
-    quarter (not of narrow arcs), half and all of --finest for photos with mattes, 96 192 for photos
-    of a room."""
+    quarter (not of narrow arcs), half and all of --resolution for photos with mattes, 96 192 for
+    photos of a room."""
     resolution: int = 0
     """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
-    about two pixels, but at least 256 points and at most --at-most."""
+    about two pixels, but at least 256 points and at most --max-resolution."""
     max_resolution: int = 512
-    """Most lattice points that --finest 0 takes; `make` takes no more than the display shows, but
-    at least 256."""
+    """Most lattice points that --resolution 0 takes; `make` takes no more than the display shows,
+    but at least 256."""
     rays: tuple[float, ...] = ()
     """Training rays of each level in millions; by default 1 5 12, more above 256 points, and 4 8
     for a room. With a time budget two fifths of these are the least of coarse levels, which go on
@@ -201,7 +201,7 @@ class ReconstructConfig:
         """
         finest = self.resolution or min(lattice_points(pixel), self.max_resolution)
         if finest < 16:
-            raise UserError(f"--finest and --at-most must be at least 16, not {finest}")
+            raise UserError(f"--resolution and --max-resolution must be at least 16, not {finest}")
         usual = (finest // 4,) * (finest >= 64 and not narrow) + (finest // 2, finest)
         resolutions = self.resolutions or ((96, 192) if room else usual)
         levels = len(resolutions)
@@ -221,7 +221,7 @@ class ReconstructConfig:
         if not 0 <= self.importance <= 1:
             raise UserError(f"--importance must be from 0 to 1, not {self.importance:g}")
         if self.polyak_fraction > 1:
-            raise UserError(f"--averaged must be from 0 to 1, not {self.polyak_fraction:g}")
+            raise UserError(f"--polyak-fraction must be from 0 to 1, not {self.polyak_fraction:g}")
         if self.sh_degree not in (0, 1, 2):
             raise UserError(f"--sh-degree must be 0, 1 or 2, not {self.sh_degree}")
 

@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from .photo_check import PhotoCheck, PhotoFacts, check_photos
     from .pipeline import MakeConfig, make
     from .prepare import find_face, prepare_capture
+    from .session import Session
     from .style_check import StyleCheck, check_style, chosen_face
     from .style_drawing import style_picture
     from .style_landmarks import add_style
     from .warmup import Warmup
 
-__all__ = ["MakeConfig", "PhotoCheck", "PhotoFacts", "StyleCheck", "Warmup", "add_style",
-           "capture_of_face", "check_photos", "check_picture", "check_style", "chosen_face",
-           "cut_person", "find_face", "make", "prepare_capture", "style_picture"]
+__all__ = ["MakeConfig", "PhotoCheck", "PhotoFacts", "Session", "StyleCheck", "Warmup",
+           "add_style", "capture_of_face", "check_photos", "check_picture", "check_style",
+           "chosen_face", "cut_person", "find_face", "make", "prepare_capture", "style_picture"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

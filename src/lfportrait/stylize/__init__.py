@@ -15,14 +15,13 @@ if TYPE_CHECKING:
     from .methods import FieldMethod, FieldTask
     from .mixing import MixConfig, StyledField, load_styled
     from .networks import load_network
-    from .on_skin import paint
+    from .on_skin import Painters, paint
     from .optimize import stylize, stylize_with_figures
     from .rehearsal import rehearse
-    from .session import Session
     from .skin_files import kept_skin
     from .skin_fit import row_labels
 
-__all__ = ["FieldMethod", "FieldTask", "MixConfig", "Session", "StyledField", "StylizeConfig",
+__all__ = ["FieldMethod", "FieldTask", "MixConfig", "Painters", "StyledField", "StylizeConfig",
            "kept_skin", "load_network", "load_styled", "paint", "rehearse", "row_labels", "stylize",
            "stylize_with_figures"]
 

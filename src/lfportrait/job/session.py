@@ -24,12 +24,9 @@ from ..capture import Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import VoxelField
+from ..lightfield import Display, encode
 from ..progress import Progress
-from .config import StylizeConfig
-from .mixing import StyledField
-from .on_skin import Painters
-from .optimize import stylize_with_figures
-from .skin_files import kept_skin
+from ..stylize import Painters, StyledField, StylizeConfig, kept_skin, stylize_with_figures
 
 __all__ = ["Session"]
 
@@ -131,8 +128,6 @@ class Session:
         config
             `lfportrait.lightfield.EncodeConfig`.
         """
-        from ..lightfield import Display, encode
-
         panel = display if isinstance(display, Display) else Display.resolve(display)
         return encode(self._shown(), panel, config)
 

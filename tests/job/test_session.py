@@ -11,10 +11,10 @@ from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
 from lfportrait.example.skin import SkinPainter
 from lfportrait.files import write_image
-from lfportrait.stylize import Session, stylize_with_figures
+from lfportrait.job import Session
 from lfportrait.stylize import on_skin as module
-
-from .test_on_skin import PREVIEW, SMALL, capture, head, violet  # noqa: F401
+from lfportrait.stylize import stylize_with_figures
+from tests.stylize.test_on_skin import PREVIEW, SMALL, capture, head, violet  # noqa: F401
 
 
 @pytest.fixture
