@@ -155,13 +155,16 @@ def reality_capture(folder: Path, cameras: Camera) -> None:
     (folder / "registration.csv").write_text("\ufeff" + "\n".join(rows) + "\n", encoding="utf-8")
 
 
-@pytest.mark.parametrize(("write", "lens"), [
+WRITERS = [
     (meshroom, {"k1": K1, "k2": K2, "cx": 40.5, "cy": 29.75}),
     (meshroom_of_old, {"k1": K1, "k2": K2, "cx": 40.5, "cy": 29.75}),
     (openmvg, {"k1": K1, "k2": K2, "cx": 40.5, "cy": 29.75}),
     (reality_capture, {"k1": K1, "k2": K2, "p1": P1, "p2": P2, "cx": 40.5, "cy": 29.75}),
     (metashape, {"k1": K1, "k2": K2, "p1": P1, "p2": P2, "cx": 40.5, "cy": 29.75}),
-    (bundler, {"k1": K1, "k2": K2}), (visualsfm, {})])
+    (bundler, {"k1": K1, "k2": K2}), (visualsfm, {})]
+
+
+@pytest.mark.parametrize(("write", "lens"), WRITERS)
 def test_cameras_are_those_that_were_written(tmp_path, write, lens):
     cameras = centred()
     wanted = reference(tmp_path / "plain", cameras, **lens)
@@ -178,6 +181,20 @@ def test_cameras_are_those_that_were_written(tmp_path, write, lens):
     assert len(Capture.load(file)) == COUNT
     if not lens:
         assert spot_error(found, MARKER) < 0.3
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(("write", "lens"), WRITERS)
+def test_a_real_heads_cameras_are_those_that_were_written(tmp_path, shared_data, write, lens):
+    real = Capture.load(shared_data / "lee_photos").cameras[np.arange(COUNT)]
+    like = centred()
+    cameras = Camera(real.pose, like.focal, like.center, like.width, like.height)
+    wanted = reference(tmp_path / "plain", cameras, **lens)
+    photos(tmp_path / "set", cameras)
+    write(tmp_path / "set", cameras)
+    found = Capture.load(tmp_path / "set")
+    for name in ("pose", "focal", "center"):
+        assert np.allclose(getattr(found.cameras, name), getattr(wanted.cameras, name), atol=1e-6)
 
 
 def test_photos_of_several_folders_keep_their_own_cameras(tmp_path):

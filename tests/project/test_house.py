@@ -20,6 +20,7 @@ from draw_house import (
     up_to_date,
 )
 from house import ROOT, STAGES, stage_imports, without_detours
+from measure_house import deepest_chain, rooms_entered
 
 HOUSE, ARROWS = rooms(), arrows_now()
 
@@ -76,3 +77,15 @@ def test_the_drawing_is_sound_xml():
     root = ElementTree.fromstring(PICTURE.read_text("utf-8"))
     shown = {entry.get("data-room") for entry in root.iter() if entry.get("data-room")}
     assert set(STAGES) <= shown and "ground floor/lanes" in shown and "field/kernels" in shown
+
+
+def test_the_deepest_chain_of_imports_is_followed():
+    graph = {"a": {"b", "c"}, "b": {"d"}, "c": set(), "d": {"c"}, "e": {"e"}}
+    assert deepest_chain(graph) == ["a", "b", "d", "c"]
+
+
+def test_rooms_are_noted_as_calls_enter_them():
+    from lfportrait import Display
+
+    rooms, changes = rooms_entered(lambda: Display.preset("generic-1080p"))
+    assert rooms[0] == "lfportrait/lightfield" and changes >= len(rooms)

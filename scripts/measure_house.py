@@ -1,0 +1,131 @@
+"""Measure the house: lines, files, import chains, and the rooms that data pass through.
+
+Photos, an exemplar and a display are each followed through the program on the demo's small head:
+every call into one of the package's files is noted, and what is counted are the folders (rooms)
+that are entered and how often the way changes from one to another.
+
+Run: python scripts/measure_house.py              this checkout
+     python scripts/measure_house.py --json FILE  the figures as JSON, to compare two states
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import house
+
+__all__ = ["deepest_chain", "figures", "rooms_entered"]
+
+PACKAGES = tuple(path for path in sorted((house.ROOT / "src").iterdir())
+                 if (path / "__init__.py").is_file())
+
+
+def rooms_entered(work: Callable[[], Any]) -> tuple[list[str], int]:
+    """The rooms that a function's calls enter, in their order, and how often the room changes."""
+    order: dict[str, None] = {}
+    changes, last = 0, ""
+    places = [str(package.parent) + "/" for package in PACKAGES[:1]]
+
+    def note(frame: Any, event: str, _: Any) -> None:
+        nonlocal changes, last
+        name = frame.f_code.co_filename
+        if event != "call" or not name.startswith(places[0]):
+            return
+        room = name[len(places[0]):].rpartition("/")[0]
+        if room != last:
+            changes, last = changes + 1, room
+            order.setdefault(room)
+
+    threading.setprofile(note)
+    sys.setprofile(note)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+        threading.setprofile(None)  # type: ignore[arg-type]
+    return list(order), changes
+
+
+def deepest_chain(graph: house.Graph) -> list[str]:
+    """The longest way along imports, each module once."""
+    known: dict[str, list[str]] = {}
+
+    def longest(name: str) -> list[str]:
+        if name not in known:
+            known[name] = []  # a circle ends here
+            below = [longest(other) for other in sorted(graph[name]) if other in graph]
+            known[name] = [name, *max(below, key=len, default=[])]
+        return known[name]
+
+    return max((longest(name) for name in sorted(graph)), key=len)
+
+
+def _ways() -> dict[str, Callable[[], Any]]:
+    """What is followed: each a function, its inputs made beforehand."""
+    from lfportrait import Capture, Display, Skin, encode
+    from lfportrait.demo import SITTER, demo_cameras, demo_exemplar, head_field, landmarks
+    from lfportrait.example import SkinPainter
+    from lfportrait.job import prepare_capture
+
+    cameras = demo_cameras(64, 6)
+    field, points = head_field(SITTER, step=8, cameras=demo_cameras(32, 4)), landmarks(SITTER)
+    pictures = [np.uint8(np.clip(field.render(cameras, view).color, 0, 1) * 255)
+                for view in range(len(cameras))]
+    capture = Capture(cameras, pictures, [np.full(one.shape[:2], 255, np.uint8)
+                                          for one in pictures],
+                      [f"{view}.png" for view in range(len(cameras))],
+                      np.zeros(len(cameras), bool), np.eye(4), points)
+    skin, exemplar = Skin.of(field, points, cameras, 48.0), demo_exemplar("fauve")
+    folder = Path(tempfile.mkdtemp())
+    capture.save(folder / "capture")
+    from lfportrait.capture import CalibrateConfig
+
+    return {"photos": lambda: prepare_capture(folder / "capture", CalibrateConfig(),
+                                              keep_background=True, need_face=False),
+            "exemplar": lambda: SkinPainter(exemplar).paint(skin),
+            "display": lambda: encode(field, Display.preset("generic-1080p"))}
+
+
+def figures() -> dict[str, Any]:
+    """All of it."""
+    files = [path for package in PACKAGES for path in package.rglob("*.py")]
+    product = [path for path in files if path.is_relative_to(PACKAGES[0])]
+    graph = house.graph_of(house.module_files(PACKAGES[0]))
+    found: dict[str, Any] = {
+        "files": len(files), "lines": sum(len(path.read_text("utf-8").splitlines())
+                                          for path in files),
+        "product_files": len(product), "product_lines": sum(
+            len(path.read_text("utf-8").splitlines()) for path in product),
+        "deepest_chain": deepest_chain(graph)}
+    for name, work in _ways().items():
+        rooms, changes = rooms_entered(work)
+        found[name] = {"rooms": rooms, "changes": changes}
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    found = figures()
+    if given.json is not None:
+        given.json.write_text(json.dumps(found, indent=1), "utf-8")
+    print(f"files                {found['files']}, of the product {found['product_files']}")
+    print(f"lines                {found['lines']}, of the product {found['product_lines']}")
+    print(f"deepest import chain {len(found['deepest_chain'])}")
+    for name in ("photos", "exemplar", "display"):
+        print(f"{name:<20} {len(found[name]['rooms'])} rooms, {found[name]['changes']} changes: "
+              f"{', '.join(found[name]['rooms'])}")
+
+
+if __name__ == "__main__":
+    main()
