@@ -126,44 +126,50 @@ class Bench(Common):
 
 @dataclass
 class Study(Common):
-    """A user study: a page on which people choose between portraits, and what they chose.
+    """Write a user study: a page on which people choose between portraits.
 
-    `lfportrait study JOB JOB ...` writes the page; `lfportrait study results FILE ...` evaluates
-    the answer files that people hand over.
+    `lfportrait study results` evaluates the answer files that people hand over.
     """
 
     jobs: tyro.conf.Positional[tuple[str, ...]] = ()
     """Folders of jobs, or videos SITTER/STYLE/METHOD.mp4; METHOD=PATH or METHOD:SITTER:STYLE=PATH
-    names them. Or the word results, and answer files."""
-    out: Path | None = None
-    """Folder for the page, by default study; for the results, by default study-results."""
-    study: Path | None = None
-    """results: the study.json of the study, or its folder, to check the answers against."""
+    names them."""
+    out: Path = Path("study")
+    """Folder for the page."""
     config: Annotated[StudyConfig, tyro.conf.arg(name="")] = option(default_factory=StudyConfig)
     """Questions, pairs and looks."""
 
     def run(self) -> dict[str, Any]:
-        """Write the page, or evaluate."""
+        """Write the page."""
+        from .study import write_study
+
         if not self.jobs:
             raise UserError("name the portraits to compare: lfportrait study JOB JOB ...; or "
                             "evaluate: lfportrait study results answers/*.json")
-        return self._results() if self.jobs[0] == "results" else self._page()
-
-    def _page(self) -> dict[str, Any]:
-        from .study import write_study
-
-        out = self.out or Path("study")
         with self.progress("study", len(self.jobs)) as progress:
-            figures = write_study(self.jobs, out, self.config, seed=self.seed, progress=progress)
-        print(f"{out / 'index.html'}: {', '.join(figures['methods'])}; pairs: "
+            figures = write_study(self.jobs, self.out, self.config, seed=self.seed,
+                                  progress=progress)
+        print(f"{self.out / 'index.html'}: {', '.join(figures['methods'])}; pairs: "
               f"{figures['pairs']}, answers of each person: {figures['answers_per_person']}")
         return figures
 
-    def _results(self) -> dict[str, Any]:
+
+@dataclass
+class StudyResults(Common):
+    """Evaluate the answers to a user study."""
+
+    answers: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Answer files."""
+    out: Path = Path("study-results")
+    """Folder for the results."""
+    study: Path | None = None
+    """The study.json of the study, or its folder, to check the answers against."""
+
+    def run(self) -> dict[str, Any]:
+        """Evaluate, write and print."""
         from .study import write_results
 
-        out = self.out or Path("study-results")
-        figures = write_results(self.jobs[1:], out, study=self.study, seed=self.seed)
+        figures = write_results(self.answers, self.out, study=self.study, seed=self.seed)
         for entry in figures["left_out"]:
             print(f"left out: {entry['file']}: {entry['reason']}", file=sys.stderr)
         for row in figures["preferences"]:
@@ -171,7 +177,7 @@ class Study(Common):
                   f"{100 * row['share']:.1f} % of {row['total']} "
                   f"({100 * row['low']:.1f} to {100 * row['high']:.1f} %), "
                   f"p = {row['p_holm']:.2g}")
-        print(f"{out / 'results.md'}: people: {figures['people']}, "
+        print(f"{self.out / 'results.md'}: people: {figures['people']}, "
               f"answers: {figures['answers']}")
         return figures
 

@@ -33,7 +33,8 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
 def test_usage_names_every_command(capsys):
     assert run() == 0
     text = capsys.readouterr().out
-    assert all(f"  {name}" in text for name in COMMANDS)
+    assert all(f"  {name}" in text for name, (_, _, words) in COMMANDS.items()
+               if words != "the same")
 
 
 def test_every_command_explains_its_options(capsys):
@@ -247,3 +248,14 @@ def test_a_damaged_photo_among_good_ones_is_skipped_with_a_warning(tmp_path, sty
     errors = capsys.readouterr().err
     assert "warning:" in errors
     assert "torn.jpg" in errors
+
+
+def test_sub_actions_are_commands_with_their_own_options(capsys):
+    for name, own in (("styles check", "--out"), ("display show", "--focus"),
+                      ("display pattern", "--kind"), ("study results", "--study")):
+        with pytest.raises(SystemExit):
+            run(*name.split(), "--help-all")
+        assert own in capsys.readouterr().out
+    assert run("display", "list") == 0
+    first = capsys.readouterr().out
+    assert run("display") == 0 and capsys.readouterr().out == first

@@ -44,6 +44,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "demo": ("make", "Demo", "everything, on the embedded capture and exemplar"),
     "make": ("make", "Make", "photos and a painting in, a coded light field out"),
     "batch": ("make", "BatchCommand", "many portraits from one file, here or on a Ray cluster"),
+    "batch status": ("make", "BatchStatus", "how far a batch is"),
     "capture-check": ("reconstruction", "CaptureCheck", "will these photos do? advice at once"),
     "calibrate": ("reconstruction", "Calibrate", "photos -> capture (cameras, mattes, landmarks)"),
     "reconstruct": ("reconstruction", "Reconstruct", "capture -> radiance field"),
@@ -51,6 +52,9 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "stylize": ("stylization", "Stylize", "radiance field + exemplar -> stylised field"),
     "restyle": ("restyling", "Restyle", "another mix of photo and painting, without training"),
     "styles": ("styles", "Styles", "list the installed exemplars"),
+    "styles list": ("styles", "Styles", "the same"),
+    "styles add": ("styles", "StylesAdd", "find a painting's landmarks, to be corrected by hand"),
+    "styles check": ("styles", "StylesCheck", "a page about a painting before it is used"),
     "render": ("reconstruction", "Render", "field -> pictures or a video"),
     "export": ("export", "Export", "field -> a page for any browser, points, mesh or checkpoint"),
     "view": ("export", "View", "look at a field in the browser"),
@@ -60,22 +64,31 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "simulate": ("coding", "Simulate", "what an eye in front of the display sees"),
     "cast": ("devices", "Cast", "show a quilt on a Looking Glass through a running Bridge"),
     "show": ("devices", "Show", "show a coded picture full screen on an attached panel, unscaled"),
-    "display": ("displays", "DisplayCommand", "list, show and import displays; test patterns"),
+    "display": ("displays", "DisplayList", "list the display presets"),
+    "display list": ("displays", "DisplayList", "the same"),
+    "display show": ("displays", "DisplayShow", "a display's parameters and depth budget"),
+    "display pattern": ("displays", "DisplayPattern", "a test pattern, coded for a display"),
+    "display import": ("displays", "DisplayImport", "a display file from a calibration file"),
     "evaluate": (_LAB, "Evaluate", "metrics of a finished job or of two folders of pictures"),
     "evaluate tables": (_LAB, "Tables", "the paper's comparisons: methods side by side"),
     "bench": (_LAB, "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),
-    "study": (_LAB, "Study", "a page on which people compare portraits, and its results"),
+    "study": (_LAB, "Study", "a page on which people compare portraits"),
+    "study results": (_LAB, "StudyResults", "evaluate the answers"),
     "doctor": ("doctor", "Doctor", "what works on this machine, and how to mend what does not"),
-    "models": ("doctor", "Models", "list, fetch and add pretrained networks"),
+    "models": ("doctor", "Models", "list the pretrained networks"),
+    "models list": ("doctor", "Models", "the same"),
+    "models fetch": ("doctor", "ModelsFetch", "download some"),
+    "models add": ("doctor", "ModelsAdd", "take files that you downloaded"),
 }
 
 
 def _usage() -> str:
-    width = max(map(len, COMMANDS))
+    shown = {name: text for name, (_, _, text) in COMMANDS.items() if text != "the same"}
+    width = max(map(len, shown))
     lines = [f"lfportrait {__version__}: a stylised 3D portrait for a light-field display, "
              "from photos and one painting", "",
              "usage: lfportrait COMMAND ...        (lfportrait COMMAND --help for its options)", ""]
-    lines += [f"  {name:<{width}}  {text}" for name, (_, _, text) in COMMANDS.items()]
+    lines += [f"  {name:<{width}}  {text}" for name, text in shown.items()]
     lines += ["", "Start with:  lfportrait demo --out demo-out"]
     return "\n".join(lines)
 

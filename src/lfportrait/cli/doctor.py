@@ -6,7 +6,7 @@ import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import tyro
 
@@ -14,7 +14,7 @@ from ..errors import UserError
 from ..health import Fact, examine
 from .common import Common
 
-__all__ = ["Doctor", "Models"]
+__all__ = ["Doctor", "Models", "ModelsAdd", "ModelsFetch"]
 
 _MARKS = {"good": ("✓", "+", "32"), "optional": ("·", "-", "33"), "bad": ("✗", "!", "31;1")}
 """Mark of each state, the same in ASCII, and its colour in a terminal."""
@@ -37,28 +37,57 @@ class Doctor(Common):
 
 @dataclass
 class Models(Common):
-    """List, fetch and add the pretrained networks."""
+    """List the pretrained networks: which are there, what each is for.
 
-    action: tyro.conf.Positional[Literal["list", "fetch", "add"]] = "list"
-    """What to do."""
-    names: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Networks or groups to fetch (portrait by default, those of the main job), or files to add."""
+    `lfportrait models fetch` downloads some, `lfportrait models add` takes files.
+    """
 
     def run(self) -> dict[str, Any]:
-        """Do what ``action`` says."""
+        """Print a line for each."""
         from .. import models
 
-        if self.action == "list":
-            print("\n".join(models.listing()))
-        elif self.action == "fetch":
-            for name in models.expand(self.names or ("portrait",)):
-                print(f"{name}: {models.fetch(name, quiet=self.quiet)}")
-        else:
-            if not self.names:
-                raise UserError("name the file to add: lfportrait models add FILE")
-            for name in self.names:
-                print(f"{name}: {models.add(Path(name))}")
-        return {"models": {name: models.available(name) for name in models.registry()}}
+        print("\n".join(models.listing()))
+        return _at_hand()
+
+
+@dataclass
+class ModelsFetch(Common):
+    """Download pretrained networks."""
+
+    names: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Networks or groups; by default portrait, those of the main job."""
+
+    def run(self) -> dict[str, Any]:
+        """Download those that are missing."""
+        from .. import models
+
+        for name in models.expand(self.names or ("portrait",)):
+            print(f"{name}: {models.fetch(name, quiet=self.quiet)}")
+        return _at_hand()
+
+
+@dataclass
+class ModelsAdd(Common):
+    """Take files of pretrained networks that you downloaded yourself."""
+
+    files: tyro.conf.Positional[tuple[Path, ...]]
+    """The files."""
+
+    def run(self) -> dict[str, Any]:
+        """Check and copy each."""
+        from .. import models
+
+        if not self.files:
+            raise UserError("name the file to add: lfportrait models add FILE")
+        for file in self.files:
+            print(f"{file}: {models.add(file)}")
+        return _at_hand()
+
+
+def _at_hand() -> dict[str, Any]:
+    from .. import models
+
+    return {"models": {name: models.available(name) for name in models.registry()}}
 
 
 def _coloured() -> bool:

@@ -28,7 +28,7 @@ from ..measure import usable_cores
 from ..stylize import StylizeConfig
 from .common import Common
 
-__all__ = ["BatchCommand", "Demo", "Make"]
+__all__ = ["BatchCommand", "BatchStatus", "Demo", "Make"]
 
 
 class _Scale(NamedTuple):
@@ -147,9 +147,7 @@ class BatchCommand(Common):
     """
 
     jobs: tyro.conf.Positional[Path]
-    """File that says what is wanted (.toml, see docs/batches.md); or the word status."""
-    folder: tyro.conf.Positional[Path | None] = None
-    """status: folder of a batch's results."""
+    """File that says what is wanted (.toml, see docs/batches.md)."""
     out: Path | None = None
     """Folder for all results."""
     dry_run: bool = False
@@ -163,9 +161,7 @@ class BatchCommand(Common):
 
     def run(self) -> dict[str, Any]:
         """Make the portraits, or tell about them."""
-        if str(self.jobs) == "status":
-            return self._status()
-        if self.folder is not None or self.out is None:
+        if self.out is None:
             raise UserError(f"say where to write: lfportrait batch {self.jobs} --out results/")
         if self.dry_run:
             figures = dry_figures(prepare_batch(self.jobs, self.out, offline=self.offline,
@@ -183,14 +179,6 @@ class BatchCommand(Common):
             self._tell(figures)
         return figures
 
-    def _status(self) -> dict[str, Any]:
-        folder = self.folder or self.out
-        if folder is None:
-            raise UserError("name the folder of the results: lfportrait batch status results/")
-        text, figures = batch_status(folder)
-        print(text)
-        return figures
-
     def _tell(self, figures: dict[str, Any]) -> None:
         made = sum(row["state"] == "done" for row in figures["jobs"])
         print(f"{self.out}: {made} of {len(figures['jobs'])} made, see index.html")
@@ -200,3 +188,17 @@ class BatchCommand(Common):
     def exit_code(self, figures: dict[str, Any]) -> int:
         """3 where some portraits of a run failed."""
         return 3 if "jobs" in figures and figures["failed"] else 0
+
+
+@dataclass
+class BatchStatus(Common):
+    """Show how far a batch is: what is done, what failed and why, how long the rest takes."""
+
+    folder: tyro.conf.Positional[Path]
+    """Folder of the batch's results."""
+
+    def run(self) -> dict[str, Any]:
+        """Print it."""
+        text, figures = batch_status(self.folder)
+        print(text)
+        return figures
