@@ -478,7 +478,7 @@ def test_the_finest_level_follows_the_pixels():
     assert np.isinf(own.rays[-1])
     assert sum(own.shares()) == pytest.approx(1.0)
     assert own.shares() == pytest.approx((0.04, 0.16, 0.8))
-    with pytest.raises(UserError, match="--finest"):
+    with pytest.raises(UserError, match="--resolution"):
         replace(config, resolution=3).resolved(False, 4.0, 0.0041)
 
 

@@ -102,7 +102,7 @@ class Server(http.server.ThreadingHTTPServer):
 @pytest.fixture
 def server():
     with contextlib.closing(Server()) as fake:
-        fake.fill_back = lambda: (fake.shutdown(), fake.server_close())
+        fake.close = lambda: (fake.shutdown(), fake.server_close())
         threading.Thread(target=fake.serve_forever, daemon=True).start()
         yield fake
 

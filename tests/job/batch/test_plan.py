@@ -71,8 +71,8 @@ def test_the_lattice_is_as_fine_as_the_finest_display_shows(studio, jobs_text):
     text = jobs_text.replace("resolutions = [16, 32]\nrays = [0.04, 0.08]\n", "")
     fine = text + '[[display]]\nname = "large"\npanel = "generic-8k"\n'
     before, after = planned(studio, text), planned(studio, fine)
-    assert before.tasks["anna/field"].config.reconstruct.at_most == 256
-    assert 256 < after.tasks["anna/field"].config.reconstruct.at_most < 512
+    assert before.tasks["anna/field"].config.reconstruct.max_resolution == 256
+    assert 256 < after.tasks["anna/field"].config.reconstruct.max_resolution < 512
     assert "anna/capture" not in changed(before, after)
     # A head that takes a third of the panel is shown by a third of its pixels.
     small = fine.replace('panel = "generic-8k"', 'panel = "generic-8k"\nencode.size = 0.25')
