@@ -57,7 +57,7 @@ def test_kernels_are_kept_somewhere(temporary, monkeypatch):
         raise RuntimeError("cannot cache function: no locator available")
     monkeypatch.setattr(lanes, "FunctionCache", nowhere)
     try:
-        with pytest.warns(UserWarning, match="NUMBA_CACHE_DIR=FOLDER names a lasting one"):
+        with pytest.warns(UserWarning, match="set NUMBA_CACHE_DIR=FOLDER to keep them"):
             lanes.keep_kernels()
         assert Path(numba.config.CACHE_DIR) == files.temporary_home() / "kernels"
     finally:

@@ -103,7 +103,7 @@ def test_a_command_of_another_package_runs_as_ours_do(bring, capsys, tmp_path):
     assert read_json(tmp_path / "run.json")["times"] == 2
     assert main(["say", "hello"]) == 0
     assert main(["say"]) == 2
-    assert "there is no command 'say'" in capsys.readouterr().err
+    assert "unknown command 'say'" in capsys.readouterr().err
 
 
 @dataclass(frozen=True)

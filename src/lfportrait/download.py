@@ -133,7 +133,7 @@ def _get(url: str, path: Path, size: int, progress: Progress) -> None:
                            again=code >= 500) from error
     except (requests.exceptions.MissingSchema, requests.exceptions.InvalidSchema,
             requests.exceptions.InvalidURL) as error:
-        raise _FailedError("this is no address on the web", "check the address (http:// or "
+        raise _FailedError("this is not a web address", "check the address (http:// or "
                            "https://)", again=False) from error
     except requests.RequestException as error:
         # A server that stalls within a file is a ConnectionError to requests.

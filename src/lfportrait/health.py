@@ -1,4 +1,4 @@
-"""What works on this machine, and how to mend what does not: the facts of ``lfportrait doctor``.
+"""The installation check of ``lfportrait doctor``: what was found, and commands that fix problems.
 
 Libraries that take seconds to import are looked up, not imported.
 """
@@ -43,9 +43,9 @@ class Fact(NamedTuple):
     text
         What was found, in words.
     state
-        ``"good"``; ``"optional"``: not there, and jobs run without it; ``"bad"``: mend it.
+        ``"good"``; ``"optional"``: not there, and jobs run without it; ``"bad"``: to be fixed.
     mend
-        The command that gets what is not there, or empty.
+        The command that fixes it, or empty.
     value
         What was found, for programs.
     """
@@ -101,7 +101,7 @@ def _computing() -> list[Fact]:
 
 def _kernels(cache: KernelCache) -> Fact:
     if cache.folder is None:
-        return Fact("machine", "kernels", "no folder to keep them in: each run takes minutes more",
+        return Fact("machine", "kernels", "no folder to keep them: each run compiles them, minutes",
                     "bad", "export NUMBA_CACHE_DIR=FOLDER", {"folder": None, "functions": 0})
     found = (f"{cache.functions} compiled, {megabytes(cache.bytes)}" if cache.functions
              else "none compiled yet: the first run takes minutes longer, its kernels are kept")
@@ -112,7 +112,7 @@ def _kernels(cache: KernelCache) -> Fact:
 
 def _memory(free: int | None) -> Fact:
     if free is None:
-        return Fact("machine", "memory", "this system does not tell how much is free")
+        return Fact("machine", "memory", "free memory is unknown on this system")
     text = f"{free / 1e9:.1f} GB free"
     if free >= MEMORY:
         return Fact("machine", "memory", text, value=free)
@@ -121,7 +121,7 @@ def _memory(free: int | None) -> Fact:
 
 
 def _disks(folder: Path) -> list[Fact]:
-    return [_disk("disk here", folder.absolute(), "a job takes", "write elsewhere: --out FOLDER"),
+    return [_disk("disk here", folder.absolute(), "a job takes", "use another disk: --out FOLDER"),
             _disk("disk of cache", models.cache_folder(), "all networks take",
                   "export LFPORTRAIT_MODELS=FOLDER")]
 
@@ -188,8 +188,8 @@ def _screen() -> list[Fact]:
     server = _window_system()
     return [Fact("libraries", "pygame", window, "good" if version else "optional",
                  "" if version else "pip install 'lfportrait[show]'", version),
-            Fact("machine", "screen", server or "none: this is no desktop session, so that "
-                 "`lfportrait show` has no panel", "good" if server else "optional", value=server)]
+            Fact("machine", "screen", server or "none: not a desktop session, so "
+                 "`lfportrait show` does not work", "good" if server else "optional", value=server)]
 
 
 def _window_system() -> str | None:

@@ -76,8 +76,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
 PURPOSES: dict[str, str] = {
     "face-landmarker": "finds the face and its landmarks in photos",
     "person-segmentation": "cuts the person out of photos",
-    "hair-segmentation": "tells hair from skin in photos",
-    "multiclass-segmentation": "does the work of both segmentations, and better",
+    "hair-segmentation": "segments the hair in photos",
+    "multiclass-segmentation": "replaces both segmentations, better",
     "vgg16": "the paper's content loss (else our own small network)",
     "resnet50": "the paper's style loss (else our own small network)",
     "inception": "evaluate: FID, the distance to the style",
@@ -247,7 +247,7 @@ def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
     names
         Networks or groups (`GROUPS`).
     download
-        True downloads all that are missing, with a progress line for each; False only tells.
+        True downloads all that are missing, with a progress line for each; False only checks.
     purpose
         What they are for, the subject of the message.
     quiet
@@ -274,7 +274,7 @@ def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
                         f"{'are' if len(wanted) > 1 else 'is'} not on this machine: "
                         f"{', '.join(wanted)}; get {'them' if len(wanted) > 1 else 'it'} with "
                         f"`lfportrait models fetch {command}`")
-    for name in names:  # those that are here, too: a damaged file is told now, not in an hour
+    for name in names:  # installed ones, too: a damaged file is reported now, not in an hour
         fetch(_used(name), quiet=quiet)
 
 

@@ -21,7 +21,7 @@ __all__ = ["Bench", "Evaluate", "Study", "Tables"]
 
 @dataclass
 class Evaluate(Common):
-    """Measure a finished job: held-out views, consistency between views, style and identity."""
+    """Measure a finished job: held-out views, consistency between views, style, identity."""
 
     job: tyro.conf.Positional[Path]
     """Folder that `lfportrait make` or `demo` wrote."""
@@ -44,10 +44,10 @@ class Evaluate(Common):
 
 @dataclass
 class Tables(Common):
-    """Compare methods as the paper does: the same sitters, styles and views, every figure.
+    """Compare methods as in the paper, on the same sitters, styles and views.
 
     Writes tables.md, tables.csv, tables.json and index.html. It takes about a minute for each
-    sitter, style and method, and goes on where it was stopped.
+    sitter, style and method; run the same command again to resume.
     """
 
     capture: tuple[str, ...] = ()
@@ -58,12 +58,12 @@ class Tables(Common):
     field: tuple[str, ...] = ()
     """Field files, in the order of the captures."""
     out: Path = Path("tables")
-    """Folder for the tables, and for all that is computed on the way."""
+    """Folder for the tables and all intermediate results."""
     document: Path | None = None
-    """Markdown file in which the tables are put, between the lines <!-- tables: begin --> and
-    <!-- tables: end -->."""
+    """Markdown file to insert the tables into, between the lines <!-- tables: begin --> and <!--
+    tables: end -->."""
     config: Annotated[TablesConfig, tyro.conf.arg(name="")] = option(default_factory=TablesConfig)
-    """What is compared, and how large."""
+    """Methods and sizes of the comparison."""
 
     groups: ClassVar[dict[str, str]] = {"stylize.": "lfportrait.field_methods"}
 
@@ -95,16 +95,16 @@ class Tables(Common):
 
 @dataclass
 class Bench(Common):
-    """Measure speed, ratios side by side in one run."""
+    """Measure speed; methods are compared within one run."""
 
     what: tyro.conf.Positional[Literal["encode", "reconstruct", "transfer", "stylize", "all"]]
-    """Which stage."""
+    """Stage to measure."""
     field: Path | None = None
-    """Field file to code and render; without it, the embedded head is reconstructed first."""
+    """Field file to encode and render; by default the embedded head is reconstructed first."""
     capture: Path | None = None
     """Capture to reconstruct and stylise; the embedded one by default."""
     full: bool = False
-    """Reconstruct by the default schedule, which takes minutes, instead of a short one."""
+    """Reconstruct with the default schedule (minutes) instead of a short one."""
     plot: Path | None = None
     """Write the reconstruction's PSNR over time as a picture to this file."""
 
@@ -126,9 +126,9 @@ class Bench(Common):
 
 @dataclass
 class Study(Common):
-    """Write a user study: a page on which people choose between portraits.
+    """Make a user study page on which people choose between portraits.
 
-    `lfportrait study results` evaluates the answer files that people hand over.
+    `lfportrait study results` evaluates the participants' answer files.
     """
 
     jobs: tyro.conf.Positional[tuple[str, ...]] = ()
@@ -137,7 +137,7 @@ class Study(Common):
     out: Path = Path("study")
     """Folder for the page."""
     config: Annotated[StudyConfig, tyro.conf.arg(name="")] = option(default_factory=StudyConfig)
-    """Questions, pairs and looks."""
+    """Questions, pairs and layout."""
 
     def run(self) -> dict[str, Any]:
         """Write the page."""

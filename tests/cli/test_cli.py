@@ -47,7 +47,7 @@ def test_every_command_explains_its_options(capsys):
 
 def test_unknown_command(capsys):
     assert run("stylise") == 2
-    assert "there is no command 'stylise'" in one_line(capsys)
+    assert "unknown command 'stylise'" in one_line(capsys)
 
 
 def test_unknown_option_is_the_users_mistake():

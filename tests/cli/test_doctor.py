@@ -37,7 +37,7 @@ def test_it_tells_the_facts_and_writes_them(tmp_path, capsys):
         assert fact["mend"] in line
     bad = [fact for fact in figures["facts"] if fact["state"] == "bad"]
     assert figures["problems"] == len(bad)
-    assert ("All is well." in text) == (not bad)
+    assert ("No problems found." in text) == (not bad)
 
 
 def test_quiet_says_nothing(capsys):

@@ -318,7 +318,7 @@ def test_a_damaged_texture_is_told(tmp_path, name, value):
         value = value[:len(field.density)]
     arrays = {key: array for key, array in {**arrays, name: value}.items() if array is not None}
     np.savez(tmp_path / "b.npz", **arrays)
-    with pytest.raises(UserError, match="damaged: its texture makes no sense"):
+    with pytest.raises(UserError, match="damaged: its texture is invalid"):
         VoxelField.load(tmp_path / "b.npz")
 
 

@@ -90,7 +90,7 @@ def test_what_only_makes_it_better_is_done_without_and_told(tmp_path, painting, 
     ball_capture().save(tmp_path / "capture")
     get_networks(tmp_path / "capture", painting, False, offline=True, quiet=False)
     said = capsys.readouterr().err
-    assert "going on without" in said and said.count("\n") == 1
+    assert "continuing without" in said and said.count("\n") == 1
     get_networks(tmp_path / "capture", painting, False, offline=False, quiet=True)
     assert capsys.readouterr().err == ""
 

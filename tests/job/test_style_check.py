@@ -150,6 +150,6 @@ def test_the_command_writes_the_page(picture, tmp_path, capsys, monkeypatch):
     out = capsys.readouterr()
     assert "degrees to the picture's right" in out.out
     assert main(["styles", "check"]) == 2
-    assert "say which painting" in capsys.readouterr().err
+    assert "give the painting" in capsys.readouterr().err
     assert main(["styles", "check", str(tmp_path / "none.png")]) == 2
     assert "none.png" in capsys.readouterr().err

@@ -277,8 +277,8 @@ def test_bad_entries_of_a_display_file_are_told(tmp_path, text, complaint):
 
 
 @pytest.mark.parametrize(("change", "complaint"), [
-    ({"slope": 0}, "slope"), ({"DPI": -3}, "DPI"), ({"pitch": "wide"}, "'pitch' is no number"),
-    ({"pitch": math.nan}, "'pitch' is no number"), ({"pitch": 0}, "pitch must not be 0"),
+    ({"slope": 0}, "slope"), ({"DPI": -3}, "DPI"), ({"pitch": "wide"}, "'pitch' is not a number"),
+    ({"pitch": math.nan}, "'pitch' is not a number"), ({"pitch": 0}, "pitch must not be 0"),
     ({"screenW": 0}, "screenW"), ({"center": None}, "lacks 'center'"),
     ({"subpixelCells": [3]}, "subpixelCells"), ({"subpixelCells": [{}]}, "ROffsetX"),
     ({"subpixelCells": CELLS["subpixelCells"], "CellPatternMode": 7}, "CellPatternMode 7")])

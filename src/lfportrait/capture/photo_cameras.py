@@ -81,27 +81,26 @@ class CalibrateConfig:
     """Parameters of calibration."""
 
     features: int = 4096
-    """Features (SIFT) in a photo at most."""
+    """Maximum number of SIFT features per photo."""
     matching: Literal["auto", "exhaustive", "sequential"] = "auto"
-    """Which photos are compared: all pairs, or neighbours in the order of their names; auto: up to
-    200 photos all pairs whose largest features are alike."""
+    """Which pairs of photos are matched: all, or neighbours in the order of their names; auto: up
+    to 200 photos, all pairs whose largest features match."""
     camera_model: Literal["auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV",
                           "OPENCV_FISHEYE"] = "auto"
-    """Lens model that is fitted; auto: as many terms of distortion as the photos tell."""
+    """Camera model; auto: as many distortion terms as the photos can determine."""
     shared_camera: bool = True
-    """Photos of one size for which the camera noted the same lens share their focal length (no
-    zooming)."""
+    """Photos of the same size and lens (EXIF) share one focal length (no zooming)."""
     max_side: int = 1600
-    """Photos are reduced to this many pixels on their longer side; 0 keeps them."""
+    """Downscale photos to this many pixels on the longer side; 0 = full size."""
     video_frames: int = 80
-    """Frames taken from a video."""
+    """Number of frames to extract from a video."""
     video_spacing: Literal["parallax", "time"] = "parallax"
-    """Frames are taken where the picture has moved on by equal amounts, or at even time."""
+    """Spacing of the frames: equal image motion (parallax) or equal time."""
     blur_threshold: float = 0.4
-    """Photos with less than this part of their neighbours' fine detail, in any direction, are
-    blurred and left out, a quarter of all at most; 0 keeps them."""
+    """Leave out blurred photos: those with less than this share of their neighbours' fine detail in
+    any direction, at most a quarter of all; 0 keeps all."""
     holdout: int = 8
-    """Every so many photos one is kept for testing the reconstruction; 0 uses all."""
+    """Hold out every Nth photo for testing the reconstruction; 0 = none."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the random sampling in matching and mapping (on the command line: ``--seed``)."""
 
@@ -160,7 +159,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     matches = _matches(features, config, say)
     stood_still = camera_stood_still(features, matches)
     if stood_still:
-        told("the camera stood still: what stands still with it is left out")
+        told("the camera did not move: features that do not move either are ignored")
         matches = enough(without_still(features, matches))
     shapes = [np.rot90(photo.image[..., 0], turn).shape for photo, turn in zip(photos, turns)]
     scene = Scene([(shape[1], shape[0]) for shape in shapes], [photo.focal for photo in photos],
@@ -176,7 +175,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     placing = place_photos(pycolmap, scene, groups, start, report, told)
     again = sorted(set(range(len(photos))) - set(placing.photos))
     if again and len(again) * len(photos) <= _MOST_AGAIN:
-        told(f"looking closer at {len(again)} photos that are left out: weaker features, compared "
+        told(f"trying {len(again)} unplaced photos again: weaker features, compared "
              "with all photos")
         closer = _closer(scene, photos, turns, again, config, say, stood_still)
         registered[0] = 2

@@ -34,11 +34,11 @@ class Encode(Common):
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
     out: Path = Path("lightfield.png")
-    """File for the coded picture; a name ending in .png keeps every sub-pixel. With --frames a
-    video (.mp4, .mov, .mkv) or a folder for pictures, which is gone on with after an interruption.
+    """File for the coded picture; a name ending in .png keeps every sub-pixel. With --frames: a
+    video (.mp4, .mov, .mkv), or a folder for pictures, which is resumed after an interruption.
     """
     quilt: Path | None = None
-    """Also write a quilt; a name such as portrait_qs8x6a0.75.png tells columns, rows, aspect."""
+    """Also write a quilt; a name such as portrait_qs8x6a0.75.png sets columns, rows and aspect."""
     usual: ClassVar[tuple[str, ...]] = ("size", "focus", "view-cone", "background", "draft",
                                         "frames", "fps")
     config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
@@ -86,7 +86,7 @@ class Encode(Common):
 
 @dataclass
 class Simulate(Common):
-    """Show what an eye in front of the display sees of a coded picture."""
+    """Simulate the view of an eye in front of the display that shows a coded picture."""
 
     lightfield: tyro.conf.Positional[Path]
     """Coded picture."""
@@ -95,7 +95,7 @@ class Simulate(Common):
     eye: tuple[float, ...] = (0.0,)
     """Eye position X [Y] in half panel heights, at the viewing distance; x to the right."""
     crosstalk: float = 0.0
-    """Width (sigma, in views) of the lobe with which neighbouring views leak in; 0 = none."""
+    """Cross-talk: sigma, in views, of the lobe that mixes in neighbouring views; 0 = none."""
     out: Path = Path("view.png")
     """File for the picture."""
 

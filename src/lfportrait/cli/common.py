@@ -27,13 +27,13 @@ class Common:
     """Groups of entry points (`lfportrait.plugins`) whose parameters are options, too, by what
     stands before their names."""
     given: ClassVar[tuple[Any, ...]] = ()
-    """Those parameters, where they differ from the defaults."""
+    """Values of these parameters that differ from the defaults."""
     usual: ClassVar[tuple[str, ...]] = ()
     """Options of its configurations that ``--help`` shows beside its own; ``--help-all`` shows
     all."""
 
     device: Annotated[str, tyro.conf.arg(metavar="auto|cpu|gpu|gpu:NAME")] = "auto"
-    """Where to compute; this version does on the CPU."""
+    """Where to compute; this version uses the CPU only."""
     seed: int = 0
     """Seed of all random choices; the same seed on the same machine gives the same files."""
     quiet: bool = False
@@ -42,7 +42,7 @@ class Common:
     """Write the figures of the run (times, sizes, metrics) to this file."""
 
     def progress(self, title: str, total: int = 0) -> AbstractContextManager[Progress]:
-        """A progress line, silent with ``--quiet``; it tells of kernels that are compiled, too."""
+        """A progress line, silent with ``--quiet``; it also shows the compilation of kernels."""
         from ..lanes.compiling import compiling_progress
 
         return compiling_progress(title, total, not self.quiet)

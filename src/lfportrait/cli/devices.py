@@ -1,4 +1,4 @@
-"""Commands for displays that are plugged in: ``cast``, ``show``."""
+"""The commands ``cast`` and ``show`` for attached displays."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ class Cast(Common):
     """Show a quilt, or a field, on a Looking Glass through a running Looking Glass Bridge."""
 
     source: tyro.conf.Positional[str] = ""
-    """Quilt (picture or video; its name tells columns, rows and aspect), or a field (.npz): a quilt
-    of it is rendered for the very display and written beside it."""
+    """Quilt (picture or video; its name gives columns, rows and aspect), or a field (.npz): its
+    quilt is rendered for this display and written beside the field."""
     screen: int = -1
     """Bridge's number of the display (see --list); by default the first Looking Glass."""
     list: bool = False
-    """Only list the screens that Bridge knows."""
+    """Only list the screens that Bridge reports."""
     save_display: Path | None = None
-    """Write the display's calibration, as Bridge knows it, to this file (.toml)."""
+    """Write the display's calibration, as Bridge reports it, to this file (.toml)."""
     hide: bool = False
-    """Halt what plays and take Bridge's window off the display."""
+    """Stop playback and hide Bridge's window."""
     views: int = 0
     """Number of views of the quilt; all tiles by default."""
     shift: float = 0.0
     """Bridge's focus: shift between the views, from -1 to 1."""
     rgbd: bool = False
-    """The picture has depth beside it, instead of being a quilt."""
+    """The picture is RGB-D (colour and depth side by side), not a quilt."""
     depth_side: int = 2
     """With --rgbd: Bridge's number, 0 to 3, of the side on which the depth lies."""
     depthiness: float = 1.0
-    """With --rgbd: how deep the result is, 0 to 3."""
+    """With --rgbd: depth of the result, 0 to 3."""
     depth_inverted: bool = False
     """With --rgbd: dark is near."""
     url: str = URL
     """Address of Bridge."""
     timeout: float = 10.0
-    """Longest wait for an answer of Bridge in seconds."""
+    """Timeout for Bridge's answers in seconds."""
     config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
     """Placement of a field's head."""
 
@@ -75,7 +75,7 @@ class Cast(Common):
                     kind = device.hardware if device.looking_glass else "an ordinary monitor"
                     print(f"{device.index:3}  {device.name}  ({kind})")
                 if not devices:
-                    print("Looking Glass Bridge knows no screens")
+                    print("Looking Glass Bridge reports no screens")
             if self.save_display is not None:
                 panel = self._glass(bridge).display()
                 panel.save(self.save_display)
@@ -100,7 +100,7 @@ class Cast(Common):
             picture, layout = self._rendered(device)
         if layout is None:
             if not device.calibration:
-                raise UserError(f"the name of {self.source} must tell the quilt's layout, as in "
+                raise UserError(f"the name of {self.source} must give the quilt's layout, as in "
                                 "portrait_qs8x6a0.75.png")
             layout = QuiltLayout.of_display(device.display())
         if not 0 <= self.views <= layout.count:
@@ -138,9 +138,9 @@ class Show(Common):
     """Show coded pictures full screen on an attached panel, unscaled; Esc closes."""
 
     lightfields: tyro.conf.Positional[tuple[Path, ...]] = ()
-    """Coded pictures; the arrow keys leaf through several."""
+    """Coded pictures; the arrow keys switch between them."""
     display: str = "generic-4k"
-    """The display that they were coded for."""
+    """The display that the pictures were coded for."""
     screen: int = -1
     """Number of the screen (see --list); by default the one that has the display's pixels."""
     seconds: float = 0.0

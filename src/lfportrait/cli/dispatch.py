@@ -5,8 +5,8 @@ the figures for ``--json``. A command's module is imported only when it is calle
 command does not wait for the libraries of a slow one.
 
 Commands of other packages are found by their entry points (`lfportrait.plugins`). Reading these
-takes longer than all of ``--help``, so they are read for a word that is no command here; those of
-this distribution's other package are written down as the entry points name them.
+takes longer than all of ``--help``, so they are read only for a word that is not in `COMMANDS`,
+which also lists the commands of this distribution's other package.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ..version import __version__
 __all__ = ["COMMANDS", "main", "program"]
 
 ALLOCATIONS = 20_000
-"""Objects between two looks for garbage; Python's 700 look through all of Numba at each import."""
+"""Objects between two garbage collections; with Python's 700, each import scans all of Numba."""
 IDLE = "14"
 """Threads of OpenBLAS sleep after two to the power of so many ticks without work; else they spin
 for 67 million after each product, on cores that others could use."""
@@ -37,31 +37,31 @@ _TRIM, _PAD, _MAPPED, _ARENAS = -1, -2, -3, -8
 MEMORY = {_MAPPED: 64 << 20, _TRIM: 512 << 20, _PAD: 64 << 20, _ARENAS: 1}
 """glibc's `mallopt`: arrays up to 64 MiB lie on one heap, which may keep 512 MiB that nobody uses.
 As a rule each array of more than 32 MiB (at first 128 KiB) is mapped for itself and given back when
-it is freed; that its pages are made and zeroed anew each time is a fifth of a preview."""
+it is freed; making and zeroing these pages again each time takes a fifth of a preview."""
 
 _LAB = "lfportrait_eval.commands"
 COMMANDS: dict[str, tuple[str, str, str]] = {
-    "demo": ("make", "Demo", "everything, on the embedded capture and exemplar"),
-    "make": ("make", "Make", "photos and a painting in, a coded light field out"),
-    "batch": ("make", "BatchCommand", "many portraits from one file, here or on a Ray cluster"),
+    "demo": ("make", "Demo", "run all stages on the embedded capture and exemplar"),
+    "make": ("make", "Make", "photos + painting -> coded light field, all stages"),
+    "batch": ("make", "BatchCommand", "make many portraits from one jobs file, locally or on Ray"),
     "batch status": ("make", "BatchStatus", "how far a batch is"),
-    "capture-check": ("reconstruction", "CaptureCheck", "will these photos do? advice at once"),
+    "capture-check": ("reconstruction", "CaptureCheck", "check photos before calibration"),
     "calibrate": ("reconstruction", "Calibrate", "photos -> capture (cameras, mattes, landmarks)"),
     "reconstruct": ("reconstruction", "Reconstruct", "capture -> radiance field"),
     "transfer": ("stylization", "TransferPhoto", "stylise one photo by example (2D)"),
     "stylize": ("stylization", "Stylize", "radiance field + exemplar -> stylised field"),
-    "restyle": ("restyling", "Restyle", "another mix of photo and painting, without training"),
+    "restyle": ("restyling", "Restyle", "change a stylised field's strength or style"),
     "styles": ("styles", "Styles", "list the installed exemplars"),
     "styles list": ("styles", "Styles", "the same"),
     "styles add": ("styles", "StylesAdd", "find a painting's landmarks, to be corrected by hand"),
     "styles check": ("styles", "StylesCheck", "a page about a painting before it is used"),
     "render": ("reconstruction", "Render", "field -> pictures or a video"),
-    "export": ("export", "Export", "field -> a page for any browser, points, mesh or checkpoint"),
-    "view": ("export", "View", "look at a field in the browser"),
+    "export": ("export", "Export", "field -> HTML page, point cloud, mesh or checkpoint"),
+    "view": ("export", "View", "show a field in the browser"),
     "encode": ("coding", "Encode", "field -> coded light-field picture for a display"),
     "interlace": ("panel", "Interlace", "quilt or folder of views -> coded picture for a display"),
     "deinterlace": ("panel", "Deinterlace", "coded picture -> quilt or folder of views"),
-    "simulate": ("coding", "Simulate", "what an eye in front of the display sees"),
+    "simulate": ("coding", "Simulate", "simulate the view of an eye in front of the display"),
     "cast": ("devices", "Cast", "show a quilt on a Looking Glass through a running Bridge"),
     "show": ("devices", "Show", "show a coded picture full screen on an attached panel, unscaled"),
     "display": ("displays", "DisplayList", "list the display presets"),
@@ -72,9 +72,9 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "evaluate": (_LAB, "Evaluate", "metrics of a finished job or of two folders of pictures"),
     "evaluate tables": (_LAB, "Tables", "the paper's comparisons: methods side by side"),
     "bench": (_LAB, "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),
-    "study": (_LAB, "Study", "a page on which people compare portraits"),
+    "study": (_LAB, "Study", "make a user study page"),
     "study results": (_LAB, "StudyResults", "evaluate the answers"),
-    "doctor": ("doctor", "Doctor", "what works on this machine, and how to mend what does not"),
+    "doctor": ("doctor", "Doctor", "check the installation and suggest fixes"),
     "models": ("doctor", "Models", "list the pretrained networks"),
     "models list": ("doctor", "Models", "the same"),
     "models fetch": ("doctor", "ModelsFetch", "download some"),
@@ -148,7 +148,7 @@ def _execute(name: str, arguments: list[str]) -> int:
 
 
 def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
-    """A warning in one line, without the place in our code that gave it."""
+    """Print a warning on one line, without its place in the code."""
     print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
@@ -163,9 +163,9 @@ def main(arguments: list[str] | None = None) -> int:
     Returns
     -------
     code
-        0 done; 2 the user's mistake, told in one line on standard error; 3 some jobs of a batch
-        failed and all others are done; 1 our fault, with a traceback to report; 130 interrupted
-        (run the same command again to go on).
+        0: success. 1: internal error, with a traceback to report. 2: user error, reported on one
+        line on standard error. 3: some jobs of a batch failed, all others are done. 130:
+        interrupted; run the same command again to resume.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help", "help"):
@@ -176,7 +176,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     found = _split(words)
     if found is None:
-        print(f"lfportrait: there is no command {words[0]!r}; the commands are "
+        print(f"lfportrait: unknown command {words[0]!r}; the commands are "
               f"{', '.join(COMMANDS)}", file=sys.stderr)
         return 2
     try:
@@ -189,20 +189,20 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"lfportrait: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("lfportrait: interrupted; run the same command again to go on", file=sys.stderr)
+        print("lfportrait: interrupted; run the same command again to resume", file=sys.stderr)
         return 130
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception:
         traceback.print_exc()
-        print("lfportrait: this is a fault of ours; please report it with the lines above",
+        print("lfportrait: internal error; please report it with the lines above",
               file=sys.stderr)
         return 1
 
 
 def _set_up() -> None:
-    """Set this process up for one command; what the user's environment says, holds."""
+    """Set up this process for one command; the user's environment variables take precedence."""
     os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", IDLE)
     gc.set_threshold(ALLOCATIONS)
     if any(name.startswith("MALLOC_") for name in os.environ):
@@ -217,5 +217,5 @@ def program() -> int:
     """Run the command line in a process of its own; returns its exit code."""
     _set_up()
     code = main()
-    gc.freeze()  # The process ends: nothing is to be looked through once more.
+    gc.freeze()  # The process ends: no further garbage collection is needed.
     return code

@@ -72,7 +72,7 @@ class DisplayPattern(Common):
 
         panel = Display.resolve(self.name)
         if self.out is None:
-            raise UserError("say where to write the pattern with --out FILE.png")
+            raise UserError("give an output file for the pattern: --out FILE.png")
         lossless(self.out)
         write_coded(self.out, pattern(panel, self.kind), panel)
         return {"display": panel.name, "pattern": self.kind}

@@ -1,4 +1,4 @@
-"""Commands of upkeep: ``doctor`` (what works on this machine, one line a fact), ``models``."""
+"""The commands ``doctor`` (installation check) and ``models`` (pretrained networks)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MARKS = {"good": ("✓", "+", "32"), "optional": ("·", "-", "33"), "bad": ("�
 
 @dataclass
 class Doctor(Common):
-    """Tell what works on this machine, and the commands that mend what does not."""
+    """Check the installation and suggest fixes."""
 
     def run(self) -> dict[str, Any]:
         """Look and print."""
@@ -30,8 +30,8 @@ class Doctor(Common):
         bad = sum(fact.state == "bad" for fact in facts)
         if not self.quiet:
             print("\n".join(_lines(facts, _coloured(), _unicode())))
-            print("\n" + ("All is well." if not bad else
-                          f"{bad} {'things need' if bad > 1 else 'thing needs'} mending."))
+            print("\n" + ("No problems found." if not bad else
+                          f"{bad} {'problems' if bad > 1 else 'problem'} found."))
         return {"facts": [fact._asdict() for fact in facts], "problems": bad}
 
 

@@ -1,4 +1,4 @@
-"""The commands ``export`` and ``view``: a page of the portrait, fields in other programs' files."""
+"""The commands ``export`` (page, points, mesh, checkpoint) and ``view`` (in the browser)."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ __all__ = ["Export", "View"]
 
 @dataclass
 class Export(Common):
-    """Write a field as a page for any browser, points, a coloured mesh or svox2's checkpoint."""
+    """Export a field as an HTML page, a point cloud, a coloured mesh or a svox2 checkpoint."""
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""
     out: Path
-    """File: .html (a page with all of it), .ply (points or a mesh), .obj, .glb (a mesh) or .npz
-    (svox2's checkpoint)."""
+    """File: .html (a self-contained page), .ply (points or a mesh), .obj, .glb (a mesh) or .npz
+    (svox2 checkpoint)."""
     config: Annotated[ExportConfig, tyro.conf.arg(name="")] = option(default_factory=ExportConfig)
     """Export."""
     page: Annotated[PageConfig, tyro.conf.arg(name="")] = option(default_factory=PageConfig)
@@ -55,14 +55,14 @@ class Export(Common):
 
 @dataclass
 class View(Common):
-    """Look at a field in the browser: its page, served to this machine alone. Ctrl-C ends it."""
+    """Show a field in the browser: serves its page to this machine only. Ctrl-C stops it."""
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz), or a page (.html)."""
     port: int = 0
     """Port on the loopback address; by default a free one."""
     browser: bool = True
-    """Open the browser; else only the address is told."""
+    """Open the browser; otherwise only print the address."""
     page: Annotated[PageConfig, tyro.conf.arg(name="")] = option(default_factory=PageConfig)
     """Page."""
 
@@ -70,7 +70,7 @@ class View(Common):
         """Write the page to a temporary file and serve it."""
         def told(address: str, _: Any) -> None:
             if not self.quiet:
-                print(f"{address} (Ctrl-C ends)", flush=True)
+                print(f"{address} (Ctrl-C stops)", flush=True)
 
         if self.field.suffix.lower() in (".html", ".htm"):
             if not self.field.is_file():

@@ -43,7 +43,7 @@ class _Scale(NamedTuple):
     display: str
     """Preset of the display."""
     config: MakeConfig
-    """Parameters of the stages, with the networks that ship with us."""
+    """Parameters of the stages, with the embedded networks."""
 
 
 FULL = _Scale(384, 60, 1024, "generic-4k", MakeConfig(
@@ -69,9 +69,9 @@ def _told(run: dict[str, Any], out: Path, quiet: bool) -> dict[str, Any]:
 
 @dataclass
 class Make(Common):
-    """Photos of a person and one painting in, a stylised 3D portrait for a display out.
+    """Make a stylised 3D portrait for a display from photos of a person and one painting.
 
-    An interrupted job goes on where it stopped when the same command is run again.
+    Run the same command again to resume an interrupted job.
     """
 
     photos: tyro.conf.Positional[Path]
@@ -84,7 +84,7 @@ class Make(Common):
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
     offline: bool = False
-    """Download nothing: networks that are missing are told, or done without."""
+    """Download nothing: missing networks are reported, or replaced by simpler methods."""
     config: Annotated[MakeConfig, tyro.conf.arg(name="")] = option(default_factory=MakeConfig)
     """Parameters of the stages."""
 
@@ -102,7 +102,7 @@ class Make(Common):
 
 @dataclass
 class Demo(Common):
-    """Everything, on a modelled head and a painting that come with the package."""
+    """Run all stages on the modelled head and the painting that come with the package."""
 
     out: Path = Path("demo-out")
     """Folder for all results."""
@@ -110,8 +110,8 @@ class Demo(Common):
     """Another exemplar: a picture or a name from `lfportrait styles`."""
     quick: bool = False
     """A small demo, about a minute on two cores once its kernels are compiled: fewer and smaller
-    photos, a coarser field, a coarser skin, a Full-HD display. It shows that everything
-    works, not how well."""
+    photos, a coarser field and skin, a Full-HD display. It tests the installation; quality is
+    lower."""
     display: str = ""
     """Display preset or file; by default generic-4k, and generic-1080p with --quick."""
     size: int = 0
@@ -127,7 +127,7 @@ class Demo(Common):
         scale = QUICK if self.quick else FULL
         size, views = self.size or scale.size, self.views or scale.views
         with Warmup(KERNELS) as warmup:
-            with self.progress("photograph the modelled head", views) as progress:
+            with self.progress("render the modelled head", views) as progress:
                 warmup.wait(("photograph",), progress)
                 capture = demo_capture(size=size, views=views, progress=progress)
             style = self.style or demo_exemplar(width=scale.exemplar * 3 // 4,
@@ -139,30 +139,29 @@ class Demo(Common):
 
 @dataclass
 class BatchCommand(Common):
-    """Many portraits: the sitters, styles and displays that a file asks for.
+    """Make many portraits: all sitters, styles and displays listed in a jobs file.
 
-    `lfportrait batch jobs.toml --out results/` makes them, and goes on after an interruption.
-    `lfportrait batch status results/` tells how far it is. Exit code 3: some failed, all others are
-    done.
+    `lfportrait batch jobs.toml --out results/` runs or resumes the batch. `lfportrait batch status
+    results/` shows its progress. Exit code 3: some jobs failed, all others are done.
     """
 
     jobs: tyro.conf.Positional[Path]
-    """File that says what is wanted (.toml, see docs/batches.md)."""
+    """Jobs file (.toml, see docs/batches.md)."""
     out: Path | None = None
     """Folder for all results."""
     dry_run: bool = False
-    """Only show the graph, and the time and disk that it is taken to need."""
+    """Only show the graph, with the estimated time and disk space."""
     offline: bool = False
-    """Download nothing: networks that are missing are told, or done without."""
+    """Download nothing: missing networks are reported, or replaced by simpler methods."""
     json_lines: bool = False
-    """Write each event as a line of JSON on standard output, and draw no table."""
+    """Write each event as a line of JSON to standard output instead of drawing a table."""
     config: Annotated[BatchConfig, tyro.conf.arg(name="")] = option(default_factory=BatchConfig)
     """Where and how."""
 
     def run(self) -> dict[str, Any]:
-        """Make the portraits, or tell about them."""
+        """Make the portraits, or show what would be made."""
         if self.out is None:
-            raise UserError(f"say where to write: lfportrait batch {self.jobs} --out results/")
+            raise UserError(f"--out is missing: lfportrait batch {self.jobs} --out results/")
         if self.dry_run:
             figures = dry_figures(prepare_batch(self.jobs, self.out, offline=self.offline,
                                                 quiet=self.quiet))

@@ -1,4 +1,4 @@
-"""Commands for content of any origin: ``interlace``, ``deinterlace``."""
+"""The commands ``interlace`` and ``deinterlace``: quilts and views from any source."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ class Interlace(Common):
     """Code a quilt, or a folder of views, for a display."""
 
     source: tyro.conf.Positional[Path]
-    """Quilt, whose name tells columns, rows and aspect (portrait_qs8x6a0.75.png), or a folder with
-    one picture for each view, the leftmost first by name."""
+    """Quilt, whose name gives columns, rows and aspect (portrait_qs8x6a0.75.png), or a folder with
+    one picture for each view, sorted by name from left to right."""
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
     out: Path = Path("lightfield.png")
     """File for the coded picture; a name ending in .png keeps every sub-pixel."""
     columns: int = 0
-    """Columns of the quilt, where its name does not tell them."""
+    """Columns of the quilt, if its name does not give them."""
     rows: int = 0
-    """Rows of the quilt, where its name does not tell them."""
+    """Rows of the quilt, if its name does not give them."""
     aspect: float = 0.0
-    """Width over height of what the views show, where the name does not tell it."""
+    """Aspect (width over height) of a view's content, if the name does not give it."""
     views: int = 0
-    """Take only the first so many views; 0 = all."""
+    """Use only the first N views; 0 = all."""
     config: Annotated[InterlaceConfig, tyro.conf.arg(name="")] = option(
         default_factory=InterlaceConfig)
     """Sampling."""
@@ -84,17 +84,17 @@ class Interlace(Common):
 
 @dataclass
 class Deinterlace(Common):
-    """Take a coded picture apart again, into a quilt or a folder of views."""
+    """Convert a coded picture into a quilt or a folder of views."""
 
     lightfield: tyro.conf.Positional[Path]
     """Coded picture."""
     display: str = "generic-4k"
     """The display that it was coded for."""
     out: Path = Path("views")
-    """Folder for the views (0000.png is the leftmost), or, where the name ends in .png, a quilt; a
-    name such as portrait_qs8x6a0.75.png tells its columns and rows."""
+    """Folder for the views (0000.png is the leftmost), or, if the name ends in .png, a quilt; a
+    name such as portrait_qs8x6a0.75.png sets its columns and rows."""
     views: int = 0
-    """Number of views for a folder; the display's by default."""
+    """Number of views for a folder; by default that of the display."""
     size: tuple[int, int] = (0, 0)
     """Width and height of the views of a folder, or of the quilt; by default the panel's, or its
     customary quilt's."""
@@ -106,7 +106,7 @@ class Deinterlace(Common):
             raise UserError("--size takes a width and a height of 1 to 65536 pixels")
         quilt = self.out.suffix.lower() in _PICTURES
         if quilt and self.views:
-            raise UserError("a quilt has as many views as its name tells tiles; leave out --views")
+            raise UserError("the quilt's name sets its number of views; leave out --views")
         if not 0 <= self.views <= 1024:
             raise UserError(f"--views must be 1 to 1024, not {self.views}")
         start = time.perf_counter()

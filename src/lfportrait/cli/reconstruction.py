@@ -22,15 +22,15 @@ __all__ = ["Calibrate", "CaptureCheck", "Reconstruct", "Render"]
 
 @dataclass
 class CaptureCheck(Common):
-    """Look at photos or a video for half a minute: sharpness, sides, light; and advise.
+    """Check the sharpness, coverage and lighting of photos or a video, in half a minute.
 
-    Prints the advice, and draws the photos' places from above with a contact sheet.
+    Prints advice and draws the camera positions from above with a contact sheet.
     """
 
     photos: tyro.conf.Positional[Path]
     """Folder of photos, or a video."""
     out: Path = Path("capture-check.png")
-    """Picture with the places from above and the contact sheet (.png or .jpg)."""
+    """Picture with the camera positions from above and the contact sheet (.png or .jpg)."""
 
     def run(self) -> dict[str, Any]:
         """Look, draw and print."""
@@ -47,14 +47,14 @@ class CaptureCheck(Common):
             print(f"{figures['count']} photos, {figures['count'] - figures['useless']} of use, "
                   f"a face in {figures['faces']}: {self.out}")
             print("\n".join(f"- {line}" for line in check.advice)
-                  or "All is well: these photos should make a portrait.")
+                  or "No problems found: these photos are suitable for a portrait.")
         return {**figures, "picture": str(self.out),
                 "seconds": {"check": time.perf_counter() - start}}
 
 
 @dataclass
 class Calibrate(Common):
-    """Find the cameras of a folder of photos (COLMAP), the face and the person in them."""
+    """Calibrate photos: cameras (COLMAP), facial landmarks and mattes of the person."""
 
     photos: tyro.conf.Positional[Path]
     """Folder of photos, a video, or a data set that already has cameras."""
@@ -92,12 +92,12 @@ class Reconstruct(Common):
         default_factory=ReconstructConfig)
     """Reconstruction."""
     keep_background: bool = False
-    """Reconstruct the room, too: use no mattes, and do not cut the person out."""
+    """Also reconstruct the room: do not use mattes, and do not cut out the person."""
     portrait_frame: bool = False
-    """Turn the capture into the frame of its face, upright and in the middle, as `make` does; else
-    its frame is kept."""
+    """Transform the capture into the portrait frame (face upright, centred), as `make` does;
+    otherwise its own frame is kept."""
     log: Path | None = None
-    """Folder for curves that TensorBoard shows: PSNR so far, loss, rays a second, voxels."""
+    """Folder for TensorBoard curves: PSNR, loss, rays per second, voxels."""
 
     def run(self) -> dict[str, Any]:
         """Reconstruct and save."""
@@ -137,9 +137,9 @@ class Render(Common):
     out: Path
     """Folder for pictures, or a video file (.mp4)."""
     cameras: Path | None = None
-    """Capture or transforms.json whose cameras to render; otherwise a path."""
+    """Capture or transforms.json with the cameras to render; by default a path."""
     path: Literal["sweep", "orbit"] = "sweep"
-    """sweep: there and back over the cone; orbit: once around."""
+    """sweep: over the cone and back; orbit: once around the head."""
     cone: float = 40.0
     """Width of the sweep in degrees."""
     frames: int = 60
@@ -151,7 +151,7 @@ class Render(Common):
     background: float = 1.0
     """Grey level behind the head, 0 (black) to 1 (white)."""
     depth: bool = False
-    """Write depth (EXR) and opacity beside the pictures."""
+    """Also write depth (EXR) and opacity."""
 
     def run(self) -> dict[str, Any]:
         """Render and write."""

@@ -1,4 +1,4 @@
-"""The command ``restyle``: what of the photo and of the painting a stylised field shows.
+"""The command ``restyle``: mix the photo's and the paintings' colours in a stylised field.
 
 It has a file of its own because the other commands of the style import torch, which takes longer
 than mixing.
@@ -22,7 +22,7 @@ __all__ = ["Restyle"]
 
 @dataclass
 class Restyle(Common):
-    """Mix a stylised field's colours anew: strength, likeness, regions, styles."""
+    """Change the strength, likeness, regions or style of a stylised field."""
 
     field: tyro.conf.Positional[Path]
     """Stylised field (.npz), from `lfportrait stylize` or from this command."""

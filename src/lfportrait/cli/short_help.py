@@ -1,4 +1,4 @@
-"""Help in a dozen options: ``--help`` shows what most people need, ``--help-all`` everything.
+"""Short help: ``--help`` shows the common options, ``--help-all`` all of them.
 
 tyro lists each option of a command's configurations, of which `make` has some two hundred. What is
 shown at first are the command's own options and those that it calls `usual`.

@@ -1,4 +1,4 @@
-"""The commands ``styles``: installed exemplars; paintings of one's own, checked and made ready."""
+"""The commands ``styles``: list exemplars; check and prepare paintings of your own."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Styles(Common):
             write_image(self.out, exemplar.image)
             write_landmarks(self.out.with_suffix(".landmarks.txt"), exemplar.landmarks)
         elif self.name:
-            raise UserError("say where to write the style with --out FILE.png")
+            raise UserError("give an output file for the style: --out FILE.png")
         else:
             print("\n".join(names))
         return {"styles": names}

@@ -27,7 +27,7 @@ __all__ = ["Stylize", "TransferPhoto"]
 
 @dataclass
 class TransferPhoto(Common):
-    """Stylise photos or a video by example: guides, look-up table, StyleBlit; or another method."""
+    """Stylise photos or a video by example (StyleBlit or another method)."""
 
     photo: tyro.conf.Positional[Path]
     """Photo of a face, a folder of photos, or a video."""
@@ -37,17 +37,17 @@ class TransferPhoto(Common):
     """File for the stylised picture; for a folder of photos a folder, for a video a .mp4."""
     region: Annotated[tuple[tuple[str, ...], ...], tyro.conf.UseAppendAction,
                       tyro.conf.arg(aliases=("--regions",))] = ()
-    """A region painted in its own way: NAME=NUMBER multiplies its strength (0 keeps the photo,
+    """Strength or style of one region: NAME=NUMBER multiplies its strength (0 keeps the photo,
     above 1 exaggerates, 4 at most), NAME=STYLE or NAME=STYLE:NUMBER paints it like another picture,
-    e.g. hair=other.png:0.5 lips=0.3; where regions overlap, the later one counts. Regions are
-    brows, eyes, nose, lips, skin, ears, hair, neck, clothes, background, and the groups features
-    and body."""
+    e.g. hair=other.png:0.5 lips=0.3; where regions overlap, the last one wins. Regions are brows,
+    eyes, nose, lips, skin, ears, hair, neck, clothes, background, and the groups features and
+    body."""
     config: Annotated[TransferConfig, tyro.conf.arg(name="")] = option(
         default_factory=lambda: TransferConfig(quality="best"))
     """Transfer by StyleBlit; a video is always painted with --quality fast."""
     method: Method = "styleblit"
-    """styleblit: ours; the others are published methods, to compare with, and have parameters of
-    their own (docs/methods.md)."""
+    """styleblit: the default; the others are published methods for comparison, with their own
+    parameters (docs/methods.md)."""
     dump: Path | None = None
     """Folder for pictures of every intermediate: guides, labels, table error, chunks, mask."""
 
@@ -102,15 +102,15 @@ class TransferPhoto(Common):
 
 @dataclass
 class Stylize(Common):
-    """Optimise a field's colours to an exemplar."""
+    """Stylise a field by an exemplar."""
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""
     capture: Path
     """The capture that the field was reconstructed from."""
     style: Annotated[list[str], tyro.conf.UseAppendAction]
-    """Exemplar: a picture or a name from `lfportrait styles`. Given several times, all paintings
-    are kept in the file; the field shows the first, `lfportrait restyle` the others."""
+    """Exemplar: a picture or a name from `lfportrait styles`. Several are all kept in the file; the
+    field shows the first, `lfportrait restyle` selects another."""
     out: Path = Path("styled.npz")
     """File for the stylised field."""
     config: Annotated[StylizeConfig, tyro.conf.arg(name="")] = option(default_factory=StylizeConfig)

@@ -1,4 +1,4 @@
-"""What ``transfer`` does to a photo, a folder and a video."""
+"""The command ``transfer`` on a photo, a folder and a video."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def transfer_photo(path: Path, out: Path, exemplar: Exemplar, config: MethodConf
     turned = abs(face_pose(points).yaw)
     if turned > DOUBTFUL:
         print(f"note: the face in {path.name} is turned by {turned:.0f} degrees: landmarks of its "
-              f"far side are guesses; up to {DOUBTFUL:.0f} degrees they hold", file=sys.stderr)
+              f"far side are guesses (reliable up to {DOUBTFUL:.0f} degrees)", file=sys.stderr)
     if dump is not None:
         result.dump(dump)
     return dict(result.seconds)

@@ -162,7 +162,7 @@ def _built_in(name: str) -> Exemplar:
     if name in styles:
         exemplar: Exemplar = styles[name]()
         return exemplar
-    raise UserError(f"no picture and no built-in style {name!r}; built-in are: "
+    raise UserError(f"{name!r} is neither a picture nor a built-in style; built-in styles: "
                     f"{', '.join(styles)}")
 
 
@@ -181,7 +181,7 @@ def _landmarks_beside(path: Path, image: NDArray[np.uint8]) -> tuple[NDArray[np.
         raise UserError(f"the style {path} has no {beside.name} beside it, and its landmarks "
                         f"can't be detected: {error}") from error
     if not len(found):
-        raise UserError(f"no face found in the style {path}; say where it is with `lfportrait "
+        raise UserError(f"no face found in the style {path}; give its position with `lfportrait "
                         f"styles add {path.name} --at X Y`, or put its 68 landmarks into "
                         f"{beside.name} beside it, one 'x y' a line")
     return found[0], len(found)

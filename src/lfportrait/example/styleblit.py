@@ -35,22 +35,22 @@ class BlitConfig:
     """Chunks and voting."""
 
     threshold: float = 52.0
-    """Largest guide error of a chunk, 0 to 200: 24 is smooth and steady, 52 keeps strokes, above
-    100 the exemplar's own face is copied."""
+    """Largest guide error of a chunk, 0 to 200: 24 is smooth and stable, 52 keeps strokes, above
+    100 copies the exemplar's own face."""
     tolerance: float = 8.0
-    """A chunk is also kept if its error exceeds the pixel's own look-up by less than this."""
+    """Also keep a chunk if its error exceeds that of the pixel's own look-up by less than this."""
     min_improvement: float = 14.0
-    """A look-up must improve on the guided place by this error to be used, 0 to 50: high values
-    keep noise of the photo from scattering pixels."""
+    """Error by which a look-up must be better than the guided place to be used, 0 to 50: high
+    values suppress scattered pixels from photo noise."""
     levels: int = 6
     """Coarsest level, 1 to 8: its cells are 2^levels exemplar pixels wide."""
     background_levels: int = 8
-    """Coarsest level where the appearance hardly counts (background, clothes), 1 to 8."""
+    """Coarsest level where appearance has little weight (background, clothes), 1 to 8."""
     radius: int = 1
     """Voting window: 0 none, 1 is 3 x 3, 2 is 5 x 5."""
     voting: Literal["mean", "mode", "both"] = "both"
-    """mean of the colours that neighbours vote for, most frequent chunk, or the one after the
-    other."""
+    """mean: average of the neighbours' colours; mode: most frequent chunk; both: mode, then
+    mean."""
 
     @property
     def top(self) -> int:

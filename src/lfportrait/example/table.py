@@ -37,11 +37,10 @@ class TableConfig:
     """linear: weighted L1 as FaceBlit has it; squared: the paper's Eq. 6."""
     position_weight: float = 10.0
     """Weight of one position unit (1/50 of the face's size, about 3 pixels of a 768 x 1024
-    exemplar), 1 to 30: high keeps pixels in place, low lets look-ups roam."""
+    exemplar), 1 to 30: high keeps pixels in place, low lets look-ups move far."""
     appearance_weight: float = 1.25
     """Weight of one grey level (of 255) of the appearance, 0 to 4: low keeps patches of the
-    exemplar whole, high keeps the likeness; above 2 noise of the photo
-    scatters the look-ups."""
+    exemplar whole, high keeps the likeness; above 2, noise of the photo scatters the look-ups."""
     cell: int = 3
     """Side of a table cell in exemplar pixels, 1 to 8."""
     levels: int = 64

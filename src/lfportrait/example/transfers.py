@@ -57,19 +57,19 @@ class TransferConfig:
     """Parameters of the example-based transfer; lengths are relative to the face."""
 
     quality: Literal["fast", "best"] = "fast"
-    """fast: StyleBlit alone, a tenth of a second. best: around the face agreeing patches, without
-    rows and stripes, in seconds; `lfportrait transfer` has it for photos, all else is fast. It uses
-    patch search: see the note on patents in docs/methods.md."""
+    """fast: StyleBlit alone, a tenth of a second. best: patch synthesis outside the face, without
+    repeated rows and stripes, in seconds; only for photos in `lfportrait transfer`. It uses patch
+    search: see the note on patents in docs/methods.md."""
     extent: Literal["picture", "head", "face"] = "picture"
-    """What is painted: the whole picture, the person, or the face alone (the paper)."""
+    """Painted area: the whole picture, the head (person), or the face alone (as in the paper)."""
     strength: float = 1.0
     """0 leaves the photo, 1 gives the painting."""
     blur: float = 0.06
     """Sigma of the appearance guide's Gaussian blur over the face's size (`face_size`)."""
     grid: int = 4
-    """The position guide is evaluated every so many pixels, bilinear between; 1 = everywhere."""
+    """Evaluate the position guide every Nth pixel, bilinear between; 1 = every pixel."""
     stroke_scale: float = 0.0
-    """Exemplar pixels per target pixel; 0 = from the sizes of the faces, 1 if nearly alike."""
+    """Exemplar pixels per target pixel; 0 = from the sizes of the faces, 1 if they are similar."""
     background_appearance: float = 0.05
     """Weight of the appearance guide outside the person, against 1 on the face."""
     skin_appearance: float = 0.1
@@ -87,15 +87,15 @@ class TransferConfig:
     outline: float = 4.0
     """Added weight of the position guide along the outline of the person, 0 to 10."""
     label_weight: float = 40.0
-    """Error of copying from a wrong region (hair for skin, lips for skin, ...), 0 to 200."""
+    """Penalty for copying from a wrong region (hair for skin, lips for skin, ...), 0 to 200."""
     contours: bool = True
-    """Let hairline and outline of the head join the landmarks in the position guide."""
+    """Use hairline and outline of the head, with the landmarks, in the position guide."""
     aside: float = 20.0
-    """The guide of a photo whose face is turned by more degrees follows what is seen of a generic
-    head, not landmarks that are hidden; 90 = never."""
+    """For faces turned by more than this angle, guide by the visible part of a generic head instead
+    of hidden landmarks; in degrees, 90 = never."""
     view_gain: float = 10.0
-    """Factor of `blit.gain` in the views of a capture, 1 to 20: there a look-up that only one view
-    makes is a stroke that jumps."""
+    """Factor of `blit.min_improvement` in the views of a capture, 1 to 20: high values suppress strokes that
+    jump between views."""
     table: TableConfig = field(default_factory=TableConfig)
     """Look-up table."""
     blit: BlitConfig = field(default_factory=BlitConfig)

@@ -31,49 +31,49 @@ class ReconstructConfig:
     """Parameters of the reconstruction (svox2's names where it has them)."""
 
     resolutions: tuple[int, ...] = ()
-    """Lattice points to two world units (the cube's edge), coarse to fine; by default a
-    quarter (not of narrow arcs), half and all of --resolution for photos with mattes, 96 192 for
-    photos of a room."""
+    """Lattice points per two world units (the cube's edge), coarse to fine; by default a quarter
+    (not for narrow arcs), half and all of --resolution for photos with mattes, 96 192 for photos of a
+    room."""
     resolution: int = 0
-    """Lattice points to two world units at the last level, for photos with mattes; 0: a voxel is
-    about two pixels, but at least 256 points and at most --max-resolution."""
+    """Lattice points per two world units at the last level, for photos with mattes; 0: a voxel is
+    about two pixels, with 256 to --max-resolution points."""
     max_resolution: int = 512
-    """Most lattice points that --resolution 0 takes; `make` takes no more than the display shows,
-    but at least 256."""
+    """Maximum of lattice points for --resolution 0; `make` uses no more than the display shows, but at
+    least 256."""
     rays: tuple[float, ...] = ()
     """Training rays of each level in millions; by default 1 5 12, more above 256 points, and 4 8
-    for a room. With a time budget two fifths of these are the least of coarse levels, which go on
-    for their share of the time; the last one takes what is left."""
+    for a room. With a time budget, coarse levels use at least two fifths of these and run for their
+    share of the time; the last level uses the rest."""
     batch: tuple[int, ...] = ()
     """Rays per step of each level; by default 2048, and 2048 4096 for a room."""
     importance: float = 0.7
-    """Share of the rays that go where the error is large; 0: each pixel as often as the others."""
+    """Share of rays sampled where the error is large; 0 = uniform sampling."""
     sh_degree: int = 2
     """Degree of the spherical harmonics: 0 (matt), 1 or 2."""
     step_size: float = -1.0
     """Distance between samples in voxels; by default 0.5, and 1 for a room."""
     stop_thresh: float = 1e-2
-    """A ray ends where its transmittance falls below this."""
+    """Rays stop where their transmittance falls below this."""
     density_floor: float = -1.0
-    """Optical depth of a voxel by which a lattice point's density may fall below zero. Between a
-    point below and one above it the interpolated density is cut off at zero, so that a surface may
-    lie anywhere within a voxel (ReLU fields, Karnewar et al. 2022); 0: no density is negative. By
-    default 0.1 where the finest voxel is 1.5 pixels or more, else 0; and 0.3 for a room."""
+    """How far a lattice point's density may be negative, as the optical depth of a voxel. The
+    interpolated density is clipped at zero, so that a surface can lie anywhere within a voxel (ReLU
+    fields, Karnewar et al. 2022); 0: no negative densities. By default 0.1 where the finest voxel
+    is 1.5 pixels or more, else 0; and 0.3 for a room."""
     init_opacity: float = 0.1
-    """Share of the light that a voxel of the mattes' visual hull takes at the start."""
+    """Initial opacity of a voxel in the visual hull of the mattes."""
     lr_sigma: float = -1.0
-    """Learning rate of the density at the start; by default 10, and 7 for a room. Of photos with
-    mattes it is that of 256 points, and goes with the resolution."""
+    """Learning rate of the density at the start; by default 10, and 7 for a room. For photos with
+    mattes this is the rate at 256 points; it scales with the resolution."""
     lr_sigma_final: float = -1.0
     """Learning rate of the density at the end; by default 4, and 1 for a room."""
     lr_sh: float = 2.5
-    """Learning rate of the colours at the start: one over the number of rays that a lattice point's
-    colour is the running mean of. (Colours step as in SART, not by RMSProp as in svox2.)"""
+    """Learning rate of the colours at the start: 1 / N, if a colour is the running mean over N
+    rays. (Colours step as in SART, not by RMSProp as in svox2.)"""
     lr_sh_final: float = -1.0
     """Learning rate of the colours at the end; by default 1, and 0.5 for a room."""
     polyak_fraction: float = -1.0
-    """Share of the last level, at its end, whose states the field is the mean of (Polyak and
-    Juditsky 1992), 0 to 1; 0: the last state alone; by default 0.3, and 0 for a room."""
+    """Average the field over this share of the last level, at its end (Polyak and Juditsky 1992), 0
+    to 1; 0: no averaging; by default 0.3, and 0 for a room."""
     rms_beta: float = 0.95
     """Decay of RMSProp's running mean, for the density."""
     lr_sigma_bg: float = 3.0
@@ -87,7 +87,7 @@ class ReconstructConfig:
     """Weight of total variation on the colour, a tenth at the finest level; by default 0, and
     5e-3 for a room."""
     tv_sparsity: float = -1.0
-    """Share of the lattice points that total variation visits at each step; by default 0.003, and
+    """Share of lattice points regularised by total variation at each step; by default 0.003, and
     0.005 for a room."""
     lambda_sparsity: float = 0.0
     """Weight of the Cauchy sparsity loss log(1 + 2 sigma^2) on the samples."""
@@ -95,13 +95,13 @@ class ReconstructConfig:
     """Weight of the distortion loss (Mip-NeRF 360), which makes surfaces thin; by default 0.03, and
     0.01 for a room."""
     lambda_alpha: float = 0.3
-    """Weight of the squared opacity error where the photos have mattes."""
+    """Weight of the squared opacity error, for photos with mattes."""
     prune: float = -1.0
-    """Lattice points whose largest weight on any training ray is below this are dropped; by default
+    """Prune lattice points whose largest weight on any training ray is below this; by default
     0.01, and 0.02 for a room."""
     max_voxels: float = 8.0
-    """Millions of lattice points at most: before they are more, the weakest are dropped. A million
-    takes about 0.65 GB while training (two threads, degree 2)."""
+    """Maximum of lattice points in millions; above it, the weakest are pruned. A million needs
+    about 0.65 GB in training (two threads, degree 2)."""
     background: float = 1.0
     """Grey level behind photos without mattes, and behind test views."""
     background_nlayers: int = -1
@@ -109,36 +109,34 @@ class ReconstructConfig:
     background_reso: int = 256
     """Rows of the spheres' maps; they have twice as many columns."""
     near_clip: float = -1.0
-    """Rays start this far from the camera, in world units (the head is about 2 high); by default 0,
-    and a quarter of the nearest camera's distance for a room."""
+    """Near plane: distance from the camera where rays start, in world units (the head is about 2
+    high); by default 0, and a quarter of the nearest camera's distance for a room."""
     reach: float = 3.0
-    """How far the lattice's box may reach from the origin in a room, in world units."""
+    """For a room: maximum extent of the lattice from the origin, in world units."""
     exposure: bool = True
-    """Even out the exposure of photos of a room, one gain a photo and channel; held-out photos are
-    compared at theirs."""
+    """For a room: compensate exposure with one gain per photo and channel, also in tests on
+    held-out photos."""
     refine_poses: bool = False
-    """Correct the cameras a little while the field is trained, for cameras that are off by a pixel
-    or more; held-out photos are compared at their corrected cameras."""
+    """Refine the camera poses during training, for pose errors of a pixel or more; held-out photos
+    are tested at their refined poses."""
     refine_mattes: Literal["auto", "yes", "no"] = "auto"
-    """Before and within the last level, lay the mattes anew: along the photos' edges, near the
-    outline that the field shows by then. ``auto``: mattes that were made from the photos, not
-    given ones."""
+    """Recompute the mattes before and within the last level, along the photos' edges near the
+    field's outline. ``auto``: only mattes that were computed from the photos, not given ones."""
     mvs_init: bool = True
-    """Start a room from the surfaces that a plane sweep of small photos finds, not from haze."""
+    """For a room: initialise from the surfaces of a plane sweep instead of uniform density."""
     fill_back: bool = True
-    """Close a head behind, where no photo shows it, smoothly and in the colours around it, once the
-    field has been tested; for persons that are cut out and have landmarks."""
+    """Close the back of the head where no photo shows it, smoothly and with the surrounding
+    colours, after testing; for a person with mattes and landmarks."""
     cut_base: bool = True
-    """Cut a bust's frayed lower end by a plane, and drop crumbs, once it has been tested; for
-    persons that are cut out and have landmarks."""
+    """Cut the frayed lower end of a bust by a plane and remove loose pieces, after testing; for a
+    person with mattes and landmarks."""
     time_budget: float = 0.0
-    """Seconds that the reconstruction takes; 0 follows the rays. The learning rates fall so that
-    they arrive with the time."""
+    """Time limit in seconds; 0: run all rays. The learning rates decay over this time."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of the order of the rays."""
 
     def refines_mattes(self, how: str | None) -> bool:
-        """Whether mattes are laid anew; ``how`` tells how they were made (`job.cut_person`)."""
+        """Whether mattes are recomputed; ``how`` is the way they were made (`job.cut_person`)."""
         return self.refine_mattes == "yes" or (
             self.refine_mattes == "auto" and how in ("network", "geometry"))
 

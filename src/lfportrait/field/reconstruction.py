@@ -190,7 +190,7 @@ def _geometry(surface: HeadSurface, progress: Progress | None) -> dict[str, floa
     head = surface.shown_of_head()
     figures = {"span_degrees": round(surface.span, 1), "head_shown": round(head, 3)}
     if progress is not None:
-        progress.say(f"the photos go around the head by {surface.span:.0f} degrees and show "
-                     f"{100 * head:.0f} % of it well; the rest follows a generic head: for more, "
-                     "film from further left and right, and from above and below")
+        progress.say(f"the photos cover {surface.span:.0f} degrees around the head and show "
+                     f"{100 * head:.0f} % of it well; the rest follows a generic head; for more, "
+                     "take photos from further left, right, above and below")
     return figures

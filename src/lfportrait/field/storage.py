@@ -185,7 +185,7 @@ def load_field(path: Any) -> Loaded:
     frame = arrays.get("frame", np.eye(4))
     if center.size not in (1, 3) or radius.size not in (1, 3) or frame.shape != (4, 4) or not (
             np.isfinite(center).all() and np.isfinite(radius).all() and (radius > 0).all()):
-        raise UserError(f"{path} is damaged: its cube or its frame makes no sense")
+        raise UserError(f"{path} is damaged: its cube or its frame is invalid")
     turned = _turned(links.astype(np.int32, copy=False))
     return (np.maximum(turned, -1, out=turned), np.ascontiguousarray(density, np.float32),
             sh.reshape(len(sh), 3, -1),
@@ -217,7 +217,7 @@ def _texture(arrays: dict[str, NDArray[Any]], rows: int, path: Path) -> SurfaceT
         if len(charts) != rows:
             raise ValueError("it belongs to another field")
     except (KeyError, TypeError, ValueError) as error:
-        raise UserError(f"{path} is damaged: its texture makes no sense ({error})") from error
+        raise UserError(f"{path} is damaged: its texture is invalid ({error})") from error
     return texture
 
 
@@ -231,6 +231,6 @@ def _background(arrays: dict[str, NDArray[Any]], path: Path) -> Background | Non
     if (links.ndim != 2 or links.shape[0] != 2 * links.shape[1] or data.ndim != 3
             or data.shape[1] < 2 or data.shape[2] != 4 or links.max(initial=-1) >= len(data)
             or not np.isfinite(data).all()):
-        raise UserError(f"{path} is damaged: its background makes no sense")
+        raise UserError(f"{path} is damaged: its background is invalid")
     return Background(np.maximum(np.ascontiguousarray(links, np.int32), -1),
                       np.ascontiguousarray(data, np.float32))

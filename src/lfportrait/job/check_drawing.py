@@ -88,7 +88,7 @@ def check_picture(check: PhotoCheck) -> NDArray[np.uint8]:
     useful = sum(not one.wrong for one in check.photos)
     draw.text((left, y), f"{len(check.photos)} photos, {useful} of use", INK, font(26))
     y += 48
-    for line in check.advice or ["All is well: these photos should make a portrait."]:
+    for line in check.advice or ["No problems found: these photos are suitable for a portrait."]:
         rows = wrapped(draw, line, _WIDTH - left - 60, 18)
         if y + 25 * len(rows) > _HEIGHT - 10:
             draw.text((left + 22, y), "...", INK, font(18))

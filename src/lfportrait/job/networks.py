@@ -118,5 +118,5 @@ def get_networks(photos: Path, painting: Path | None, keep_background: bool, *, 
             models.require(better, download=not offline, purpose="a better outline", quiet=quiet)
         except UserError as error:
             if not quiet:
-                print(f"going on without networks for person and hair, which are told by their "
-                      f"colours: {error}", file=sys.stderr)
+                print(f"continuing without segmentation networks; person and hair are found by "
+                      f"colour: {error}", file=sys.stderr)

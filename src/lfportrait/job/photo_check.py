@@ -202,26 +202,26 @@ def _advice(facts: list[PhotoFacts], gaps: list[tuple[float, float]], faces: boo
     useful = [one for one in facts if not one.wrong]
     bad = [one.name for one in facts if one.wrong]
     if bad:
-        found.append(f"Take these again, they are blurred: {_named(bad)}. More light, or the "
-                     "camera held still for each photo.")
+        found.append(f"Take these again, they are blurred: {_named(bad)}. Use more light, or hold "
+                     "the camera still for each photo.")
     if len(useful) < _WANTED:
-        found.append(f"{len(useful)} photos of use are few; take 40, at least {_WANTED}.")
+        found.append(f"{len(useful)} usable photos are too few; take 40, at least {_WANTED}.")
     yaws = [one.yaw for one in useful if one.yaw is not None]
     if faces and len(yaws) < 0.15 * len(facts):
-        found.append("Hardly any photo shows a face: the head upright in the picture, nothing in "
-                     "front of it. (For an object without a face that is as it should be.)")
+        found.append("Hardly any photo shows a face: keep the head upright and unobstructed. "
+                     "(Ignore this for an object without a face.)")
     elif yaws:
         for first, last in gaps:
-            found.append(f"Nothing was taken between {_side(first)} and {_side(last)}; take "
+            found.append(f"There are no photos between {_side(first)} and {_side(last)}; take "
                          f"{max(1, round((last - first) / 7) - 1)} photos there.")
         for reach, side in ((-min(yaws), "left"), (max(yaws), "right")):
             if reach < _REACH and all(one.yaw is not None for one in facts):
-                found.append(f"The photos reach {max(reach, 0):.0f} degrees to the {side}; walk on "
-                             "to 60 or 90, or the portrait has no side there.")
+                found.append(f"The photos reach {max(reach, 0):.0f} degrees to the {side}; go on "
+                             "to 60 or 90, or the portrait is incomplete there.")
     uneven = [one.name for one in facts if "neighbours" in one.fair]
     if len(uneven) > 0.1 * len(facts):
         found.append(f"Light or exposure changes ({_named(uneven)}): lock the exposure and the "
-                     "white balance, no flash, no sun that comes and goes.")
+                     "white balance, avoid flash and changing sunlight.")
     for word, cure in (("dark", "more light"), ("burnt out", "less light or a shorter exposure"),
                        ("soft", "hold the camera still, focus on the eyes"),
                        ("face small", "come closer: head and shoulders fill the picture")):
@@ -229,7 +229,7 @@ def _advice(facts: list[PhotoFacts], gaps: list[tuple[float, float]], faces: boo
         if len(names) > 0.1 * len(facts):
             found.append(f"{len(names)} photos: {word}; {cure}.")
     if lenses > 1:
-        found.append(f"The photos come from {lenses} lenses or zooms; keep one.")
+        found.append(f"The photos come from {lenses} lenses or zooms; use one.")
     return found
 
 
@@ -264,8 +264,8 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
     photos = read_video(path, 60, _SIDE) if is_video(path) else read_photos(path, _SIDE)
     faces = _can_see_faces()
     if not faces:
-        warnings.warn("faces are not looked for: `lfportrait models fetch face-landmarker` gets "
-                      "what is missing", stacklevel=2)
+        warnings.warn("faces are not detected: run `lfportrait models fetch face-landmarker` "
+                      "first", stacklevel=2)
     looked = []
     for number, photo in enumerate(photos):
         if progress is not None:

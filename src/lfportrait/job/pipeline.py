@@ -168,9 +168,9 @@ class _Job:
         span = figures.get("geometry", {}).get("span_degrees", 360.0)
         if span < self.display.cone:
             warnings.warn(
-                f"the photos go around the head by {span:.0f} degrees, {self.display.name} shows "
-                f"{self.display.cone:.0f}: what its outer views show is partly a guess "
-                "(report.html shows where); film from further left and right", stacklevel=2)
+                f"the photos cover {span:.0f} degrees around the head, {self.display.name} shows "
+                f"{self.display.cone:.0f}: its outer views are partly extrapolated "
+                "(report.html shows where); take photos from further left and right", stacklevel=2)
 
     def _figures(self) -> dict[str, Any]:
         figures = self.stages.figures

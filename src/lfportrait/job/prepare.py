@@ -73,8 +73,8 @@ def find_face(capture: Capture, progress: Progress | None = None, *,
                             "leave out --portrait-frame")
         return found
     if models.missing(["face-landmarker"]):
-        warnings.warn("no face is looked for: a head stays open behind and frayed below; for that, "
-                      "`lfportrait models fetch face-landmarker` gets the network", stacklevel=2)
+        warnings.warn("no face detection: the head is neither closed behind nor trimmed below; run "
+                      "`lfportrait models fetch face-landmarker` first", stacklevel=2)
         return capture
     return _with_landmarks(capture, False, False, progress)[0]
 
@@ -132,7 +132,7 @@ def _following(capture: Capture, soft: list[NDArray[np.float32]], config: Calibr
                ) -> tuple[Capture, list[NDArray[np.float32]], dict[str, Any]]:
     """The capture and its rough mattes, its cameras following a head that moved; figures."""
     if progress is not None:
-        progress.update(0, "looking whether the head moved")
+        progress.update(0, "checking whether the head moved")
     followed, motion = follow_head(capture, soft, config.seed,
                                    None if progress is None else progress.say)
     figures = {"moved": motion.moved, "followed": bool(motion.followed),
@@ -178,13 +178,13 @@ def _placed_photos(photos: Path, config: CalibrateConfig, progress: Progress | N
             return found, figures
         if sheet is not None:
             problem_sheet(photos, error.marks, sheet, config.video_frames)
-            raise UserError(f"{error}; which photos: {sheet}") from error
+            raise UserError(f"{error}; see {sheet}") from error
         raise
     figures["calibration"] = capture.figures
     marks = _marks(capture.figures)
     if marks and sheet is not None:
         problem_sheet(photos, marks, sheet, config.video_frames)
-        warnings.warn(f"which photos are left out: {sheet}", stacklevel=2)
+        warnings.warn(f"the photos that are left out: see {sheet}", stacklevel=2)
     return capture, figures
 
 
@@ -196,8 +196,8 @@ def _by_the_face(photos: Path, config: CalibrateConfig, progress: Progress | Non
     if models.missing(["face-landmarker", "person-segmentation"]):
         return None
     if progress is not None:
-        progress.say("what the photos show beside the person does not fit together: the cameras "
-                     "are sought by the face and the head alone")
+        progress.say("the background of the photos is inconsistent: the cameras are estimated from "
+                     "the face and the head alone")
     capture = capture_from_faces(photos, config, progress)
     if capture is None or len(capture) < max(least, 3):
         return None
@@ -206,8 +206,8 @@ def _by_the_face(photos: Path, config: CalibrateConfig, progress: Progress | Non
         return None
     figures["calibration"], figures["landmarks"] = capture.figures, how
     if progress is not None:
-        progress.say(f"by the face and the head {len(capture)} of {capture.figures['photos']} "
-                     "photos are placed, and these cameras are taken")
+        progress.say(f"{len(capture)} of {capture.figures['photos']} photos are placed by the face "
+                     "and the head; these cameras are used")
     left_out = capture.figures["left_out"]
     if left_out:
         warnings.warn(f"{len(left_out)} photos could not be placed by the face and are left out: "

@@ -97,7 +97,7 @@ def chosen_face(path: Path, image: NDArray[np.uint8], face: int = 0,
     faces = detect_faces(image, at)
     if not faces:
         where = f"at {at[0]:g} {at[1]:g} in {path}" if at else f"in {path}"
-        more = "" if at else "; say where it is with --at X Y, or"
+        more = "" if at else "; give its position with --at X Y, or"
         raise UserError(f"no face found {where}{more or ';'} write its 68 landmarks into "
                         f"{path.with_suffix('.landmarks.txt').name} beside it, one 'x y' a line")
     if face > len(faces):
@@ -163,11 +163,11 @@ def _turn(check: StyleCheck) -> None:
     bent = pose.residual / check.exemplar.size
     check.figures.update(pose=pose.angles, residual=round(bent, 4))
     if abs(pose.yaw) > PROFILE:
-        check.facts.append((BAD, f"The face is {', '.join(words)}: nearly a profile. A painting "
-                                 f"needs both eyes, turned by {PROFILE:.0f} degrees at most"))
+        check.facts.append((BAD, f"The face is {', '.join(words)}: nearly a profile. Use one "
+                                 f"with both eyes, turned by {PROFILE:.0f} degrees at most"))
         return
     if abs(pose.yaw) < FRONTAL:
-        check.facts.append((GOOD, f"The face is {', '.join(words)}: taken as it is"))
+        check.facts.append((GOOD, f"The face is {', '.join(words)}: used unchanged"))
     else:
         found = frontal_view(check.exemplar, pose)
         check.frontal, check.mirrored = found.image, found.mirrored

@@ -49,9 +49,9 @@ def add_style(path: Path, face: int = 0, at: tuple[float, float] | None = None) 
     faces: list[NDArray[np.float64]] = []
     if beside.exists():
         if face or at is not None:
-            raise UserError(f"{beside} is there already; remove it to take another face")
+            raise UserError(f"{beside} already exists; remove it to use another face")
         points = np.asarray(read_landmarks(beside), np.float64)
-        said = [f"{beside} is there already and was drawn; remove it to have landmarks found anew"]
+        said = [f"{beside} already exists and was drawn; remove it to detect the landmarks again"]
     else:
         points, faces = chosen_face(path, image, face, at)
         write_landmarks(beside, points)

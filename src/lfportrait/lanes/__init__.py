@@ -42,8 +42,8 @@ def keep_kernels() -> None:
     except RuntimeError:
         folder = temporary_home() / "kernels"
         _settings.CACHE_DIR = str(folder)
-        warnings.warn(f"there is no folder to keep compiled kernels in, so they go to {folder}; "
-                      "NUMBA_CACHE_DIR=FOLDER names a lasting one", stacklevel=1)
+        warnings.warn(f"no cache folder for compiled kernels is writable, so they go to {folder}; "
+                      "set NUMBA_CACHE_DIR=FOLDER to keep them", stacklevel=1)
 
 
 limit_vectors()

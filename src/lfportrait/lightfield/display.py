@@ -78,7 +78,7 @@ class Display:
         turn, columns from the left, rows from the bottom), ``"checkerboard"`` or ``"staggered"``
         (rows in turn, every second column two rows further).
     gamma
-        Exponent from a stored value to the light that the panel gives; views leak as light.
+        Gamma of the panel, from stored value to light; cross-talk is computed in light.
     panel_height
         Height of the panel in metres; 0 = unknown.
     quilt
@@ -86,8 +86,8 @@ class Display:
     quilt_size
         Width and height of the customary quilt in pixels.
     calibrated
-        True where the lens was measured on this very panel. No two panels are alike: with another
-        one's numbers the picture is blurred, doubled or jumps.
+        True if the lens was measured on this panel. Every panel differs: with the values of another
+        one the picture is blurred, doubled or jumps.
     name, note
         For people.
     """
@@ -153,7 +153,7 @@ class Display:
              "cells must be up to four rows of six numbers between -2 and 2 (x and y of red, green "
              "and blue)")
         need(not self.cells or (self.subpixels == "RGB" and not (self.flip_x or self.flip_y)),
-             "cells tell each colour's place: subpixels must be RGB and the picture not flipped")
+             "cells give each colour's place: subpixels must be RGB and the picture not flipped")
 
     # -- geometry ---------------------------------------------------------------------------------
 

@@ -51,7 +51,7 @@ def load_entries(path: Path, kinds: dict[str, str]) -> dict[str, Any]:
     if isinstance(data, dict):
         data = data.get("calibration", data)
     if not isinstance(data, dict):
-        raise UserError(f"{path} is no calibration file")
+        raise UserError(f"{path} is not a calibration file")
     return lookingglass.entries_of(data)
 
 

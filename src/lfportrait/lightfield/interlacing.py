@@ -44,7 +44,7 @@ class QuiltLayout:
             return None
         columns, rows, aspect = int(found[1]), int(found[2]), float(found[3])
         if columns < 1 or rows < 1 or aspect <= 0:
-            raise UserError(f"the quilt name {name!r} tells an impossible layout")
+            raise UserError(f"the quilt name {name!r} has an impossible layout")
         return QuiltLayout(columns, rows, aspect)
 
     @staticmethod
@@ -67,15 +67,16 @@ class InterlaceConfig:
     """Parameters of coding pictures of views."""
 
     sample: Literal["linear", "nearest"] = "linear"
-    """Between the pixels of a view's picture: linear is smoother, nearest copies pixels exactly."""
+    """Interpolation within a view's picture: linear is smoother, nearest copies pixels exactly."""
     blend: Literal["nearest", "linear"] = "nearest"
     """nearest: a sub-pixel shows its nearest view; linear: its own place between two views, softer
     from view to view but less sharp off the panel."""
     fit: Literal["contain", "cover", "stretch"] = "contain"
-    """Where the views' aspect is not the panel's: show all with bars, fill and crop, or stretch."""
+    """If the views' aspect differs from the panel's: show all with bars, fill and crop, or
+    stretch."""
     focus: float = 0.0
-    """Shifts the views against each other so that what lay this far behind the panel (half panel
-    heights) comes to lie on it, where it is sharpest; negative: what lay in front."""
+    """Shift the views so that content this far behind the panel (in half panel heights) moves onto
+    it, where it is sharpest; negative: content in front."""
 
 
 def quilt_tiles(quilt: NDArray[np.uint8], layout: QuiltLayout) -> NDArray[np.uint8]:

@@ -67,9 +67,9 @@ def _number(calibration: dict[str, Any], key: str, default: float | None = None)
     try:
         value = float(entry)
     except (TypeError, ValueError) as error:
-        raise UserError(f"the calibration's {key!r} is no number: {entry!r}") from error
+        raise UserError(f"the calibration's {key!r} is not a number: {entry!r}") from error
     if not math.isfinite(value):
-        raise UserError(f"the calibration's {key!r} is no number: {entry!r}")
+        raise UserError(f"the calibration's {key!r} is not a number: {entry!r}")
     return value
 
 
@@ -78,7 +78,7 @@ def _cells(calibration: dict[str, Any]) -> tuple[tuple[float, ...], ...]:
     if not rows:
         return ()
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise UserError("the calibration's 'subpixelCells' is no list of cells")
+        raise UserError("the calibration's 'subpixelCells' is not a list of cells")
     return tuple(tuple(_number(row, key) for key in _CELL) for row in rows)
 
 

@@ -30,24 +30,24 @@ class EncodeConfig:
     shift_y: float = -0.04
     """Moves the head up, in half panel heights."""
     focus: float = 0.0
-    """Moves the head towards the viewer, in half panel heights; what lies on the panel is sharp."""
+    """Moves the head towards the viewer, in half panel heights; the panel plane is sharpest."""
     turn: float = 0.0
     """Turns the head to its left about the vertical axis, in degrees."""
     depth_scale: float = 1.0
-    """Depth of the head over its true depth: below 1 flattens it about its middle, so that more of
-    it lies within the depth that the panel shows sharply."""
+    """Factor of the head's depth: below 1 flattens it about its middle, so that more of it lies
+    within the panel's sharp depth."""
     method: Literal["auto", "slices", "direct"] = "auto"
-    """slices: one slice of the field a row of the panel; direct: a ray through the lattice for each
-    sub-pixel; auto: slices, unless the head is turned far."""
+    """slices: one slice of the field per panel row; direct: one ray per sub-pixel; auto: slices,
+    unless the head is turned far."""
     blend: Literal["nearest", "continuous", "filtered"] = "nearest"
     """nearest: a sub-pixel shows its nearest view; continuous: its own place between two views;
-    filtered: the mean light over all directions that its lens sends it to, three rays: what lies
-    beyond the panel's depth budget blurs instead of breaking into a comb."""
+    filtered: the mean over all directions of its lens, three rays: beyond the panel's depth budget,
+    content blurs instead of breaking into a comb."""
     step_size: float = 0.5
-    """Distance between samples in voxels, for direct casting; slices have a sample on each plane of
+    """Distance between samples in voxels, for --method direct; slices have one sample per plane of
     voxels."""
     draft: bool = False
-    """Samples twice as far apart: 1.5 to 2 times faster."""
+    """Double the distance between samples: 1.5 to 2 times faster."""
     background: float = 0.0
     """Grey level behind the head. Black hides cross-talk between views on a real panel."""
 

@@ -31,25 +31,25 @@ class ExportConfig:
     """Parameters of export."""
 
     kind: Literal["auto", "points", "mesh"] = "auto"
-    """What a PLY file holds: points or a mesh; auto: points. OBJ and GLB files hold a mesh."""
+    """Content of a PLY file: points or a mesh; auto: points. OBJ and GLB files contain a mesh."""
     world: Literal["portrait", "source"] = "portrait"
     """Coordinates: the portrait frame (+y up, +z out of the face, the head within -1 to 1), or
-    those of the capture that the field was made from."""
+    those of the source capture."""
     opacity: float = 0.1
-    """Points: those are kept that take this part of the light along one voxel."""
+    """Points: minimum opacity along one voxel."""
     point_color: Literal["mean", "seen"] = "mean"
-    """Points: the mean over all directions (the coefficient of degree 0), or the colour seen from
-    the front and outside."""
+    """Points: mean colour over all directions (degree 0), or the colour seen from the front and
+    outside."""
     surface: Literal["auto", "outer", "density"] = "auto"
-    """Mesh: the surface as seen from outside, or of the density itself, inner walls included; auto:
-    the latter for a field with a background."""
+    """Mesh: outer: the surface seen from outside; density: an isosurface of the density, with inner
+    walls; auto: density for a field with a background."""
     level: float | None = None
-    """Mesh: opacity at the surface, 0 to 1; by default 0.5 of all that light passes on its way from
-    outside, or 0.1 of a step of one voxel (surface density)."""
+    """Mesh: opacity at the surface, 0 to 1; by default 0.5, accumulated from outside, or 0.1 per
+    voxel (surface density)."""
     smooth: float = 1.5
-    """Mesh: the opacity is smoothed first by this many voxels (standard deviation)."""
+    """Mesh: sigma in voxels of the Gaussian that smooths the opacity first."""
     least_piece: float = 0.05
-    """Mesh: connected pieces smaller than this part of the largest one are dropped."""
+    """Mesh: remove connected pieces smaller than this share of the largest one."""
 
 
 def export_field(field: VoxelField, path: Path, config: ExportConfig | None = None,

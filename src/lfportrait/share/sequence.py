@@ -36,18 +36,18 @@ class SequenceConfig:
     """Parameters of a moving light field."""
 
     frames: int = 0
-    """Number of frames; 0 codes one picture that stands still."""
+    """Number of frames; 0 = one still picture."""
     turn_to: float | None = None
-    """Turn in degrees that the head moves to, from --turn; without it the head does not turn."""
+    """Final turn of the head in degrees, starting at --turn; by default no turn."""
     focus_to: float | None = None
-    """Focus that the head moves to, from --focus; without it the focus stays."""
+    """Final focus, starting at --focus; by default constant."""
     motion: Literal["loop", "once"] = "loop"
-    """loop: there and back, so that a player can repeat it without a seam; once: only there."""
+    """loop: there and back, for seamless repetition; once: one way."""
     fps: float = 30.0
     """Frames per second of a video."""
     video: Literal["lossless", "444"] = "lossless"
-    """lossless: H.264 of RGB, every sub-pixel as it was coded; 444: a smaller file, views leak a
-    little. The usual 4:2:0 mixes the colours of neighbouring pixels, and so their views."""
+    """lossless: H.264 in RGB, keeps every sub-pixel; 444: smaller file, some cross-talk between
+    views. The usual 4:2:0 mixes neighbouring pixels, and so their views."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.frames <= 100_000:
@@ -176,7 +176,7 @@ def write_sequence(field: VoxelField, display: Display, config: EncodeConfig,
         raise UserError(f"frames go to a video (--out NAME.mp4) or to a folder (a name without a "
                         f"suffix), not to {out}")
     if sequence.turn_to is None and sequence.focus_to is None:
-        warnings.warn("all frames will be the same: say --turn-to or --focus-to", UserWarning,
+        warnings.warn("all frames will be the same: use --turn-to or --focus-to", UserWarning,
                       stacklevel=2)
     if not video:
         kept = _write_folder(field, display, config, sequence, out, step)

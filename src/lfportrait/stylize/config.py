@@ -24,32 +24,32 @@ class StylizeConfig:
 
     method: Annotated[str, Choice(GROUP, *OWN)] = "skin"
     """skin: painted once on the head's surface, then fitted and refined; paper: views painted one
-    by one (Shen et al. 2023), then the losses; the others are published methods on the same field,
-    to compare with, and have parameters of their own (docs/methods.md)."""
+    by one (Shen et al. 2023), then refined by the losses; the others are published methods for
+    comparison, with their own parameters (docs/methods.md)."""
     preview: bool = False
     """On the skin: half the resolution, no fit and no refinement; seconds."""
     pixels: float = PIXELS
-    """On the skin: its pixels per world unit (a head is about one and a half high), 32 to 1024."""
+    """On the skin: resolution in pixels per world unit (a head is about 1.5 high), 32 to 1024."""
     guide: Literal["surface", "view"] = "view"
-    """Of painted views: from the landmarks in each view (paper), or anchored to the surface."""
+    """Guide of painted views: from the landmarks in each view (paper), or anchored to the
+    surface."""
     size: int = 576
     """Width and height of painted views in pixels."""
     arc: float = 75.0
-    """Half angle of their arc in degrees."""
+    """Half angle of the painted views' arc in degrees."""
     views: int = 15
     """Views on each arc."""
     pitches: tuple[float, ...] = (-12.0, 8.0, 28.0)
-    """Height of the arcs in degrees above the horizon."""
+    """Elevation of the arcs in degrees."""
     texture: bool = True
-    """On the skin: give the field a texture with what its lattice is too coarse for."""
+    """On the skin: add a texture with the details that the lattice is too coarse for."""
     fit_iterations: int = -1
-    """Iterations of the least-squares fit to the painting; -1: 12 in views; on the skin none where
-    the texture has what the lattice leaves out, else 1 (more are sharper, and neighbouring views
-    agree less)."""
+    """Iterations of the least-squares fit to the painting; -1: 12 in views; on the skin 0 with a
+    texture, else 1 (more are sharper, but less consistent between views)."""
     relaxation: float = 0.35
-    """On the skin: share of each iteration's update that is taken, 0 to 1."""
+    """On the skin: relaxation factor of each iteration's update, 0 to 1."""
     steps: int = -1
-    """Refinement steps, one view each; 0 leaves the fit; -1: 7 on the skin, 90 in views."""
+    """Refinement steps, one view each; 0: fit only; -1: 7 on the skin, 90 in views."""
     learning_rate: float = -1.0
     """Adam's step in colour units at the start; it falls to a tenth; -1: 0.001 on the skin, 0.02 in
     views."""
@@ -64,13 +64,14 @@ class StylizeConfig:
     gamma: float = 10.0
     """Weight of the Laplacian loss; at the paper's 10 its gradient is 0.5 of the fit's."""
     lap_reference: Literal["example", "content"] = "example"
-    """Contours kept: of the example (brush work) or of the photo (the paper's words)."""
+    """Reference of the Laplacian loss: the example (keeps brush work) or the photo (as in the
+    paper)."""
     lap_pool: int = 1
     """Average pooling before the Laplacian, 1 to 16 pixels."""
     strength: float = 1.0
     """0 leaves the real colours, 1 gives the style; `lfportrait restyle` changes it afterwards."""
     keep: tuple[str, ...] = ()
-    """Regions kept from the photo: eyes, lips, hair, ears, clothes, ..."""
+    """Regions that keep the photo's colours: eyes, lips, hair, ears, clothes, ..."""
     background: float = 1.0
     """Grey level behind the head while stylising."""
     skin: SkinConfig = field(default_factory=SkinConfig)

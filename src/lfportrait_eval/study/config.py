@@ -52,17 +52,16 @@ class StudyConfig:
     """Which questions: all (style, structure, quality), paper (style alone, as in Shen et al.), or
     a text file with one question a line, as `name: text`."""
     pairs_per_person: int = 0
-    """Pairs that one person sees, besides the repeated ones; 0 for all. With fewer, the
-    sheets that people get show each pair equally often."""
+    """Pairs per person, without the repeated ones; 0 = all. With fewer, each pair is still shown
+    equally often overall."""
     repeats: int = 1
-    """Pairs that come again at the end with their sides swapped: does a person agree with
-    themselves?"""
+    """Pairs that are repeated at the end with swapped sides, to test each person's consistency."""
     max_embedded: float = 60.0
-    """Up to this many MB (of 1,000,000 bytes), videos are put into the page, which then is one
-    file; more of them lie beside it in a folder `media`."""
+    """Embed the videos into the page up to this many MB (of 1,000,000 bytes); larger ones are
+    written to a folder `media` beside it."""
     pictures: tuple[Path, ...] = ()
-    """Paintings and photos of sitters that the jobs don't bring; a file is named like the style or
-    the sitter."""
+    """Paintings and photos of sitters that the jobs do not contain; name each file like its style
+    or sitter."""
 
 
 def questions_of(choice: str) -> tuple[Question, ...]:
@@ -83,7 +82,7 @@ def questions_of(choice: str) -> tuple[Question, ...]:
     try:
         lines = Path(choice).read_text(encoding="utf-8").splitlines()
     except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is no text"
+        why = error.strerror if isinstance(error, OSError) else "it is not a text file"
         raise UserError(f"can't read the questions {choice}: {why}; say all, paper, or name a text "
                         "file with one question a line") from error
     found: list[Question] = []

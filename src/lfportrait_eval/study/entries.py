@@ -93,7 +93,7 @@ def _of_job(job: Path) -> Entry:
     run: Any = read_json(job / "run.json")
     stage = run.get("stylize") if isinstance(run, dict) else None
     if not isinstance(stage, dict) or not isinstance(run.get("style"), str):
-        raise UserError(f"{job / 'run.json'} does not tell the job's style; run the job again")
+        raise UserError(f"{job / 'run.json'} does not record the job's style; run the job again")
     record = job / ".stages" / "capture.json"
     # The same photos, read in the same way, have the same key.
     sitter = read_json(record)["key"] if record.is_file() else str(job.resolve())

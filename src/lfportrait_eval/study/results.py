@@ -65,7 +65,7 @@ def _ranking(figures: dict[str, Any]) -> str:
                     f"{row['low']:+.2f} to {row['high']:+.2f}", _percent(row["expected_share"]))
                    for row in rows]) if rows else ""
     if missing:
-        text += ("\n\nNo ranking: some methods were never compared, not even by way of others.")
+        text += ("\n\nNo ranking: some methods were never compared, not even indirectly.")
     return text.strip()
 
 
@@ -95,18 +95,18 @@ def _markdown(figures: dict[str, Any]) -> str:
         asked,
         "## Preferences", "![Shares with their intervals](preferences.svg)",
         _preferences(figures),
-        "Intervals are Wilson's, of as many answers as these are worth: those of one person are "
-        "alike. The p-values are those of the sign test over people: each counts once, for the "
-        "method that they chose more often. Holm's correction is for all rows together.",
+        "Intervals are Wilson's, for the effective number of answers: those of one person are "
+        "correlated. The p-values are those of the sign test over people: each counts once, for "
+        "the method that they chose more often. Holm's correction is for all rows together.",
         "## Ranking",
         *(["![Strengths with their intervals](ranking.svg)"]
           if any(figures["ranking"].values()) else []),
         _ranking(figures),
         "Strengths are logarithms after Bradley and Terry, 0 on average: one that is higher by 1 "
-        "wins 73 % of the time. Their intervals come from drawing people anew, 2000 times.",
+        "wins 73 % of the time. Their intervals come from 2000 bootstrap samples of people.",
         "## People", _people(figures),
-        "Agreement is 1 where all answer alike and 0 where they answer as by chance. *Same choice "
-        "again*: of pairs that came twice, sides swapped.",
+        "Agreement is 1 if all people agree and 0 at chance level. *Same choice "
+        "again*: for pairs shown twice, with swapped sides.",
         *(["## Files that were left out", left_out] if left_out else [])]) + "\n"
 
 

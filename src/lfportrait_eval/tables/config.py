@@ -17,7 +17,7 @@ __all__ = ["TablesConfig"]
 
 @dataclass(frozen=True)
 class TablesConfig:
-    """What is compared, and how large."""
+    """Methods and sizes of the comparison."""
 
     methods: tuple[str, ...] = ()
     """Methods to compare; by default all (field and views, see docs/comparisons.md)."""
@@ -28,20 +28,21 @@ class TablesConfig:
     render_size: int = 0
     """Width and height in pixels of the views on the arc; 0: 256 (quick), 384 (full)."""
     close_size: int = 0
-    """Width and height in pixels of the views that the head fills; 0: 384 (quick), 768 (full)."""
+    """Width and height in pixels of the close views (the head fills them); 0: 384 (quick), 768
+    (full)."""
     painted_size: int = 0
     """Width and height in pixels of views that are painted before a field is fitted to them; 0: 384
     (quick; fewer leave lattice points undecided), 576 (full)."""
     painted_views: int = 0
-    """Views on each arc of those; 0: 7 (quick), 15 (full)."""
+    """Painted views on each arc; 0: 7 (quick), 15 (full)."""
     painted_steps: int = -1
-    """Refinement steps on those; -1: 20 (quick), 90 (full)."""
+    """Refinement steps on the painted views; -1: 20 (quick), 90 (full)."""
     crops: int = 0
     """Crops of renders and of the exemplar, for the distances of features; 0: 24 (quick), 48."""
     network_pairs: int = 0
-    """Examples that the network that paints single views learns from; 0: 6 (quick), 24 (full)."""
+    """Training examples of the network that paints single views; 0: 6 (quick), 24 (full)."""
     network_seconds: float = 0.0
-    """Seconds of its training; 0: 15 (quick), 240 (full)."""
+    """Seconds of that network's training; 0: 15 (quick), 240 (full)."""
     views: int = 16
     """Views on the arc."""
     cone: float = 40.0
@@ -49,7 +50,7 @@ class TablesConfig:
     speed: bool = True
     """Also measure Table 1 (the mask guide) and Fig. 6 (speed of the transfers)."""
     done_only: bool = False
-    """Start nothing new: write the tables of the cells that are done."""
+    """Compute nothing: write the tables of the finished cells."""
     study: Path | None = None
     """Folder with the results of a user study (`lfportrait study results`), to be included."""
     stylize: StylizeConfig = field(default_factory=StylizeConfig)

@@ -116,7 +116,7 @@ def sources_of(captures: tuple[str, ...], fields: tuple[str, ...] = ()) -> list[
         raise UserError(f"two sitters are called {twice!r}; name them: --capture NAME=CAPTURE")
     wrong = next((name for name in names if "/" in name or name.startswith(".")), None)
     if wrong is not None:
-        raise UserError(f"{wrong!r} is no name for a sitter; leave out slashes and leading dots")
+        raise UserError(f"{wrong!r} is not a valid sitter name; leave out slashes and leading dots")
     return found
 
 

@@ -271,7 +271,7 @@ def test_a_fault_of_ours_is_a_failure_with_a_traceback_kept(studio, copy, inline
     monkeypatch.setattr("lfportrait.job.work.write_page", lambda *_: {}["nothing"])
     figures = batch(studio / "jobs.toml", copy)
     assert set(figures["failed"]) == {"anna/ken/page", "bert/ken/page"}
-    assert "a fault of ours: KeyError: 'nothing'" in figures["failed"]["anna/ken/page"]
+    assert "internal error: KeyError: 'nothing'" in figures["failed"]["anna/ken/page"]
     assert "Traceback" in (copy / ".batch" / "faults.txt").read_text()
 
 

@@ -121,7 +121,7 @@ def test_a_mistake_is_one_line_with_file_and_entry(load, text, told):
 
 
 def test_nothing_to_be_made_is_a_mistake(load):
-    with pytest.raises(UserError, match="nothing is to be made"):
+    with pytest.raises(UserError, match="no output is requested"):
         load('[defaults]\npages = false\n[[sitter]]\nphotos = "anna"\n',
              '[[style]]\npainting = "charcoal"\n')
 

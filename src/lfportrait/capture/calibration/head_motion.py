@@ -272,11 +272,11 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
                                            lenses)[:, 0]))
     tell = tell or (lambda line: None)
     if len(placed) < _ENOUGH * len(capture) or after > _NEARER * pixels:
-        tell(f"the head moved against the room ({pixels:.1f} pixels), and too little of it is seen "
-             "clearly to follow it: the portrait may be soft")
+        tell(f"the head moved against the room ({pixels:.1f} pixels), but too few of its features "
+             "were found to correct the cameras: the portrait may be blurred")
         return capture, HeadMotion(True, pixels, own)
     degrees = float(np.median(pose_corrections(capture.cameras[placed], cameras)[0]))
     tell(f"the head moved against the room ({pixels:.1f} pixels, {degrees:.1f} degrees): the "
-         f"cameras follow it in {len(placed)} of {len(capture)} photos")
+         f"cameras of {len(placed)} of {len(capture)} photos are corrected")
     return (_placed_part(capture, placed, cameras),
             HeadMotion(True, pixels, own, after, degrees, placed))

@@ -113,7 +113,7 @@ def _rigid(poses: NDArray[np.float64], names: list[str]) -> NDArray[np.float64]:
 def _check(lens: Lens, name: str) -> None:
     numbers = (*lens.focal, *lens.center, *lens.k, *lens.p, *lens.s)
     if not (np.isfinite(numbers).all() and min(lens.focal) > 0):
-        raise UserError(f"the camera of {name} makes no sense: focal length "
+        raise UserError(f"the camera of {name} is invalid: focal length "
                         f"{lens.focal[0]:g} x {lens.focal[1]:g} pixels, centre "
                         f"{lens.center[0]:g}, {lens.center[1]:g}")
 
@@ -171,7 +171,7 @@ def assemble(poses: NDArray[np.float64], lenses: list[Lens],
         held_out = held_out_views(len(images), holdout)
     if transparent and len(alphas) < len(images):
         warnings.warn(f"{len(alphas)} of {len(images)} photos have an alpha channel; it is left "
-                      "out, as a part is no matte of the whole", stacklevel=2)
+                      "out, because all photos need one", stacklevel=2)
     matted = bool(transparent) and len(alphas) == len(images)
     return Views(cameras, images, alphas if matted else None, names, held_out, frame)
 

@@ -74,9 +74,9 @@ def load_llff(folder: Path, holdout: int) -> Views:
         table = np.load(source, allow_pickle=False).astype(np.float64)
         matrices = table[:, :15].reshape(-1, 3, 5)
     except (OSError, ValueError, IndexError) as error:
-        raise UserError(f"{source} is no LLFF camera file: {error}") from error
+        raise UserError(f"{source} is not an LLFF camera file: {error}") from error
     if not (len(matrices) and np.isfinite(matrices).all() and (matrices[:, :, 4] > 0).all()):
-        raise UserError(f"{source} is no LLFF camera file: sizes and focal lengths must be "
+        raise UserError(f"{source} is not an LLFF camera file: sizes and focal lengths must be "
                         "positive numbers")
     files = _llff_pictures(folder, len(matrices))
     poses = np.tile(np.eye(4), (len(matrices), 1, 1))
@@ -147,7 +147,7 @@ def load_nsvf(folder: Path, holdout: int) -> Views:
     """
     folders = nsvf_folders(folder)
     if folders is None:
-        raise UserError(f"{folder} is no NSVF data set: it needs the folders rgb and pose")
+        raise UserError(f"{folder} is not an NSVF data set: it needs the folders rgb and pose")
     rgb, pose_folder = folders
     fx, fy, cx, cy = _nsvf_intrinsics(folder / "intrinsics.txt")
     box = _nsvf_box(folder / "bbox.txt")

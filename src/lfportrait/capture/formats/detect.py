@@ -83,7 +83,7 @@ def load_views(path: Path, holdout: int) -> Views:
     file = program_file(path)
     if file is not None:
         return load_program(file, holdout)
-    raise UserError(f"{path} is no calibrated capture: it has no transforms.json, COLMAP model, "
+    raise UserError(f"{path} is not a calibrated capture: it has no transforms.json, COLMAP model, "
                     "cameras.xml, .sfm, sfm_data.json, camera table (.csv), bundle.out, .nvm, "
                     "poses_bounds.npy, pose/ folder or export of Polycam or Record3D; run "
                     "`lfportrait calibrate` on plain photos")

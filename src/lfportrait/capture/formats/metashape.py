@@ -25,7 +25,7 @@ def read_metashape(file: Path) -> list[Placed]:
     """
     text = file.read_bytes()
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise ValueError("it declares entities, which no camera file does")
+        raise ValueError("it declares XML entities, which are not allowed")
     found: list[Placed] = []
     for chunk in ElementTree.fromstring(text).iter("chunk"):
         lenses = {sensor.get("id"): _lens(sensor) for sensor in chunk.iter("sensor")}

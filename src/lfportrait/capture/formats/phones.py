@@ -59,7 +59,7 @@ def load_polycam(path: Path, holdout: int) -> Views:
     """
     folders = polycam_folders(path)
     if folders is None:
-        raise UserError(f"{path} is no Polycam export: it needs keyframes/images and "
+        raise UserError(f"{path} is not a Polycam export: it needs keyframes/images and "
                         "keyframes/cameras")
     pictures, cameras = folders
     shots = []
@@ -100,7 +100,7 @@ def load_record3d(path: Path, holdout: int) -> Views:
     """
     files = record3d_files(path)
     if files is None:
-        raise UserError(f"{path} is no Record3D export: it needs rgb and metadata.json")
+        raise UserError(f"{path} is not a Record3D export: it needs rgb and metadata.json")
     folder, file = files
     data = read_json(file)
     pictures = _pictures(folder)

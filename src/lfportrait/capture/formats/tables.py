@@ -142,7 +142,7 @@ def _undoing(radial: float) -> tuple[float, ...]:
     bent = np.linspace(0.01, 0.7, 200)
     straight = bent * (1 + radial * bent ** 2)
     if (np.diff(straight) <= 0).any():
-        raise ValueError(f"its distortion {radial:g} folds the picture back")
+        raise ValueError(f"its distortion {radial:g} is too strong: the picture folds over itself")
     square = straight ** 2
     terms = np.linalg.lstsq(np.stack([square, square ** 2, square ** 3], axis=1),
                             bent / straight - 1, rcond=None)[0]

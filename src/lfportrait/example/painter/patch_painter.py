@@ -36,15 +36,15 @@ class PainterConfig:
     """Painting with patches."""
 
     tone_weight: float = 0.5
-    """Weight of the photo's light and shade where patches are laid, 0 to 2."""
+    """Weight of the photo's light and shade in the patch search, 0 to 2."""
     detail_weight: float = 2.0
-    """Weight of the photo's edges and patterns there, 0 to 4."""
+    """Weight of the photo's edges and patterns in the patch search, 0 to 4."""
     material_weight: float = 3.0
-    """Weight of keeping hair, skin and clothes apart, 0 to 4."""
+    """Weight of keeping hair, skin and clothes separate, 0 to 4."""
     place_weight: float = 4.0
-    """Weight of staying near the place that the guide names, around the face, 0 to 20."""
+    """Weight of the position guide around the face, 0 to 20."""
     far_place_weight: float = 0.15
-    """The same in hair, neck, clothes and background, where the guide is not rigid."""
+    """Weight of the position guide in hair, neck, clothes and background, where it is not rigid."""
     patches: PatchConfig = field(default_factory=PatchConfig)
     """Synthesis of patches."""
 

@@ -84,8 +84,8 @@ class SkinConfig(PainterConfig):
     """Painting on the skin."""
 
     patchmatch: bool = True
-    """Let patches agree outside the face; else chunks and pieces alone, which repeat and tear but
-    touch no patent (docs/methods.md)."""
+    """Patch synthesis outside the face; otherwise only chunks and pieces, with repetitions and
+    seams but without patented methods (docs/methods.md)."""
 
 
 @dataclass

@@ -94,8 +94,8 @@ def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
         return exemplar
     if abs(pose.yaw) > PROFILE:
         side = "right" if pose.yaw > 0 else "left"
-        raise UserError(f"the face in {exemplar.name} looks to the picture's {side}, "
-                        f"{abs(pose.yaw):.0f} degrees away: a painting needs both eyes, "
+        raise UserError(f"the face in {exemplar.name} is turned to the picture's {side} by "
+                        f"{abs(pose.yaw):.0f} degrees; use a painting that shows both eyes, "
                         f"turned by {PROFILE:.0f} degrees at most")
     found = frontal_view(exemplar, pose)
     return Exemplar(found.image, found.landmarks, exemplar.name, found.mask)

@@ -62,12 +62,12 @@ def cut_out(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
         results = list(workers.map(_cut, capture.images, outlines))
     without = [capture.names[view] for view, coarse in enumerate(outlines) if coarse.max() < 0.5]
     if without:
-        warnings.warn(f"{len(without)} of {len(capture)} photos do not show the object and teach "
-                      f"nothing: {_listed(without)}", stacklevel=2)
+        warnings.warn(f"{len(without)} of {len(capture)} photos do not show the object and are "
+                      f"ignored: {_listed(without)}", stacklevel=2)
     plain = [capture.names[view] for view, (_, follows) in enumerate(results) if not follows]
     if plain:
         warnings.warn(f"the edges of {len(plain)} of {len(capture)} photos contradict the shape of "
-                      f"the object; its outline is taken there as it is: {_listed(plain)}",
+                      f"the object; its own outline is used there: {_listed(plain)}",
                       stacklevel=2)
     return [matte for matte, _ in results]
 

@@ -41,16 +41,16 @@ __all__ = ["BatchConfig", "batch", "prepare_batch"]
 
 @dataclass(frozen=True)
 class BatchConfig:
-    """Where and how a batch runs."""
+    """How a batch is run."""
 
     on: str = "local"
-    """local: processes on this machine; ray: tasks on a Ray cluster, one that runs here or that
-    RAY_ADDRESS names, else one of this machine alone; ray://HOST:PORT: one elsewhere."""
+    """local: processes on this machine; ray: a Ray cluster that runs here or at RAY_ADDRESS,
+    otherwise a new one on this machine; ray://HOST:PORT: a remote cluster."""
     workers: int = 0
-    """Tasks at once; 0: as many as cores and memory allow."""
+    """Number of parallel tasks; 0: as many as cores and memory allow."""
     cores: int = 0
-    """Cores of each task; 0: one, more where there are fewer sitters than cores. The last bits of
-    what is computed depend on it."""
+    """Cores per task; 0: one, or more if there are fewer sitters than cores. Results depend on it
+    in their last bits."""
 
 
 def prepare_batch(path: Path, results: Path, *, offline: bool = False, quiet: bool = True) -> Batch:

@@ -168,7 +168,7 @@ class _Reader:
         panels = self._named(self._panel(*entry) for entry in self._entries("display"))
         switches = self._switches(defaults, where)
         if not (panels or switches.get("pages", True) or switches.get("sweeps", False)):
-            raise UserError(f"{self.path}: nothing is to be made; add a [[display]], or set pages "
+            raise UserError(f"{self.path}: no output is requested; add a [[display]], or set pages "
                             "or sweeps to true")
         sitters = self._named(sitter for entry in self._entries("sitter")
                               for sitter in self._sitters(*entry, styles, panels, switches))
@@ -187,7 +187,7 @@ class _Reader:
         """The tables ``[[kind]]`` and where they stand."""
         tables = self.data.get(kind, [])
         if not isinstance(tables, list) or not all(isinstance(one, dict) for one in tables):
-            raise UserError(f"{self.path}: write [[{kind}]] in double brackets, one for each")
+            raise UserError(f"{self.path}: write one [[{kind}]], in double brackets, for each")
         if not tables and kind != "display":
             raise UserError(f"{self.path}: there is no [[{kind}]]; name at least one")
         for number, table in enumerate(tables, 1):
@@ -262,7 +262,7 @@ class _Reader:
         paths = sorted(map(Path, glob.glob(str(self._here(pattern)))))
         paths = [path for path in paths if path.is_dir() or is_video(path)]
         if not paths:
-            raise UserError(f"{where}: no folder and no video is named like {pattern}")
+            raise UserError(f"{where}: no folder or video matches {pattern}")
         return paths
 
     def _choice(self, table: dict[str, Any], key: str, known: dict[str, Any], where: str,
@@ -290,7 +290,7 @@ class _Reader:
         found: dict[str, Any] = {}
         for thing in things:
             if thing.name in found:
-                raise UserError(f"{self.path}: there are two of the name {thing.name}; give them "
+                raise UserError(f"{self.path}: the name {thing.name} is used twice; choose "
                                 "different names")
             found[thing.name] = thing
         return found

@@ -181,7 +181,7 @@ def batch_status(results: Path) -> tuple[str, dict[str, Any]]:
     """
     path = results / FOLDER / "plan.json"
     if not path.is_file():
-        raise UserError(f"there is no batch in {results}; name the folder that --out named")
+        raise UserError(f"there is no batch in {results}; give the folder that --out named")
     plan, running = read_json(path), is_running(results)
     failed: dict[str, str] = dict(plan["refused"])
     started: set[str] = set()

@@ -37,7 +37,7 @@ class Outcome:
     figures
         Of the stage, with ``cost``: seconds, core-seconds, peak memory, bytes written.
     fault
-        The traceback, where the failure is not the user's to mend.
+        The traceback of an internal error; empty for errors of the user.
     worker
         Machine and process that did it.
     again
@@ -82,7 +82,7 @@ def do_task(task: Task, results: Path) -> Outcome:
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
             return Outcome(task.name, f"no space left on the disk of {results}; free some and run "
                            "the same command again", worker=worker)
-        return Outcome(task.name, f"a fault of ours: {type(error).__name__}: "
+        return Outcome(task.name, f"internal error: {type(error).__name__}: "
                        f"{' '.join(str(error).split())}", fault=traceback.format_exc(),
                        worker=worker)
     return Outcome(task.name, figures=figures, worker=worker)

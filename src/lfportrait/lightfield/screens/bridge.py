@@ -110,7 +110,7 @@ class Bridge:
         self.token = ""
         token = _value(self.call("enter_orchestration", name="default"), "payload")
         if not isinstance(token, str) or not token:  # older versions know no sessions
-            raise UserError(f"Looking Glass Bridge at {self.url} gave no session; it must be "
+            raise UserError(f"Looking Glass Bridge at {self.url} opened no session; it must be "
                             "version 2.2 or newer")
         self.token = token
 
@@ -168,7 +168,7 @@ class Bridge:
         status = _value(answer, "status")
         if status not in ("Completion", "Pending"):
             message = _value(answer, "payload", "message")
-            raise UserError(f"Looking Glass Bridge did not do {endpoint}: "
+            raise UserError(f"Looking Glass Bridge failed at {endpoint}: "
                             f"{status or 'an answer without a status'}"
                             f"{f' ({message})' if message else ''}")
         return answer
@@ -214,11 +214,11 @@ class Bridge:
                 if device.index == index:
                     return device
             known = ", ".join(f"{device.index} ({device.name})" for device in devices)
-            raise UserError(f"Looking Glass Bridge knows no screen {index}, but {known or 'none'}")
+            raise UserError(f"Looking Glass Bridge has no screen {index}, only {known or 'none'}")
         for device in devices:
             if device.looking_glass:
                 return device
-        raise UserError(f"Looking Glass Bridge runs, but knows no Looking Glass display (of "
+        raise UserError(f"Looking Glass Bridge runs, but reports no Looking Glass display (of "
                         f"{len(devices)} screens): check its cables, and start Bridge again")
 
     def cast(self, picture: str | Path, layout: QuiltLayout, *, views: int = 0, screen: int = -1,

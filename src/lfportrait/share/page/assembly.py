@@ -107,8 +107,8 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
         raise UserError(f"--max-size must be 0.1 to 1000 MB, not {config.max_size:g}")
     start = time.perf_counter()
     if voxels.background is not None:
-        warnings.warn("a page shows the head alone, on a plain ground: the room behind it, which "
-                      "this field has, is left out", stacklevel=2)
+        warnings.warn("a page shows only the head, on a plain background: the room that this field "
+                      "contains is left out", stacklevel=2)
     sets = color_sets(voxels, config.sh)
     surface = voxels.texture if any(each.texels is not None for each in sets) else None
     lattice = Lattice.of(voxels.links, voxels.density, sets, voxels.center, voxels.radius,

@@ -14,12 +14,12 @@ class PageConfig:
     title: str = ""
     """Title of the portrait, in its caption; by default Portrait."""
     artist: str = ""
-    """Who painted the exemplar, or what the painting is called."""
+    """Artist, or title of the painting, in the caption."""
     date: str = ""
-    """Date, in the caption as it is written here."""
+    """Date, in the caption, as given."""
     sh: int = 0
-    """Degree of the spherical harmonics that are kept of a photographed field, 0 to 2.
-    Degrees above 0 keep how colours change with the direction; the file grows 4 or 9 times."""
+    """Degree of the spherical harmonics kept in the page, for a photographed field, 0 to 2. Degrees
+    above 0 keep view-dependent colours; the file is 4 or 9 times larger."""
     max_size: float = 6.0
-    """Largest size of the file in MB (of 1,000,000 bytes). Colours and densities are rounded
-    as little as this allows, and where that does not do, the lattice is made coarser."""
+    """Largest size of the file in MB (of 1,000,000 bytes). Colours and densities are quantised as
+    finely as this allows; if that is not enough, the lattice is made coarser."""

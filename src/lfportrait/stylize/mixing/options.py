@@ -18,7 +18,7 @@ _Words = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 
 @dataclass(frozen=True)
 class MixConfig:
-    """What of the photo and what of the painting a stylised field shows."""
+    """Mix of the photo's and the paintings' colours in a stylised field."""
 
     strength: float = 1.0
     """0 leaves the photo's colours, 1 gives the painting's."""
@@ -26,13 +26,13 @@ class MixConfig:
     """Share of the photo's own light and shade in the painting, with the painting's tones and
     colours: 0 (none) to 1."""
     region: _Words = ()
-    """A region with its own strength or style: NAME=NUMBER multiplies its strength (0 keeps the
+    """Strength or style of one region: NAME=NUMBER multiplies its strength (0 keeps the
     photo, above 1 exaggerates, 4 at most), NAME=STYLE or NAME=STYLE:NUMBER paints it in another
-    style of the file, e.g. hair=2 lips=0.5; where regions overlap, the later one counts."""
+    style of the file, e.g. hair=2 lips=0.5; where regions overlap, the last one wins."""
     style: str = ""
     """Style of all other regions; by default the first in the file."""
     keep_colors: bool = False
-    """Keep the photo's colours: the painting gives light and shade alone."""
+    """Keep the photo's colours: use only light and shade of the painting."""
     keep: _Words = ()
     """Regions that stay as in the photo, e.g. eyes lips."""
 

@@ -324,7 +324,7 @@ class StyledField(VoxelField):
         try:
             mixture = json.loads(str(arrays["mix"]))
             if not isinstance(mixture, dict):
-                raise ValueError("it does not tell what it was mixed from")
+                raise ValueError("it does not record what it was mixed from")
             return StyledField(
                 plain_field.links, plain_field.density, plain_field.sh, plain_field.center,
                 plain_field.radius, plain_field.frame, plain_field.background, texture,

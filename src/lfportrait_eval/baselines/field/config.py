@@ -15,14 +15,14 @@ Network = Literal["auto", "vgg16", "vgg19-se", "embedded"]
 def check_views(size: int, views: int) -> None:
     """Raise `UserError` for views too small for the networks, or too few of them."""
     if size < 64:
-        raise UserError(f"the size of a rival's views must be at least 64 pixels, not {size}")
+        raise UserError(f"the size of a method's views must be at least 64 pixels, not {size}")
     if views < 1:
-        raise UserError(f"a rival needs at least one view, not {views}")
+        raise UserError(f"a method needs at least one view, not {views}")
 
 
 @dataclass(frozen=True)
 class ArfConfig:
-    """ARF (Zhang et al. 2022): nearest-neighbour features between two colour matches."""
+    """ARF (Zhang et al. 2022): nearest-neighbour feature matching between two colour transfers."""
 
     size: int = 384
     """Longer side of the views in pixels; the network sees them at half the size."""

@@ -18,7 +18,7 @@ class FaceBlitConfig:
     """FaceBlit as published, with its own defaults and units (8-bit guides)."""
 
     background: bool = True
-    """Paint the whole picture; without it the face alone, the rest stays the photo."""
+    """Paint the whole picture; otherwise only the face."""
     threshold: int = 50
     """Largest guide error inside a chunk of the face, 0 to 200."""
     background_threshold: int = 10
@@ -28,9 +28,10 @@ class FaceBlitConfig:
     appearance_weight: int = 2
     """Weight of one grey level of the appearance guide."""
     window: int = 30
-    """The table looks this many exemplar pixels to each side of a cell's place."""
+    """Search window of the table: exemplar pixels to each side of a cell's place."""
     table: Literal["sweep", "exhaustive"] = "sweep"
-    """exhaustive: every window anew for every cell, as published; sweep: the same table faster."""
+    """exhaustive: search every window for every cell, as published; sweep: the same table,
+    faster."""
     radius: int = 1
     """Voting window: 0 none, 1 is 3 x 3, 2 is 5 x 5."""
     mask_blur: int = 20
@@ -73,17 +74,18 @@ class NetworkConfig:
     """Full-frame network of one style after Futschik et al. (2019)."""
 
     checkpoint: Path | None = None
-    """File of the trained network: read if it is there, else written after training."""
+    """File of the trained network: loaded if it exists, otherwise written after training."""
     photos: Path | None = None
-    """Folder of portraits to train on; without it embedded heads and the photo itself."""
+    """Folder of training portraits; by default embedded heads and the photo itself."""
     teacher: Literal["facestyle", "styleblit"] = "facestyle"
-    """Who paints the examples."""
+    """Method that paints the training examples."""
     pairs: int = 24
-    """Number of examples, each a photo a little turned and moved; hundreds for real use."""
+    """Number of training examples (photos with small rotations and shifts); use hundreds for
+    production."""
     budget: float = 240.0
     """Seconds of training, without the teacher's time."""
     steps: int = 0
-    """Training steps instead of seconds (same result every time); 0 = by seconds."""
+    """Training steps instead of seconds (reproducible); 0 = by seconds."""
     size: int = 384
     """Longer side of the pictures that the network sees, in pixels."""
     width: int = 24

@@ -194,7 +194,7 @@ def _load(path: Path, style: str) -> _Trained:
             names = stored.keys()
             painter.load_state_dict({name: stored.get_tensor(name) for name in names})
     except (SafetensorError, OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
-        raise UserError(f"{path} is no network of a style, or damaged; remove it to train a new "
+        raise UserError(f"{path} is not a style network, or damaged; remove it to train a new "
                         "one") from error
     if facts["style"] != style:
         raise UserError(f"the network in {path} was trained on another style; name another "
