@@ -1,4 +1,4 @@
-"""One rule for all that is kept: a key is a hash of the code that makes it and of what it is given.
+"""The user's cache: keys are hashes of the producing code and of its inputs.
 
 The same key, the same bytes, nothing to be done again. The first argument of `key_of` names the
 modules that make the result; their code and all that they import is part of the key

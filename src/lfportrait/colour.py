@@ -1,4 +1,4 @@
-"""Light and what files hold of it (IEC 61966-2-1: sRGB).
+"""Conversion between linear light and sRGB (IEC 61966-2-1).
 
 Decoded pictures become eight-bit sRGB, whatever a file holds them as. Phones photograph in Display
 P3, cameras in Adobe RGB, printers' files are CMYK or LAB: the profile in the file says what the

@@ -1,4 +1,4 @@
-"""Where to compute: what the option ``--device`` may say, and what it comes to."""
+"""The option ``--device``: allowed values, and the device that is used."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def computing_device(choice: str = "auto") -> str:
     Returns
     -------
     device
-        ``"cpu"``, as figures tell it: this version uses no GPU.
+        ``"cpu"``, as in the figures: this version uses no GPU.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""One file over HTTP, whole and checked, or one line that says why not.
+"""Download one file over HTTP and verify it; errors are one line.
 
 A file is written under a temporary name and renamed when its SHA-256 is right: whatever goes wrong
 (no network, a slow server, an error page, a connection that breaks off, Ctrl-C) leaves nothing.
@@ -36,7 +36,7 @@ class _FailedError(Exception):
 
 
 def megabytes(size: int) -> str:
-    """A size in bytes as it is told to people, e.g. ``"5 MB"``, ``"0.2 MB"``."""
+    """A size in bytes as people read it, e.g. ``"5 MB"``, ``"0.2 MB"``."""
     share = size / 1e6
     return f"{share:.0f} MB" if share >= 1 else f"{max(share, 0.1):.1f} MB"
 
@@ -60,7 +60,7 @@ class _Meter:
                                "try again later")
 
     def reset(self) -> None:
-        """Nothing to draw anew."""
+        """Nothing to draw again."""
 
     def close(self) -> None:
         """Whoever opened the progress line closes it."""
@@ -79,7 +79,7 @@ def download(url: str, target: str | Path, sha256: str, size: int = 0, *,
     sha256
         Its SHA-256 in hex, or the first digits of it.
     size
-        Its size in bytes, for the progress line and to tell what is wrong; 0 if unknown.
+        Its size in bytes, for the progress line and error messages; 0 if unknown.
     quiet
         Draw no progress line.
 

@@ -1,4 +1,4 @@
-"""Errors that are the user's to correct, as opposed to faults of ours."""
+"""Errors that the user can correct, as opposed to internal errors."""
 
 import re
 

@@ -35,7 +35,7 @@ __all__ = [
 _ALIGNED = 64
 """Mapped numbers begin at a multiple of so many bytes."""
 _HEADER, _ZIP64 = 30, 20
-"""Bytes of a member's header without its name, and of the field that tells sizes in 64 bits."""
+"""Bytes of a member's header without its name, and of the field with 64-bit sizes."""
 _PADDING = 0xD935
 """The kind of a field that only takes room."""
 

@@ -1,8 +1,8 @@
-"""What the parts of a portrait are called: one set of labels, one grammar for ``--region``.
+"""Names of a portrait's parts: one set of labels, one syntax for ``--region``.
 
 Every part has one name wherever it is met: in a picture, on a head's surface, in a styled field's
-file and on the command line. What tells parts apart can't always tell all of them, so there are
-coarser sets; each is a grouping of the one set:
+file and on the command line. Not every method can separate all parts, so there are coarser sets;
+each is a grouping of the one set:
 
 - `PICTURE_LABELS`: the soft labels that guide the synthesis (`lfportrait.example.guides`);
 - `SURFACE_LABELS`: those of a head's surface, which has no background;

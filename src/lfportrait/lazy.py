@@ -1,4 +1,4 @@
-"""Packages that import their modules when something of them is first asked for.
+"""Lazy imports: packages load their modules on first access.
 
 Numba, torch and SciPy take seconds to import; a command that needs none of them should not wait. A
 package states what it offers as imports under ``if TYPE_CHECKING`` - for readers, type checkers and

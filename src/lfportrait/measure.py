@@ -1,4 +1,4 @@
-"""What a run cost: peak memory and the machine it ran on, for ``--json``; what is still free."""
+"""Peak memory and machine of a run, for ``--json``; free memory and disk space."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _Result = TypeVar("_Result")
 
 
 def peak_memory_bytes() -> int:
-    """Largest resident memory of this process so far, in bytes (0 where the system can't tell)."""
+    """Largest resident memory of this process so far, in bytes; 0 if unknown."""
     try:
         import resource
     except ImportError:  # Windows
@@ -49,8 +49,8 @@ def memory_of(function: Callable[[], _Result]) -> tuple[int, _Result]:
     Returns
     -------
     memory
-        Peak during the call less the resident memory before it, in bytes; where the system does
-        not tell (it takes Linux), by how much the process's largest memory so far grew.
+        Peak during the call less the resident memory before it, in bytes; where the system does not
+        report this (other than Linux), by how much the process's largest memory so far grew.
     result
         The function's.
     """
@@ -100,7 +100,7 @@ def cost_of(function: Callable[[], _Result]) -> tuple[Cost, _Result]:
 
 
 def free_memory_bytes(system: Path = Path("/")) -> int | None:
-    """Memory that a process can still get, in bytes; None where the system does not tell.
+    """Memory that a process can still get, in bytes; None if the system does not report it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What installed packages bring: methods and commands, found by their entry points.
+"""Methods and commands of installed packages, found by their entry points.
 
 A package names what it brings under ``[project.entry-points]`` in its ``pyproject.toml``, and so
 does this one (``lfportrait_eval``):

@@ -1,4 +1,4 @@
-"""Our own code as an input of results: what a module imports, and hashes of it.
+"""Hashes of a module's source code and of all it imports, as an input of cached results.
 
 A result is stale when the code that made it changed. That code is a module, all that it imports,
 whatever those import, and the files beside them that they name (pages, shaders, tables). Imports

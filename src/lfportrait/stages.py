@@ -1,4 +1,4 @@
-"""Resumable stages: what a long job has finished is never done twice.
+"""Resumable stages: finished work of a long job is not repeated.
 
 A job is a chain of stages in one folder. A stage is done when its outputs lie under their final
 names and a small record beside them says from which inputs they were made: the stage's key, a hash

@@ -1,4 +1,4 @@
-"""The laboratory beside the product: how good results are, how fast, and how others do it.
+"""Evaluation: quality metrics, speed benchmarks, user studies and published baselines.
 
 `metrics` measures results, `baselines` are the published methods that ours are compared with,
 `bench` measures speed, `study` asks people, `tables` sets all of it side by side, and `commands`

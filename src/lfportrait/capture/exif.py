@@ -1,4 +1,4 @@
-"""What a camera noted in its file: focal length, which lens it was, how it was held.
+"""EXIF data of a photo: focal length, lens, orientation.
 
 The focal length in pixels follows, in this order, from
 
@@ -7,8 +7,8 @@ The focal length in pixels follows, in this order, from
 3. the focal length and the width of the sensor, which COLMAP's table of cameras knows for some
    thousand models (pycolmap).
 
-A picture that was cropped or put together afterwards tells of the sensor all the same; what is
-noted is a start, and no more.
+A picture that was cropped or stitched later still has the sensor's EXIF data; so it is only an
+initial value.
 """
 
 from __future__ import annotations

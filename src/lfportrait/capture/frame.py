@@ -1,4 +1,4 @@
-"""The portrait frame: where a capture's world is put so that every later stage knows the head.
+"""The portrait frame: the coordinates of the head that all later stages use.
 
 +y is up, +z points out of the face, the origin is the middle of the head, and the head lies inside
 the cube [-1, 1]^3. With facial landmarks the frame follows from the face; without, from the
@@ -161,8 +161,8 @@ def portrait_frame_from_landmarks(landmarks: Float, cameras: Camera) -> Float:
 def without_drift(found: Camera, given: Camera) -> Camera:
     """The cameras, turned, moved and scaled together to where they are nearest to the given ones.
 
-    Each camera counts by its centre and, as pictures tell it better, by what it looks at: three
-    points as far away as the origin (least squares, Umeyama 1991).
+    Each camera counts by its centre and, as pictures determine this better, by what it looks at:
+    three points as far away as the origin (least squares, Umeyama 1991).
     """
     far = np.linalg.norm(given.position, axis=1)
     target, scale = _looked_at(given, far), 1.0

@@ -1,4 +1,4 @@
-"""Pictures that are decoded when they are first looked at.
+"""Pictures that are decoded on first access.
 
 Many a command needs a capture's cameras and its landmarks alone; decoding a hundred photos takes
 longer than a preview.

@@ -1,7 +1,7 @@
 """Mattes of a person: sharp edges from the photo, and agreement between the views.
 
 A segmentation network answers at 256x256: right in the large, blurred at the outline and now and
-then wrong about a patch of wall. Two steps mend that.
+then wrong about a patch of wall. Two steps correct that.
 
 `refine_matte` decides the unsure band along the outline from the photo: near every pixel the
 colours that are surely person and surely background are each a Gaussian, and the likelier one wins;

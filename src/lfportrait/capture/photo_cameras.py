@@ -3,7 +3,7 @@
 SIFT features in every photo, matches between the pairs that look alike, then the photos are placed:
 by COLMAP's incremental mapping, and by other ways where that leaves photos out
 (`calibration.mapping`). A last bundle adjustment with a robust loss forgives the few wrong matches
-that survive; it also decides how many terms of the lens the photos tell (`calibration.lens_terms`).
+that survive; it also decides how many lens terms the photos determine (`calibration.lens_terms`).
 Photos of one lens share one camera (`calibration.database`); its focal length starts from what the
 camera noted in the file (`exif`).
 

@@ -1,4 +1,4 @@
-"""How sharp a photo is beside others of its scene, and which photos are blurred.
+"""Sharpness of photos relative to others of the scene, and detection of blurred ones.
 
 Blur takes the fine detail and leaves the coarse one, so the measure is the energy of the second
 derivative at a fine scale over that at a coarse one: exposure and contrast cancel. A moving camera

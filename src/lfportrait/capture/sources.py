@@ -1,4 +1,4 @@
-"""Pictures of a person from wherever they come: a folder of photos, or a video."""
+"""Read pictures from a folder of photos or a video."""
 
 from __future__ import annotations
 

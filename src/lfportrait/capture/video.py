@@ -1,4 +1,4 @@
-"""Frames of a video that show the scene from evenly spaced places, sharp ones.
+"""Select sharp video frames at evenly spaced camera positions.
 
 Who films a head walks now faster, now slower, and stands still at times. Frames at even time would
 give many photos from one place and gaps between others. So a first pass follows features from frame

@@ -1,4 +1,4 @@
-"""Options that every command has, and those of methods that other packages bring."""
+"""Options of all commands, and those of methods from other packages."""
 
 from __future__ import annotations
 

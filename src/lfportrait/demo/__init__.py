@@ -1,4 +1,4 @@
-"""Data that comes with the package: a modelled head, photographed and painted by programs."""
+"""The embedded data: a synthetic head, with rendered photos and painted exemplars."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What tells one modelled head from another: proportions, features, hair, and colours.
+"""Parameters of a modelled head: proportions, features, hair, and colours.
 
 `HeadModel` is a named tuple, so that Numba compiles it as a record.
 """

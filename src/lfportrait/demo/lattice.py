@@ -1,4 +1,4 @@
-"""A modelled head as a field at once: densities from its distances, colours from its photographs.
+"""Make a field of a modelled head without training, from its distances and photos.
 
 What a reconstruction finds in minutes is known here. So a painting can be tried on a head in
 seconds, and a stylisation be tested on a surface that is known.

@@ -1,4 +1,4 @@
-"""Painted exemplars: a modelled head is photographed, given a strong palette, and painted.
+"""Make painted exemplars: render a modelled head, change its palette, and paint it.
 
 The painter knows more than the pixels: which are skin, hair, cloth or background, and how the
 surface is turned. Strokes wrap around the form of the face, run along the locks of the hair and

@@ -1,4 +1,4 @@
-"""Palettes of the painted exemplars: from the photograph of a modelled head to wanted colours."""
+"""Palettes of the painted exemplars: map the colours of a modelled head's photo."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Portrait photos of modelled heads at random, with exact landmarks: something to train on."""
+"""Random portrait photos of modelled heads with exact landmarks, as training data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The photographer of the embedded data: modelled head in, pictures and captures out.
+"""Render pictures and captures of a modelled head.
 
 Kernels release the interpreter lock and write disjoint parts of their output, so the work is
 shared among threads by fixed bands: the bytes do not depend on timing.
@@ -140,7 +140,7 @@ def demo_capture(size: int = 384, views: int = 60, model: HeadModel = SITTER,
     model
         Who is photographed.
     progress
-        Told after every picture.
+        Updated after every picture.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The names of the painted exemplars, and what paints them, for those who only ask."""
+"""The names of the painted exemplars; the painter is imported on demand."""
 
 from __future__ import annotations
 

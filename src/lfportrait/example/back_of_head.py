@@ -1,4 +1,4 @@
-"""What no exemplar shows, the back of head and neck: a patchwork of what it does show.
+"""Synthesise the back of head and neck, which no exemplar shows, from the parts it does show.
 
 An exemplar shows a head from the front. Behind the cheeks the surface is divided into cells around
 jittered sites of the anchor plane, and each cell is a piece of the exemplar's hair (or of its neck)

@@ -1,4 +1,4 @@
-"""Guided patch synthesis: a picture of overlapping patches of an exemplar that agree.
+"""Guided patch synthesis: a picture made of overlapping, consistent exemplar patches.
 
 After FaceStyle (Fiser et al. 2017), which stands on texture optimisation (Kwatra et al. 2005;
 Wexler et al. 2007): patches agree in colour with each other and in guides with the target. On every

@@ -1,4 +1,4 @@
-"""Position guide of a photo: from landmarks and contours, with outlines that meet.
+"""Position guide of a photo, from landmarks and contours, with matched outlines.
 
 For a capture the surface says where in the exemplar a pixel belongs (`surface_guide`). A photo has
 its landmarks, the rays to hairline and outline (`control_points`), and signed distances from the

@@ -1,4 +1,4 @@
-"""Exemplars and training photos that stand above this stage, found through entry points.
+"""Exemplars and training photos of later packages, found through entry points.
 
 A package names what it offers under ``[project.entry-points]`` in its ``pyproject.toml``; this one
 offers its own painted exemplars and modelled heads in the same way:

@@ -1,4 +1,4 @@
-"""Regions of a photo painted in their own way: another exemplar for the hair, less on the lips."""
+"""Per-region styles of a photo: another exemplar or strength for hair, lips and so on."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _region_shares(photo: NDArray[np.uint8], landmarks: NDArray[np.floating],
                    names: Sequence[str]) -> dict[str, Float32]:
     """How far each pixel lies in each region, float32 [H, W] by its name.
 
-    The labels of pictures (`PICTURE_LABELS`) tell ears from skin and neck from clothes by nothing:
+    The labels of pictures (`PICTURE_LABELS`) do not separate ears from skin, nor neck from clothes:
     where one of those is asked for, they are parted as a painter parts them.
     """
     regions = find_regions(photo, landmarks)

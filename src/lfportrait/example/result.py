@@ -1,4 +1,4 @@
-"""What a transfer hands back: the picture, and every intermediate as a picture to look at."""
+"""Result of a transfer: the picture and its intermediates as pictures."""
 
 from __future__ import annotations
 

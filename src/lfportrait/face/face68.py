@@ -1,4 +1,4 @@
-"""face-api's networks: a tiny face detector and 68 landmarks, kinder to paintings than MediaPipe.
+"""face-api's networks: a tiny face detector and 68 landmarks; better on paintings than MediaPipe.
 
 Both were published for face-api.js (MIT): the detector is a separable tiny YOLOv2 on a 416x416
 picture, the landmark network four dense blocks on a 112x112 crop. They are small enough to be

@@ -1,4 +1,4 @@
-"""Cameras from a face alone, for photos that share nothing else.
+"""Cameras from the face alone, for photos without a common background.
 
 A few photos of one person, each before another background, or from sides too far apart, give
 structure from motion nothing to hold on to: features of skin are few, and those of what stands
@@ -61,7 +61,7 @@ _FAR = 4.0
 
 @dataclass(frozen=True)
 class FaceCameras:
-    """What the faces tell.
+    """Cameras and landmarks from the faces.
 
     Attributes
     ----------

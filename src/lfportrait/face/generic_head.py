@@ -1,4 +1,4 @@
-"""A head that stands for any: its 68 landmarks, and how deep its face is at every place.
+"""A generic head: its 68 landmarks and the depth map of its face.
 
 The frame is the portrait frame (+x to the sitter's left, +y up, +z out of the face), the face is
 about 0.8 wide. Across, its landmarks are those of the

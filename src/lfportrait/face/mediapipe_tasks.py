@@ -1,4 +1,4 @@
-"""MediaPipe's tasks: made without their chatter, and left alone when the process ends."""
+"""Create MediaPipe's tasks without log output; they are not closed when the process ends."""
 
 from __future__ import annotations
 

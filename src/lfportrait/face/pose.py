@@ -1,4 +1,4 @@
-"""How a painted face is turned: weak perspective, by least squares over its landmarks.
+"""Pose of a painted face: weak perspective, by least squares over its landmarks.
 
 A painter's picture has no camera; far away enough for weak perspective (scale, rotation, shift) it
 is. What the landmarks leave over is how the painter, or the person, differs from the generic head.

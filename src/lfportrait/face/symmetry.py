@@ -1,9 +1,9 @@
-"""The landmarks of a face in space from one picture of it, by its symmetry.
+"""3D landmarks of a face from one picture, by its symmetry.
 
 Seen from one side, left and right are two views of one half of a face. Each pair of mirrored
-landmarks has four numbers in the picture and three in space, so the pair tells the person's own
-proportions, and where the picture is turned enough its depth, too. The generic head's depth holds
-what the picture leaves open.
+landmarks has four numbers in the picture and three in space, so the pair determines the person's
+proportions and, where the face is turned enough, its depth. The generic head's depth holds what the
+picture leaves open.
 """
 
 from __future__ import annotations

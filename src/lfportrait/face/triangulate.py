@@ -1,4 +1,4 @@
-"""Landmarks in 3D: found in a few photos, triangulated once, valid in every view of the arc.
+"""3D landmarks: detected in a few photos, triangulated once, used in all views.
 
 Detectors fail towards the profile; a point triangulated from the frontal views can be projected
 into any. Each point is found by robust least squares: a linear solution, then Gauss-Newton on the

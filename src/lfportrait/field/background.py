@@ -1,4 +1,4 @@
-"""What stands behind the lattice: svox2's concentric spheres, for photos of a head in a room."""
+"""The background of a field: svox2's concentric spheres, for photos of a head in a room."""
 
 from __future__ import annotations
 

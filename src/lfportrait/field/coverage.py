@@ -1,4 +1,4 @@
-"""How well photos show a head: from how many directions each place of it is seen.
+"""Coverage of a head by photos: the number of directions that see each place.
 
 Held-out photos lie between the others, so they say little about what an arc of photos does not
 show. A place that is seen from three directions or more has its shape from the photos; one that is

@@ -1,4 +1,4 @@
-"""The zeroth spherical harmonic: a colour that is the same from all sides is 0.5 + C0 times it."""
+"""The zeroth spherical harmonic: a view-independent colour is 0.5 + C0 times its coefficient."""
 
 from __future__ import annotations
 

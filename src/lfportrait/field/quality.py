@@ -1,4 +1,4 @@
-"""How well a field shows photos that it was not trained on."""
+"""Test a field on held-out photos."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ between levels, lattice points that no training ray sees are pruned and the rest
 Where the photos have mattes, the field starts from their visual hull, the opacity of each ray is
 fitted, too, and every batch is composited on random backgrounds, so that empty space ends clean;
 rays that the hull and the mattes make idle are not drawn. Mattes that were made from the photos are
-laid anew along the photos' edges before and within the last level
+recomputed along the photos' edges before and within the last level
 (`lfportrait.field.geometry.outlines`). Photos without mattes get spheres behind the lattice that
 learn the room. Steps are counted in rays, not in seconds, unless a time budget is given.
 """
@@ -79,7 +79,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         ``test.psnr_finished`` (dB) after them;
         with ``measure_every`` also ``curve``, a list of `CurvePoint`; with ``refine_poses`` also
         ``cameras`` (`PoseRefiner.figures`) and ``test.psnr_at_given_cameras`` (dB); where mattes
-        were laid anew, also ``test.psnr_at_given_mattes``.
+        were recomputed, also ``test.psnr_at_given_mattes``.
 
     Raises
     ------

@@ -161,7 +161,7 @@ def load_field(path: Any) -> Loaded:
     missing = [name for name in _NEEDED if name not in arrays]
     if missing:
         raise UserError(f"{path} is not a field: it has no {', '.join(missing)}")
-    # As in svox2, older files that do not tell their cube have the unit cube.
+    # As in svox2, older files without a cube have the unit cube.
     arrays.setdefault("radius", np.ones(3))
     arrays.setdefault("center", np.zeros(3))
     if any(arrays[name].dtype.kind not in "fiu" for name in (*_NEEDED, "radius", "center")):

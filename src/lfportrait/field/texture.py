@@ -1,4 +1,4 @@
-"""Detail of a field's surface that its lattice is too coarse for: a texture, seen where rays end.
+"""Surface texture of a field: detail finer than its lattice, added where rays end.
 
 Lattice points are some four strokes' widths apart. So a painted head carries, beside the colours of
 its lattice, what these leave out of the painting: the difference, in a few far pictures of the head

@@ -1,10 +1,10 @@
-"""A clean lower end for a bust: where the photos fray out, a plane cuts.
+"""Trim the frayed lower end of a bust by a plane.
 
 Below the chest photos end one after the other, and what the last of them saw ends in rags and
 crumbs: there the mattes of a few photos alone say where the body ends and a floor or a chair
 begins. Where fewer than two fifths of the photos still show the body (one fifth, where mattes were
 given and not guessed by a network), a plane cuts it. Where they show it to its end, the lowest
-surface on each side tells: the plane goes through these ends, raised until hardly anything frays
+surface on each side decides: the plane goes through these ends, raised until hardly anything frays
 above it. Busts that end evenly are left alone, and so is all that hangs together with the head
 above the plane.
 """
@@ -37,7 +37,7 @@ SHOWN, SHOWN_SURELY = 0.4, 0.2
 """Share of the photos that still show the body where it is cut; the same with mattes that were
 given: a network's take some of the floor for the person."""
 ASKED = 0.25
-"""A place that a smaller share of all photos than this could show tells nothing."""
+"""Places that a smaller share of all photos than this could show are ignored."""
 UNSEEN = 0.01
 """Where a smaller share of the surface than this lies lower, the photos' end is not the body's."""
 SAMPLES = 20_000

@@ -1,4 +1,4 @@
-"""The graph of a job: its stages, what each reads and writes, what it takes, and when it is done.
+"""The task graph of a job: stages with their inputs, outputs, costs and completion.
 
 There is one definition of each stage (`STAGES`): its name, the line that people see, the code that
 makes its results and so is part of their keys, the kernels that it waits for, and what it takes.

@@ -1,6 +1,6 @@
-"""Captures as a stylisation needs them: cameras and landmarks at once, pictures when looked at.
+"""Cached captures for stylisation: cameras and landmarks at once, pictures on access.
 
-What reading a calibrated data set tells is kept in the user's cache under the names, sizes and
+The contents of a calibrated data set are kept in the user's cache, keyed by the names, sizes and
 dates of its files. A preview need not decode a hundred photos to know where they were taken from.
 """
 
@@ -81,7 +81,7 @@ def _key(photos: Path) -> str:
 
 
 def _told(capture: Capture) -> dict[str, NDArray[Any]]:
-    """What a capture tells besides its pictures, as arrays."""
+    """All of a capture besides its pictures, as arrays."""
     assert capture.landmarks is not None
     return {**{name: getattr(capture.cameras, name) for name in _CAMERA},
             "names": np.array(capture.names), "held_out": capture.held_out,

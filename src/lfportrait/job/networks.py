@@ -1,8 +1,8 @@
-"""The pretrained networks of a job, asked for all at once before the first long stage.
+"""Check and download a job's pretrained networks before the first long stage.
 
 Some are needed: without landmarks there is no transfer, without mattes no head to reconstruct.
-Others make the result better: where person and hair are not told by networks, they are told by
-their colours. What is given (landmarks beside a painting, photos with an alpha channel) needs none.
+Others make the result better: without networks, person and hair are segmented by colour. What is
+given (landmarks beside a painting, photos with an alpha channel) needs none.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def _described(photos: Path) -> dict[str, object]:
 
 
 def _cut_out(photos: Path) -> bool:
-    """Whether the photos of a data set have mattes, as its first picture tells."""
+    """Whether the photos of a data set have mattes, judged by its first picture."""
     if not photos.is_dir():
         return False
     if any(path.is_dir() for path in photos.rglob("masks")):

@@ -1,4 +1,4 @@
-"""The person (or the object) cut out of photos with a background."""
+"""Cut out the person (or object) from photos with a background."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     -------
     capture, how
         The capture with mattes, or the same if nothing was found; ``"network"``, ``"geometry"`` or
-        why there are none. The capture's figures tell the first two as ``mattes``.
+        why there are none. The capture's figures contain the first two as ``mattes``.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def cut_person(capture: Capture, progress: Progress | None = None,
 
     if soft is None:
         soft = rough_mattes(capture, progress, network)
-    # A few views leave too much of space to tell who is right.
+    # A few views leave too much of space undecided.
     agree = (matte_agreement(capture.cameras, soft) > _OVERLAP if len(capture) >= 6
              else np.ones(len(capture), bool))
     # Two threads at the most: each photo's planes take a few hundred megabytes.
@@ -110,7 +110,7 @@ def cut_person(capture: Capture, progress: Progress | None = None,
         if agree.mean() >= _MOST and len(capture.training()) >= 6:
             mattes = trim(capture, mattes, progress)
     # The network may see no person, or a different one in every photo, and neither texture nor
-    # votes tell of an object.
+    # votes find an object.
     nobody = np.mean([float(matte.mean()) for matte in mattes]) <= 0.002
     if nobody or (how == "network" and agree.mean() < _FEWEST):
         return capture, "none: no person was found, the room stays"

@@ -1,4 +1,4 @@
-"""What can be told of photos in seconds, before hours are spent on them.
+"""Check photos in seconds, before hours are spent on them.
 
 Each photo is looked at alone and beside its neighbours in the order of their names: how sharp it
 is, whether a face shows and from which side, how bright and of what tint the face is. No cameras
@@ -307,7 +307,7 @@ def problem_sheet(path: Path, marks: dict[str, str], out: Path, frames: int = 80
         Frames that were taken from a video.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what can't be read was told already
+        warnings.simplefilter("ignore")  # unreadable files were reported already
         photos = read_video(path, frames, 240) if is_video(path) else read_photos(path, 240)
     write_image(out, contact_sheet([photo.image for photo in photos],
                                    [photo.name for photo in photos], marks), quality=90)

@@ -1,4 +1,4 @@
-"""Photos, a video or a calibrated data set become a capture that a portrait can be made of.
+"""Prepare a capture for a portrait from photos, a video or a calibrated data set.
 
 Cameras where there are none, the face's landmarks in space, mattes of the person, and cameras that
 follow a head that moved: each only where it is not known already.
@@ -36,7 +36,7 @@ __all__ = ["find_face", "prepare_capture"]
 _OUTLIERS = 0.6
 """Share of a face's landmarks that do not fit cameras which are wrong."""
 _PLACED = 0.8
-"""Part of the photos below which it is tried whether the face tells the cameras of more."""
+"""Share of placed photos below which cameras are estimated from the face."""
 _FAR = 10.0
 """Pixels by which a head's features are off, by cameras that are of something else."""
 
@@ -190,7 +190,7 @@ def _placed_photos(photos: Path, config: CalibrateConfig, progress: Progress | N
 
 def _by_the_face(photos: Path, config: CalibrateConfig, progress: Progress | None,
                  figures: dict[str, Any], least: float) -> Capture | None:
-    """A capture whose cameras the face tells, with landmarks; None below ``least`` photos."""
+    """A capture with landmarks and cameras from the face; None below ``least`` photos."""
     from ..face import capture_from_faces
 
     if models.missing(["face-landmarker", "person-segmentation"]):

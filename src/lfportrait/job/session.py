@@ -1,4 +1,4 @@
-"""A head at hand: what stays in memory while somebody tries styles on it.
+"""A session: a head that stays in memory to try styles on it.
 
 A first preview reads field and surface, prepares a painting and lays out the lattice; after that a
 new painting takes under a second and a mixture hundredths. An app or a notebook keeps one session a

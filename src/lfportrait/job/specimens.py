@@ -1,4 +1,4 @@
-"""Next to nothing of everything: what a stage must be given so that its kernels are compiled.
+"""Minimal inputs of each stage, to compile its kernels.
 
 A grey ball with a face's landmarks is photographed by hand from a few sides, in a few pixels; a few
 coloured squares with the same landmarks are its painting. Nobody looks at what comes out.

@@ -1,4 +1,4 @@
-"""The parameters of a job, what it is given, and its stages as functions from files to files.
+"""A job's parameters, inputs, and stages as functions from files to files.
 
 A stage is pure: what it writes follows from the files it reads, its parameters and the seed. Which
 stages there are, and their keys, is in `graph`; how a task of the graph is done, in `work`.

@@ -1,4 +1,4 @@
-"""What can be told of a painting before a head is painted by it.
+"""Check a painting before a head is painted by it.
 
 How the face is turned and which parts of it are therefore taken from its mirror image, how large it
 is beside what displays show, which materials (hair, neck, clothes) it has paint for and which must
@@ -214,7 +214,7 @@ def _size(check: StyleCheck) -> None:
 
 
 def _paint(check: StyleCheck) -> None:
-    """Paint the embedded head, and tell which paint it was made of."""
+    """Paint the embedded head, and list the materials that were used."""
     config = StylizeConfig(preview=True, pixels=320.0)
     head, capture, skin = preview_head(config.pixels)
     styled, figures = stylize_with_figures(head, capture, check.exemplar, config, skin=skin)

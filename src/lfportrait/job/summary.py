@@ -1,4 +1,4 @@
-"""The last stage of a job: page, sweep video and report, from the files of the stages before.
+"""The last stage of a job: page, sweep video and report.
 
 The report shows the way from the photos to the coded picture: what was photographed and painted,
 the field beside the truth, the guides and the transfer, the stylised views, the light field and
@@ -42,7 +42,8 @@ __all__ = ["share_job"]
 
 _ANGLES = (-45, 0, 45)
 _FEW = np.array([(0.9, 0.2, 0.1), (1.0, 0.6, 0.1), (1.0, 0.75, 0.3), (0.3, 0.6, 1.0)])
-"""Colours of places seen from none, one, two and more directions, for any eye to tell apart."""
+"""Colours of places seen from none, one, two and more directions, which people with colour
+blindness can distinguish."""
 
 _COLOURS = {"skin": "beige", "hair": "brown", "neck": "pink", "ears": "orange", "clothes": "blue"}
 _PALETTE = {"brows": (0.35, 0.2, 0.1), "eyes": (0.1, 0.6, 0.3), "nose": (0.95, 0.75, 0.5),

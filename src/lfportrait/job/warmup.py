@@ -1,11 +1,11 @@
-"""Kernels compiled ahead of their use, in processes of their own, on all cores.
+"""Compile kernels ahead of their use, in separate processes, on all cores.
 
 Numba compiles a kernel when it is first called: for seconds, one at a time in a process, without a
 word. So each stage is run once on next to nothing (`specimens`) in another process, which leaves
 the compiled code in Numba's cache on the disk. There are as many of these as cores; each takes the
 next stage that nobody has taken, so that what all stages need is imported once a process. The job
 goes on with what needs no kernels yet, and waits for a stage's code where it is needed. A mark
-beside the cache tells that a stage's code is there: the next run starts no process.
+beside the cache records that a stage's code is there: the next run starts no process.
 """
 
 from __future__ import annotations

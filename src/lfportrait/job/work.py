@@ -1,4 +1,4 @@
-"""What each stage does: its files from the files of the stages before, in whatever process.
+"""The work of each stage: its files from the files of the stages before, in any process.
 
 Nothing but the task, the folder of the results and a few tools is known here.
 """

@@ -1,7 +1,7 @@
 """Sixteen numbers at once (SIMD) for kernels in Numba, and how such kernels are compiled.
 
 A kernel is a factory over a namespace of operations: `vectors` gives it 16 lanes (SIMD), `one_lane`
-plain numbers, which makes a scalar twin that is easy to debug. `types` tells Numba what lanes are;
+plain numbers, which makes a scalar twin that is easy to debug. `types` defines lanes for Numba;
 `interleaved` and `shuffles` add loads, stores and orders that pictures and short rows need;
 `processor` says which instructions are used; `cache_keys`, `compiling` and `decorators` are about
 compiling, `threads` about sharing out a kernel's lines, `host` about the machine.

@@ -1,13 +1,13 @@
-"""The same identity in every process for functions that a factory makes, so that caching works.
+"""Stable identities, in every process, for functions made by a factory, so that caching works.
 
 Numba finds a function's compiled code on disk by a hash of its bytecode and of a pickle of what it
 closes over. Another compiled function among the latter counts by a random identity; a type, by what
 was asked of it so far; a string that comes twice, by whether it is one object. So code of a
 factory's function is hardly ever found again. Here such functions get an identity from their names,
 the factory's parameters and the kernels' sources, and are found by it alone; an edit of any kernel
-compiles all of them anew.
+recompiles all of them.
 
-The identity becomes part of the function's name, too. Numba tells functions of one name apart by
+The identity becomes part of the function's name, too. Numba distinguishes functions of one name by
 the order in which a process compiled them, and code that comes from the disk keeps the number of
 the process that wrote it: two products of a factory could bear one symbol, and the linker would
 take either for both. Their files on the disk differ for the same reason: processes that compile two
@@ -61,7 +61,7 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
     Parameters
     ----------
     parts
-        What tells the function from all others: its name, and all that the factory was given.
+        Identity of the function: its name, and all arguments of the factory.
     """
     def set_identity(function: Any) -> Any:
         name = repr((kernel_sources(), *parts))

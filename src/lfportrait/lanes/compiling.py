@@ -1,4 +1,4 @@
-"""Compilation: where compiled code is kept, and what is compiled because it is not there."""
+"""Compilation of kernels: the cache folder, and progress of what is compiled."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def watched_compilations(heard: Callable[[str], None]) -> Iterator[None]:
 
 @contextmanager
 def compiling_progress(title: str, total: int = 0, enabled: bool = True) -> Iterator[Progress]:
-    """A progress line that also tells of kernels that are compiled meanwhile, as takes seconds.
+    """A progress line that also shows the compilation of kernels, which takes seconds.
 
     Parameters
     ----------

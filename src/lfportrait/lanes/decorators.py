@@ -1,4 +1,4 @@
-"""How kernels are compiled: no more than is needed, and without the counting of references.
+"""Decorators that compile kernels, lean and without reference counting.
 
 Numba counts an array's users whenever it gets another name, and each count is an atomic operation
 on memory that all threads share. In a loop that hands arrays to small functions this took up to two

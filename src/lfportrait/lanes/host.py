@@ -1,4 +1,4 @@
-"""What kernels find on this machine: its vector unit, its threads, and the code compiled so far."""
+"""Facts of this machine for kernels: vector unit, threads, and cached code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kernels' lines shared out to threads.
+"""Distribute the lines of kernels to threads.
 
 A loop whose turns do not depend on each other is a kernel over some of its turns, from ``first`` to
 ``last``::

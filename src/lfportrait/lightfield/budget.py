@@ -1,4 +1,4 @@
-"""How deep a scene a panel shows sharply, and what of a head will blur.
+"""Depth budget of a panel: the depth range shown sharply, and what of a head blurs.
 
 A point at z in front of the panel moves by b z / (D - z) on the panel from one view to the next,
 where b is the distance of neighbouring eye points and D the viewing distance. As soon as that is

@@ -1,4 +1,4 @@
-"""Coded pictures on disk: as the panel must be sent them, every sub-pixel kept.
+"""Read and write coded pictures without loss of any sub-pixel.
 
 In memory a coded picture is as the viewer sees the panel. A panel that shows its picture mirrored
 needs it mirrored; that happens here, on the way to a file and back, and nowhere else.

@@ -1,4 +1,4 @@
-"""Coded pictures taken apart again: the sub-pixels that a view owns, and whole pictures of views.
+"""Deinterlacing of coded pictures: a view's sub-pixels, and full pictures of views.
 
 A view owns but few sub-pixels of each row, one in V_n at most. The rest of its picture is filled in
 from its own sub-pixels nearby, coarse to fine: sums over blocks of 2, 4, 8, ... pixels stand in

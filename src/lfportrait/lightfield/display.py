@@ -9,7 +9,7 @@ in sub-pixels, and the view (Shen et al. 2023, Eq. 8, written for columns from t
 The paper's value is v - V_n / 2 of the mirrored column. Looking Glass states the same by ``pitch``,
 ``slope`` and ``center`` over the panel from its lower left corner; `lookingglass` converts exactly.
 
-Some panels do not have their sub-pixels side by side: ``cells`` then tells where each colour lies
+Some panels do not have their sub-pixels side by side: ``cells`` then gives each colour's place
 within its pixel, and 3 (x + dx_k) - 3 tan(slant) dy_k takes the place of 3 x + k. Everything here
 is as the viewer sees the panel; one that shows its picture mirrored (``flip_x``, ``flip_y``) gets
 it mirrored beforehand, by `to_panel`.

@@ -1,4 +1,4 @@
-"""Coding pictures of views for a panel, as one does with foreign content: quilts, folders of views.
+"""Interlace quilts and folders of views for a panel.
 
 Each sub-pixel takes its colour from its view, at its own place on the panel. (A field is coded
 directly, by `encode`, without pictures of views.)
@@ -38,7 +38,7 @@ class QuiltLayout:
 
     @staticmethod
     def of_name(name: str) -> QuiltLayout | None:
-        """The layout that a file name tells, or None."""
+        """The layout that a file name gives, or None."""
         found = re.search(r"_qs(\d+)x(\d+)a(\d+(?:\.\d+)?)", name)
         if not found:
             return None
@@ -134,9 +134,9 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
     source
         A quilt, or a folder with one picture for each view, the leftmost first by name.
     display
-        The panel; its customary layout is taken where nothing else tells the quilt's.
+        The panel; its customary layout is used where nothing else gives the quilt's.
     layout
-        Layout of the quilt; what its name tells by default.
+        Layout of the quilt; by default that of its name.
     views
         Only the first so many views; 0 = all.
 
@@ -200,7 +200,7 @@ def interlace(views: NDArray[np.uint8], display: Display, config: InterlaceConfi
                         f"(the viewer is at {-display.distance:g}), not {config.focus}")
     wide, high = 1.0, 1.0
     ratio = (aspect or display.aspect) / display.aspect
-    # Names tell the aspect in a few digits.
+    # Names give the aspect in a few digits.
     if config.fit != "stretch" and abs(ratio - 1) > 0.005:
         if (ratio > 1) == (config.fit == "contain"):
             high = 1.0 / ratio

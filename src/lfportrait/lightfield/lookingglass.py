@@ -1,4 +1,4 @@
-"""Looking Glass's way to describe a panel, and the way from it and to it.
+"""Conversion of Looking Glass calibrations to and from displays.
 
 With s, t in [0, 1] over the panel from its lower left corner, the published shaders compute for
 sub-pixel k (0 red, 1 green, 2 blue)::
@@ -8,7 +8,7 @@ sub-pixel k (0 red, 1 green, 2 blue)::
 
 with 1 - a in place of a where ``invView`` is set, and k counted from blue where ``flipSubp`` is.
 The panels of 2024 replace k / (3 screenW) by ``subpixelCells``: for each colour its place in x and
-y, from the pixel's middle; ``CellPatternMode`` tells which cell a pixel has. Its numbers 2 and 4
+y, from the pixel's middle; ``CellPatternMode`` selects the cell of a pixel. Its numbers 2 and 4
 are rows and columns here, as in the maker's present software; some of the older took them the
 other way round.
 

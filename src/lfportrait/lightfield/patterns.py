@@ -1,20 +1,20 @@
-"""Test pictures coded for a panel, which show at a glance whether its numbers are right.
+"""Test patterns that show whether a panel's parameters are right.
 
 What one should see, and what a fault looks like:
 
 views
     Four charts of all view numbers, with a lamp below each. The lamps of the views that reach the
-    eye are lit, the same in all four charts: others in one of them tell another viewing distance,
+    eye are lit, the same in all four charts: others in one of them mean another viewing distance,
     many at once cross-talk, or a wrong pitch or slant. From the left to the right the lit numbers
     must grow, else the views are inverted.
 slant
     The middle views are white, those to the left of them red, those to the right blue: from the
-    middle all of the panel is white. Red and blue bands along the lenses, almost upright, tell a
+    middle all of the panel is white. Red and blue bands along the lenses, almost upright, mean a
     wrong pitch, level ones a wrong slant, one colour all over a wrong offset.
 fringe
     Above, the left, middle and right third of the views are red, green and blue and must not mix.
     Below, black and white bars lie a little behind the panel: their edges must have no colour.
-    Coloured edges tell a wrong order, or wrong cells, of the sub-pixels.
+    Coloured edges mean a wrong order, or wrong cells, of the sub-pixels.
 depth
     Grids at five depths: on the panel, at the limits of its depth budget, and twice as deep. Those
     at the limits should just be sharp; the nearer ones move against the eye.
@@ -206,7 +206,7 @@ def pattern(display: Display, kind: str = "views") -> NDArray[np.uint8]:
         The panel.
     kind
         ``"views"``: each view its number; ``"slant"``: pitch, slant and offset; ``"fringe"``: order
-        of the sub-pixels; ``"depth"``: grids at five depths. What to look for is told above.
+        of the sub-pixels; ``"depth"``: grids at five depths. What to look for is described above.
 
     Returns
     -------

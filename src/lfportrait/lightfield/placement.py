@@ -1,4 +1,4 @@
-"""Where a field stands before a panel: the coding's parameters and the similarity they ask for.
+"""Placement of a field in front of a panel: parameters and their similarity transform.
 
 By default the middle of the head lies on the panel's plane, and the head, two world units high,
 takes 80 % of the panel's height.

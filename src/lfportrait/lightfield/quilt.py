@@ -23,7 +23,7 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     field, display, config
         As for `lfportrait.lightfield.coding`.
     name
-        File name that tells columns and rows; the display's customary layout by default.
+        File name that gives columns and rows; the display's customary layout by default.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What an eye in front of the panel sees.
+"""Simulate the view of an eye in front of the panel.
 
 Every sub-pixel is seen through the lens above it in the direction of its view's eye point. An eye
 elsewhere sees, at each place of the panel, the view whose eye point lies on its line of sight

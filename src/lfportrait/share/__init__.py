@@ -1,4 +1,4 @@
-"""Results to look at and to pass on: page, videos, moving light fields, 3D files, report."""
+"""Outputs to view and share: page, videos, moving light fields, 3D files, report."""
 
 from .export import ExportConfig, export_field
 from .page import PageConfig, page_script, serve_page, write_page

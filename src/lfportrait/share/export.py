@@ -1,4 +1,4 @@
-"""A field in other programs' files: point clouds, coloured meshes, svox2's checkpoint.
+"""Export a field: point clouds, coloured meshes, svox2's checkpoint.
 
 PLY and OBJ hold sRGB colours a vertex, as their readers expect. A GLB's vertex colours are linear
 light, and its material is unlit: the photos' light is in the colours already.

@@ -1,7 +1,7 @@
 """Moving light fields: coded frames of a head that turns or moves through the panel's plane.
 
 Frames are coded and written one at a time, so that a sequence takes the memory of one. A folder of
-pictures is gone on with where it was interrupted; a video is begun anew.
+pictures is resumed after an interruption; a video is restarted.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How a field's lattice shows in the charts of its skin: what a texture adds to.
+"""Render a field's lattice in the charts of its skin, as the base of the texture.
 
 With the density frozen a chart is linear in the lattice's colours. The weights are found once for a
 skin and a resolution; what the colours of any painting show is a product with them. Those of a

@@ -1,4 +1,4 @@
-"""Colours fitted to pictures: with the density frozen, a view is linear in the lattice's colours.
+"""Fit colours to pictures: with fixed density, a view is linear in the lattice's colours.
 
 The weighted least-squares problem over all views, sum over pixels of w (A x + (1 - alpha) b - I)^2,
 is solved by simultaneous iterations (SIRT, Gilbert 1972): each adds the back-projected residual,

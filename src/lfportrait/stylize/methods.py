@@ -1,4 +1,4 @@
-"""Methods of other packages that colour a field: what they are given, and how they are found.
+"""Methods of other packages that colour a field: their interface and discovery.
 
 A package names a method under ``[project.entry-points."lfportrait.field_methods"]``. Behind the
 name is a `FieldMethod`. The fields of its parameters are options of the command line:

@@ -177,7 +177,7 @@ def _normalised(network: FeatureNetwork) -> FeatureNetwork:
 
 def has_half_numbers() -> bool:
     """Whether this processor multiplies bfloat16 (AVX-512 BF16, AMX), two numbers for one."""
-    # torch tells it under names of its own; a version without them counts as a processor without.
+    # torch reports this under its own names; a version without them counts as a processor without.
     return any(getattr(torch.cpu, name, bool)()
                for name in ("_is_avx512_bf16_supported", "_is_amx_tile_supported"))
 

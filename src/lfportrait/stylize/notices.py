@@ -1,4 +1,4 @@
-"""What sitter and exemplar do not share, told in a line each: eyes, mouth, size of the strokes."""
+"""Notes on differences of sitter and exemplar, a line each: eyes, mouth, stroke size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Giving a field the manner of one or more exemplars."""
+"""Stylise a field by one or more exemplars."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     Returns
     -------
     styled, figures
-        A field with the same density and direction-independent colours, which can be mixed anew
+        A field with the same density and direction-independent colours, which can be mixed again
         (`StyledField.mix`), and the figures for ``--json``: per-term losses and gradient norms,
         networks, ``seconds``, ``notices`` on what sitter and exemplar do not share.
 

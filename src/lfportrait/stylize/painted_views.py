@@ -1,9 +1,9 @@
 """A field stylised by painted views: the paper's way (Shen et al. 2023, 2.2).
 
 Views on arcs are rendered, each is painted by example, and the field's colours are fitted to all of
-them; `refinement` follows. Every view decides anew which chunks to take, and the fit averages what
-neighbours decided differently: the skin (`skin_fit`) is steadier, sharper and faster. This is what
-comparisons with the paper use.
+them; `refinement` follows. Every view decides independently which chunks to take, and the fit
+averages what neighbours decided differently: the skin (`skin_fit`) is steadier, sharper and faster.
+This is what comparisons with the paper use.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Every step of a stylisation on next to nothing, so that its kernels are compiled."""
+"""Warm-up: every step of a stylisation on tiny data, to compile the kernels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the lattice leaves out of a painting, as a texture of the field's surface.
+"""A surface texture with the details of a painting that the lattice can't hold.
 
 The painted atlas minus what the lattice shows in its charts (`chart_lattice`): added where a ray
 meets the surface, it shows the painting itself, as sharp as it was painted.

@@ -1,4 +1,4 @@
-"""Speed, side by side with others and with the quality: encode, reconstruct, transfer, stylize."""
+"""Speed benchmarks, with baselines and quality: encode, reconstruct, transfer, stylize."""
 
 from .encode import bench_masks
 from .run import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize

@@ -1,4 +1,4 @@
-"""Speed of the coding: sizes, views, cones, the mask's worth, and the ways of others beside it."""
+"""Speed of the coding: sizes, views, cones, the benefit of the mask, and baselines."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def _coded(field: VoxelField, display: Display, config: EncodeConfig, repeats: i
     pictures = {}
     for way, chosen in ways.items():
         encode_with_figures(field, replace(display, width=64, height=8), chosen)
-        # Half-voxel steps take so long that one run tells.
+        # Half-voxel steps take so long that one run suffices.
         row[f"{way}seconds"], (pictures[way], run) = timed(
             functools.partial(encode_with_figures, field, display, chosen, mask=mask),
             1 if way == "direct_" else repeats)

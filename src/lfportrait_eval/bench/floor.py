@@ -1,4 +1,4 @@
-"""How fast training could be on this machine at best: the floor beside the measured speed."""
+"""Lower bound of the training time on this machine, beside the measured time."""
 
 from __future__ import annotations
 

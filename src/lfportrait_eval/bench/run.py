@@ -1,4 +1,4 @@
-"""Speed, measured side by side in one run: warm, best of several, with the quality beside it.
+"""Run the speed benchmarks: warm, best of several, with quality figures.
 
 A first call compiles the kernels or loads them from the cache; it is made before the clock starts.
 Times depend on the machine and on what else runs on it: compare the ratios of one run.

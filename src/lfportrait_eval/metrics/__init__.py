@@ -1,9 +1,9 @@
-"""How good a result is: figures of a finished job.
+"""Quality metrics of a finished job.
 
-`consistency` tells whether views agree, `likeness` whether the head is still the person, `features`
-(and `perceptual`, LPIPS) and `patches` how near the style is, `repeats`, by the head's `regions`,
-and `sharpness` what became of its paint; `views` are what is measured; `transfer_quality` and
-`strokes` measure the transfer alone.
+`consistency` measures whether views agree, `likeness` whether the head is still the person,
+`features` (and `perceptual`, LPIPS) and `patches` how near the style is, `repeats`, by the head's
+`regions`, and `sharpness` what became of its paint; `views` are what is measured;
+`transfer_quality` and `strokes` measure the transfer alone.
 """
 
 from .consistency import consistency, pair_error, view_pairs, warp

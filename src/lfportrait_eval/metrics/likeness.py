@@ -1,4 +1,4 @@
-"""Likeness: is the stylised head still the person.
+"""Likeness: whether the stylised head is still the person.
 
 Identity: landmarks found in the stylised view against those in the real one. Contours: correlation
 of the gradients of both. Both are plain figures without training; patches are in `patches`,

@@ -63,7 +63,7 @@ class RowLabels:
 
     @staticmethod
     def joined(weights: NDArray[np.uint8], names: Sequence[str]) -> RowLabels:
-        """Of labels that tell the body's parts apart: with the body as one region, too."""
+        """From labels with separate parts of the body: adds the body as one region."""
         return _with_body(weights, tuple(names))
 
     @staticmethod
@@ -117,7 +117,7 @@ class RowLabels:
 
 
 def _with_body(weights: NDArray[np.uint8], names: tuple[str, ...]) -> RowLabels:
-    """Labels, with the body as one region where they tell its parts apart."""
+    """Labels, with the body as one region if its parts are separate."""
     parts = [names.index(name) for name in BODY if name in names]
     if "body" in names or not parts:
         return RowLabels(weights, names)

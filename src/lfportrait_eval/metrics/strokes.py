@@ -1,4 +1,4 @@
-"""Do strokes stick to the head? Neighbouring views stylised apart, warped into each other by depth.
+"""Stability of strokes: views stylised separately, warped into each other by depth.
 
 For views one degree apart the same exemplar is transferred to both: rendered from a field that was
 stylised by it, looked up on the skin that was painted once for all views, with guides and seeds
@@ -39,8 +39,8 @@ __all__ = ["strokes_stick", "strokes_table"]
 
 WAYS = ("rendered", "skin", "anchored", "per_view", "detected")
 """The stylised field, filtered as its renderings are; painted once on the surface, one look-up a
-pixel; guides on the surface; of each view from the projected landmarks; from landmarks detected
-anew."""
+pixel; guides on the surface; of each view from the projected landmarks; from newly detected
+landmarks."""
 
 
 def strokes_stick(field: VoxelField, landmarks: NDArray[np.floating], exemplar: Exemplar, *,

@@ -129,7 +129,7 @@ class Arc:
         size
             Width and height of a view in pixels.
         say
-            Told what is being done.
+            Called with what is being done.
         """
         cameras = arc_cameras(field, np.linspace(-cone / 2, cone / 2, views), size)
         real = []

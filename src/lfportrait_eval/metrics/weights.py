@@ -1,4 +1,4 @@
-"""Files of pretrained weights, as the networks that measure read them."""
+"""Read pretrained weights of the metrics' networks."""
 
 from __future__ import annotations
 

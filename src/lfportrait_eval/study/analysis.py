@@ -1,4 +1,4 @@
-"""From answers to figures: preferences, a ranking, agreement, and whether people were attentive."""
+"""Analyse a study's answers: preferences, ranking, agreement, attention."""
 
 from __future__ import annotations
 

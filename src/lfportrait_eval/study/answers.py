@@ -1,4 +1,4 @@
-"""The files that people hand over, read and checked: what can't be used is told, file by file."""
+"""Read and check the answer files; report those that can't be used, file by file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The study as files: one page for people to answer in, and its design."""
+"""Write a study: the page with the questions, and its design."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def write_study(jobs: Sequence[str], out: str | Path, config: StudyConfig | None
     design = _design(config, questions, entries, pairs, sheets, digests, seed)
     _look_for_another(out, design["study"])
     pictures, shown = _pictures(entries)
-    # Names of files tell nothing about the methods.
+    # File names must not reveal the methods.
     names = [f"video{number}" for number in np.random.default_rng(seed).permutation(len(clips))]
     videos = {name: clip.data for name, clip in sorted(zip(names, clips), key=lambda item: item[0])}
     embedded = sum(map(len, videos.values())) <= config.max_embedded * 1e6

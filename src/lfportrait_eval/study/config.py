@@ -1,4 +1,4 @@
-"""What can be chosen about a user study, and the questions that it asks.
+"""Parameters and questions of a user study.
 
 Shen et al. 2023 (section 3, "User study") show the painting, the original portrait and two results
 of different methods, and ask for the one "that better matches the style of the given style image":

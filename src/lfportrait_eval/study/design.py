@@ -1,4 +1,4 @@
-"""Who sees which pairs, and what stands on the left.
+"""Design of a study: each person's pairs and their sides.
 
 A study has a number of sheets; a person gets one, by their number. What is random for a person is
 the order (the page shuffles the sheet); what has to be even is laid down here, so that it is even

@@ -1,4 +1,4 @@
-"""Videos and pictures as bytes that every browser shows."""
+"""Videos and pictures in formats that every browser shows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["Clip", "clip_of", "picture_bytes"]
 
 _BROWSERS = {("h264", "yuv420p"), ("h264", "yuvj420p"), ("vp8", "yuv420p"), ("vp9", "yuv420p"),
              ("av1", "yuv420p")}
-"""What browsers decode everywhere; all else is coded anew."""
+"""Formats that all browsers decode; everything else is re-encoded."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def _frames(container: Any) -> Iterator[NDArray[np.uint8]]:
 
 
 def clip_of(path: Path) -> Clip:
-    """Read a video; what browsers may not show is coded anew as H.264.
+    """Read a video; formats that browsers may not show are re-encoded as H.264.
 
     Raises
     ------

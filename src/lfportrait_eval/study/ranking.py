@@ -85,7 +85,7 @@ def bradley_terry(wins: NDArray[np.floating], compared: NDArray[np.bool_] | None
 
 
 def rank(wins: NDArray[np.floating], samples: int = 2000, seed: int = 0) -> Ranking:
-    """Strengths with intervals: people are drawn anew, with all their answers (bootstrap).
+    """Strengths with intervals: people are resampled with all their answers (bootstrap).
 
     Parameters
     ----------

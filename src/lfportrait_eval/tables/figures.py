@@ -106,7 +106,7 @@ class Target:
 
 
 def _repeat(picture: NDArray[Any], mask: NDArray[np.bool_], unit: float) -> Repeat:
-    """The strongest repeat of a region, NaN where it is too small to tell."""
+    """The strongest repeat of a region, NaN if the region is too small."""
     if mask.sum() < unit ** 2:
         return Repeat(float("nan"), (0, 0), float("nan"))
     return strongest_repeat(picture, mask, unit)
@@ -125,7 +125,7 @@ def measure(views: Views, target: Target, example: Views | None = None,
     example
         The same views painted by transfer, each by itself: the other reference of Table 2.
     say
-        Told what is being measured.
+        Called with what is being measured.
 
     Returns
     -------

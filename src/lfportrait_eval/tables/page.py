@@ -1,4 +1,4 @@
-"""The page: every method's pictures beside each other, the tables and plots, in one file."""
+"""The comparison page: all methods' pictures, tables and plots in one file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A method's views of one sitter in one style, and what they took."""
+"""A method's views of one sitter in one style, with their times."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def paint_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
     sizes, stylize, seed
         Parameters.
     progress
-        Told what is being done.
+        Updated with what is being done.
 
     Returns
     -------

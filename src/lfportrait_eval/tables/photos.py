@@ -1,4 +1,4 @@
-"""How well a sitter's own photos agree by the same measure: what no stylised field need beat.
+"""Consistency of a sitter's own photos by the same metric, as a reference.
 
 Photos are not on the arc. For each gap of the arc, those pairs of photos count whose directions
 differ by about as much; the depth is the field's, seen by the photos' cameras.

@@ -242,7 +242,7 @@ class _Run:
 
     def _attempt(self, source: Source, exemplar: Exemplar, method: str,
                  function: Callable[[], dict[str, Any]]) -> dict[str, Any] | None:
-        """Do a stage of a cell; where it can't be done, tell why and go on with the others."""
+        """Do a stage of a cell; if it fails, report why and continue with the others."""
         cell = source.name, exemplar.name, method
         try:
             return function()

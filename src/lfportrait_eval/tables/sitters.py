@@ -1,6 +1,6 @@
-"""Who is painted: a capture, its field, and the views in which all methods are measured.
+"""Sitters: a capture, its field, and the views in which all methods are measured.
 
-The real field is rendered once in two sets of views. The arc (a light-field display's cone) tells
+The real field is rendered once in two sets of views. The arc (a light-field display's cone) shows
 whether neighbouring views agree; the close views, which the head fills from one profile's half to
 the other's, show paint as large as an exemplar does.
 """

@@ -1,4 +1,4 @@
-"""How large a run of the tables is."""
+"""Sizes of a run of the tables."""
 
 from __future__ import annotations
 

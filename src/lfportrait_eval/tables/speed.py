@@ -30,7 +30,7 @@ def speed_tables(sitter: Sitter, exemplar: Exemplar, sizes: Sizes, size: str,
     sizes, size
         Of this run; the shortest of some runs counts: ``quick`` codes twice and transfers once.
     progress
-        Told what is being measured.
+        Updated with what is being measured.
 
     Returns
     -------
@@ -40,7 +40,7 @@ def speed_tables(sitter: Sitter, exemplar: Exemplar, sizes: Sizes, size: str,
         and ``whole_seconds``, both for all views that a field is fitted to; ``views``, how many.
     """
     repeats = 1 if size == "quick" else 3
-    # Coding is quick, and one run alone would tell more of the machine than of the mask.
+    # Coding is fast; a single run would measure the machine's noise rather than the mask.
     masks = bench_masks(sitter.field, repeats=repeats + 1, progress=progress)
     found = bench_transfer(exemplar=exemplar, repeats=repeats, progress=progress,
                            network=NetworkConfig(pairs=sizes.network_pairs,

@@ -1,4 +1,4 @@
-"""What the cells' figures say together: mean, spread and number, over sitters and styles."""
+"""Summary of the cells' figures: mean, spread and number over sitters and styles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run of hours tells: which cell is being done, how many are left, about how long."""
+"""Progress of a long run: the current cell, the number left, the estimated time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Teller:
     Parameters
     ----------
     progress
-        The line that is drawn; None tells nothing.
+        The line that is drawn; None for silence.
     waiting
         Cells that are to be done.
     """
@@ -34,7 +34,7 @@ class Teller:
             self._progress.update(0, "; ".join(filter(None, [self._left(), text])))
 
     def _left(self) -> str:
-        """How much is done and, as soon as it can be told, how long the rest takes."""
+        """How much is done and, once it can be estimated, how long the rest takes."""
         done, seconds = self._total - len(self._waiting), self.seconds_left()
         rest = f", about {max(seconds / 60, 1):.0f} min left" if seconds else ""
         return f"{done} of {self._total}{rest}" if self._total else ""
@@ -44,7 +44,7 @@ class Teller:
         return _Inside(title, self)
 
     def done(self, cell: CellName, seconds: float) -> None:
-        """A cell is done, in so many seconds; one that was done before tells nothing."""
+        """A cell is done, in so many seconds; one that was done before does not count."""
         if cell in self._waiting:
             self._took.setdefault(cell[2], []).append(seconds)
             self._finish(cell, f"{seconds:.0f} s")

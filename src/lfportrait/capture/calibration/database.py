@@ -1,4 +1,4 @@
-"""What COLMAP works on: photos, the lenses that they share, features and checked matches.
+"""The COLMAP database: photos, shared lenses, features and verified matches.
 
 Photos come from one lens if they are of one size and their camera noted the same lens and focal
 length; a photo taken upright is the same lens turned. So photos are handed on as the sensor saw

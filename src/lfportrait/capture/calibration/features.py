@@ -1,4 +1,4 @@
-"""Features of photos and which of them look alike: SIFT, compared in two rounds.
+"""SIFT features of photos, and their matching in two rounds.
 
 The features are OpenCV's SIFT as square roots of their parts (Arandjelovic and Zisserman 2012,
 "Three things everyone should know to improve object retrieval"), stored in whole numbers. Products

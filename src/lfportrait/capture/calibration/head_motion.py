@@ -1,14 +1,14 @@
-"""A head that moved between the photos: cameras that follow it instead of the room.
+"""Correct the cameras for a head that moved between the photos.
 
 Nobody holds still for a minute. Structure from motion places photos by what most features are of,
 and that is the room, which never moves; a head that nodded by two degrees meanwhile is then
 photographed by cameras that are two degrees off, and its reconstruction is blurred.
 
-Whether that is so, features of the person alone tell. Matches that two cameras can explain lie, by
+Features of the person alone show whether that is so. Matches that two cameras can explain lie, by
 the two cameras that explain them best, a third of a pixel from where they should. By the cameras
 that were found from the whole photos they lie no farther if the person held still, and several
 times as far if not. Then the photos are placed once more, by features of the person alone and with
-the lenses that the room told.
+the lenses that the room gave.
 
 Where the face's landmarks are known, and so where the head is, only features of the head count:
 shoulders often stay while it turns. Else the person is taken as rigid.
@@ -63,8 +63,8 @@ class HeadMotion:
     moved
         Whether the head moved against the room.
     pixels
-        Median distance of the head's matches from where the room's cameras put them; NaN where
-        too few matches tell.
+        Median distance of the head's matches from where the room's cameras put them; NaN if there
+        are too few matches.
     own
         The same by each pair's own two cameras.
     after
@@ -239,13 +239,13 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
     Parameters
     ----------
     capture
-        Undistorted photos with the cameras that the room tells, in the portrait frame.
+        Undistorted photos with the cameras estimated from the room, in the portrait frame.
     mattes
         V rough mattes of the person, float32 [H, W] in [0, 1].
     seed
         Of the random sampling.
     tell
-        Told in a line what was found, if the head moved.
+        Called with a one-line report, if the head moved.
 
     Returns
     -------

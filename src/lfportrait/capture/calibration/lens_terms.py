@@ -1,10 +1,10 @@
-"""The last adjustment, and how many terms of the lens the photos can tell.
+"""The final bundle adjustment, with as many lens terms as the photos determine.
 
 Each further term makes the errors smaller, whether the lens has it or not, and a term that the
-photos hardly tell is filled with nonsense that bends the scene. So the cameras are adjusted with
-ever more terms, and a model is taken only if it earns them: by Schwarz's criterion (BIC), and by
-errors that fall by a hundredth at least; and only if its lens stays one, that bends rays the less
-the nearer they are to the axis and nowhere by more than a quarter.
+photos hardly determine gets an arbitrary value that bends the scene. So the cameras are adjusted
+with ever more terms, and a model is taken only if it earns them: by Schwarz's criterion (BIC), and
+by errors that fall by a hundredth at least; and only if its lens stays one, that bends rays the
+less the nearer they are to the axis and nowhere by more than a quarter.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _EARNED = 0.01
 _BENT = 0.25
 """Part of the distance from the axis by which a lens may move a point of the picture."""
 _ENOUGH = 10
-"""Photos of a lens from which on its centre can be told."""
+"""Photos of a lens from which on its centre can be estimated."""
 
 
 def starting_model(wanted: str) -> str:
@@ -136,7 +136,7 @@ def _sane(model: Any) -> bool:
 
 
 def adjust(pycolmap: Any, model: Any, wanted: str) -> Any:
-    """Adjust all cameras and points, with as many terms of the lens as the photos tell.
+    """Adjust all cameras and points, with as many lens terms as the photos determine.
 
     Parameters
     ----------

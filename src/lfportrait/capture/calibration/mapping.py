@@ -1,4 +1,4 @@
-"""Placing the photos: tries until all are placed that can be, the best one kept.
+"""Place the photos (incremental mapping): several tries, of which the best one is kept.
 
 Lens parameters run away while few photos are placed: behind a long lens two terms of distortion
 placed 5 of 66 photos where one term placed all. So a lens starts with one term (none, if none is
@@ -7,7 +7,7 @@ wanted), and more are freed at the very end (`lens_terms`).
 Where photos are left out that have matches with others, it is tried again: all photos at once
 instead of one after the other (COLMAP's global mapping), which needs no good pair to start from and
 finds a wrong focal length from far off; other focal lengths; a lens for each photo; and from the
-best so far with weaker demands, until tries bring no more. Each try is told in a line.
+best so far with weaker demands, until tries bring no more. Each try is reported on one line.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ def place_photos(pycolmap: Any, scene: Scene, groups: list[int], model: str,
     report
         Called whenever a photo is placed.
     say
-        Told each try and what came of it, where the first one leaves photos out.
+        Called with each try and its result, if the first one leaves photos out.
     lens_known
         Whether the lenses are as the scene says, and stay so.
 

@@ -1,4 +1,4 @@
-"""Data sets that know their cameras already: a reader for each format, and what tells them apart.
+"""Readers of calibrated data sets, one for each format, and the detection of the format.
 
 `detect` finds the format; `transforms` reads NeRF's, instant-ngp's and nerfstudio's, `colmap`
 COLMAP's models, `programs` the files of Metashape, RealityCapture, Meshroom and their kin, `phones`

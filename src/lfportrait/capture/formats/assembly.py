@@ -1,4 +1,4 @@
-"""What every reader of a data set ends with: photos without distortion, in the portrait frame.
+"""Last step of every reader: undistorted photos with cameras in the portrait frame.
 
 A reader finds a `Shot` for each photo in its own format: file, pose, lens. `read_shots` reads the
 pictures, turns them upright and gives them their masks; `assemble` takes the distortion out and

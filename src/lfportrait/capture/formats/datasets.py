@@ -130,8 +130,8 @@ def load_nsvf(folder: Path, holdout: int) -> Views:
 
     Poses are camera-to-world with OpenCV axes, one text file a picture; the names' prefix says the
     split: ``0_`` training, ``1_`` validation, ``2_`` test. Without such prefixes every
-    ``holdout``-th picture is a test view. ``bbox.txt``, if there is one, tells where the subject
-    is, for a world that is not normalised.
+    ``holdout``-th picture is a test view. ``bbox.txt``, if there is one, gives the subject's
+    position, for a world that is not normalised.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which format a calibrated data set is in, and its reader."""
+"""Detect the format of a calibrated data set and read it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras as views, poses and intrinsics that refer to each other: Meshroom and OpenMVG.
+"""Readers of Meshroom and OpenMVG files (views, poses and intrinsics that refer to each other).
 
 AliceVision (``cameras.sfm``, ``sfm.json``) writes all numbers as text, rotations camera-to-world by
 rows; from version 1.2.1 the centre is noted from the picture's middle, from 1.2.2 the focal length

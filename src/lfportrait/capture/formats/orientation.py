@@ -1,4 +1,4 @@
-"""Which way up a calibrated picture is: the program's pixels, the file's, and the mask's.
+"""Orientation of calibrated pictures: match EXIF rotation, calibration and mask.
 
 A phone stores what its sensor sees and notes beside it how to turn that (EXIF). Some programs
 calibrate the stored pixels, others the upright ones, and few say which. The size that the program

@@ -1,4 +1,4 @@
-"""What scanning apps of phones export with ARKit's cameras: Polycam and Record3D.
+"""Readers of phone scanning apps' exports with ARKit cameras: Polycam and Record3D.
 
 Both have camera-to-world poses whose camera looks along -z with y up, in a world whose y is up. The
 pictures lie as the sensor does, so they are turned by the world's up.

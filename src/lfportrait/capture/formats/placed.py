@@ -1,4 +1,4 @@
-"""What a photogrammetry program's file says of one photo, and the lenses that those files share."""
+"""A photo with its camera from a photogrammetry program, and the lens models of these files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras of photogrammetry programs, with their photos.
+"""Captures from the camera files of photogrammetry programs.
 
 - Agisoft Metashape: ``cameras.xml`` (`metashape`);
 - RealityCapture and RealityScan: the CSV of "internal/external camera parameters" (`tables`);

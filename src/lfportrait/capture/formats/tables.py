@@ -1,4 +1,4 @@
-"""Cameras as lines of text: RealityCapture's CSV, Bundler's ``.out``, VisualSfM's ``.nvm``.
+"""Readers of text formats: RealityCapture's CSV, Bundler's ``.out``, VisualSfM's ``.nvm``.
 
 Bundler's formulas are those of its manual (Snavely et al. 2006), VisualSfM's those of the README to
 its ``NVM_V3``. RealityCapture (RealityScan) writes focal lengths as of 35-mm film, centre and

@@ -1,4 +1,4 @@
-"""Views voting on the points of a lattice: which of them show the person there.
+"""Votes of views on the points of a lattice: which views show the person there.
 
 A view is a row of 16 numbers: the camera-to-world matrix [3, 4], the focal lengths and the
 principal point, in pixels of the picture that is looked up.

@@ -1,4 +1,4 @@
-"""Guides: for each pixel of a photo, where in the painting it belongs, how it looks, what it is.
+"""Guides of the transfer: position in the painting, appearance and region of each pixel.
 
 Where: `position`, from landmarks and `control_points`, with an `outline` that meets the painting's.
 How: `appearance` (`blurs` helps it). What: `regions` finds person and hair, `labels` makes soft

@@ -1,4 +1,4 @@
-"""Two-class segmentation of a portrait from colours and a prior, for pictures that networks miss.
+"""Two-class segmentation of a portrait by colours and a prior, for pictures where networks fail.
 
 GrabCut in small (Rother et al. 2004): colour histograms of the two classes, a smoothness term that
 is weak across edges, and an exact minimum cut, a few times over on a picture of about 128 pixels.
@@ -116,7 +116,7 @@ def separate(image: Float32, prior: Float32, *, sure: float = 0.02, smoothness: 
     size
         Longer side of the picture that is cut.
     blur
-        Sigma in pixels of that picture of the blur before colours are told apart: drawings show
+        Sigma in pixels of that picture of the blur before colours are compared: drawings show
         hair as a density of strokes.
     reach
         Largest log likelihood ratio that a colour may have.

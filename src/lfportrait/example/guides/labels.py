@@ -72,8 +72,8 @@ def soft_face(shape: tuple[int, ...], landmarks: Float64, above: float = 0.1) ->
 def missing_labels(style: NDArray[np.uint8]) -> frozenset[str]:
     """Labels among hair and body that an exemplar [h, w, len(PICTURE_LABELS)] does not show.
 
-    Hair of an exemplar whose hair can't be told from its skin (a statue) is skin, a body that it
-    does not show is background.
+    Hair of an exemplar whose hair can't be separated from its skin (a statue) is skin, a body that
+    it does not show is background.
     """
     return frozenset(name for name in ("hair", "body")
                      if style[..., PICTURE_LABELS.index(name)].mean() < 0.5)

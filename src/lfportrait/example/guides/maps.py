@@ -1,4 +1,4 @@
-"""The guides of one target picture, and how its places and its seeds' plane go together."""
+"""The guides of one target picture, and the mapping of its pixels to the plane of its seeds."""
 
 from __future__ import annotations
 

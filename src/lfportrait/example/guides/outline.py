@@ -1,4 +1,4 @@
-"""Outlines that meet: the position guide is moved so that edges of regions fall on each other.
+"""Outline matching: move the position guide so that region edges coincide.
 
 Rays find the head's outline and hairline every 15 degrees, and between them, at ears, neck and
 shoulders, moving least squares only guesses. So signed distances from the edge of a region are

@@ -49,7 +49,7 @@ class Regions:
     person
         float32 [H, W], head, hair, neck and clothes against the background.
     hair
-        float32 [H, W], or None where no hair could be told from skin.
+        float32 [H, W], or None where hair and skin could not be separated.
     """
 
     landmarks: Float64
@@ -263,7 +263,7 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
         for photos 384 is as good (in one pixel of 250 hair becomes skin or skin hair) and takes
         two thirds of the time, in videos 256 will do.
     by_colour
-        Tell hair by its colour where the network's is not plausible; slow.
+        Segment hair by colour where the network's result is not plausible; slow.
     """
     points = np.asarray(landmarks, np.float64)
     frame = FaceFrame.of(points)

@@ -1,4 +1,4 @@
-"""Regions of a photo: hair that is none.
+"""Remove false hair from a photo's regions.
 
 The network of the hair takes the shaded half of a shaven head for hair, and the lit half for skin.
 Hair is rougher than skin, or of another colour; a scalp is neither.
@@ -35,7 +35,7 @@ SURE = 0.2
 SHADE = 0.5
 """A scalp in the shade is not darker than this over the face's skin."""
 LEAST = 30
-"""Pixels that suffice to tell."""
+"""Pixels that suffice for a decision."""
 
 
 def photo_regions(photo: NDArray[np.generic], landmarks: NDArray[np.floating],

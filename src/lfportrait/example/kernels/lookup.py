@@ -1,4 +1,4 @@
-"""Every pixel's own look-up, and what it shares with the chunks (`blit`).
+"""The look-up of each pixel, shared with the chunk kernel (`blit`).
 
 The target's pixel p has a guide g(p) (a place in the exemplar), an appearance and labels; the guide
 error has three parts, none negative: place, appearance, labels. The labels of a pixel are eight

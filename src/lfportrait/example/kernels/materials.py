@@ -1,4 +1,4 @@
-"""Hot loops of the materials (`painter.materials`): what a place is mostly, and where that is."""
+"""Hot loops of the materials (`painter.materials`): dominant materials and their places."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hot loops of the outline match: signed distances by sweeps, and places moved along them."""
+"""Hot loops of the outline matching: signed distances by sweeps, and shifts along them."""
 
 from __future__ import annotations
 

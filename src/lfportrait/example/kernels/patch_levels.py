@@ -1,4 +1,4 @@
-"""Hot loops between the levels of guided patch synthesis: places as a level takes them."""
+"""Hot loops between the levels of guided patch synthesis: rescaling of the patch places."""
 
 from __future__ import annotations
 

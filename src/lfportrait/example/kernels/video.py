@@ -127,7 +127,7 @@ def _whole(anchor, y, x, v, u, low, high):
 @shared("anchor")
 @lean_kernel
 def mend(since, until, anchor, trusted, factor, scale, least, most, turn, offset, out):
-    """A carried anchor plane [h, w, 2], anew where it can't be trusted or is torn, into ``out``.
+    """A carried anchor plane [h, w, 2], restarted where it is unreliable or torn, into ``out``.
 
     Values lie in the middles of blocks of ``factor`` pixels; ``trusted`` bool [h, w]. Torn is where
     the steps to both neighbours in a row, or in a column, are not between ``least`` and ``most``

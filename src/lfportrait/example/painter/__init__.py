@@ -1,4 +1,4 @@
-"""What paints everything but the face: patches of like material, for photos and for heads alike.
+"""The painter for everything but the face: patches of the same material, for photos and heads.
 
 `picture_materials` says what a picture is made of, `materials` what patches of which are laid where
 and in which tones, `pieces` where the search for them begins, `looks` and `light` how tones, edges

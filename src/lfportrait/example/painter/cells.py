@@ -1,4 +1,4 @@
-"""Square cells of the unwrapped head: what holds for a neighbourhood, whatever chart shows it."""
+"""Square cells of the unwrapped head: statistics of a neighbourhood across charts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The materials of paintings, kept in the user's cache."""
+"""Cache of the materials of paintings."""
 
 from __future__ import annotations
 

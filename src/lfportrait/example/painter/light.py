@@ -1,4 +1,4 @@
-"""How far the light of what is painted is carried on beside it."""
+"""Extrapolate the light of the painted part to its surroundings."""
 
 __all__ = ["BLUR", "CELL", "REACH"]
 

@@ -1,4 +1,4 @@
-"""How a photo's luma is parted for the patches: tone, detail, and how much its edges say."""
+"""Split a photo's luma for the patches: tone, detail, and edge strength."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ __all__ = ["BLUR", "contours"]
 Float32 = NDArray[np.float32]
 
 BLUR = 0.06
-"""Sigma of the blur that tells detail from light, over the face's size (`face_size`)."""
+"""Sigma of the blur that separates detail from light, over the face's size (`face_size`)."""
 CONTOUR = 0.016
 """Detail of this strength (root mean square of luma) counts half."""
 
 
 def contours(values: Float32, inside: Float32, size: float) -> tuple[Float32, Float32]:
-    """Luma without grain, and how much edges and patterns have to say, float32 [H, W] each.
+    """Luma without grain, and edge strength (edges and patterns), float32 [H, W] each.
 
     Parameters
     ----------

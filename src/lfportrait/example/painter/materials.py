@@ -1,4 +1,4 @@
-"""Like material for the patches: what is painted of what, and how it would look in an exemplar.
+"""Materials for the patches: what each place consists of, and its tones in the exemplar.
 
 The exemplar's materials are read from its picture (`picture_materials`). Who has a photo or a head
 to be painted says what each of its places is made of (`photo_materials`, `skin.materials`); tones
@@ -141,7 +141,7 @@ def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     theirs
         The exemplar's materials.
     shown
-        bool [N], places that photos show; others don't tell how light a neck is. None: all.
+        bool [N], places that photos show; others don't show how light a neck is. None: all.
     """
     neck, face = (mostly(shares[:, part].sum(axis=1), shown) for part in ([NECK], [SKIN, EARS]))
     their_neck, their_face = (theirs.shares[..., part].sum(axis=-1) > 0.5
@@ -183,7 +183,8 @@ def matched_looks(tone: Float32, detail: Float32, shares: Float32, theirs: Exemp
     Tones are distributed as the exemplar's of the same material (`SPREAD`). Detail is made as
     strong as its strokes, within bounds: noise of a plain place does not become strokes. Nothing is
     said about the background: both are 0 there. ``reference`` [h, w] are the exemplar's tones, by
-    default ``theirs.tone``; of the places only those ``shown``, bool [N], tell how ours lie.
+    default ``theirs.tone``; of the places only those ``shown``, bool [N], define the distribution
+    of ours.
     """
     reference = theirs.tone if reference is None else reference
     out, strong = (np.zeros(len(shares), np.float32) for _ in range(2))

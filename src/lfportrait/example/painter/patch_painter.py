@@ -1,4 +1,4 @@
-"""One painter for photos and heads: patches of an exemplar, of like material, over an atlas.
+"""The patch painter for photos and heads: exemplar patches of the same material over an atlas.
 
 An atlas is a picture whose pixels are places of what is painted: the charts of a head's surface
 (`skin.canvas.Canvas`), or a photo, which is an atlas with one chart (`Sheet`). Who paints says of

@@ -1,4 +1,4 @@
-"""The best quality on a photo: patches of the exemplar for all that is not the face.
+"""``--quality best`` on a photo: patch synthesis for everything but the face.
 
 The face stays as StyleBlit paints it (`transfers`). Beyond it a photo asks for what the exemplar
 does not show: shoulders, loose hair, a hat, a wide background; chunks that are laid by place then
@@ -62,7 +62,7 @@ LARGEST = 1.7e6
 ENLARGED = 1.2
 """So are those in which the exemplar would be enlarged by more than this: it gets no finer."""
 CELL = 8
-"""How rigid the guide is, is told on every so many pixels."""
+"""The guide's rigidity is measured every Nth pixel."""
 BENT = 0.3
 """A guide whose derivative is further from a multiple of the identity than this is not rigid."""
 EVEN = np.array([1, 1, 1, 2, 2, 1, 1], np.float32)
@@ -74,7 +74,7 @@ COVERED, SHADED = (0.15, 0.03), (0.05, 0.05)
 """Share of hair in the exemplar's face, blurred by so much over the face's size, from which on it
 is not copied onto a bare one; and from which on it shades a forehead."""
 EDGE = 0.03
-"""Blur by which the edge of what is painted so is told, over the face's size."""
+"""Blur that finds the edge of what is painted so, over the face's size."""
 UTMOST = 0.2
 """Tones are carried by no more than this: beyond it is a cast shadow, not light."""
 PLAIN_EVEN = 8.0

@@ -1,4 +1,4 @@
-"""What a photo is made of, and how it would look in the exemplar's paint (`photo`).
+"""Materials of a photo, and their tones in the exemplar's paint (`photo`).
 
 The photo says itself what is hair, neck, clothes and background; what the exemplar does not show
 is painted with what comes nearest.

@@ -1,7 +1,7 @@
-"""What a picture is made of, pixel by pixel: shares of skin, hair, neck, clothes, background, ears.
+"""Materials of a picture: per-pixel shares of skin, hair, neck, clothes, background, ears.
 
-Regions of the picture tell most of it. What lies below the jaw is told by its colour and place,
-and so is a beard; ears by their place alone.
+Most of it follows from the picture's regions. What lies below the jaw is classified by its colour
+and place, and so is a beard; ears by their place alone.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where the search for patches begins: rigid pieces of the exemplar, of like material and tone."""
+"""Initialise the patch search: rigid pieces of the exemplar of the same material and tone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Charts of a head's surface: far views from all around, of which each point belongs to one.
+"""Charts of a head's surface: views from all around; each point belongs to one of them.
 
 One unwrapping of a head tears or folds somewhere: behind the ears, under nose and chin, at a bun.
 So the surface is looked at from a few directions, by cameras so far away that they hardly see
@@ -223,7 +223,7 @@ def _draw(field: VoxelField, yaw: float, pitch: float, pixels: float) -> _Chart 
     # A head fills [-1, 1]; what a field holds far outside is not looked at.
     reach = np.minimum(reach, REACH * pixels)
     width, height = (int(2 * np.ceil(n)) for n in reach)
-    # A small picture tells which part is worth drawing.
+    # A small picture shows which part is worth drawing.
     camera = Camera(wide.pose, wide.focal, np.array([width / 2, height / 2]), np.array([width]),
                     np.array([height]))
     small = field.render(camera.scaled(0.125), 0, step=1.0)

@@ -1,8 +1,8 @@
-"""Where a head's ears are: near the ends of the jaw, and only what stands out from the head there.
+"""Locate a head's ears: the parts that stand out near the ends of the jaw.
 
-Landmarks tell about where an ear is; an ellipsoid around it would be a disk of skin in the hair. So
-the head is carried on below it from around, and the ear is what lies further out, its hollow
-included.
+Landmarks give the approximate position of an ear; an ellipsoid around it would be a disk of skin in
+the hair. So the head is carried on below it from around, and the ear is what lies further out, its
+hollow included.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Light and shade of the painted face, carried on beside it.
+"""Extrapolate the painted face's light and shade to its surroundings.
 
 Tones of patches come from the photo. Where the painter's light falls otherwise, the face ends in
 his shade and they would begin in full light, or the reverse: a seam along the cheek.

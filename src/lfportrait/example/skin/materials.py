@@ -1,4 +1,4 @@
-"""What a sitter's head is made of, and how it would look in an exemplar's paint.
+"""Materials of a sitter's head, and their tones in an exemplar's paint.
 
 The materials come from the exemplar's where the guide leads, and from the sitter itself where that
 is known better: hair, clothes, ears.
@@ -35,7 +35,8 @@ JAW = 0.7
 SHARP = 8.0
 """How much narrower skin's way into neck is than the guide makes it."""
 SHOWN = 0.4
-"""Cosine to the best photo from which on a place tells how the sitter's tones are distributed."""
+"""Cosine to the best photo from which on a place counts in the distribution of the sitter's
+tones."""
 DARKEST = 0.12
 """Skin beside the face is no darker than all but this share of the exemplar's: in the mean that is
 shade, but a painter's deepest shade has hard edges, which on a neck or a back look like stains."""

@@ -67,8 +67,7 @@ DRAWN_OUT = 0.28
 """Nor is the face's paint copied where the guide changes this slowly: beyond the jaw a strip of it
 would be drawn out to the neck's back."""
 STEADY, EDGE = 0.02, 0.03
-"""Sigmas of the blurs that this, and the edge of what is painted so, are told by, over the face's
-size."""
+"""Sigmas of the blurs for this, and for the edge of what is painted so, over the face's size."""
 NAPE, THROAT = 0.7, 1.2
 """Where a nape begins, over half a turn; how far below the brows the throat lies, over the face's
 height."""
@@ -192,7 +191,7 @@ class SkinPainter:
             return self._painted(skin, step, aside)
 
     def _painted(self, skin: Skin, step: int, aside: ThreadPoolExecutor) -> Painting:
-        """The painting; what only the exemplar tells is laid out ``aside``."""
+        """The painting; what depends only on the exemplar is computed ``aside``."""
         clock = _Clock()
         guide = SurfaceGuide(skin.plane.landmarks, self.exemplar, self.transfer.regions)
         size = skin.pixels / guide.scale / step
@@ -326,7 +325,7 @@ class SkinPainter:
         hold = np.clip(2 * near, 0, 1) * shares[:, SKIN] * home
         weight = (config.far_place_weight + (config.place_weight - config.far_place_weight)
                   * hold) * ratio ** 2 / unit ** 2
-        # An ear is told by its own light and shade.
+        # An ear is recognised by its own light and shade.
         trust = skin.contours * (1 + 3 * skin.ears)
         own = canvas.own
         state = np.full(own.shape, OUTSIDE, np.uint8)

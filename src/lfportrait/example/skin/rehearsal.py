@@ -1,4 +1,4 @@
-"""A painting of next to nothing, so that its kernels are compiled."""
+"""Warm-up: a tiny painting, to compile the kernels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hair that only its relief tells: curls of stone or bronze are of one colour with the face.
+"""Find hair by its relief: curls of stone or bronze have the colour of the face.
 
 Where the crown is much rougher than forehead and cheeks, what is as rough as the crown and hangs
 together with it is hair. A shaven or veiled head has no such crown.
@@ -18,7 +18,7 @@ __all__ = ["around_face", "hair_by_relief"]
 Float32 = NDArray[np.float32]
 
 CELL, BLUR = 0.02, 2.0
-"""Side of the cells that roughness is told in, over the face's height, and its blur in cells."""
+"""Side of the cells that roughness is measured in, over the face's height; its blur in cells."""
 CURLS = 0.08
 """Gaps and specks less than twice so wide are none; over the face's height."""
 ROUGH, ROUGHER = 0.5, 1.6

@@ -78,9 +78,9 @@ class Skin:
         float32 [N]: luma blurred (`BLUR`); what that leaves out; the same without the photo's
         grain.
     contours
-        float32 [N] in [0, 1]: how much the photo has to say at a place (edges, patterns).
+        float32 [N] in [0, 1]: photo edge strength (edges, patterns) at a place.
     hair
-        float32 [N] in [0, 1], or None where it could not be told.
+        float32 [N] in [0, 1], or None where it could not be found.
     clothes, ears
         float32 [N] in [0, 1]; clothes are what lies below the chin and is not of the face's colour.
     seen

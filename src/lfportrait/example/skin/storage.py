@@ -1,4 +1,4 @@
-"""What took long to find: a skin's file, beside its field, and what paintings are made of.
+"""Files of expensive results: a skin beside its field, and the materials of paintings.
 
 A skin's file knows what it was made of: it is used for that field and those landmarks alone. The
 rest is computed when it is read. What a painting is made of is kept in the user's cache, as its

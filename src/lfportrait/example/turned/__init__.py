@@ -1,7 +1,7 @@
-"""Faces that are turned, with the help of a head that stands for any.
+"""Turned faces, handled with a generic head.
 
 `frontal` unrolls a painting by the pose of its face (`lfportrait.face.face_pose`): the frontal
-picture is what is painted from. `mesh` draws the head onto the painting. `aside` tells what a photo
+picture is what is painted from. `mesh` draws the head onto the painting. `aside` finds what a photo
 shows of a face that is turned far.
 """
 

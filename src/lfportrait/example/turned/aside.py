@@ -2,9 +2,9 @@
 
 A part of their landmarks lies behind nose, brow and cheek. In the picture these points fall onto
 what hides them: a map that leads through them folds, and eye and mouth appear twice. So the pose of
-the face (`lfportrait.face.face_pose`) tells which landmarks can be seen. The others are moved out
-to the outline, where the surface that they lie on disappears, and the guide follows what is seen of
-the generic head.
+the face (`lfportrait.face.face_pose`) determines which landmarks are visible. The others are moved
+out to the outline, where the surface that they lie on disappears, and the guide follows what is
+seen of the generic head.
 """
 
 from __future__ import annotations

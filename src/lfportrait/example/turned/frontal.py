@@ -1,9 +1,9 @@
-"""The frontal picture of a face that its painter saw from one side.
+"""Make the frontal picture of a face that is painted from one side.
 
 Guides lead from a head to the place of a painting that shows the same, and strokes are copied as
 they lie. Neither is there for the half of a face that the painter did not show. So a painting whose
 face is turned is unrolled first: every place of a frontal picture is a place of a generic head with
-the painted person's proportions, as their symmetry tells them; the head's pose leads from there to
+the painted person's proportions, from the symmetry of the face; the head's pose leads from there to
 the painting, and a smooth warp takes what is left of the landmarks' residuals. What turns away from
 the painter, or lies behind nose or brow, is taken from its mirror image on the other side, with the
 light of the side where it comes to lie: faces are symmetric enough (Hassner et al. 2015). The seam

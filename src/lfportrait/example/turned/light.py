@@ -1,6 +1,6 @@
-"""A mirrored side of a face in the light of the place that it comes to.
+"""Relight the mirrored side of a face.
 
-A strip of the far cheek that a painter showed from the side is too narrow for strokes, but it tells
+A strip of the far cheek that a painter showed from the side is too narrow for strokes, but it shows
 the light there: shade, its hue, a reflection. So mirrored strokes take the broad colours of his own
 paint wherever he showed any, and what lies behind goes on from there.
 """
@@ -76,7 +76,7 @@ def relit(sides: Sides) -> Float32:
     asked = _asked(sides, bare)
     if not asked.any():
         return sides.theirs
-    # What is much darker or brighter may be hair or a hat over skin, and tells little.
+    # What is much darker or brighter may be hair or a hat over skin, and gets little weight.
     told = asked * np.exp(-(differing.mean(axis=-1) / UNLIKE) ** 2)
     weight, most, light, clear, own, mirrored = (_small(plane) for plane in (
         told, asked, differing, np.maximum(sides.face * (sides.share > 0.9), told),

@@ -1,4 +1,4 @@
-"""The generic head's mesh as it lies on a painting: a picture by which a pose can be judged."""
+"""Draw the generic head's mesh on a painting, to check its pose."""
 
 from __future__ import annotations
 

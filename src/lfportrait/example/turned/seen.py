@@ -1,4 +1,4 @@
-"""Where a painting shows the places of a head, and how clearly its painter saw them."""
+"""Visibility of a head's places in a painting."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Videos repainted by example: strokes move with what they lie on, instead of swimming.
+"""Transfer to videos: strokes move with the content.
 
 `frames` does it, by `motion` (optical flow); `carried_frames` and `pipelining` make it fast.
 """

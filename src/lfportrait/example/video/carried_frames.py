@@ -1,9 +1,10 @@
-"""What a video saves: an exemplar of the frames' size, and frames painted onward from others.
+"""Speed-ups for videos: a resized exemplar, and frames carried on from earlier ones.
 
 A painted frame knows for each pixel which shift from the anchor plane to the exemplar it copies
 with. The anchor plane goes on with the flow, and so may the shifts: the next frame then copies the
-same strokes from their new places, as sharply as if it were painted anew, without guides, seeds and
-chunks. Where a frame shows what the one before did not, the guided place of that one serves.
+same strokes from their new places, as sharply as if it were painted from scratch, without guides,
+seeds and chunks. Where a frame shows what the one before did not, the guided place of that one
+serves.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Transfer to a video: seeds are carried from frame to frame, so that strokes do not swim.
+"""Transfer to a video: seeds are carried from frame to frame, so that strokes are stable.
 
 Chunks lie in an anchor plane. For a photo that is the picture itself; in a video the plane is
 carried along by optical flow (`motion`): a pixel gets the anchor of the place it came from. Where
-the flow can't be trusted, or the plane is torn, it starts anew. Landmarks and the masks of person
+the flow can't be trusted, or the plane is torn, it is restarted. Landmarks and the masks of person
 and hair are carried, too, and corrected slowly by those that are found every few frames: their
 jitter is larger than what a frame's flow is off.
 
@@ -44,9 +44,9 @@ DETECT = 4
 SEGMENT = 8
 """And person and hair segmented."""
 PAINT = 3
-"""Frames are painted anew every so manieth time, and onward between."""
+"""Every Nth frame is painted from scratch; those between are carried onward."""
 KEPT = 0.85
-"""Share of carried anchors below which a frame is painted anew in any case."""
+"""Share of carried anchors below which a frame is always painted from scratch."""
 MOST_PAINTERS = 4
 """More frames are not painted at a time: one thread can't follow the motion faster."""
 FRESH_MASKS = 0.5
@@ -79,7 +79,7 @@ class _Followed:
     """Person and, if it is known, hair on blocks, [h, w, 1 or 2]."""
     motion: Motion | None
     kept: NDArray[np.bool_] | None
-    """Blocks whose anchors were carried; None where the frame is to be painted anew."""
+    """Blocks whose anchors were carried; None if the frame is to be painted from scratch."""
 
     @property
     def regions(self) -> Regions:
@@ -103,7 +103,7 @@ class VideoTransfer:
         Landmarks are detected, person and hair segmented, in every so manieth frame; between they
         are carried.
     paint
-        Every so manieth frame is painted anew; between the strokes are carried, too.
+        Paint every Nth frame from scratch; between these, strokes are carried, too.
 
     Attributes
     ----------
@@ -207,7 +207,7 @@ class VideoTransfer:
         return _Followed(frame, points, anchor, masks, motion, kept)
 
     def _painting(self, step: _Followed, before: TransferResult | None) -> TransferResult:
-        """A frame painted anew, or onward from the one before."""
+        """A frame painted from scratch, or onward from the one before."""
         if step.kept is None or step.motion is None or before is None:
             return self.prepared.apply(step.frame, step.points, regions=step.regions,
                                        seeds_anchor=step.anchor if self.carry else None)
@@ -289,7 +289,7 @@ class VideoTransfer:
         return out, kept
 
     def _continued(self, anchor: Float32, motion: Motion) -> tuple[complex, complex]:
-        """The similarity (a, b), z -> a z + b, that continues a carried plane where it is anew.
+        """The similarity (a, b), z -> a z + b, that continues a carried plane at restarts.
 
         That of the person: new parts then join the old ones. A new plane in the picture where the
         person has become much larger or smaller.
@@ -327,7 +327,7 @@ class VideoTransfer:
 
 
 def _runs(steps: Iterator[_Followed]) -> Iterator[list[_Followed]]:
-    """Each frame that is painted anew, with those that go on from it."""
+    """Each frame that is painted from scratch, with those carried onward from it."""
     run: list[_Followed] = []
     try:
         for step in steps:
@@ -352,7 +352,7 @@ def _bytes_of(image: Float32) -> NDArray[np.uint8]:
 def _taken_up(masks: Float32, fresh: Float32, share: Float32) -> Float32:
     """Masks [h, w, 1 or 2] a ``share`` [h, w, 1] of the way to those found now.
 
-    Hair that is not found now stays: what told it by its colour looks at first frames alone.
+    Hair that is not found now stays: segmentation by colour runs on first frames only.
     """
     both = min(masks.shape[-1], fresh.shape[-1])
     mixed = masks[..., :both] + share * (fresh[..., :both] - masks[..., :both])
@@ -364,7 +364,7 @@ def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int, first: bo
     """Masks of the person and, if it is known, the hair on blocks of a frame, [h, w, 1 or 2].
 
     The networks see less than that: nothing is gained by showing them the whole frame. Only in a
-    ``first`` frame hair is told by its colour where the network fails.
+    ``first`` frame, hair is segmented by colour where the network fails.
     """
     small = np.asarray(Image.fromarray(frame).reduce(side))
     regions = find_regions(small, points / side, size=256, by_colour=first)

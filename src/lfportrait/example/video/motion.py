@@ -1,4 +1,4 @@
-"""How one frame of a video came from the one before: a coarse optical flow, there and back.
+"""Motion between video frames: coarse optical flow, forward and backward.
 
 The flow is OpenCV's DIS on a picture of half the size: chunks and masks that are carried along want
 a smooth flow of the whole, and it costs a fifth. Where the two directions disagree it can't be

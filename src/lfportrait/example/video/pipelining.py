@@ -1,4 +1,4 @@
-"""Steps of a chain that work at the same time, each on its own thread, a few items ahead."""
+"""Pipeline of steps, each on its own thread, a few items ahead."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The back of a head that no photo shows: closed, and coloured like what lies around it.
+"""Close the back of a head that no photo shows, with the surrounding colours.
 
 Photos taken in an arc before a person leave the head open behind: thin, ragged, and who looks from
 there sees the face from inside. The surface is read off along rays towards an axis in the middle

@@ -1,4 +1,4 @@
-"""Where a head is open behind, and the field in which it is not."""
+"""Find where a head is open behind, and close it in the field."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
     distance, colors = read_surface(field, chart, cut)
     photos = Photos(field, capture)
     known = np.isfinite(distance)
-    # Outlines, seen along the surface, tell where it is; but nobody sees a face from inside.
+    # Outlines, seen along the surface, locate it; but no photo sees a face from inside.
     known[known] = photos.seen(chart.points(distance)[known], chart.rays[known], INSIDE) > 1
     known &= coherent(chart, np.where(known, distance, np.nan))
     # Crumbs in the gap are none of the surface around it.

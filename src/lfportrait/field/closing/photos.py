@@ -1,4 +1,4 @@
-"""What photos see of a field, and what they see past."""
+"""Visibility of a field in the photos: surfaces seen, and free space."""
 
 from __future__ import annotations
 

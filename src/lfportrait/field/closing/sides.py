@@ -75,7 +75,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
     if not known.any():
         return field, None
     known = ~large_pieces(~known, np.ones(known.shape), LEAST * known.size)
-    # At the outlines photos look along the surface: each tells it badly, all together well.
+    # At the outlines photos look along the surface: each locates it badly, all together well.
     rim = ~known & finite & (np.abs(np.where(finite, distance, 0) - surface.distance)
                              < APART / chart.scale)
     rim[rim] = photos.seen(chart.points(distance)[rim]) > 0

@@ -1,4 +1,4 @@
-"""Where in space matter may be, found from photos before any training: hulls, depth, solids.
+"""Geometry from photos before training: hulls, depth, solids.
 
 `hull` carves by mattes, `sweep` finds depth maps, `fused_depth` and `cutout` make a solid of them
 and mattes of that; `exposure` compares the photos' brightness; `start` makes the first lattice.

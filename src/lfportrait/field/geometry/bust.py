@@ -1,10 +1,10 @@
 """A generic bust: the size and shape that heads, necks and shoulders usually have.
 
-Where no photo shows a side of a head, proportions tell more than nothing. The bust is a stack of
-superellipses, one a height, with an ellipsoid above the brows, in the portrait frame, whose unit is
-1.8 times the height from the eyes to the chin (about 0.21 m). The sizes are those of an average
-adult (head 0.155 m wide, 0.197 m long; neck 0.38 m around; shoulders 0.48 m). It is only ever
-scaled, place by place, to what the photos show.
+Where no photo shows a side of a head, usual proportions are better than nothing. The bust is a
+stack of superellipses, one a height, with an ellipsoid above the brows, in the portrait frame,
+whose unit is 1.8 times the height from the eyes to the chin (about 0.21 m). The sizes are those of
+an average adult (head 0.155 m wide, 0.197 m long; neck 0.38 m around; shoulders 0.48 m). It is only
+ever scaled, place by place, to what the photos show.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Mattes from geometry: the object at the origin cut out of every photo alike.
+"""Mattes from geometry: cut out the object at the origin consistently in all photos.
 
-Where a network's mattes contradict each other, the photos themselves tell what the object is: a
-solid from the depth of the training photos (`fused_depth`) is outlined in every photo,
-and each outline is laid along that photo's own edges. Held-out photos are cut in the same way; no
-depth is taken from them, and no field is asked. Where the mattes agree, the same solid tells what
-in them lies far from the person.
+Where a network's mattes contradict each other, the photos themselves define the object: a solid
+from the depth of the training photos (`fused_depth`) is outlined in every photo, and each outline
+is laid along that photo's own edges. Held-out photos are cut in the same way; no depth is taken
+from them, and no field is asked. Where the mattes agree, the same solid shows what in them lies far
+from the person.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _listed(names: list[str]) -> str:
 
 def trim(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
          progress: Progress | None = None) -> list[Plane]:
-    """Take from good mattes what the depth of the photos tells is far from the object.
+    """Remove from good mattes what is far from the object by the photos' depth.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""How bright each photo is beside the others: gains from what several photos show of one surface.
+"""Exposure gains of photos, from surfaces that several photos show.
 
-A phone meters every photo anew. Colours of points that a plane sweep found are compared between
-neighbouring photos; the medians of their log ratios, pair by pair, are solved for one gain a photo
-and channel (least squares, mean zero). A gain in linear light is one in sRGB's power law, too.
-Photos with mattes are compared with a field that was trained roughly instead.
+A phone meters every photo separately. Colours of points that a plane sweep found are compared
+between neighbouring photos; the medians of their log ratios, pair by pair, are solved for one gain
+a photo and channel (least squares, mean zero). A gain in linear light is one in sRGB's power law,
+too. Photos with mattes are compared with a field that was trained roughly instead.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
                 ratios.append(ratio)
     gains = np.zeros((len(maps), 3))
     if rows:
-        # A weak pull to one settles what no pair tells.
+        # A weak prior towards one determines gains without pairs.
         matrix = np.concatenate([np.array(rows), 0.01 * np.eye(len(maps))])
         gains = np.linalg.lstsq(matrix, np.concatenate([np.array(ratios), gains]), rcond=None)[0]
         gains -= gains.mean(axis=0)
@@ -111,7 +111,7 @@ def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
     -------
     gains
         float64 [V, 3]: photo = gain * colour of the field; None for photos exposed alike, and for
-        a field that is too rough to tell: one whose brightness is off by more from part to part of
+        a field that is too inaccurate: one whose brightness is off by more from part to part of
         a photo than from photo to photo.
     """
     assert capture.alphas is not None

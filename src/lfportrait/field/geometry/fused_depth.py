@@ -1,4 +1,4 @@
-"""The object that the cameras look at, as a solid, from the depth that a plane sweep finds.
+"""A solid of the central object from plane-sweep depth maps.
 
 Depth maps are fused to signed distances on a lattice (Curless and Levoy 1996). The planes that the
 object stands on or before - a table, a wall - have the object and all cameras on one side and
@@ -31,7 +31,7 @@ _SIZE, _THICK = 144, 3.0
 _FOCUS = 0.6  # radius about the origin in which the object is looked for
 _PERSON = 0.4  # share of the votes below which what stands at the origin is no person
 _DOUBT = 0.25  # share of the object's usual vote below which a surface is something else's
-_HIDDEN = 0.85  # and above which what no depth tells is inside
+_HIDDEN = 0.85  # and above which a point without depth is inside
 
 Float = NDArray[np.float32]
 Points = NDArray[np.float64]
@@ -185,8 +185,8 @@ def find_solid(maps: list[DepthMap], mattes: list[Float]) -> Solid | None:
         before = np.minimum(before, a * x + b * y + c * z - offset)
     ahead = before > 1.5 * spacing
     own = shell & ahead & (vote >= _DOUBT * usual)
-    # No depth tells what is hidden inside; nor does it where a surface is bare. There the mattes
-    # vote as for a visual hull: the views before which the point lies in the person's place.
+    # Depth gives nothing hidden inside, nor on textureless surfaces. There the mattes vote as for a
+    # visual hull: the views before which the point lies in the person's place.
     share = _hull_share(maps, mattes)
     hidden = ~known & ahead & (share >= _HIDDEN * np.median(share[shell & (radius < 1.0)]))
     parts, _ = ndimage.label(own | hidden)

@@ -47,7 +47,7 @@ CLEARANCE, GRAZING = 0.06, 0.04
 """Matter may lie this far before the surface, in portrait units: 12 mm where photos see it well, 8
 mm where they look along it or do not see it."""
 _RIM = 0.3
-"""Cosine from which on photos tell a surface better than the hull that touches it."""
+"""Cosine from which on photos locate a surface better than the hull that touches it."""
 _TAPER = 1.012
 """Most growth of a lower face from one row to the row below."""
 _TOLD = 0.5
@@ -73,7 +73,7 @@ class HeadSurface:
     distance
         float64 [V, U], of the surface from the chart's axis, world units.
     trust
-        float64 [V, U] in [0, 1], how well the photos tell it.
+        float64 [V, U] in [0, 1], confidence of the photos in it.
     facing
         float64 [V, U], cosine between the normal and the way to the cameras, that of the photo
         after the fifth of the photos that see it best.
@@ -141,7 +141,7 @@ def find_surface(capture: Capture) -> HeadSurface:
     for part, steps, window, stiff in _SWEEPS:
         reach = part / chart.scale
         offset, trust = photos.sweep(chart, distance, limit, reach, steps, window)
-        # Outlines tell where the surface is at its rims.
+        # At the rims, outlines give the surface's position.
         along = 1.5 * np.clip(1.0 - _facing(chart, distance, cameras) / _RIM, 0, 1)
         along = np.where(rim & (along > trust), along, 0.0)
         offset = np.where(along > 0, np.where(rim, limit, 0.0) - distance, offset)

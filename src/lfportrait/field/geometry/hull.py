@@ -1,4 +1,4 @@
-"""Where a field may have matter at all: the visual hull of the mattes."""
+"""The visual hull of the mattes: where a field can have density."""
 
 from __future__ import annotations
 

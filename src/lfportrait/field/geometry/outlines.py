@@ -1,4 +1,4 @@
-"""Mattes laid anew by the field: what all photos agree on, along each photo's own edges.
+"""Recompute mattes from the field: the outline all photos agree on, along each photo's edges.
 
 A matte that a network or a rough solid gave errs here and there by a few pixels, each photo at
 other places. A field that is trained roughly has already weighed all of them: rendered into a

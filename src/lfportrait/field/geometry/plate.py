@@ -1,4 +1,4 @@
-"""Values of a chart continued where they are not known; columns go around, rows do not."""
+"""Extrapolate a chart's unknown values; columns are periodic, rows are not."""
 
 from __future__ import annotations
 

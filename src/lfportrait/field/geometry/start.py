@@ -1,4 +1,4 @@
-"""What a reconstruction starts from: the visual hull of the mattes, or a room's surfaces."""
+"""Initialise a reconstruction: from the visual hull of the mattes, or a room's surfaces."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Surface sweeps: where along a chart's rays all photos agree best.
 
 The surface is moved outwards and inwards step by step, the photos are looked up at each place, and
-their normalised cross-correlation with their mean, as a likelihood, tells where they agree: a plane
+their normalised cross-correlation with their mean, as a likelihood, shows where they agree: a plane
 sweep (Collins 1996) along a surface instead of along planes.
 """
 
@@ -85,7 +85,7 @@ class SurfaceSweep:
         Returns
         -------
         offset, trust
-            float64 [V, U] each: outwards from the surface, and in [0, 1] how far the photos tell.
+            float64 [V, U] each: outwards from the surface, and the photos' confidence in [0, 1].
         """
         weights = []
         for cosine in cosines_of(chart, distance, self.cameras):
@@ -105,7 +105,8 @@ class SurfaceSweep:
         bend = np.minimum(below + above - 2 * top, -1e-6)
         shift = np.clip(0.5 * (below - above) / bend, -0.5, 0.5)
         offset = (inner + shift - (steps - 1) / 2) * (offsets[1] - offsets[0])
-        # What agrees as well elsewhere, or at the end of the reach, is not told by the photos.
+        # If the photos agree as well elsewhere, or at the end of the range, they do not determine
+        # it.
         spread = top - np.median(scores, axis=0)
         sure = (best == inner) & (top > 1.0)
         trust = np.where(sure, np.clip(spread / 1.5, 0, 1) * texture / (texture + 1.5e-5), 0.0)

@@ -1,4 +1,4 @@
-"""Where a room's surfaces are, roughly: depth maps by plane sweep, fused on a lattice.
+"""Approximate surfaces of a room: depth maps by plane sweep, fused on a lattice.
 
 Photos without mattes have no visual hull to start from, and a field that starts as even haze
 settles into haze. So small copies of the photos are matched first (Collins 1996; plane sweep with

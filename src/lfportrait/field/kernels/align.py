@@ -1,4 +1,4 @@
-"""The equations that tell how a camera must move for a rendering to become a photo."""
+"""Normal equations of the camera motion that aligns a rendering with a photo."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The layout that rays are cast through: a coarse table of bricks over compact rows.
+"""The layout for ray casting: a coarse table of bricks over compact rows.
 
 The lattice is cut into bricks of 4x4x4 cells. An occupied brick owns copies of its 5x5x5 lattice
 points (one shared layer, so that every cell finds its eight corners in one brick, padded to 128):

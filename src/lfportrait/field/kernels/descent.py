@@ -1,4 +1,4 @@
-"""One step down the gradient on the rows that rays touched, and total variation on runs of rows.
+"""One gradient step on the rows that rays touched, and total variation on runs of rows.
 
 Colour is linear in its coefficients, so that a step need not be guessed. As in SART, the
 simultaneous algebraic reconstruction technique (Andersen & Kak 1984), a lattice point takes up the

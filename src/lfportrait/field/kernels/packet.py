@@ -1,4 +1,4 @@
-"""What a packet of training rays has at hand: a small copy of the lattice about it.
+"""The local copy of the lattice that a packet of training rays works on.
 
 Sixteen rays of neighbouring pixels meet a few dozen bricks and a few hundred lattice points, again
 and again: eight corners a sample, twice as many samples as cells. So every brick that a packet
@@ -72,7 +72,7 @@ def make_pad(workers: int, table: NDArray[np.int32], bricks: int) -> tuple[NDArr
 
 @dataclass
 class Records:
-    """What packets tell the lattice, sorted by who takes it up.
+    """Gradients that packets pass to the lattice, sorted by the thread that adds them.
 
     Attributes
     ----------

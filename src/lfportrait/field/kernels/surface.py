@@ -1,8 +1,9 @@
 """The outer surface of a field: how much matter lies before a point, and the colour seen there.
 
 `depth_from_outside` walks through the lattice along directions whose steps lead from lattice point
-to lattice point (a neighbour's offset, diagonals included), so that nothing is interpolated. What
-is least over the directions tells outside from inside, whatever the field holds behind its surface.
+to lattice point (a neighbour's offset, diagonals included), so that nothing is interpolated. The
+minimum over the directions separates outside from inside, whatever the field holds behind its
+surface.
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ def cell_charts(since, until, brick_links, charts, out):
 
 
 def make_texture_share(lanes: SimpleNamespace) -> Callable[..., Any]:
-    """The function that tells how much of the texture rays show that let so much light through.
+    """Make the function that gives the texture's share of a ray's colour, by its transmittance.
 
     All of it where they are nearly opaque. Where half the light passes there is no surface; up to
     there it fades, so that nothing begins with a step. Below that it is negative: take none.
@@ -211,7 +211,7 @@ def add_texture(table, cells, charts, texels, covered, lattice, camera, size, al
 def _slope(depth, pixel, step, before, after):
     """How the depth changes from pixel to pixel: the smaller way, to either side, or 0 unknown.
 
-    ``step`` leads to the neighbours, ``before`` and ``after`` tell how many there are.
+    ``step`` leads to the neighbours, ``before`` and ``after`` are their numbers.
     """
     here = depth[pixel]
     left = right = np.float32(np.nan)

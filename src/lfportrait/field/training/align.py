@@ -1,10 +1,10 @@
-"""Laying photos on a field's renderings of them, to find the cameras that would have taken them.
+"""Align photos with a field's renderings, to refine their cameras.
 
 Gauss-Newton on the photometric error (Lucas and Kanade 1981): the field knows the depth under each
 pixel, so that six numbers a view, a rotation and a translation, say how its pixels move. A pixel is
-about a voxel, and every step renders anew, so that what hides what is right at each pose. A photo
-of a thing with little relief hardly tells a turn from a shift; what it does not tell, a prior
-settles, which keeps the camera near where it was given.
+about a voxel, and every step renders again, so that occlusions are right at each pose. A photo of
+an object with little relief hardly distinguishes a rotation from a translation; there a prior keeps
+the camera near its given pose.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ _DEGREES, _SHARE = 0.5, 0.01
 """How far cameras may be off: standard deviations of the prior, in degrees and as a share of the
 distance. What would be four times as much is taken for a failure."""
 _CORRELATED = 500.0
-"""A field is wrong in patches and by view: so many pixels tell as much as one with noise alone."""
+"""A field's errors are correlated within patches and views: so many pixels count as one independent
+sample."""
 _FEW = 200
 _LARGEST = 200
 """Pixels on a picture's longer side at most."""

@@ -1,4 +1,4 @@
-"""The mean of the last states of a training, which is better than any of them.
+"""Average the last states of a training (Polyak averaging).
 
 Steps follow the errors of a few thousand rays, so that densities and colours wander about what all
 rays together ask for. Their mean over the last part of the training does not (Polyak and Juditsky

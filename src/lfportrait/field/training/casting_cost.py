@@ -1,4 +1,4 @@
-"""What casting rays costs: the kernels alone, on the rays of a finished reconstruction."""
+"""Time of the ray casting kernels alone, on the rays of a finished reconstruction."""
 
 from __future__ import annotations
 

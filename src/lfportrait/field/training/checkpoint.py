@@ -1,4 +1,4 @@
-"""The state of a reconstruction on the disk, so that it goes on where it was stopped."""
+"""Checkpoints of a reconstruction, to resume it."""
 
 from __future__ import annotations
 

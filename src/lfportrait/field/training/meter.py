@@ -1,4 +1,4 @@
-"""What a reconstruction has reached, against seconds and rays: its curves."""
+"""Training curves of a reconstruction, over seconds and rays."""
 
 from __future__ import annotations
 

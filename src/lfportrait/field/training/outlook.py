@@ -1,4 +1,4 @@
-"""What the rest of a training will take, told once its first level is done."""
+"""Forecast of a training's time and memory, reported after its first level."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _GROWTH = 2.55
 """Lattice points grow with the resolution to this power: more than a surface, whose shell gets as
 thin as its voxels only in the end. Measured: 2.2 to 2.8."""
 _BYTES, _BYTES_LAID = 460, 590
-"""Memory a lattice point, while mattes are given and where they are laid anew."""
+"""Memory per lattice point, with given mattes and with recomputed ones."""
 
 
 def outlook(config: ReconstructConfig, seconds: float, count: int, laid: bool, used: int) -> str:
@@ -25,7 +25,7 @@ def outlook(config: ReconstructConfig, seconds: float, count: int, laid: bool, u
     seconds, count
         Time of the first level, and its lattice points.
     laid
-        Whether mattes are laid anew.
+        Whether mattes are recomputed.
     used
         Most memory used so far, in bytes.
     """

@@ -1,4 +1,4 @@
-"""The pixels that a reconstruction learns from."""
+"""The training pixels of a reconstruction."""
 
 from __future__ import annotations
 

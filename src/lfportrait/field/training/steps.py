@@ -1,4 +1,4 @@
-"""How far one step of training goes: learning rates, colour gains, total variation (Eq. 3)."""
+"""Step sizes of the training: learning rates, colour gains, total variation (Eq. 3)."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ class Trainer:
         self.test_gains = np.ones((len(capture.testing()), 3))
         self.lays_mattes = capture.alphas is not None and config.refines_mattes(
             capture.figures.get("mattes"))
-        # Mattes laid anew, deflated, as a checkpoint keeps them.
+        # Recomputed mattes, deflated, as a checkpoint stores them.
         self.laid: NDArray[np.uint8] | None = None
         self.poses = PoseRefiner(capture, self.views) if config.refine_poses else None
         self.key = key_of("field.reconstruction", config, len(self.views),
@@ -141,7 +141,7 @@ class Trainer:
             else:
                 self._refine(resolution)
             assert self.lattice is not None
-            # What the optimiser remembers of each point: it begins anew.
+            # Reset the optimiser's state of each point.
             self.lattice.rows[:, -2:] = 0.0
         error = self._train()
         assert self.lattice is not None
@@ -245,7 +245,7 @@ class Trainer:
                 self.test_gains = found
 
     def options(self) -> NDArray[np.float64]:
-        """What the kernel is told: step, least density and so on."""
+        """Options of the kernel: step, least density and so on."""
         assert self.lattice is not None
         config = self.config
         # A density that takes less than this of the light in a step is left alone: it teaches
@@ -388,7 +388,7 @@ class Trainer:
         return float(self.recent[0] / max(self.recent[1], 1.0))
 
     def _tell(self, done: float) -> None:
-        """Tell the progress line and the meter how far the reconstruction is."""
+        """Report the progress to the progress line and the meter."""
         assert self.lattice is not None
         resolution = self.config.resolutions[self.level]
         error = float(self.recent[0] / max(self.recent[1], 1.0))

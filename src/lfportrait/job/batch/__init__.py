@@ -2,7 +2,7 @@
 
 `jobs_file` reads what is wanted, `plan` draws the graph of stages that share work, `state` knows
 how far it is, `driver` gives the tasks out, `runners` and `ray_runner` are where they run, `work`
-does one; `journal`, `table` and `index` tell of it.
+does one; `journal`, `table` and `index` report it.
 """
 
 from .driver import BatchConfig, batch, prepare_batch

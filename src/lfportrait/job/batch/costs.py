@@ -1,4 +1,4 @@
-"""What a task takes: cores, memory, time and disk, before it has been run.
+"""Estimate a task's cores, memory, time and disk space.
 
 The figures of `STAGES` were measured (`docs/scale.md`); the tasks of a batch that are done correct
 them: what a stage took there, its next tasks are taken to need.

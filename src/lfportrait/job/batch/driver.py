@@ -1,4 +1,4 @@
-"""A batch: the plan drawn, its tasks given out as what they need is done, the results told.
+"""Run a batch: plan it, start tasks when their inputs are done, report the results.
 
 There is no schedule but the graph. Of the tasks whose needs are done the first of the plan goes
 first; the plan has sitter after sitter, so that portraits are finished one by one and not all at
@@ -106,7 +106,7 @@ def _ask_for_networks(found: Batch, offline: bool, quiet: bool) -> None:
             photos, keep = Path(task.source), task.config.keep_background
             try:
                 networks_of(photos, None, keep)
-            except UserError:  # a file of this sitter's is damaged: the task will tell
+            except UserError:  # a file of this sitter is damaged: the task will report it
                 continue
             get_networks(photos, None, keep, offline=offline, quiet=quiet)
 
@@ -280,7 +280,7 @@ class _Run:
                 "ran": dict(self.ran), "failed": found.failures(), "jobs": found.jobs_table()}
 
     def _write(self, figures: dict[str, Any]) -> None:
-        """``results.json`` and ``index.html``; a full disk is told and no more."""
+        """``results.json`` and ``index.html``; a full disk is only reported."""
         try:
             write_json(self.batch.results / "results.json", figures)
             with atomic_write(self.batch.results / "index.html") as stream:

@@ -1,4 +1,4 @@
-"""Hashes of photos, kept by the files' sizes and times: a batch that goes on need not read them."""
+"""Hashes of photos, cached by file size and time, so that resuming is fast."""
 
 from __future__ import annotations
 

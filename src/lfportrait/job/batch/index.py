@@ -1,4 +1,4 @@
-"""``index.html``: all portraits of a batch on one page, what failed and why.
+"""``index.html`` of a batch: all portraits, failures and their causes.
 
 The pictures are small files beside it, so that a page of thousands stays light; the folder can be
 copied or served as it is, and nothing is loaded from elsewhere.

@@ -1,4 +1,4 @@
-"""The file that says what is wanted: sitters, styles, displays, and what differs from the defaults.
+"""The jobs file: sitters, styles, displays, and parameters other than the defaults.
 
 ::
 
@@ -177,7 +177,7 @@ class _Reader:
         return jobs
 
     def _try(self, jobs: Jobs) -> None:
-        """Lay all tables over the defaults once, so that what is wrong is told now."""
+        """Apply all tables to the defaults once, so that errors are reported now."""
         for kind, things in (("style", jobs.styles), ("display", jobs.panels),
                              ("sitter", jobs.sitters)):
             for name, thing in things.items():

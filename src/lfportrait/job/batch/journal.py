@@ -1,4 +1,4 @@
-"""What happens in a batch, as events: told to whoever watches, and kept in the results' folder.
+"""Events of a batch: sent to watchers, and kept in the results' folder.
 
 The same objects are the lines of ``--json-lines``, the rows of the table and the lines of
 ``.batch/journal.jsonl``, from which ``lfportrait batch status`` reads what runs and what failed.
@@ -28,7 +28,7 @@ Watcher = Callable[[Event], None]
 
 
 class Journal:
-    """Tells events to watchers and keeps them in a file.
+    """Sends events to watchers and keeps them in a file.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Journal:
         entry: Event = {"event": event, "time": round(time.time(), 3), **facts}
         for watcher in self._watchers:
             watcher(entry)
-        # A full disk must not end a batch that can still tell what it could not write.
+        # A full disk must not end a batch that can still report what it could not write.
         with suppress(OSError, ValueError):
             if self._stream is not None:
                 self._stream.write(json.dumps(entry) + "\n")

@@ -1,4 +1,4 @@
-"""Tasks on a Ray cluster: the same graph, given out to the cores of many machines.
+"""Run the tasks of a batch on a Ray cluster.
 
 Ray places tasks by the cores and the memory that they declare, and gives them out again where a
 process or a machine dies. Files are not its business: all machines see the results and the photos

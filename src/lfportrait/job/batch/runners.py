@@ -1,4 +1,4 @@
-"""Where tasks run: what a batch asks of a runner, and the one on this machine.
+"""Runners of tasks: the interface, and the local one.
 
 Processes stay: each imports the package and reads the kernels once and then does task after task.
 One that dies (killed, out of memory) breaks nothing but its own task: it is replaced, and the task
@@ -60,7 +60,7 @@ class _Died(Exception):
 
 
 class _Worker:
-    """A process that does one task at a time, told and telling through its pipes."""
+    """A process that does one task at a time and communicates through its pipes."""
 
     def __init__(self, settings: dict[str, str], log: Path) -> None:
         self._settings, self._log = settings, log

@@ -1,4 +1,4 @@
-"""A worker of this machine: a process that is given task after task through its pipes.
+"""A local worker process, which gets tasks through its pipes.
 
 Pickled tasks come on standard input, pickled outcomes go to standard output; only a batch's own
 processes talk this way. When the batch is gone, standard input ends, and so does the worker,

@@ -1,7 +1,7 @@
-"""Tables of a TOML file laid over data classes of parameters.
+"""Apply tables of a TOML file to parameter classes.
 
 A table's entries take the place of the fields of the same names, tables in it those of the nested
-data classes. What has no such name or no such type is told in one line, with the place in the file.
+data classes. Unknown names and wrong types are reported on one line, with the place in the file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How far a batch is: its plan, what of it is done, what failed, and what the user sees of that."""
+"""State of a batch: its plan, finished and failed tasks, and its summary for the user."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class Batch:
 
 
 def dry_figures(found: Batch) -> dict[str, Any]:
-    """What ``--dry-run`` tells: the summary, the graph, and the space there is."""
+    """Figures of ``--dry-run``: the summary, the graph, and the free space."""
     left = {task.name for task in found.plan.to_do(found.done)}
     return {**found.summary(), "free_disk_bytes": free_disk_bytes(found.results),
             "graph": [{"task": task.name, "stage": task.stage, "needs": list(task.needs),

@@ -1,4 +1,4 @@
-"""A batch told to people and machines: a table in the terminal, lines of JSON, status."""
+"""Report a batch: a table in the terminal, lines of JSON, status."""
 
 from __future__ import annotations
 

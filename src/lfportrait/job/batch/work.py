@@ -1,4 +1,4 @@
-"""A task done, in whatever process: its stage's files from the files of the stages before.
+"""Do one task in any process: its stage's files from the files of the stages before.
 
 Nothing but the task and the folder of the results is known here. A task that is done from the same
 inputs is not done again, so one that is given out twice, because word of it was lost, is no harm.
@@ -65,7 +65,7 @@ def do_task(task: Task, results: Path) -> Outcome:
     Returns
     -------
     outcome
-        Failures of any kind are told in it; none is raised.
+        Failures of any kind are stored in it; none is raised.
     """
     worker = f"{socket.gethostname()}:{os.getpid()}"
     before = finished(task, results)
@@ -89,7 +89,7 @@ def do_task(task: Task, results: Path) -> Outcome:
 
 
 def _done(task: Task, results: Path) -> dict[str, Any]:
-    """Do the stage's work, and what it told, cost and wrote."""
+    """Do the stage's work; its figures, notes, cost and bytes written."""
     folder = StageFolder(results / task.folder)
 
     def work() -> dict[str, Any]:

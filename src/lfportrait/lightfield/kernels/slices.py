@@ -173,7 +173,7 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
     encode
         ``encode(table, links, density, rows, blocks, cells, charts, texels, lattice, matrix, axes,
         mask, fixed, eyes, panel, stride, threshold, stop, background, workers, out)``: as
-        `encode_kernel` has it, but ``blocks`` uint64 [BZ, BY] tells which columns of ``table``
+        `encode_kernel` has it, but ``blocks`` uint64 [BZ, BY] marks which columns of ``table``
         have bricks (`Bricks`), ``matrix`` float64 [3, 4] takes the display frame to lattice
         coordinates (only its second row may depend on y, and that on nothing else),
         ``axes`` float64 [2, 3] the display's x and z axes in the field's world, ``stride`` is the

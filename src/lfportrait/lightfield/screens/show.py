@@ -1,4 +1,4 @@
-"""Coded pictures on an attached panel: full screen, unscaled, and checked to be so.
+"""Show coded pictures full screen on an attached panel, and check that they are unscaled.
 
 Under the lenses every sub-pixel has its own view, so a picture that anything on its way scales,
 even by a pixel, is noise. The screen must have exactly the panel's pixels, the window too, and the
@@ -50,7 +50,7 @@ class PygameDriver:
     """Windows by pygame."""
 
     def __init__(self) -> None:
-        # Without these the system would tell points instead of pixels, or hide the window as soon
+        # Without these the system would report points instead of pixels, or hide the window as soon
         # as the viewer clicks on another screen.
         os.environ.setdefault("SDL_WINDOWS_DPI_AWARENESS", "permonitorv2")
         os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")

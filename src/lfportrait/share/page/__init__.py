@@ -2,8 +2,8 @@
 
 `write_page` writes it: `colors` says which colours can be shown, `packing` makes a few megabytes of
 the field, `budget` keeps to the size that is asked for, `poster` is the picture that shows at once,
-`assembly` joins all with the page's script in `web/`; `serving` shows it in a browser. What the
-page does is told in docs/portrait-page.md.
+`assembly` joins all with the page's script in `web/`; `serving` shows it in a browser. See
+docs/portrait-page.md for what the page does.
 """
 
 from .assembly import page_script, write_page

@@ -1,4 +1,4 @@
-"""The finest packing of a field that keeps within a number of bytes."""
+"""The finest packing of a field within a number of bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be chosen about a page."""
+"""Parameters of a page."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ set S, band B
 charts
     Where the field has a texture (`texels`): one byte a row, the chart that shows its place.
 
-Densities and colours are stored as what their neighbours do not tell (`kernels.residuals`).
+Densities and colours are stored as residuals of their neighbours' prediction (`kernels.residuals`).
 Lattice points that are not kept have density 0 and the colour 0.5, as in the renderer.
 """
 
@@ -44,7 +44,7 @@ takes less is seen less, and may be rounded more."""
 _LOOSEST = 24
 """Largest tolerance, in 255ths, for what is hardly seen."""
 _OPAQUE = 9.0
-"""Optical depth of a voxel that lets 1/8000 of the light through: more than that is not told."""
+"""Optical depth of a voxel that lets 1/8000 of the light through: larger values are clipped."""
 _HOLLOW = 0.3
 """Nor is an optical depth below minus this: what the trained floor of densities is, at most."""
 
@@ -180,7 +180,7 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
             levels = np.clip((values - low) / (high - low), 0.0, 1.0) * 255.0 + 0.5
             streams[f"set{number}.{band}"], back = code_values(
                 filled, levels.astype(np.uint8), slack)
-            # Colours are told as they are shown, coefficients as they are.
+            # Colours are stored as they are shown, coefficients as they are.
             scale, shift = (C0, 0.5) if band == 0 else (1.0, 0.0)
             bands.append({"low": low * scale + shift, "high": high * scale + shift})
             read[:, (1, 0, 2), band] = back / np.float32(255.0) * (high - low) + low
@@ -202,7 +202,7 @@ def _density_codes(density: NDArray[np.float32], top: float, hollow: float,
 
 def _range(values: NDArray[np.float32], taken: NDArray[np.float32], band: int,
            ) -> tuple[float, float]:
-    """Least and greatest value that is told: all of a painting's, nearly all of a photo's.
+    """Range of the stored values: all of a painting's, nearly all of a photo's.
 
     Rows of thin air have wild colours that nobody sees; they would make the steps coarse.
     """

@@ -1,4 +1,4 @@
-"""The picture that a page shows at once: the front view, framed as the live one begins."""
+"""The poster that a page shows at first: the front view, framed like the live one."""
 
 from __future__ import annotations
 

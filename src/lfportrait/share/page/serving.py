@@ -14,7 +14,7 @@ __all__ = ["serve_page"]
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers with one file, whatever is asked for, and tells nobody about it."""
+    """Answers every request with one file, without logging."""
 
     def __init__(self, page: Path, *arguments: object) -> None:
         self.page = page

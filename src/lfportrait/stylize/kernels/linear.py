@@ -1,4 +1,4 @@
-"""Colours seen and taught: products with a view's sparse weights, steps of Adam."""
+"""Products with a view's sparse weights, and steps of Adam."""
 
 from __future__ import annotations
 

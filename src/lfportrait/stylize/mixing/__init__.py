@@ -1,4 +1,4 @@
-"""Styles turned up and down, and changed in places, without training.
+"""Change the strength and style of a stylised field, also per region, without training.
 
 `styled_field` holds the colours of the photo and of the paintings and mixes them, `tones` are
 the curves and colour differences of a mix, `options` its command line.

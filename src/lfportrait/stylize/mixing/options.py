@@ -1,4 +1,4 @@
-"""What a mix of colours is asked for: options as they are typed, and as they are carried out."""
+"""Options of a colour mix: parsed, and resolved for a field."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stylised fields whose style is turned up and down, and changed in places, without training.
+"""Stylised fields whose strength and style can be changed, also per region, without training.
 
 Density is the same for the photo and for every painting: only the colour of each lattice row
 differs. So a field can carry the photo's colours and those of one or more paintings, and what is

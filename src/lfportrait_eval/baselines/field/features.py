@@ -1,4 +1,4 @@
-"""What the methods ask of feature networks."""
+"""Feature networks as the methods use them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a method is shown: photos of the capture, cropped to the head, and the field behind them.
+"""Training views of a method: photos of the capture, cropped to the head.
 
 The paper's method and the skin look at renders on arcs; the methods here were published with the
 photos that a field was trained on. A photo is laid on the background by the field's own opacity:

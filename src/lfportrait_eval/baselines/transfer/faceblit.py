@@ -1,10 +1,10 @@
 """FaceBlit as published (Texler et al. 2021), for comparison: 8-bit guides, table, flood fill.
 
-Written anew from the publication and from what its program does, quirks that shape the picture
-included: the position guide is a gradient of 256 x 256 steps, the table searches a window of the
-exemplar, chunks grow from seeds in scan order, and the skin test of the mask punishes a chroma
-below the sample's alone. Two things differ: sizes need not be equal, and places that no chunk
-reaches keep the photo instead of arbitrary memory.
+Reimplemented from the publication and from the behaviour of its program, quirks that shape the
+picture included: the position guide is a gradient of 256 x 256 steps, the table searches a window
+of the exemplar, chunks grow from seeds in scan order, and the skin test of the mask punishes a
+chroma below the sample's alone. Two things differ: sizes need not be equal, and places that no
+chunk reaches keep the photo instead of arbitrary memory.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A network that learnt one style (Futschik et al. 2019), for comparison: slow to make, then quick.
+"""A network trained on one style (Futschik et al. 2019), for comparison: slow to train, then fast.
 
 A teacher (guided patch synthesis, or StyleBlit) paints many portraits in one style; a full-frame
 image-to-image network learns to turn the photos into the paintings (`unet`). Then a photo needs no
@@ -81,7 +81,7 @@ class StyleNetwork:
         return dict(self._trained.facts)
 
     def apply(self, image: NDArray[np.uint8], landmarks: NDArray[np.floating]) -> Painted:
-        """Stylise one photo; the landmarks only tell the size of the face.
+        """Stylise one photo; the landmarks only give the size of the face.
 
         Parameters
         ----------
@@ -165,7 +165,7 @@ def _reduced(exemplar: Exemplar, side: int) -> Exemplar:
 
 
 def _digest(exemplar: Exemplar) -> str:
-    """What tells one style from another."""
+    """A hash that identifies the style."""
     digest = hashlib.sha256(exemplar.image.tobytes())
     digest.update(np.round(exemplar.landmarks, 2).tobytes())
     return digest.hexdigest()

@@ -1,4 +1,4 @@
-"""What every published method of transfer hands back: the picture, its times, its intermediates."""
+"""Result of a published transfer method: picture, times, intermediates."""
 
 from __future__ import annotations
 

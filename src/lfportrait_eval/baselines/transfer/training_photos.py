@@ -1,4 +1,4 @@
-"""Photos to train a network of one style on: portraits, turned and enlarged a little."""
+"""Training photos for a style network: portraits with small rotations and zooms."""
 
 from __future__ import annotations
 

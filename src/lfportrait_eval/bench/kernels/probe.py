@@ -1,4 +1,4 @@
-"""What this machine can do: random lines of memory and multiply-adds a second, for floors."""
+"""Probe this machine: random memory lines and multiply-adds per second, for lower bounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Colours taught by steps of RMSProp."""
+"""RMSProp steps on colours."""
 
 from __future__ import annotations
 
