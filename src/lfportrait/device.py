@@ -8,7 +8,7 @@ __all__ = ["computing_device"]
 
 
 def computing_device(choice: str = "auto") -> str:
-    """The device that computes where the user made this choice.
+    """The device for the user's choice of ``--device``.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ __all__ = ["UserError"]
 
 
 class UserError(Exception):
-    """A mistake in the input: one line that says what is wrong and what to do about it.
+    """An error that the user can correct: one line that says what is wrong and what to do.
 
     The command line prints the message alone, on standard error, and exits with code 2. Any other
     exception is a fault of lfportrait's and exits with code 1. What a file holds may be quoted in

@@ -33,7 +33,7 @@ __all__ = [
 
 
 _ALIGNED = 64
-"""Mapped numbers begin at a multiple of so many bytes."""
+"""Alignment of mapped numbers in bytes."""
 _HEADER, _ZIP64 = 30, 20
 """Bytes of a member's header without its name, and of the field with 64-bit sizes."""
 _PADDING = 0xD935
@@ -101,7 +101,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
 
 def temporary_home() -> Path:
-    """A folder of this user's alone for what has no home to be kept in, in the temporary folder.
+    """A private temporary folder of this user, for files without a home folder.
 
     Its name is the same each time; where somebody else made a folder of that name, a new one is
     made, as what lies in it is run.
@@ -347,7 +347,7 @@ def write_mappable(stream: BinaryIO, arrays: dict[str, Any]) -> None:
 
 
 def map_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of an uncompressed ``.npz`` by name, mapped: what nobody looks at is not read.
+    """The arrays of an uncompressed ``.npz`` by name, memory-mapped: read only on access.
 
     What is written to them stays in memory.
 

@@ -34,7 +34,7 @@ State = Literal["good", "optional", "bad"]
 
 
 class Fact(NamedTuple):
-    """One thing that was looked at.
+    """One result of the check.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Fact(NamedTuple):
 
 
 def examine(folder: str | os.PathLike[str] = ".") -> list[Fact]:
-    """Look at this machine.
+    """Check this machine and the installation.
 
     Parameters
     ----------

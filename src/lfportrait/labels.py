@@ -63,7 +63,7 @@ def members(name: str, known: Sequence[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class RegionStyle:
-    """What one region gets.
+    """Style and strength of one region.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ def read_regions(words: Iterable[Iterable[str]]) -> dict[str, str]:
 
 
 def read_value(region: str, value: RegionValue, styles: Sequence[str] | None = None) -> RegionStyle:
-    """What a region gets.
+    """Parse a region's value.
 
     Parameters
     ----------

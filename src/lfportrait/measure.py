@@ -39,7 +39,7 @@ def _status(name: str) -> int:
 
 
 def memory_of(function: Callable[[], _Result]) -> tuple[int, _Result]:
-    """What a call takes on top of what the process holds.
+    """Peak memory of a call beyond that of the process.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Cost:
 
 
 def cost_of(function: Callable[[], _Result]) -> tuple[Cost, _Result]:
-    """Call ``function``; what that cost, and its result."""
+    """Call ``function``; its cost and result."""
     start, on_cores = time.perf_counter(), time.process_time()
     with suppress(OSError), open("/proc/self/clear_refs", "w", encoding="utf-8") as stream:
         stream.write("5")  # forget the peak so far

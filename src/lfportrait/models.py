@@ -162,7 +162,7 @@ def fetchable(name: str) -> bool:
 
 
 def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
-    """A file with the weights of a network, downloaded if it is nowhere on this machine.
+    """Path of a network's weights; they are downloaded if missing.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def missing(names: Iterable[str]) -> list[str]:
 
 
 def in_use(names: Iterable[str]) -> list[str]:
-    """SHA-256 of the files that do the work of these networks; none for those that are missing."""
+    """SHA-256 of the files used for these networks; none for missing ones."""
     found = [_local(_used(name)) for name in expand(names)]
     return [local[1].sha256 for local in found if local is not None]
 
@@ -240,7 +240,7 @@ def _used(name: str) -> str:
 
 def require(names: Iterable[str], *, download: bool, purpose: str = "this job",
             quiet: bool = False) -> None:
-    """See to it that networks are here and whole, before work that takes long begins.
+    """Ensure that networks are installed and intact, before long work starts.
 
     Parameters
     ----------

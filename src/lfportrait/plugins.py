@@ -29,7 +29,7 @@ __all__ = ["Choice", "chosen", "offered"]
 
 @functools.cache
 def offered(group: str) -> dict[str, Any]:
-    """What installed packages offer in a group, by name; what can't be loaded is left out."""
+    """Entry points of a group by name; those that can't be loaded are left out."""
     found = {}
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         try:
@@ -40,7 +40,7 @@ def offered(group: str) -> dict[str, Any]:
 
 
 def chosen(group: str, name: str, own: tuple[str, ...] = ()) -> Any:
-    """What is offered under a name.
+    """The entry point of a name.
 
     Raises
     ------

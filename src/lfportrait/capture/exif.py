@@ -40,7 +40,7 @@ _FILM = 36.0
 
 @dataclass(frozen=True)
 class Noted:
-    """What a camera noted of one picture.
+    """EXIF data of one picture.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ _MODELS: dict[tuple[str, str, float], float] = {}
 
 
 def noted(exif: Image.Exif, size: tuple[int, int]) -> Noted:
-    """Read a camera's notes.
+    """Read the EXIF data of a picture.
 
     Parameters
     ----------

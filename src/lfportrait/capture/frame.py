@@ -159,7 +159,7 @@ def portrait_frame_from_landmarks(landmarks: Float, cameras: Camera) -> Float:
 
 
 def without_drift(found: Camera, given: Camera) -> Camera:
-    """The cameras, turned, moved and scaled together to where they are nearest to the given ones.
+    """The cameras under the similarity that brings them nearest to the given ones.
 
     Each camera counts by its centre and, as pictures determine this better, by what it looks at:
     three points as far away as the origin (least squares, Umeyama 1991).

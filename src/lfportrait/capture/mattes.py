@@ -236,7 +236,7 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
 
 def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]],
                     size: int = 96) -> NDArray[np.float64]:
-    """How well each matte agrees with what all of them leave of space.
+    """Agreement of each matte with the visual hull of all.
 
     Parameters
     ----------

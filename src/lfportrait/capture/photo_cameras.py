@@ -63,7 +63,7 @@ Float = NDArray[np.float64]
 
 
 class PhotosError(UserError):
-    """Photos that can't be placed, and which of them are why.
+    """Photos that can't be placed, with the photos that cause this.
 
     Attributes
     ----------

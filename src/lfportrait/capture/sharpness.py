@@ -65,7 +65,7 @@ def fineness(image: NDArray[np.uint8], side: int = _SIDE) -> NDArray[np.float64]
 
 def relative_sharpness(measures: NDArray[np.float64], groups: Sequence[Any] | None = None,
                        reach: int = _NEIGHBOURS) -> NDArray[np.float64]:
-    """Sharpness of each picture beside its neighbours in the sequence, float64 [V]; 1 is usual.
+    """Sharpness of each picture relative to its neighbours, float64 [V]; 1 is usual.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def relative_sharpness(measures: NDArray[np.float64], groups: Sequence[Any] | No
 
 
 def blurred(images: Sequence[NDArray[np.uint8]], threshold: float) -> list[int]:
-    """Indices of the pictures that are blurred beside their neighbours, in their order.
+    """Indices of the pictures that are blurred relative to their neighbours, in order.
 
     Parameters
     ----------

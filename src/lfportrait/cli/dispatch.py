@@ -31,8 +31,8 @@ __all__ = ["COMMANDS", "main", "program"]
 ALLOCATIONS = 20_000
 """Objects between two garbage collections; with Python's 700, each import scans all of Numba."""
 IDLE = "14"
-"""Threads of OpenBLAS sleep after two to the power of so many ticks without work; else they spin
-for 67 million after each product, on cores that others could use."""
+"""OpenBLAS threads sleep after 2 to this power ticks without work; otherwise they spin for 67
+million ticks after each product, on cores that others could use."""
 _TRIM, _PAD, _MAPPED, _ARENAS = -1, -2, -3, -8
 MEMORY = {_MAPPED: 64 << 20, _TRIM: 512 << 20, _PAD: 64 << 20, _ARENAS: 1}
 """glibc's `mallopt`: arrays up to 64 MiB lie on one heap, which may keep 512 MiB that nobody uses.

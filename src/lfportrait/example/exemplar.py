@@ -70,7 +70,7 @@ class Exemplar:
         return face_size(self.landmarks)
 
     def within(self, size: float) -> Exemplar:
-        """The same with a face of so many pixels (`face_size`) at most: made smaller, or itself."""
+        """The exemplar with a face of at most ``size`` pixels (`face_size`): reduced, or itself."""
         factor = size / self.size
         if factor >= 1:
             return self
@@ -114,7 +114,8 @@ class Exemplar:
         key = key_of(("face", "example.guides.regions"), self.image, self.landmarks, self.mask,
                      networks)
         kept = kept_arrays("regions", key, find)
-        # A file keeps rounded numbers: the first run goes on with those that the next will find.
+        # A file keeps rounded numbers: the first run continues with the numbers that the next one
+        # reads.
         mattes = {name: matte.astype(np.float32) / np.float32(65535)
                   for name, matte in kept.items()}
         return Regions(self.landmarks, mattes["person"], mattes.get("hair"))

@@ -79,7 +79,7 @@ class FlatGuide:
         landmarks, regions, labels
             Of the photo.
         grid
-            The guide is evaluated every so many pixels.
+            The guide is evaluated every Nth pixel.
         contours
             Whether hairline and outline join the landmarks.
         hold

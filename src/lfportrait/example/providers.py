@@ -35,7 +35,7 @@ def provided_styles() -> dict[str, Callable[[], Any]]:
 
 
 def provided_sittings(count: int, height: int, seed: int) -> list[Sitting]:
-    """Photos with landmarks from whoever offers them.
+    """Photos with landmarks from installed packages.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ _MANY = 8
 
 @functools.lru_cache(maxsize=4)
 def _landmarker(path: str, faces: int) -> Any:
-    """MediaPipe's detector of so many faces, one a process."""
+    """MediaPipe's detector of up to ``faces`` faces, one per process."""
     def make() -> Any:
         from mediapipe.tasks.python import BaseOptions, vision
 

@@ -18,7 +18,7 @@ from skimage.draw import polygon2mask
 __all__ = ["face_mask"]
 
 FINE = 160
-"""The face is at least so many blocks of pixels wide."""
+"""Minimum width of the face in blocks of pixels."""
 
 
 def _chroma(image: NDArray[Any]) -> NDArray[np.float32]:

@@ -60,7 +60,7 @@ _TEXTURE = ("texture_texels", "texture_projections", "texture_charts", "texture_
 
 
 def check_field_path(path: Any) -> None:
-    """Raise `UserError` where no field can be written: to be asked before hours of work."""
+    """Raise `UserError` if no field can be written there; for a check before hours of work."""
     if Path(path).suffix != ".npz":
         raise UserError(f"a field is written as .npz, not {Path(path).name}")
     check_writable(Path(path).parent)
@@ -127,7 +127,7 @@ def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],
 
 
 def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:
-    """Those arrays of a field's file that it has of these names; the others are not read.
+    """Read the named arrays that a field's file has; others are not read.
 
     Raises
     ------

@@ -141,7 +141,7 @@ class SurfaceTexture:
 
     def rows(self, cells: NDArray[np.int32], lattice: NDArray[np.float64],
              footprint: float, whole: bool = False) -> TextureRows:
-        """What kernels take.
+        """Arrays for the kernels.
 
         Parameters
         ----------

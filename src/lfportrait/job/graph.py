@@ -26,7 +26,7 @@ _MB = 1_000_000
 
 @dataclass(frozen=True)
 class Need:
-    """What a task of a stage takes.
+    """Resources of a stage's task.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ def skin_key(field: str, pixels: float) -> str:
 
 
 def style_key(field: str, config: MakeConfig, painting: tuple[str, str]) -> str:
-    """Key of the field with the key ``field`` in the manner of an exemplar (`painting_key`)."""
+    """Key of the field with the key ``field``, stylised by an exemplar (`painting_key`)."""
     return key_of(config.stylize.makers, field, config.stylize, *painting)
 
 

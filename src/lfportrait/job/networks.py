@@ -53,7 +53,7 @@ def _bare(painting: Path | None) -> bool:
 
 def networks_of(photos: Path, painting: Path | None, keep_background: bool,
                 ) -> tuple[list[str], list[str]]:
-    """The networks that a job can't do without, and those that make it better.
+    """A job's required networks, and the optional ones.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def networks_of(photos: Path, painting: Path | None, keep_background: bool,
 
 def get_networks(photos: Path, painting: Path | None, keep_background: bool, *, offline: bool,
                  quiet: bool) -> None:
-    """See to it that a job's networks are here, and say what goes on without one.
+    """Check or download a job's networks, and report optional ones that are missing.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ Network = Callable[[NDArray[np.uint8], NDArray[np.float64]], Plane]
 
 def rough_mattes(capture: Capture, progress: Progress | None = None,
                  network: Network | None = None) -> list[Plane]:
-    """What a network says of each photo by itself.
+    """A network's mattes of each photo separately.
 
     Parameters
     ----------

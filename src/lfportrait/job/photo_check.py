@@ -50,7 +50,7 @@ _SMALL = 0.1
 
 @dataclass
 class PhotoFacts:
-    """What is known of one photo.
+    """Results of the check for one photo.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class PhotoFacts:
 
 @dataclass
 class PhotoCheck:
-    """What is known of all photos.
+    """Results of the check for all photos.
 
     Attributes
     ----------
@@ -239,7 +239,7 @@ def _can_see_faces() -> bool:
 
 
 def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoCheck:
-    """Look at photos or a video.
+    """Check photos or a video.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     style
         Exemplar: a picture's path, a built-in style's name, or an `Exemplar`.
     out
-        Folder for all results; a job interrupted there goes on where it stopped.
+        Folder for all results; an interrupted job is resumed.
     display
         Preset name, calibration or display file, or a `Display`.
     config

@@ -64,6 +64,6 @@ def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, 
             field.save(file)
         except (UserError, OSError):
             return field, capture, Skin.of(field, points, capture.cameras, pixels)
-        # A file keeps rounded numbers: go on with those that the next one will find.
+        # A file keeps rounded numbers: continue with the numbers that the next run reads.
         field = VoxelField.load(file)
     return field, capture, kept_skin(file, field, capture, pixels)

@@ -108,7 +108,7 @@ class Session:
         return self.shown
 
     def mix(self, **choices: Any) -> StyledField:
-        """Another mix of photo and painting of what is shown (`StyledField.mix`).
+        """Change the mix of photo and painting of the shown field (`StyledField.mix`).
 
         Raises
         ------
@@ -119,7 +119,7 @@ class Session:
         return self.shown
 
     def encode(self, display: Any, config: Any = None) -> NDArray[np.uint8]:
-        """What is shown, coded for a display: uint8 [H, W, 3].
+        """The shown field, coded for a display: uint8 [H, W, 3].
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class Session:
         return self._exemplars[key]
 
     def skin(self, pixels: float) -> Skin:
-        """The head's surface at so many pixels per world unit."""
+        """The head's surface at ``pixels`` per world unit."""
         if pixels not in self._skins:
             assert self.capture.landmarks is not None
             self._skins[pixels] = (

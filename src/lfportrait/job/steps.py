@@ -86,14 +86,14 @@ def source_key(photos: Path | Capture) -> str:
 
 
 def painting_key(exemplar: Exemplar) -> tuple[str, str]:
-    """Hashes of an exemplar's picture and landmarks, taken once for all who sit for it."""
+    """Hashes of an exemplar's picture and landmarks, shared by all sitters."""
     image, landmarks = (hashlib.sha256(np.ascontiguousarray(part).tobytes()).hexdigest()
                         for part in (exemplar.image, exemplar.landmarks))
     return image, landmarks
 
 
 def look_at(photos: Path) -> None:
-    """Raise `UserError` where plain photos are too few for anything."""
+    """Raise `UserError` if there are too few plain photos."""
     from ..capture import is_calibrated, is_video, picture_files
 
     if is_calibrated(photos) or is_video(photos):
@@ -128,7 +128,7 @@ def write_field(capture: Path, target: Path, config: MakeConfig, seed: int,
 def write_styled(field: VoxelField, capture: Capture, exemplar: Exemplar, target: Path,
                  config: MakeConfig, seed: int, progress: Progress | None, *, device: str = "auto",
                  skin: Skin | None = None) -> dict[str, Any]:
-    """Give a field the manner of an exemplar; the figures."""
+    """Stylise a field by an exemplar; the figures."""
     from ..stylize import stylize_with_figures
 
     styled, figures = stylize_with_figures(field, capture, exemplar,

@@ -108,7 +108,7 @@ def chosen_face(path: Path, image: NDArray[np.uint8], face: int = 0,
 
 def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None = None, *,
                 preview: bool = True) -> StyleCheck:
-    """Look at a painting.
+    """Check a painting.
 
     Parameters
     ----------

@@ -198,7 +198,7 @@ class Warmup:
         return False
 
     def wait(self, names: Sequence[str], progress: Progress | None = None) -> None:
-        """Return when the kernels of stages are there, telling on ``progress`` how far it is."""
+        """Return when the kernels of stages are compiled; shows the state on ``progress``."""
         for name in names:
             done = self._done.get(name)
             while done is not None and not done.wait(0.1):

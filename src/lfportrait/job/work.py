@@ -39,7 +39,7 @@ _THUMBNAIL = 192
 
 @dataclass
 class Tools:
-    """What a stage is given besides its task.
+    """Tools of a stage besides its task.
 
     Attributes
     ----------

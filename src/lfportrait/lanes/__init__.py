@@ -32,7 +32,7 @@ def _any_kernel() -> None:
 
 
 def keep_kernels() -> None:
-    """See to it that compiled kernels are kept: beside the sources, in the home, or else for now.
+    """Choose a folder for compiled kernels: beside the sources, in the home, or temporary.
 
     Installed read-only, and with a user without a home, as in most containers, Numba finds no place
     and gives up; then they go to the temporary folder, and a line says so.

@@ -37,7 +37,7 @@ class _Watch(event.Listener):
 
 @contextmanager
 def watched_compilations(heard: Callable[[str], None]) -> Iterator[None]:
-    """Call ``heard`` with the name of each of our functions that is compiled meanwhile.
+    """Call ``heard`` with the name of each function of this package that is compiled meanwhile.
 
     What is read from Numba's cache on the disk is not compiled and not heard of. A function with
     several signatures comes once for each.

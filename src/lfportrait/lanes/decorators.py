@@ -42,7 +42,7 @@ _lean = _compiler(_nrt=False, no_cpython_wrapper=True)
 
 
 def lean(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """Compile a function that makes no arrays and that only kernels call."""
+    """Compile a function that makes no arrays and is called only by kernels."""
     if function is None:
         return lambda function: lean(function, **options)
     compiled = _lean(function, **options)

@@ -54,7 +54,7 @@ def features() -> dict[str, bool]:
 
 
 def limit_vectors() -> None:
-    """Compile for what `SETTING` names, if it names anything.
+    """Compile for the vector unit that `SETTING` names, if any.
 
     Raises
     ------

@@ -20,7 +20,7 @@ __all__ = ["DepthReport"]
 
 @dataclass(frozen=True)
 class DepthReport:
-    """A panel's depth budget and what it means for a head.
+    """A panel's depth budget, and its consequences for a head.
 
     All depths are in half panel heights, positive in front of the panel.
 

@@ -19,7 +19,7 @@ __all__ = ["check_size", "lossless", "read_coded", "write_coded"]
 
 
 def check_size(image: NDArray[np.uint8], display: Display) -> None:
-    """Refuse a picture that is not pixel for pixel the panel's.
+    """Raise `UserError` if a picture does not have the panel's size.
 
     Raises
     ------

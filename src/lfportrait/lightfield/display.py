@@ -315,7 +315,7 @@ class Display:
                 f"{self.cone:g} degrees{'  (' + '; '.join(marks) + ')' if marks else ''}")
 
     def hash(self) -> str:
-        """Hash of all that decides which view a sub-pixel shows, 24 hex digits."""
+        """Hash of all parameters of the view mapping, 24 hex digits."""
         numbers = [float(number).hex() for number in (self.pitch, self.slant, self.offset)]
         key = [self.width, self.height, self.views, *numbers, self.subpixels, self.inverted]
         if self.cells:

@@ -138,7 +138,7 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
     layout
         Layout of the quilt; by default that of its name.
     views
-        Only the first so many views; 0 = all.
+        Use only the first ``views`` views; 0 = all.
 
     Returns
     -------

@@ -22,7 +22,7 @@ __all__ = ["simulate"]
 
 def simulate(image: NDArray[np.uint8], display: Display, eye: Sequence[float] = (0.0,), *,
              crosstalk: float = 0.0, distance: float | None = None) -> NDArray[np.float32]:
-    """What an eye sees of a coded picture.
+    """Simulate an eye's view of a coded picture.
 
     Parameters
     ----------

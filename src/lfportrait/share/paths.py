@@ -21,7 +21,7 @@ _MARGIN = 1.04
 
 
 def head_extent(field: VoxelField | None) -> tuple[float, float, float]:
-    """What a picture must show: half width, lowest and highest point, about the vertical axis.
+    """Extent that a picture must show: half width, lowest and highest point about the axis.
 
     The head lies in [-1, 1]^3; of the shoulders, only what is as wide and as low as that is shown.
     """

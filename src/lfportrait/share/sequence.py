@@ -151,7 +151,7 @@ def write_sequence(field: VoxelField, display: Display, config: EncodeConfig,
         As for `each_frame`.
     out
         ``.mp4``, ``.mov`` or ``.mkv``: a video, which appears when it is complete; a name without a
-        suffix: a folder of PNG files, which is gone on with if some of them are there.
+        suffix: a folder of PNG files, which is resumed if some of them exist.
     step
         Called after each frame.
 

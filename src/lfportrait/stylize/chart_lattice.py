@@ -49,8 +49,8 @@ class ChartLattice:
     skin
         Of the field.
     step
-        Every so many pixels of the atlas. At the full resolution each chart's map is made when it
-        is needed: all of them take four times the room of a preview's.
+        Use every ``step``-th pixel of the atlas. At the full resolution each chart's map is made
+        when it is needed: all of them take four times the room of a preview's.
     arrays
         From `arrays` of such a lattice, instead of finding the weights again.
     whole

@@ -84,7 +84,7 @@ class StylizeConfig:
     """Seed of the order of the views and of the chunks."""
 
     def check(self) -> None:
-        """Raise `UserError` where parameters make no sense together or are out of range."""
+        """Raise `UserError` if parameters are inconsistent or out of range."""
         if self.method not in OWN:
             field_method(self.method)
         if self.preview and not self.on_skin:

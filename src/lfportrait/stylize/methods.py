@@ -35,7 +35,7 @@ OWN = ("skin", "paper")
 
 @dataclass(frozen=True)
 class FieldTask:
-    """What a method of another package is given.
+    """Inputs of another package's method.
 
     Attributes
     ----------

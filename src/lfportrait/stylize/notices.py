@@ -42,7 +42,7 @@ def mouth_opening(points: Points) -> float:
 
 
 def notices(capture: Capture, exemplars: Sequence[Exemplar], config: StylizeConfig) -> list[str]:
-    """What a user should know before looking at the result; a line each."""
+    """Notes for the user about the result, one line each."""
     out: list[str] = []
     points = capture.landmarks
     if points is None:

@@ -65,7 +65,7 @@ def _fitting(exemplar: Exemplar, face: float) -> Exemplar:
 
 
 class Sitter:
-    """A field to be painted: its skin, and what all paintings of it share.
+    """A field to be painted: its skin, and data shared by all its paintings.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Sitter:
         row_labels(self.skin)
 
     def wait(self) -> None:
-        """Return when all is there that paintings share."""
+        """Wait for the data that all paintings share."""
         self._shared.result()
 
     def views(self, painting: Painting, step: int) -> list[StyleView]:

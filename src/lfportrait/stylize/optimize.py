@@ -34,7 +34,7 @@ def stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | Sequence[E
             config: StylizeConfig | None = None, progress: Progress | None = None,
             device: str = "auto", dump: Path | None = None,
             skin: Skin | None = None) -> StyledField:
-    """Give a field the manner of an exemplar: `stylize_with_figures`' field alone."""
+    """Stylise a field by an exemplar: `stylize_with_figures` without the figures."""
     return stylize_with_figures(field, capture, exemplar, config, progress, device, dump, skin)[0]
 
 
@@ -44,7 +44,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
                          device: str = "auto", dump: Path | None = None,
                          skin: Skin | None = None, painters: Painters | None = None,
                          ) -> tuple[StyledField, dict[str, Any]]:
-    """Give a field the manner of one or more exemplars.
+    """Stylise a field by one or more exemplars.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
 def _by_views(field: VoxelField, capture: Capture, exemplars: list[Exemplar],
               config: StylizeConfig, progress: Progress | None, dump: Path | None,
               ) -> tuple[list[Float32], dict[str, Any]]:
-    """Colours in the manner of each exemplar by the paper's or another package's method."""
+    """Colours for each exemplar by the paper's or another package's method."""
     # Here: their losses need torch, which paints of a skin do without.
     from .painted_views import stylize_views
 

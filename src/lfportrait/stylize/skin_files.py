@@ -54,6 +54,6 @@ def kept_skin(path: Path, field: VoxelField, capture: Capture,
         lattice = lattice_arrays(field, skin)
         with suppress(OSError, UserError):
             save_skin(skin, beside, key, **lattice)
-        # A file keeps rounded numbers: this run goes on with those that the next one will find.
+        # A file keeps rounded numbers: this run continues with the numbers that the next one reads.
         skin = load_skin(beside, key) or skin
     return skin

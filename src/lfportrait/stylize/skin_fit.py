@@ -35,7 +35,7 @@ scanned head in three manners this is where neighbouring views agree best for th
 
 
 def for_lattice(painting: Painting, field: VoxelField) -> Painting:
-    """A painting without what is finer than a field's lattice: the texture's to show.
+    """A painting low-passed to the field's lattice; finer detail is left to the texture.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def chart_views(field: VoxelField, skin: Skin, background: float, step: int = 1,
     background
         Grey level behind the head.
     step
-        Every so many pixels; a power of two up to 16.
+        Use every ``step``-th pixel; a power of two up to 16.
     """
     atlas = skin.atlas
     own = atlas.own

@@ -46,7 +46,7 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
                  masks: tuple[str, ...] = ("1k", "2k", "4k", "8k"), rivals: str = "1080p",
                  repeats: int = 3, config: EncodeConfig | None = None,
                  progress: Progress | None = None) -> dict[str, Any]:
-    """Coding at several panel sizes, beside its quality, the mask's worth and the common way.
+    """Speed of the coding at several panel sizes, with quality, the mask's benefit and a baseline.
 
     Panels have 96 views over 40 degrees, the head is 80 % as high as the panel.
 

@@ -172,7 +172,7 @@ def region_repeats(styled: VoxelField, exemplar: Exemplar, labels: RowLabels, *,
                    names: Sequence[str] = ("hair", "body"), degrees: Sequence[float] = DEGREES,
                    size: int = 768, landmarks: NDArray[np.floating] | None = None,
                    ) -> dict[str, dict[str, Any]]:
-    """How much the paint of a stylised field repeats itself, region by region.
+    """Repetition of paint in a stylised field, per region.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ class StudyConfig:
 
 
 def questions_of(choice: str) -> tuple[Question, ...]:
-    """The questions that a choice stands for.
+    """The questions of a choice.
 
     Parameters
     ----------

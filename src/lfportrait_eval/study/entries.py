@@ -47,7 +47,7 @@ class Entry:
 
     @property
     def group(self) -> tuple[str, str]:
-        """Sitter and style: what has these in common is compared."""
+        """Sitter and style: entries of the same group are compared."""
         return self.sitter, self.style
 
 

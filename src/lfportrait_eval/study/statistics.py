@@ -53,7 +53,7 @@ def wilson(count: int, total: int, effective: float | None = None) -> Share:
 
 
 def effective_answers(counts: NDArray[np.integer]) -> float:
-    """How many independent answers the answers of people are worth, who each gave several.
+    """Effective number of independent answers, if each person gave several.
 
     People have tastes: their answers are more alike than chance, and a share then varies more from
     study to study than Wilson's interval thinks. The number of answers is divided by how much more
@@ -79,12 +79,12 @@ def effective_answers(counts: NDArray[np.integer]) -> float:
 
 
 def sign_test(plus: int, minus: int) -> float:
-    """Two-sided p-value of so many signs of each kind if both were equally likely; 1 for none."""
+    """Two-sided p-value of the sign test; 1 without signs."""
     return float(binomtest(plus, plus + minus).pvalue) if plus + minus else 1.0
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values corrected for being so many (Holm 1979), in the same order."""
+    """P-values corrected for multiple tests (Holm 1979), in the same order."""
     adjusted = [1.0] * len(p_values)
     highest = 0.0
     for rank, place in enumerate(sorted(range(len(p_values)), key=lambda each: p_values[each])):

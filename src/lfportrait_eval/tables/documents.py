@@ -241,7 +241,7 @@ def _csv(cells: Sequence[Cell], floors: dict[str, dict[str, Any]]) -> str:
 
 
 def place_in(path: Path) -> tuple[str, str]:
-    """What stands before and behind the tables in a Markdown file.
+    """The text before and after the tables in a Markdown file.
 
     Raises
     ------

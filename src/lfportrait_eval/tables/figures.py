@@ -45,7 +45,7 @@ CROP = 0.6
 
 
 def missing_networks() -> dict[str, list[str]]:
-    """The networks that figures wait for, by the beginning of the figures' names."""
+    """Missing networks, by the prefix of the figures' names that need them."""
     wanted = {**{f"lpips_{name}": list(networks) for name, networks in LPIPS_NETWORKS.items()},
               "fid_2048": ["inception-2048"], "fid": ["inception"], "kid": ["inception"],
               "identity": ["face-landmarker"]}

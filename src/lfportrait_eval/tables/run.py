@@ -45,7 +45,7 @@ __all__ = ["write_tables"]
 def write_tables(sources: Sequence[Source], exemplars: Sequence[Exemplar], out: Path,
                  config: TablesConfig | None = None, *, open_capture: Opener = Capture.load,
                  seed: int = 0, progress: Progress | None = None) -> dict[str, Any]:
-    """Compare methods as the paper does, and write the tables.
+    """Compare methods as in the paper, and write the tables.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ def landmarks_in(cameras: Camera, view: int, landmarks: NDArray[np.floating],
 
 @dataclass(frozen=True)
 class Source:
-    """What a user named: where a sitter comes from.
+    """Source of a sitter, as the user named it.
 
     Attributes
     ----------

@@ -60,7 +60,7 @@ class Teller:
             self._progress.say(f"{', '.join(cell)}: {text}; {self._left()}")
 
     def seconds_left(self) -> float:
-        """What the waiting cells will take: by the mean of their method, else of all."""
+        """Estimated time of the waiting cells: by the mean of their method, else of all."""
         known = [second for row in self._took.values() for second in row]
         if not known:
             return 0.0

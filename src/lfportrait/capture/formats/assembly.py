@@ -62,7 +62,7 @@ class Shot:
 
 
 class Views(NamedTuple):
-    """Calibrated photos as a reader finds them: `Capture` without what is known of the head.
+    """Calibrated photos of a reader: a `Capture` without data of the head.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Views(NamedTuple):
 
 
 def held_out_views(count: int, holdout: int) -> NDArray[np.bool_]:
-    """Which of so many views are tested on, bool [V]: every ``holdout``-th; none of too few."""
+    """Which views are held out, bool [V]: every ``holdout``-th; none if there are too few."""
     held_out = np.zeros(count, bool)
     if holdout > 1 and count >= 2 * holdout:
         held_out[holdout // 2::holdout] = True

@@ -40,6 +40,7 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]
 
     key = key_of("example.painter.picture_materials", exemplar.image, exemplar.landmarks,
                  regions.person, regions.hair, strict)
-    # A file keeps rounded numbers: the first run goes on with those that the next will find.
+    # A file keeps rounded numbers: the first run continues with the numbers that the next one
+    # reads.
     kept = kept_arrays("materials", key, find, most=MOST)["shares"]
     return kept.astype(np.float32) / STEPS

@@ -98,7 +98,7 @@ def has_plain_ground(theirs: ExemplarMaterials) -> bool:
 
 def photo_looks(photo: NDArray[np.uint8], landmarks: Float64, shares: Float32,
                 theirs: ExemplarMaterials) -> tuple[Float32, Float32, Float32]:
-    """How a photo would look in the exemplar's paint, and how far that is to be trusted.
+    """Tones of a photo in the exemplar's paint, and their confidence.
 
     Parameters
     ----------

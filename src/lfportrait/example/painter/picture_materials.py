@@ -118,7 +118,7 @@ class _Small:
         return np.asarray((skin > 200) & (features.sum(-1) < 30))
 
     def part(self, plane: NDArray[Any]) -> NDArray[Any]:
-        """Every so many pixels of a plane of the picture, [h, w]."""
+        """Every Nth pixel of a plane of the picture, [h, w]."""
         return plane[::self.factor, ::self.factor]
 
     def whole(self, plane: Float32) -> Float32:

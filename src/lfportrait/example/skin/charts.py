@@ -46,11 +46,11 @@ DISTANCE = 14.0
 MARGIN = 24
 """Pixels around what a chart owns."""
 ALIGN = 16
-"""Charts begin at multiples of so many pixels, for the pyramids."""
+"""Charts begin at multiples of this many pixels, for the pyramids."""
 REACH = 1.6
 """What lies further from the middle than this, in world units, is not looked at."""
 SPARSE = 3
-"""Normals of the large shape are taken at every so many pixels."""
+"""Normals of the large shape are computed at every Nth pixel."""
 CELL = 0.055
 """Side of the cells in which normals are collected for the large shape, world units."""
 

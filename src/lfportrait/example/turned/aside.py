@@ -28,7 +28,7 @@ RAMP = 10.0
 SPACING = 0.03
 """Distance of the grid's points, in the generic head's units."""
 EVERY = 2
-"""A control point every so many of them."""
+"""A control point every Nth of them."""
 BEHIND = 0.08
 """Cosine to the camera from which on a landmark is seen."""
 SLIGHT = 0.01

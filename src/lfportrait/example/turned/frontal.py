@@ -34,7 +34,7 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 FRONTAL = 9.0
-"""Faces turned by less than so many degrees are taken as they are."""
+"""Faces turned by less than this, in degrees, are used unchanged."""
 PROFILE = 62.0
 """Faces turned further show too little of their other half."""
 CLEAR = 0.5
@@ -48,7 +48,7 @@ FEATURE = 0.22
 SURE = 0.15
 """The same for telling its light from that of its mirror image."""
 COARSE = 6
-"""The maps are made every so many pixels."""
+"""The maps are computed every Nth pixel."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
 
 
 def suited(exemplar: Exemplar, landmarks: NDArray[np.floating]) -> Exemplar:
-    """An exemplar as it suits a photo: as it is, or from the front, whichever is turned more alike.
+    """The exemplar's version that fits a photo: original or frontal, whichever has the closer pose.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ class Sides:
 
 
 def relit(sides: Sides) -> Float32:
-    """The mirror image in the light of the place that it comes to, float32 [h, w, 3].
+    """The relit mirror image, float32 [h, w, 3].
 
     What differs broadly between own and mirrored paint, where both are skin, is the light. From
     there it goes on and fades: a lit cheek does not end at a line of shadow.
@@ -122,5 +122,5 @@ def _small(plane: Float32) -> Float32:
 
 
 def blurred(picture: Float32, sigma: float) -> Float32:
-    """A picture under a Gaussian of so many pixels."""
+    """A picture blurred by a Gaussian of ``sigma`` pixels."""
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.float32)

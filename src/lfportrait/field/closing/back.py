@@ -51,7 +51,7 @@ class Closed:
 
 def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capture,
                cut: Cut | None = None) -> tuple[VoxelField, Closed | None]:
-    """A field whose surface goes on where no photo shows it.
+    """Close a field's surface where no photo shows it.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ LEAST = 0.003
 
 def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
                 cut: Cut | None = None) -> tuple[VoxelField, Closed | None]:
-    """A field whose surface goes on where an arc of photos does not show it.
+    """Close a field's surface where an arc of photos does not show it.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ __all__ = ["casting_figures"]
 
 
 def casting_figures(trainer: Trainer, batches: int = 8) -> dict[str, float]:
-    """What casting rays forward and backward, and taking up what they found, costs.
+    """Time of casting rays forward and backward, and of applying their gradients.
 
     Parameters
     ----------

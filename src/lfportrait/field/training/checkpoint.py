@@ -26,7 +26,7 @@ __all__ = ["State", "deflated", "read_checkpoint", "write_checkpoint"]
 
 
 class State(Protocol):
-    """What of a reconstruction under way (`Trainer`) is kept: all the rest follows from it."""
+    """The state of a running reconstruction (`Trainer`) that a checkpoint keeps."""
 
     key: str
     capture: Capture
@@ -77,7 +77,7 @@ def _inflated(data: NDArray[np.uint8], like: Sequence[NDArray[np.uint8]],
 
 
 def write_checkpoint(trainer: State, path: Path) -> None:
-    """Write all that the rest of the training follows from."""
+    """Write the state that the rest of the training depends on."""
     lattice = trainer.lattice
     assert lattice is not None
     state: dict[str, Any] = {
@@ -108,7 +108,7 @@ def write_checkpoint(trainer: State, path: Path) -> None:
 
 
 def read_checkpoint(trainer: State, path: Path) -> None:
-    """Take over a checkpoint of the same capture and parameters; others leave all as it is."""
+    """Load a checkpoint of the same capture and parameters; others are ignored."""
     try:
         with np.load(path, allow_pickle=False) as data:
             if str(data["key"]) != trainer.key:

@@ -224,7 +224,7 @@ class Trainer:
         self.data.place(capture.cameras[self.views])
 
     def finish(self) -> None:
-        """Remove what no ray sees, what mattes rule out and what floats, after the last level."""
+        """After the last level, remove points that no ray sees or mattes rule out, and floaters."""
         assert self.lattice is not None
         lattice = self.lattice
         if self.average is not None:

@@ -30,7 +30,7 @@ class _Measured:
 
 
 class Estimates:
-    """What the stages of a batch take, by what was declared and what was measured since."""
+    """Estimated costs of a batch's stages, from declared and measured values."""
 
     def __init__(self, figures: Iterable[tuple[str, dict[str, Any]]] = ()) -> None:
         self._found: dict[str, _Measured] = {}
@@ -47,7 +47,7 @@ class Estimates:
             found.memory = max(found.memory, figures["cost"]["peak_memory_bytes"])
 
     def need(self, stage: str) -> Need:
-        """What the next task of a stage is taken to need."""
+        """Estimated needs of a stage's next task."""
         found = self._found.get(stage)
         if found is None:
             return STAGES[stage].need

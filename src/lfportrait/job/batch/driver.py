@@ -54,7 +54,7 @@ class BatchConfig:
 
 
 def prepare_batch(path: Path, results: Path, *, offline: bool = False, quiet: bool = True) -> Batch:
-    """Read a file of jobs, draw the plan and see what of it is done; nothing is written.
+    """Read a jobs file, plan its tasks and find the finished ones; nothing is written.
 
     Parameters
     ----------
@@ -113,14 +113,14 @@ def _ask_for_networks(found: Batch, offline: bool, quiet: bool) -> None:
 
 def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offline: bool = False,
           quiet: bool = True, watchers: list[Watcher] | None = None) -> dict[str, Any]:
-    """Make all portraits that a file asks for.
+    """Make all portraits of a jobs file.
 
     Parameters
     ----------
     path
         The file of jobs (`load_jobs`).
     results
-        Folder for all results. A batch that was interrupted goes on there, one that was changed
+        Folder for all results. A batch that was interrupted is resumed there, one that was changed
         does what is new.
     config
         Where and how.

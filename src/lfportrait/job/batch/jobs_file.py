@@ -102,7 +102,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Jobs:
-    """What a file asks for.
+    """The contents of a jobs file.
 
     Attributes
     ----------

@@ -31,7 +31,7 @@ _MEMORY_SHARE = 0.85
 
 
 class Runner(Protocol):
-    """What runs tasks."""
+    """Interface of what runs tasks."""
 
     slots: int
     """Tasks that run at once."""
@@ -50,7 +50,7 @@ class Runner(Protocol):
 
 
 def thread_settings(cores: int) -> dict[str, str]:
-    """Environment of a process whose tasks have so many cores."""
+    """Environment of a process whose tasks use ``cores`` cores."""
     names = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     return dict.fromkeys(names, str(cores))
 

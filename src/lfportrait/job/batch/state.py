@@ -47,7 +47,7 @@ class Batch:
     prints: Fingerprints | None = None
 
     def summary(self) -> dict[str, Any]:
-        """The figures for ``--json``: tasks by stage, and what they are taken to need."""
+        """The figures for ``--json``: tasks by stage, and their estimated needs."""
         left = self.plan.to_do(self.done)
         stages = {}
         for stage in STAGES:
@@ -70,7 +70,7 @@ class Batch:
         return {**self.plan.refused, **self.failed}
 
     def jobs_table(self) -> list[dict[str, Any]]:
-        """What the user wanted, one entry each: where it is, or why it is not there."""
+        """One entry per requested output: its place, or why it is missing."""
         rows = []
         for task in self.plan.wanted():
             row = {"sitter": task.sitter, "style": task.folder.partition("/")[2],

@@ -138,7 +138,7 @@ def _bytes(count: int) -> str:
 
 
 def dry_table(figures: dict[str, Any], slots: int) -> str:
-    """What a batch would do, in words: the graph and what it is taken to need.
+    """Summary of a batch before it runs: the graph and its estimated needs.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def dry_table(figures: dict[str, Any], slots: int) -> str:
 
 
 def batch_status(results: Path) -> tuple[str, dict[str, Any]]:
-    """How far a batch is, from its folder, while it runs or later.
+    """Progress of a batch, read from its folder, while it runs or later.
 
     Returns
     -------

@@ -201,7 +201,7 @@ def _gather_rows(since, until, image, steps, places, order, lens, count, first, 
 @shared("out")
 @kernel
 def see_panel(since, until, light, wanted, order, steps, lens, crosstalk, out):
-    """What an eye sees: every sub-pixel weighed by how nearly it is aimed at it, filled in by rows.
+    """An eye's view: sub-pixels weighted by how nearly they are aimed at it, filled in by rows.
 
     Parameters
     ----------

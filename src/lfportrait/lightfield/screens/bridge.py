@@ -30,7 +30,7 @@ URL = "http://localhost:33334"
 
 @dataclass(frozen=True)
 class Device:
-    """A screen that Bridge knows.
+    """A screen that Bridge reports.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class Bridge:
         return str(_value(self.call("bridge_version"), "payload"))
 
     def devices(self) -> list[Device]:
-        """All screens that Bridge knows, ordinary monitors too."""
+        """All screens that Bridge reports, including ordinary monitors."""
         entries = _value(self.call("available_output_devices"), "payload")
         devices = []
         for key, entry in (entries if isinstance(entries, dict) else {}).items():
@@ -262,10 +262,10 @@ class Bridge:
         return name
 
     def pause(self) -> None:
-        """Halt what plays."""
+        """Pause playback."""
         self.call("transport_control_pause")
 
     def hide(self, screen: int = -1) -> None:
-        """Halt what plays, and take Bridge's window off the display."""
+        """Stop playback and hide Bridge's window."""
         self.pause()
         self.call("show_window", show_window=False, head_index=screen)

@@ -25,7 +25,7 @@ __all__ = ["Driver", "PygameDriver", "choose_screen", "show"]
 
 
 class Driver(Protocol):
-    """What `show` needs of a window system."""
+    """Interface of a window system for `show`."""
 
     def screens(self) -> list[tuple[int, int]]:
         """Width and height in pixels of every attached screen."""

@@ -40,7 +40,7 @@ def _text(name: str) -> str:
 
 
 def page_script() -> str:
-    """The page's script: its files and shaders, joined into one function of its own."""
+    """The page's script: its files and shaders, joined into one function."""
     shaders = {name: _text(f"{name}.glsl") for name in _SHADERS}
     parts = [f"const SHADERS = {json.dumps(shaders, indent=1)};\n",
              *(_text(f"{name}.js") for name in _SCRIPTS)]

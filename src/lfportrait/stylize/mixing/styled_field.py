@@ -48,7 +48,7 @@ _TEXTURE_KEYS = ("texel_rows", "painted_texels")
 
 @dataclass(kw_only=True)
 class StyledField(VoxelField):
-    """A field that knows its colours as photographed and as painted, and shows a mix of them.
+    """A field with photographed and painted colours that shows a mix of them.
 
     Attributes
     ----------

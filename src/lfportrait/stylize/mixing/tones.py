@@ -28,7 +28,7 @@ def luma(planes: Float32) -> Float32:
 
 
 def tone_histogram(values: Float32, weights: Float32) -> Float64:
-    """How much weight the values in [0, 1] have in each bin, float64 [BINS]."""
+    """Weighted histogram of values in [0, 1], float64 [BINS]."""
     index = np.minimum((values * np.float32(BINS)).astype(np.int32), BINS - 1)
     return np.asarray(np.bincount(index, weights, BINS), np.float64)
 

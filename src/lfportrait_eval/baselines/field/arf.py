@@ -50,7 +50,7 @@ Terms = dict[str, torch.Tensor]
 
 
 def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict[str, Any]]:
-    """Colours of a field's rows in the manner of a painting, by ARF.
+    """Colours of a field's rows for a painting, by ARF.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ LAST_WEIGHT = 0.2
 
 
 def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, dict[str, Any]]:
-    """Colours of a field's rows in the manner of a painting, after Ref-NPR.
+    """Colours of a field's rows for a painting, after Ref-NPR.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ NEIGHBOURS = 3
 def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
                              network: AdainNetwork | None = None,
                              ) -> tuple[Float32, dict[str, Any]]:
-    """Colours of a field's rows in the manner of a painting, after StylizedNeRF.
+    """Colours of a field's rows for a painting, after StylizedNeRF.
 
     Parameters
     ----------

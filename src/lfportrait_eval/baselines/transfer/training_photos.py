@@ -42,7 +42,7 @@ def folder_sittings(folder: Path) -> list[Sitting]:
 
 
 def varied(sitting: Sitting, side: int, random: np.random.Generator) -> Sitting:
-    """A photo a little turned, moved and enlarged, its longer side ``side`` pixels.
+    """A photo with a small random rotation, shift and zoom, its longer side ``side`` pixels.
 
     Parameters
     ----------
