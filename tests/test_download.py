@@ -12,7 +12,7 @@ import pytest
 
 from lfportrait import download as downloads
 from lfportrait import models
-from lfportrait.cli.doctor import Models
+from lfportrait.cli.doctor import Models, ModelsFetch
 from lfportrait.errors import UserError
 from lfportrait.models import ModelFile
 
@@ -168,7 +168,7 @@ def test_a_closed_port_is_told(server, tmp_path):
 
 def test_what_is_no_address_is_told(tmp_path):
     for url in ("studio/models/net.bin", "ftp://127.0.0.1/net.bin"):
-        with pytest.raises(UserError, match="no address on the web"):
+        with pytest.raises(UserError, match="not a web address"):
             downloads.download(url, tmp_path / "net.bin", DIGEST, quiet=True)
 
 
@@ -289,10 +289,10 @@ def test_a_mirror_is_asked_by_name(server, shelf, monkeypatch):
 
 
 def test_the_command_fetches_names_and_groups(server, shelf, capsys):
-    Models(action="fetch", names=("pair",), quiet=True).run()
+    ModelsFetch(names=("pair",), quiet=True).run()
     assert capsys.readouterr().out.splitlines() == [
         f"net: {shelf / 'net.bin'}", f"other: {shelf / 'other.bin'}"]
-    Models(action="list").run()
+    Models().run()
     rows = capsys.readouterr().out.splitlines()
     assert "pair" in rows[0] and "here" in rows[0] and server.address in rows[0]
     assert "pair" not in rows[2] and rows[2].endswith("by hand, optional")

@@ -32,7 +32,7 @@ def test_each_thing_is_looked_at_once(tmp_path):
 
 def test_what_is_bad_has_a_mend_and_what_is_good_has_none(no_networks, tmp_path):
     for fact in examine(tmp_path):
-        assert (fact.state == "good") == (not fact.mend) or fact.name == "screen", fact
+        assert (fact.state == "good") == (not fact.remedy) or fact.name == "screen", fact
 
 
 def test_nothing_slow_is_imported():
@@ -50,9 +50,9 @@ def test_networks_tell_what_they_are_for_and_how_to_get_them(no_networks, monkey
     facts = health._networks()
     assert [fact.name for fact in facts[:3]] == list(models.GROUPS["portrait"])
     assert [fact.state for fact in facts] == ["bad"] * 3 + ["optional"] * (len(facts) - 3)
-    assert find(facts, "face-landmarker").mend == "lfportrait models fetch portrait"
-    assert find(facts, "vgg16").mend == "lfportrait models fetch paper"
-    assert find(facts, "face-detector").mend.startswith("lfportrait models add faceapi_")
+    assert find(facts, "face-landmarker").remedy == "lfportrait models fetch portrait"
+    assert find(facts, "vgg16").remedy == "lfportrait models fetch paper"
+    assert find(facts, "face-detector").remedy.startswith("lfportrait models add faceapi_")
     no_networks.mkdir()
     (no_networks / "selfie_multiclass_256x256.tflite").write_bytes(b"here")
     facts = health._networks()
@@ -68,13 +68,13 @@ def test_little_memory_and_disk_are_told(tmp_path, monkeypatch):
     assert health._memory(8_000_000_000).state == "good"
     few = health._memory(1_500_000_000)
     assert (few.state, few.text) == ("bad", "1.5 GB free, but a job takes 4 GB")
-    assert "--quick" in few.mend
+    assert "--quick" in few.remedy
     assert health._memory(None).state == "good"
     monkeypatch.setattr(health, "free_disk_bytes", lambda folder: 20_000_000)
     here, cache = health._disks(tmp_path)
     assert here.state == cache.state == "bad"
-    assert "--out" in here.mend
-    assert "LFPORTRAIT_MODELS" in cache.mend
+    assert "--out" in here.remedy
+    assert "LFPORTRAIT_MODELS" in cache.remedy
 
 
 def test_libraries_that_lack_something(monkeypatch):
@@ -84,14 +84,14 @@ def test_libraries_that_lack_something(monkeypatch):
     monkeypatch.setattr(sys, "platform", "linux")
     lost = health._library("NumPy", "numpy", "numpy", "tests", (("libnosuch.so.7", "libnosuch7"),))
     assert lost.state == "bad"
-    assert lost.mend == "apt install libnosuch7"
+    assert lost.remedy == "apt install libnosuch7"
     assert "libnosuch.so.7" in lost.text
 
 
 def test_kernels_that_cannot_be_kept_are_told():
     fact = health._kernels(host.KernelCache(None, 0, 0))
     assert fact.state == "bad"
-    assert "NUMBA_CACHE_DIR" in fact.mend
+    assert "NUMBA_CACHE_DIR" in fact.remedy
 
 
 @pytest.mark.parametrize("settings, server", [

@@ -44,7 +44,7 @@ class Fact(NamedTuple):
         What was found, in words.
     state
         ``"good"``; ``"optional"``: not there, and jobs run without it; ``"bad"``: to be fixed.
-    mend
+    remedy
         The command that fixes it, or empty.
     value
         What was found, for programs.
@@ -54,7 +54,7 @@ class Fact(NamedTuple):
     name: str
     text: str
     state: State = "good"
-    mend: str = ""
+    remedy: str = ""
     value: Any = None
 
 
@@ -126,12 +126,12 @@ def _disks(folder: Path) -> list[Fact]:
                   "export LFPORTRAIT_MODELS=FOLDER")]
 
 
-def _disk(name: str, folder: Path, need: str, mend: str) -> Fact:
+def _disk(name: str, folder: Path, need: str, remedy: str) -> Fact:
     free = free_disk_bytes(folder)
     text = f"{free / 1e9:.1f} GB free in {folder}"
     if free >= DISK:
         return Fact("machine", name, text, value=free)
-    return Fact("machine", name, f"{text}, but {need} {DISK / 1e9:.0f} GB", "bad", mend, free)
+    return Fact("machine", name, f"{text}, but {need} {DISK / 1e9:.0f} GB", "bad", remedy, free)
 
 
 _LIBRARIES = (
@@ -214,7 +214,7 @@ def _network(name: str, needed: bool, missing: bool) -> Fact:
     if not missing:
         return Fact("networks", name, purpose, value=True)
     group = next((group for group, members in models.GROUPS.items() if name in members), name)
-    mend = (f"lfportrait models fetch {group}" if models.fetchable(name)
+    remedy = (f"lfportrait models fetch {group}" if models.fetchable(name)
             else f"lfportrait models add {models.registry()[name][0].file}")
-    return Fact("networks", name, f"missing: {purpose}", "bad" if needed else "optional", mend,
+    return Fact("networks", name, f"missing: {purpose}", "bad" if needed else "optional", remedy,
                 False)

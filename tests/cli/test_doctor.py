@@ -34,7 +34,7 @@ def test_it_tells_the_facts_and_writes_them(tmp_path, capsys):
     for fact in figures["facts"]:
         line = next(line for line in text.splitlines()
                     if fact["name"] in line and fact["text"] in line)
-        assert fact["mend"] in line
+        assert fact["remedy"] in line
     bad = [fact for fact in figures["facts"] if fact["state"] == "bad"]
     assert figures["problems"] == len(bad)
     assert ("No problems found." in text) == (not bad)

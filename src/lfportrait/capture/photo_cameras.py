@@ -147,7 +147,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
         if progress is not None:
             progress.update(0, note)
 
-    def told(line: str) -> None:
+    def announce(line: str) -> None:
         if progress is not None:
             progress.say(line)
 
@@ -159,7 +159,7 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
     matches = _matches(features, config, say)
     stood_still = camera_stood_still(features, matches)
     if stood_still:
-        told("the camera did not move: features that do not move either are ignored")
+        announce("the camera did not move: features that do not move either are ignored")
         matches = enough(without_still(features, matches))
     shapes = [np.rot90(photo.image[..., 0], turn).shape for photo, turn in zip(photos, turns)]
     scene = Scene([(shape[1], shape[0]) for shape in shapes], [photo.focal for photo in photos],
@@ -172,15 +172,15 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
 
     say("checking matches")
     start = starting_model(config.camera_model)
-    placing = place_photos(pycolmap, scene, groups, start, report, told)
+    placing = place_photos(pycolmap, scene, groups, start, report, announce)
     again = sorted(set(range(len(photos))) - set(placing.photos))
     if again and len(again) * len(photos) <= _MOST_AGAIN:
-        told(f"trying {len(again)} unplaced photos again: weaker features, compared "
+        announce(f"trying {len(again)} unplaced photos again: weaker features, compared "
              "with all photos")
         closer = _closer(scene, photos, turns, again, config, say, stood_still)
         registered[0] = 2
         if closer.seen_again(pycolmap, groups, start)[again].any():
-            second = place_photos(pycolmap, closer, groups, start, report, told)
+            second = place_photos(pycolmap, closer, groups, start, report, announce)
             placing = max(placing, second, key=lambda one: len(one.photos))
     if placing.model is None:
         return {}, {}

@@ -108,10 +108,10 @@ def _lines(facts: list[Fact], coloured: bool, unicode: bool) -> list[str]:
     for group in dict.fromkeys(fact.group for fact in facts):
         lines += ([""] if lines else []) + [dyed(group, "1")]
         members = [fact for fact in facts if fact.group == group]
-        text_width = max((len(fact.text) for fact in members if fact.mend), default=0)
+        text_width = max((len(fact.text) for fact in members if fact.remedy), default=0)
         for fact in members:
             mark, plain, code = _MARKS[fact.state]
-            mend = f"{fact.text:<{text_width}}  {dyed(fact.mend, '36')}"
+            remedy = f"{fact.text:<{text_width}}  {dyed(fact.remedy, '36')}"
             lines.append(f"  {dyed(mark if unicode else plain, code)} {fact.name:<{width}}  "
-                         f"{mend if fact.mend else fact.text}")
+                         f"{remedy if fact.remedy else fact.text}")
     return lines

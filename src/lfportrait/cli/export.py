@@ -68,14 +68,14 @@ class View(Common):
 
     def run(self) -> dict[str, Any]:
         """Write the page to a temporary file and serve it."""
-        def told(address: str, _: Any) -> None:
+        def announce(address: str, _: Any) -> None:
             if not self.quiet:
                 print(f"{address} (Ctrl-C stops)", flush=True)
 
         if self.field.suffix.lower() in (".html", ".htm"):
             if not self.field.is_file():
                 raise UserError(f"no such file: {self.field}")
-            serve_page(self.field, self.port, browse=self.browser, ready=told)
+            serve_page(self.field, self.port, browse=self.browser, ready=announce)
             return {}
         voxels = load_styled(self.field)
         with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
@@ -83,5 +83,5 @@ class View(Common):
             with self.progress("view") as progress:
                 progress.update(0, "page")
                 figures = write_page(voxels, path, self.page)
-            serve_page(path, self.port, browse=self.browser, ready=told)
+            serve_page(path, self.port, browse=self.browser, ready=announce)
         return figures

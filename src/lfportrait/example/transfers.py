@@ -94,8 +94,8 @@ class TransferConfig:
     """For faces turned by more than this angle, guide by the visible part of a generic head instead
     of hidden landmarks; in degrees, 90 = never."""
     view_gain: float = 10.0
-    """Factor of `blit.min_improvement` in the views of a capture, 1 to 20: high values suppress strokes that
-    jump between views."""
+    """Factor of `blit.min_improvement` in the views of a capture, 1 to 20: high values suppress
+    strokes that jump between views."""
     table: TableConfig = field(default_factory=TableConfig)
     """Look-up table."""
     blit: BlitConfig = field(default_factory=BlitConfig)

@@ -32,14 +32,14 @@ class ReconstructConfig:
 
     resolutions: tuple[int, ...] = ()
     """Lattice points per two world units (the cube's edge), coarse to fine; by default a quarter
-    (not for narrow arcs), half and all of --resolution for photos with mattes, 96 192 for photos of a
-    room."""
+    (not for narrow arcs), half and all of --resolution for photos with mattes, 96 192 for photos of
+    a room."""
     resolution: int = 0
     """Lattice points per two world units at the last level, for photos with mattes; 0: a voxel is
     about two pixels, with 256 to --max-resolution points."""
     max_resolution: int = 512
-    """Maximum of lattice points for --resolution 0; `make` uses no more than the display shows, but at
-    least 256."""
+    """Maximum of lattice points for --resolution 0; `make` uses no more than the display shows, but
+    at least 256."""
     rays: tuple[float, ...] = ()
     """Training rays of each level in millions; by default 1 5 12, more above 256 points, and 4 8
     for a room. With a time budget, coarse levels use at least two fifths of these and run for their

@@ -90,7 +90,7 @@ def _told(capture: Capture) -> dict[str, NDArray[Any]]:
             "mattes": np.array(capture.alphas is not None)}
 
 
-def _late(photos: Path, told: dict[str, NDArray[Any]]) -> Capture:
+def _late(photos: Path, stored: dict[str, NDArray[Any]]) -> Capture:
     """The capture that was read before, its pictures still to be decoded."""
     @functools.cache
     def again() -> Capture:
@@ -101,10 +101,10 @@ def _late(photos: Path, told: dict[str, NDArray[Any]]) -> Capture:
         assert found is not None
         return found
 
-    names = told["names"].tolist()
+    names = stored["names"].tolist()
     return Capture(
-        Camera(*(told[name] for name in _CAMERA)),
+        Camera(*(stored[name] for name in _CAMERA)),
         LatePictures(len(names), lambda: again().images),
-        LatePictures(len(names), mattes) if told["mattes"] else None,
-        names, told["held_out"], told["frame"], told["landmarks"],
-        json.loads(str(told["figures"])))
+        LatePictures(len(names), mattes) if stored["mattes"] else None,
+        names, stored["held_out"], stored["frame"], stored["landmarks"],
+        json.loads(str(stored["figures"])))

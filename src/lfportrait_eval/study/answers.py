@@ -210,8 +210,8 @@ def read_answers(files: Sequence[Path], study: Path | None = None,
         else:
             good[answers.person] = answers
     if not good:
-        told = "; ".join(f"{file}: {why}" for file, why in left_out[:3])
+        result = "; ".join(f"{file}: {why}" for file, why in left_out[:3])
         more = f" (and {len(left_out) - 3} more)" if len(left_out) > 3 else ""
-        raise UserError(f"no answers can be used: {told}{more}" if left_out else
+        raise UserError(f"no answers can be used: {result}{more}" if left_out else
                         "name the files of answers: lfportrait study results answers/*.json")
     return list(good.values()), left_out

@@ -11,7 +11,7 @@ from lfportrait.example import Transfer, VideoTransfer
 from lfportrait.example.guides.position import pixel_centres
 from lfportrait.example.kernels.video import (
     carry_shifts,
-    mend,
+    repair,
     squared_changes,
     to_bytes,
     trust,
@@ -124,7 +124,7 @@ def test_pieces_of_a_plane_keep_their_size():
     torn = plane.copy()
     torn[9, 3] += 20
     out = np.empty_like(plane)
-    mend(torn, trusted, 2, np.float32(1), np.float32(0.6), np.float32(1.7), 1j, 3 + 0j, out)
+    repair(torn, trusted, 2, np.float32(1), np.float32(0.6), np.float32(1.7), 1j, 3 + 0j, out)
     anew = np.zeros((20, 30), bool)
     anew[4, 20] = anew[9, 3] = True
     assert np.array_equal(out[~anew], torn[~anew])

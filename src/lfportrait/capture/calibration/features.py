@@ -166,7 +166,7 @@ def _still(features: list[Features], pair: tuple[int, int], matches: Matches) ->
     return np.asarray(np.abs(one - other).max(axis=1, initial=0.0) < _STILL)
 
 
-def likely_pairs(features: list[Features], told: Callable[[int, int], None] | None = None,
+def likely_pairs(features: list[Features], on_progress: Callable[[int, int], None] | None = None,
                  ) -> list[tuple[int, int]]:
     """Pairs of photos that may show the same: by their largest features.
 
@@ -174,7 +174,7 @@ def likely_pairs(features: list[Features], told: Callable[[int, int], None] | No
     ----------
     features
         Of each photo.
-    told
+    on_progress
         Called with the number of pairs looked at, and of all.
 
     Returns
@@ -190,8 +190,8 @@ def likely_pairs(features: list[Features], told: Callable[[int, int], None] | No
     large = [own.descriptors[own.large] for own in features]
     for number, (i, j) in enumerate(every):
         alike[i, j] = alike[j, i] = len(match_features(large[i], large[j]))
-        if told is not None and number % 100 == 0:
-            told(number, len(every))
+        if on_progress is not None and number % 100 == 0:
+            on_progress(number, len(every))
     chosen = alike >= _ALIKE
     for i in range(count):
         chosen[i, np.argsort(-alike[i], kind="stable")[:_BEST]] = True

@@ -12,7 +12,7 @@ import numpy as np
 from ...lanes.decorators import kernel, lean_kernel
 from ...lanes.threads import shared
 
-__all__ = ["carry", "carry_shifts", "mend", "squared_changes", "to_bytes", "trust", "unfold"]
+__all__ = ["carry", "carry_shifts", "repair", "squared_changes", "to_bytes", "trust", "unfold"]
 
 
 @numba.njit(cache=True, inline="always")
@@ -126,7 +126,7 @@ def _whole(anchor, y, x, v, u, low, high):
 
 @shared("anchor")
 @lean_kernel
-def mend(since, until, anchor, trusted, factor, scale, least, most, turn, offset, out):
+def repair(since, until, anchor, trusted, factor, scale, least, most, turn, offset, out):
     """A carried anchor plane [h, w, 2], restarted where it is unreliable or torn, into ``out``.
 
     Values lie in the middles of blocks of ``factor`` pixels; ``trusted`` bool [h, w]. Torn is where

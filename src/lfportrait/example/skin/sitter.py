@@ -279,8 +279,9 @@ def _hair_behind(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32
     hairy, bare = known > 0.7, (known < 0.2) & (up < 0.3) & (up > -0.9)
     # Down to where hair hangs at the sides.
     lowest = min(LOWEST, float(np.percentile(up[hairy], 2))) if hairy.any() else LOWEST
-    told = _told_apart(plane, colors, flat, seen, hairy & (seen > 0.5), bare & (seen > 0.5), lowest)
-    return np.asarray(np.where(np.isnan(known), told, known), np.float32)
+    parted = _told_apart(plane, colors, flat, seen, hairy & (seen > 0.5), bare & (seen > 0.5),
+                         lowest)
+    return np.asarray(np.where(np.isnan(known), parted, known), np.float32)
 
 
 def _hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32,
@@ -312,8 +313,8 @@ def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
     hair[chosen] = 1 / (1 + np.exp(np.clip((from_hair - from_face) / 0.5, -30, 30)))
     hair[~around] = 0
     # What no photo saw goes on as it begins, and further on as hair goes on.
-    unseen, told = around & (seen <= 0.5), around & (seen > 0.5)
-    beside = Cells.over(flat, 0.03 * plane.height).carried(3 * hair - 1.5, told, 1.0, 20.0)
+    unseen, parted = around & (seen <= 0.5), around & (seen > 0.5)
+    beside = Cells.over(flat, 0.03 * plane.height).carried(3 * hair - 1.5, parted, 1.0, 20.0)
     hair[unseen] = np.clip(hair_by_place(plane, flat[unseen]) + beside[unseen], 0, 1)
     return np.asarray(hair, np.float32)
 

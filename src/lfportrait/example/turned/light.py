@@ -77,9 +77,9 @@ def relit(sides: Sides) -> Float32:
     if not asked.any():
         return sides.theirs
     # What is much darker or brighter may be hair or a hat over skin, and gets little weight.
-    told = asked * np.exp(-(differing.mean(axis=-1) / UNLIKE) ** 2)
+    weight_told = asked * np.exp(-(differing.mean(axis=-1) / UNLIKE) ** 2)
     weight, most, light, clear, own, mirrored = (_small(plane) for plane in (
-        told, asked, differing, np.maximum(sides.face * (sides.share > 0.9), told),
+        weight_told, asked, differing, np.maximum(sides.face * (sides.share > 0.9), weight_told),
         *(blurred(one, broad) for one in brightness)))
     mean = _spread(light, weight, most, scale / SMALL)
     seen = clear > 0.5

@@ -24,7 +24,7 @@ from ..exemplar import face_size
 from ..guides.blurs import enlarged
 from ..guides.position import pixel_centres
 from ..guides.regions import Regions, find_regions
-from ..kernels.video import mend, squared_changes, to_bytes, unfold
+from ..kernels.video import repair, squared_changes, to_bytes, unfold
 from ..transfers import Transfer, TransferResult, face_landmarks
 from .carried_frames import paint_onward, reduced
 from .motion import Flow, Motion, block_side
@@ -281,7 +281,7 @@ class VideoTransfer:
             anchor = motion.carry(self._anchor)
             turn, offset = self._continued(anchor, motion)
             self._anchor = np.empty_like(anchor)
-            mend(anchor, motion.trusted, side, scale, np.float32(TORN[0]), np.float32(TORN[1]),
+            repair(anchor, motion.trusted, side, scale, np.float32(TORN[0]), np.float32(TORN[1]),
                  turn, offset, self._anchor)
             kept = (anchor[..., 0] == self._anchor[..., 0]) & motion.trusted
         out = np.empty((*shape[:2], 2), np.float32)

@@ -72,8 +72,8 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
     points = field.lattice_points()[field.density > OPAQUE]
     if cut is not None:
         points = points[cut.above(points) > 0]
-    told = np.isfinite(landmarks)
-    if not (told[[0, 16]].all() and told[17:27].any() and len(points) >= 1000) or _all_around(
+    given = np.isfinite(landmarks)
+    if not (given[[0, 16]].all() and given[17:27].any() and len(points) >= 1000) or _all_around(
             capture.cameras[capture.training()]):
         return field, None
     voxel = float(field.spacing.mean())

@@ -171,15 +171,15 @@ def _shown_below_chin(chart: Chart, start: Float64, limit: Float64, chin: float,
         on[row, front] = np.minimum(np.maximum(on[row, front], on[row + 1, front] / _TAPER),
                                     limit[row, front])
     offset, trust = photos.sweep(chart, on, limit, reach, *_SWEEPS[0][1:3])
-    told = ndimage.gaussian_filter(trust, 2.0) > _TOLD
-    told &= ((height < chin + 0.1) & (height > chin - 0.3))[:, None] & front
-    found = np.minimum(on + smoothed(offset, told, 1.5), limit)
+    trusted_part = ndimage.gaussian_filter(trust, 2.0) > _TOLD
+    trusted_part &= ((height < chin + 0.1) & (height > chin - 0.3))[:, None] & front
+    found = np.minimum(on + smoothed(offset, trusted_part, 1.5), limit)
     # It hangs together with the face, has a middle, and goes no further out than the face.
     middle = np.abs(chart.angle) < np.radians(20.0)
     for row in rows[::-1]:
-        told[row] &= told[row + 1] & (told[row, middle].mean() > 0.9)
+        trusted_part[row] &= trusted_part[row + 1] & (trusted_part[row, middle].mean() > 0.9)
         found[row] = np.minimum(found[row], found[row + 1])
-    return np.where(told & (height < chin + 0.05)[:, None], found, 0.0)
+    return np.where(trusted_part & (height < chin + 0.05)[:, None], found, 0.0)
 
 
 def _tapered(chart: Chart, distance: Float64, generic: Float64, chin: float, shown: Float64,

@@ -138,5 +138,5 @@ class SurfaceSweep:
             score += share * together / np.sqrt(np.maximum(variance * own, 1e-12))
         share = np.clip(score / total, 0.0, 1.0)
         # The likelihood of an agreement, but for a factor: what misfits is noise.
-        told = np.where(total > 0.25 * len(stack), -np.log(1.003 - share), 0.0)
-        return told.astype(np.float32), own
+        logarithm = np.where(total > 0.25 * len(stack), -np.log(1.003 - share), 0.0)
+        return logarithm.astype(np.float32), own

@@ -67,9 +67,9 @@ def _sitter(batch: Batch, name: str) -> str:
     styles = dict.fromkeys(task.folder for task in tasks if "/" in task.folder)
     cards = "".join(_card(batch, folder, [task for task in tasks if task.folder == folder])
                     for folder in styles)
-    told = "".join(f'<p class="note">{html.escape(note)}</p>' for note in notes)
+    remarks = "".join(f'<p class="note">{html.escape(note)}</p>' for note in notes)
     return (f'<section><h2>{html.escape(name)}</h2><p class="figures">'
-            f'{html.escape(", ".join(figures))}</p>{told}'
+            f'{html.escape(", ".join(figures))}</p>{remarks}'
             f'<div class="cards"><figure>{photo}<figcaption>photo</figcaption></figure>'
             f'{cards}</div></section>')
 

@@ -93,13 +93,13 @@ def _done(task: Task, results: Path) -> dict[str, Any]:
     folder = StageFolder(results / task.folder)
 
     def work() -> dict[str, Any]:
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("ignore")
             warnings.filterwarnings("always", category=UserWarning, module=r"lfportrait\w*\.")
             cost, figures = cost_of(lambda: do_stage(task, results, folder, Tools()))
         written = sum(_size(folder.folder / name)
                       for name in (*task.outputs, *figures.get("more", ())))
-        notes = list(dict.fromkeys(" ".join(str(one.message).split()) for one in told))
+        notes = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))
         return {**figures, "notes": notes, "cost": {**asdict(cost), "bytes": written}}
 
     return folder.run(task.record, task.key, task.outputs, work)
