@@ -92,9 +92,9 @@ def _computing() -> list[Fact]:
     return [
         Fact("machine", "processor", f"{facts['processor']}, {facts['cores']} cores",
              value={"name": facts["processor"], "cores": facts["cores"]}),
-        Fact("machine", "vectors", f"{unit}: {width} numbers at once",
+        Fact("machine", "vectors", f"{unit}: {width} floats per vector",
              value={"unit": unit, "width": width}),
-        Fact("machine", "GPU", "this version uses none", value=computing_device()),
+        Fact("machine", "GPU", "not used by this version", value=computing_device()),
         Fact("machine", "threads", str(threads), value=threads),
         _kernels(host.kernel_cache())]
 

@@ -188,7 +188,7 @@ def test_damaged_transforms_are_the_users_errors(tmp_path: Path) -> None:
     cameras = rig(8, 3)
     with pytest.raises(UserError, match="no folder or file"):
         Capture.load(tmp_path / "missing")
-    with pytest.raises(UserError, match="no calibrated capture"):
+    with pytest.raises(UserError, match="not a calibrated capture"):
         Capture.load(tmp_path)
     file = tmp_path / "transforms.json"
     file.write_text("{")
@@ -346,7 +346,7 @@ def test_llff_axes_and_reduced_pictures(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="does not hold as many"):
         Capture.load(tmp_path)
     (tmp_path / "poses_bounds.npy").write_bytes(b"nothing")
-    with pytest.raises(UserError, match="no LLFF"):
+    with pytest.raises(UserError, match="not an LLFF"):
         Capture.load(tmp_path)
 
 

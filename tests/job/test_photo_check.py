@@ -89,9 +89,9 @@ def test_a_gap_a_missing_side_and_few_photos(tmp_path, faces):
     text = " ".join(check.advice)
     assert len(check.gaps) == 1
     assert check.gaps[0] == pytest.approx((-35, 0), abs=6)
-    assert "Nothing was taken between" in text and "degrees to the left and the front" in text
+    assert "There are no photos between" in text and "degrees to the left and the front" in text
     assert "degrees to the right; walk on" in text
-    assert "6 photos of use are few" in text
+    assert "6 usable photos are too few" in text
 
 
 def test_blur_and_light_that_changes(tmp_path, faces):
@@ -137,7 +137,7 @@ def test_capture_check_as_a_command(tmp_path, faces, capsys):
     out, figures = tmp_path / "check.png", tmp_path / "check.json"
     assert main(["capture-check", str(folder), "--out", str(out), "--json", str(figures)]) == 0
     printed = capsys.readouterr().out
-    assert "6 photos, 6 of use" in printed and "- Nothing was taken between" in printed
+    assert "6 photos, 6 usable" in printed and "- There are no photos between" in printed
     assert Image.open(out).width > 1000
     data = json.loads(figures.read_text())
     assert data["count"] == data["faces"] == 6

@@ -89,7 +89,7 @@ def test_a_turned_painting_is_told_and_drawn(picture):
 
 def test_a_frontal_drawing_is_taken_as_it_is(drawing):
     check = check_style(drawing(0.0), preview=False)
-    assert check.frontal is None and "taken as it is" in check.facts[0][1]
+    assert check.frontal is None and "used unchanged" in check.facts[0][1]
     assert any("Drawn in one colour" in text for _, text in check.facts)
 
 
@@ -131,7 +131,7 @@ def test_another_face_is_added_and_checked_by_its_number(two_faces, capsys):
     beside = path.with_suffix(".landmarks.txt")
     assert np.abs(read_landmarks(beside) - faces[1]).max() < 0.01
     assert path.with_suffix(".landmarks.png").exists()
-    with pytest.raises(UserError, match="is there already; remove it"):
+    with pytest.raises(UserError, match="already exists; remove it"):
         add_style(path, face=1)
     beside.unlink()
     with pytest.raises(UserError, match="shows 2 faces; there is no face 3"):

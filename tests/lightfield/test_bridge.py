@@ -217,7 +217,7 @@ def test_a_bridge_that_hangs_is_given_up(quilt, capsys):
 
 @pytest.mark.parametrize(("refuse", "complaint"), [
     ({"enter_orchestration": None}, "no Looking Glass Bridge of version 2.2"),
-    ({"instance_playlist": "Failure"}, "did not do instance_playlist: Failure"),
+    ({"instance_playlist": "Failure"}, "failed at instance_playlist: Failure"),
     ({"insert_playlist_entry": None}, "insert_playlist_entry gave nothing"),
     ({"play_playlist": "Failure"}, "no such file")])
 def test_what_bridge_refuses_is_told(server, quilt, capsys, refuse, complaint):
@@ -235,7 +235,7 @@ def test_other_servers_are_told(server, quilt, capsys):
 def test_without_a_looking_glass_nothing_is_cast(server, quilt, capsys):
     del server.screens["2"]
     assert run("cast", quilt, "--url", server.url) == 2
-    assert "knows no Looking Glass display" in error_of(capsys)
+    assert "reports no Looking Glass display" in error_of(capsys)
     assert server.showing is None
     server.screens = {}
     assert run("cast", "--list", "--url", server.url) == 0
@@ -246,7 +246,7 @@ def test_without_a_looking_glass_nothing_is_cast(server, quilt, capsys):
     ([], "name the quilt"), (["none_qs3x2a1.png"], "no such file"),
     (["QUILT", "--screen", "7"], "no screen 7"), (["QUILT", "--views", "7"], "6 views"),
     (["QUILT", "--timeout", "0"], "--timeout"), (["QUILT", "--shift", "4"], "--shift"),
-    (["--save-display", "x.toml", "--screen", "0"], "is no Looking Glass"),
+    (["--save-display", "x.toml", "--screen", "0"], "is not a Looking Glass"),
     (["QUILT", "--url", "ftp://host"], "http://")])
 def test_mistakes_are_told_in_one_line(server, quilt, capsys, words, complaint):
     words = [quilt if word == "QUILT" else word for word in words]

@@ -89,7 +89,7 @@ class Cast(Common):
     def _glass(self, bridge: Bridge) -> Device:
         device = bridge.device(self.screen)
         if not device.calibration:
-            raise UserError(f"screen {device.index} ({device.name}) is no Looking Glass")
+            raise UserError(f"screen {device.index} ({device.name}) is not a Looking Glass")
         return device
 
     def _cast(self, bridge: Bridge, address: bool) -> dict[str, Any]:
@@ -119,7 +119,7 @@ class Cast(Common):
         from ..field import VoxelField
 
         if not device.calibration:
-            raise UserError(f"screen {device.index} ({device.name}) is no Looking Glass: make a "
+            raise UserError(f"screen {device.index} ({device.name}) is not a Looking Glass: make a "
                             "quilt with `lfportrait encode --quilt` and cast that")
         panel = device.display()
         field = VoxelField.load(Path(self.source))

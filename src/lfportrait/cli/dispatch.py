@@ -70,7 +70,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "display pattern": ("displays", "DisplayPattern", "a test pattern, coded for a display"),
     "display import": ("displays", "DisplayImport", "a display file from a calibration file"),
     "evaluate": (_LAB, "Evaluate", "metrics of a finished job or of two folders of pictures"),
-    "evaluate tables": (_LAB, "Tables", "the paper's comparisons: methods side by side"),
+    "evaluate tables": (_LAB, "Tables", "tables that compare methods, as in the paper"),
     "bench": (_LAB, "Bench", "measure speed: encode, reconstruct, transfer, stylize or all"),
     "study": (_LAB, "Study", "make a user study page"),
     "study results": (_LAB, "StudyResults", "evaluate the answers"),

@@ -44,7 +44,7 @@ class CaptureCheck(Common):
         write_image(self.out, check_picture(check))
         figures = check.figures()
         if not self.quiet:
-            print(f"{figures['count']} photos, {figures['count'] - figures['useless']} of use, "
+            print(f"{figures['count']} photos, {figures['count'] - figures['useless']} usable, "
                   f"a face in {figures['faces']}: {self.out}")
             print("\n".join(f"- {line}" for line in check.advice)
                   or "No problems found: these photos are suitable for a portrait.")

@@ -186,7 +186,7 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
 
 
 def _geometry(surface: HeadSurface, progress: Progress | None) -> dict[str, float]:
-    """How much of the head the photos of a narrow arc show, for the figures and in one line."""
+    """Share of the head that the photos of a narrow arc show, as figures and a one-line note."""
     head = surface.shown_of_head()
     figures = {"span_degrees": round(surface.span, 1), "head_shown": round(head, 3)}
     if progress is not None:

@@ -1,7 +1,7 @@
 """A user study like the paper's: a page on which people choose between portraits, and its results.
 
 `entries` finds what is compared and `design` lays down who sees what; `assembly` writes the page
-(its script and style are in ``web/``). `answers` reads what people hand over, `analysis` makes
+(its script and style are in ``web/``). `answers` reads the answer files, `analysis` makes
 figures of it with `statistics` and `ranking`, `results` writes them.
 """
 

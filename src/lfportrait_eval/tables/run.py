@@ -1,7 +1,7 @@
 """The run: every sitter in every style by every method, each step resumable.
 
 A cell is two stages: its views are painted, then measured. Cells that are done are skipped, so a
-run that is killed goes on where it stopped, and one that is asked for more sitters, styles or
+run that is killed is resumed, and one that is asked for more sitters, styles or
 methods does only what is new. The measures are a stage of their own: when weights of a network
 arrive, nothing is painted again.
 """

@@ -92,7 +92,7 @@ def test_photos_that_hardly_show_it_are_left_out_or_nothing_is_followed(moved):
     blind = [matte if view % 3 else np.zeros_like(matte) for view, matte in enumerate(mattes)]
     result, motion = follow_head(capture, blind, tell=said.append)
     assert result is capture and motion.moved and not motion.followed
-    assert "too little of it" in said[0]
+    assert "too few of its features" in said[0]
     result, motion = follow_head(capture, [np.zeros_like(matte) for matte in mattes])
     assert result is capture and not motion.moved and np.isnan(motion.pixels)
 

@@ -100,7 +100,7 @@ def test_parameters_of_another_packages_method(load):
     ('[[sitter]]\nphotos = "week/*"\nname = "x"', "leave out name"),
     ('[[sitter]]\nphotos = "anna"\nname = "a/b"', "can't be a folder's name"),
     ('[[sitter]]\nphotos = "anna"\nname = "portrait"', "taken by the batch"),
-    ('[[sitter]]\nphotos = "anna"\n[[sitter]]\nphotos = "anna"', "two of the name anna"),
+    ('[[sitter]]\nphotos = "anna"\n[[sitter]]\nphotos = "anna"', "the name anna is used twice"),
     ('[[sitter]]\nphotos = "anna"\nstyles = ["charcaol"]', "did you mean charcoal"),
     ('[[sitter]]\nphotos = "anna"\nstylize.stregth = 1', r"sitter anna.stylize: .*mean strength"),
     ('[[sitter]]\nphotos = "anna"\nstylize.strength = "x"', "strength = 'x' is not a number"),

@@ -40,7 +40,7 @@ FRESH = 0.25
 TORN = (0.6, 1.7)
 """Range of the anchor plane's stretch against a new one."""
 DETECT = 4
-"""Landmarks are detected in every so manieth frame."""
+"""Landmarks are detected in every Nth frame."""
 SEGMENT = 8
 """And person and hair segmented."""
 PAINT = 3
@@ -100,7 +100,7 @@ class VideoTransfer:
     carry
         False keeps the seeds where they are in the picture, for comparison.
     detect, segment
-        Landmarks are detected, person and hair segmented, in every so manieth frame; between they
+        Landmarks are detected, person and hair segmented, in every Nth frame; between they
         are carried.
     paint
         Paint every Nth frame from scratch; between these, strokes are carried, too.

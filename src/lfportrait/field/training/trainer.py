@@ -44,7 +44,7 @@ _SAVE_EVERY = 20.0  # seconds
 _LOOK_AGAIN = 400
 """Steps after which it is looked again for bricks that have become clear."""
 _LAY_AGAIN = 0.4
-"""Share of the finest level after which mattes are laid once more: its outline is finer by then."""
+"""Share of the finest level after which mattes are recomputed: its outline is finer by then."""
 
 
 class Trainer:

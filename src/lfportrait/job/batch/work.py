@@ -33,7 +33,7 @@ class Outcome:
     task
         Its name.
     error
-        Why it failed, in one line; empty where it is done.
+        Cause of the failure, on one line; empty if it is done.
     figures
         Of the stage, with ``cost``: seconds, core-seconds, peak memory, bytes written.
     fault
