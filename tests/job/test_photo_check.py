@@ -90,7 +90,7 @@ def test_a_gap_a_missing_side_and_few_photos(tmp_path, faces):
     assert len(check.gaps) == 1
     assert check.gaps[0] == pytest.approx((-35, 0), abs=6)
     assert "There are no photos between" in text and "degrees to the left and the front" in text
-    assert "degrees to the right; walk on" in text
+    assert "degrees to the right; go on" in text
     assert "6 usable photos are too few" in text
 
 

@@ -96,7 +96,7 @@ def test_parameters_of_another_packages_method(load):
     ('[[sitter]]\nphotos = "anna"\nvideo = "x"', "not photos and video"),
     ('[[sitter]]\nphotos = 3', "photos = 3 is not a text"),
     ('[[sitter]]\nphotos = "nowhere"', "no folder or file .*nowhere"),
-    ('[[sitter]]\nphotos = "none/*"', r"named like none/\*"),
+    ('[[sitter]]\nphotos = "none/*"', r"matches none/\*"),
     ('[[sitter]]\nphotos = "week/*"\nname = "x"', "leave out name"),
     ('[[sitter]]\nphotos = "anna"\nname = "a/b"', "can't be a folder's name"),
     ('[[sitter]]\nphotos = "anna"\nname = "portrait"', "taken by the batch"),
