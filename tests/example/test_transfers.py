@@ -153,7 +153,9 @@ def test_a_style_is_added_and_corrected(tmp_path, photo, capsys):
     assert np.allclose(read_landmarks(beside), corrected, atol=0.01)
     assert not np.array_equal(first, read_image(tmp_path / "own.landmarks.png"))
     assert main(["styles", "add", str(tmp_path / "none.png"), "--quiet"]) == 2
-    assert main(["styles", "add"]) == 2
+    with pytest.raises(SystemExit) as stopped:
+        main(["styles", "add"])
+    assert stopped.value.code == 2
 
 
 def test_a_photo_from_the_side_is_told(tmp_path, photo, style, monkeypatch, capsys):

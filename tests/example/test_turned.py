@@ -196,7 +196,7 @@ def test_frontal_faces_stay_as_they_are_and_profiles_are_told():
     assert abs(face_pose(turned.landmarks).yaw) < 1 and turned.mask is not None
     profile = portrait(posed(20.0))
     profile.landmarks = posed(75.0).project(GENERIC_LANDMARKS)
-    with pytest.raises(UserError, match=r"to the picture's right, 7\d degrees"):
+    with pytest.raises(UserError, match=r"to the picture's right by 7\d degrees"):
         frontalised(profile)
 
 

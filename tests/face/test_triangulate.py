@@ -37,8 +37,9 @@ def test_noise_is_averaged(seed, noise):
     found, errors, _ = triangulate(cameras, observed, tolerance=6.0)
     pixel = float(depth.mean() / cameras.focal.mean())
     # Twelve views over 90 degrees: across the views the mean error is a third of one
-    # observation's, and along them less than as large again.
-    assert np.sqrt(np.mean((found - points) ** 2)) < 0.7 * noise * pixel
+    # observation's, and along them less than as large again. Of 300 seeds the mean is 0.45, one in
+    # a hundred has 0.62 and the largest 0.70: there are only 12 points.
+    assert np.sqrt(np.mean((found - points) ** 2)) < 0.8 * noise * pixel
     assert 0.6 * noise < np.median(errors) / np.sqrt(2) < 1.3 * noise
 
 

@@ -149,7 +149,8 @@ def test_the_command_writes_the_page(picture, tmp_path, capsys, monkeypatch):
     assert picture.with_suffix(".check.png").exists()
     out = capsys.readouterr()
     assert "degrees to the picture's right" in out.out
-    assert main(["styles", "check"]) == 2
-    assert "give the painting" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as stopped:
+        main(["styles", "check"])
+    assert stopped.value.code == 2 and "The painting" in capsys.readouterr().err
     assert main(["styles", "check", str(tmp_path / "none.png")]) == 2
     assert "none.png" in capsys.readouterr().err

@@ -134,5 +134,5 @@ def test_the_page_tells_of_its_texture(head, tmp_path):
 def test_a_room_that_is_left_out_is_told(tmp_path):
     field = shell_field(16, basis=1)
     field.background = Background(np.full((8, 4), -1, np.int32), np.zeros((0, 2, 4), np.float32))
-    with pytest.warns(UserWarning, match="the room behind it"):
+    with pytest.warns(UserWarning, match="the room that this field contains"):
         write_page(field, tmp_path / "page.html")
