@@ -2,7 +2,7 @@
 
 Key concepts: `write_page`, `PageConfig` (caption, size, harmonics). Writes portrait.html: open it
 by a double click. A field of `lfportrait stylize` brings a slider from photo to painting along;
-here the photographed field keeps how its colours change with the direction.
+here the photographed field keeps how its colors change with the direction.
 
 Run: python examples/01_hello.py && python examples/05_page.py
 """

@@ -64,7 +64,7 @@ def close(field: lf.VoxelField, height: int = HEIGHT) -> np.ndarray:
 
 
 def mixtures(styled: lf.StyledField) -> list[lf.VoxelField]:
-    """Photo, half painted, painted, the photo's colours, the hair and the face in two styles."""
+    """Photo, half painted, painted, the photo's colors, the hair and the face in two styles."""
     _, second, third = styled.styles[:3]
     return [styled.mix(strength=0.0), styled.mix(strength=0.5), styled.mix(),
             styled.mix(style=third, keep_colors=True), styled.mix(regions={"hair": second})]

@@ -23,7 +23,7 @@ LABORATORY = ROOT / "src" / "lfportrait_eval"
 STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share", "demo",
           "job", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
-GROUND = ("cache", "colour", "device", "download", "errors", "files", "health", "labels",
+GROUND = ("cache", "color", "device", "download", "errors", "files", "health", "labels",
           "lanes", "lazy", "measure", "metrics", "models", "plugins", "progress", "renamed",
           "sources", "stages", "version")
 """Carries all stages and knows none."""

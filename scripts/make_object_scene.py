@@ -5,7 +5,7 @@ python scripts/make_object_scene.py OUT [--kind bricks] [--size 800] [--train 88
 Kinds, each hard in another way:
 bricks   a toy bulldozer, a potted plant, a fence and glossy balls: thin rods, gaps, a hollow blade
 foliage  a small tree of hundreds of leaves, a wire cage, springs and a net
-glass    chrome, brass, cymbals, clear and coloured glass, balls of differing gloss
+glass    chrome, brass, cymbals, clear and colored glass, balls of differing gloss
 pottery  vases, a bowl and a jug, hollow and smooth, on a wavy cloth
 room     a table in a room with papered walls, shelves and pictures, seen by someone who walks
 

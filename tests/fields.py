@@ -7,7 +7,7 @@ from lfportrait.field import VoxelField
 
 def shell_field(size=24, basis=9, seed=0, density=25.0, box=(1.0, 1.0, 1.0), center=(0, 0, 0),
                 shape=None):
-    """An uneven shell with random colours, here and there below zero; exact in float16."""
+    """An uneven shell with random colors, here and there below zero; exact in float16."""
     random = np.random.default_rng(seed)
     shape = shape or (size, size, size)
     z, y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
@@ -32,7 +32,7 @@ def head_field(size=48, radius=0.6):
     body = np.maximum(np.hypot(x, z) - 0.66 * radius - np.maximum(-y - 1.3 * radius, 0),
                       y + 0.5 * radius)
     away = np.minimum(ball, body) * size / 2
-    # A clear layer around it, below zero: beyond what is kept there are no colours to mix.
+    # A clear layer around it, below zero: beyond what is kept there are no colors to mix.
     filled = away < 2
     links = np.full(filled.shape, -1, np.int32)
     links[filled] = np.arange(filled.sum(), dtype=np.int32)

@@ -30,7 +30,7 @@ CANONICAL = _canonical()
 
 def drawn_face(height, width, seed=0, skin=(225, 180, 150), hair=(60, 40, 30),
                ground=(90, 130, 170)):
-    """An exemplar of the given size: flat colours with a little grain, its mask known."""
+    """An exemplar of the given size: flat colors with a little grain, its mask known."""
     scale = 0.36 * min(width / 1.15, height / 1.55)
     centre = np.array([width / 2, height * 0.52])
     y, x = np.mgrid[:height, :width] + 0.5
@@ -44,11 +44,11 @@ def drawn_face(height, width, seed=0, skin=(225, 180, 150), hair=(60, 40, 30),
     image[head & ~face] = hair
     image[face] = skin
     landmarks = CANONICAL * scale + centre
-    for part, colour in ((slice(36, 42), (250, 250, 250)), (slice(42, 48), (250, 250, 250)),
+    for part, color in ((slice(36, 42), (250, 250, 250)), (slice(42, 48), (250, 250, 250)),
                          (slice(48, 60), (190, 60, 70))):
         points = CANONICAL[part]
         middle, half = points.mean(axis=0), np.ptp(points, axis=0) / 2
-        image[np.hypot((x - middle[0]) / half[0], (y - middle[1]) / half[1]) < 1] = colour
+        image[np.hypot((x - middle[0]) / half[0], (y - middle[1]) / half[1]) < 1] = color
     for part in (slice(17, 22), slice(22, 27)):
         points = CANONICAL[part]
         line = np.interp(x, points[:, 0], points[:, 1])

@@ -108,7 +108,7 @@ def test_a_command_of_another_package_runs_as_ours_do(bring, capsys, tmp_path):
 
 @dataclass(frozen=True)
 class Flat:
-    """One colour."""
+    """One color."""
 
     grey: float = 0.5
     """Which."""
@@ -144,17 +144,17 @@ def test_a_method_of_transfer_of_another_package(bring, tmp_path, monkeypatch, c
 
 @dataclass(frozen=True)
 class Dull:
-    """Grey colours."""
+    """Grey colors."""
 
     level: float = 0.5
 
 
 @dataclass(frozen=True)
 class Bright:
-    """White colours."""
+    """White colors."""
 
 
-def test_parameters_of_a_method_that_colours_a_field(bring):
+def test_parameters_of_a_method_that_colors_a_field(bring):
     bring("lfportrait.field_methods", "dull-one", FieldMethod(
         Dull, flat, needs_face=False, networks=("adain",)))
     bring("lfportrait.field_methods", "bright", FieldMethod(Bright, flat))

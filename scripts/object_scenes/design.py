@@ -35,7 +35,7 @@ class Design:
     lights
         Rows of `sun` or `lamp`.
     ambient
-        Colour of the light from everywhere [3], its part that does not depend on a surface's tilt,
+        Color of the light from everywhere [3], its part that does not depend on a surface's tilt,
         and the part that does.
     surroundings
         OUTDOORS, STUDIO or INDOORS.

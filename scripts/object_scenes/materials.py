@@ -38,7 +38,7 @@ def material(color, gloss: float = 0.1, sharpness: float = 20, second=None, patt
     pattern, frequency
         What is painted, how many times a unit length.
     metal
-        1: a mirror tinted by the colour; less: a lacquer that mirrors at flat angles.
+        1: a mirror tinted by the color; less: a lacquer that mirrors at flat angles.
     rough
         How much what it mirrors is blurred, in radians.
     clear
@@ -111,7 +111,7 @@ def step(low, high, value):
 
 @njit(cache=True, error_model="numpy")
 def blend_of(pattern, often, solid, number, place, p, q):
-    """(share of the second colour, brightness) of a pattern at a point."""
+    """(share of the second color, brightness) of a pattern at a point."""
     if pattern == STRIPES:
         return (1.0 if sin(pi * often * (place[0] + place[1] + place[2])) > 0 else 0.0), 1.0
     if pattern == BANDS:  # painted by hand on what turns: lines of several widths, a few rows
@@ -181,7 +181,7 @@ def blend_of(pattern, often, solid, number, place, p, q):
 
 @njit(cache=True, error_model="numpy")
 def paint(row, solid, number, place, normal, color):
-    """The colour, before light, at ``place`` (in the solid's axes) of solid ``number``."""
+    """The color, before light, at ``place`` (in the solid's axes) of solid ``number``."""
     pattern, often = int(row[PATTERN]), row[FREQUENCY]
     share, tone = 0.0, 1.0
     if often > 0.0:
@@ -198,7 +198,7 @@ def paint(row, solid, number, place, normal, color):
 
 @njit(cache=True, error_model="numpy")
 def poster(often, solid, number, p, q, color):
-    """A framed picture: sky, hills and discs in colours of its own, like a modern print."""
+    """A framed picture: sky, hills and discs in colors of its own, like a modern print."""
     border = min(solid[13] - abs(p), solid[14] - abs(q))
     kind = hashed(number, 1, 2)
     if kind < 0.5:  # a landscape of layers

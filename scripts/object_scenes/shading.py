@@ -18,7 +18,7 @@ from .solids import distance, dot
 
 __all__ = ["environment", "normal_of", "occlusion_at", "passing", "shade"]
 
-# Soft boxes: direction [3], half width, half height (tangents), colour [3].
+# Soft boxes: direction [3], half width, half height (tangents), color [3].
 BOXES = np.array([
     [0.45, -0.52, 0.73, 0.34, 0.24, 4.6, 4.3, 3.9],
     [-0.80, -0.45, 0.35, 0.16, 0.55, 2.5, 2.8, 3.3],

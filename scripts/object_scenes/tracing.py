@@ -65,7 +65,7 @@ def brushed(baked, solid, point, ray, normal, rough, color):
 
 @njit(cache=True, error_model="numpy")
 def trace(baked, origin, ray, start, out):
-    """Colour (coded, premultiplied), opacity and a number that tells solids apart, of one ray."""
+    """Color (coded, premultiplied), opacity and a number that tells solids apart, of one ray."""
     through, color = np.ones(3), np.zeros(3)
     covered, mirrors = False, 0
     for _ in range(EVENTS):
@@ -103,7 +103,7 @@ def trace(baked, origin, ray, start, out):
             continue
         covered = True
         metal, rough = material[METAL], material[ROUGH]
-        if metal < 1.0:  # a lacquer over a colour; only what it mirrors at flat angles is traced
+        if metal < 1.0:  # a lacquer over a color; only what it mirrors at flat angles is traced
             shade(baked, point, ray, normal, nearest, seen)
             mirrored = metal * max(grazing - 0.03, 0.0)
             color += through * seen * (1.0 - mirrored)
@@ -137,7 +137,7 @@ def trace(baked, origin, ray, start, out):
 
 @njit(cache=True, error_model="numpy", parallel=True)
 def cast(baked, camera, focal, rays, start, out):
-    """Cast rays through picture points [K, 2]: out [K, 5] is colour, opacity and the solid."""
+    """Cast rays through picture points [K, 2]: out [K, 5] is color, opacity and the solid."""
     for number in prange(len(rays)):
         local = np.array([(rays[number, 0]) / focal, rays[number, 1] / focal, 1.0])
         ray, origin = np.zeros(3), camera[:3, 3].copy()

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from .colour import srgb
+from .color import srgb
 from .errors import UserError
 from .measure import usable_cores
 

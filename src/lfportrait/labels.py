@@ -39,7 +39,7 @@ SEGMENTS = ("background", "hair", "body-skin", "face-skin", "clothes", "others")
 RegionValue = float | str | tuple[str, float]
 """What a region gets: a strength, a style, or a style and a strength; text is read as typed."""
 MOST = 4.0
-"""The largest strength of a region: colours four times as far from the photo as the painting's."""
+"""The largest strength of a region: colors four times as far from the photo as the painting's."""
 
 
 def members(name: str, known: Sequence[str]) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ does this one (``lfportrait_eval``):
   in the name stands for the space in a command of two words;
 * group ``lfportrait.transfer_methods``: methods that paint a photo
   (`lfportrait.example.PhotoMethod`);
-* group ``lfportrait.field_methods``: methods that colour a field
+* group ``lfportrait.field_methods``: methods that color a field
   (`lfportrait.stylize.FieldMethod`).
 
 Reading the entry points takes 20 to 50 ms: what is asked for by its own name never does.

@@ -372,7 +372,7 @@ def test_distorted_photos_are_undistorted_on_load(shared_data: Path) -> None:
     lens = Lens(540, 960, (data["fl_x"], data["fl_y"]), (data["cx"], data["cy"]), "opencv",
                 (data["k1"], data["k2"]), (data["p1"], data["p2"]))
     photo = read_image(shared_data / "fox" / "images" / capture.names[0])
-    # A pixel of the pinhole picture has the colour of the place where the lens put it.
+    # A pixel of the pinhole picture has the color of the place where the lens put it.
     corner = np.array([10.5, 945.5])
     flat = (corner - lens.center) / capture.cameras.focal[0]
     place = lens.distort(flat) * lens.focal + lens.center

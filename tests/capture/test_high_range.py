@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import read_video, video_frames
-from lfportrait.colour import linear_light
+from lfportrait.color import linear_light
 
 RED, GREEN, BLUE = 0.2627, 0.6780, 0.0593
 TO_2020 = np.array([[0.627404, 0.329283, 0.043313], [0.069097, 0.919540, 0.011362],
@@ -15,7 +15,7 @@ TO_2020 = np.array([[0.627404, 0.329283, 0.043313], [0.069097, 0.919540, 0.01136
 
 
 def picture():
-    """A picture of all tones and of many colours, uint8 [96, 128, 3]."""
+    """A picture of all tones and of many colors, uint8 [96, 128, 3]."""
     y, x = np.mgrid[:96, :128]
     grey = 20 + 220 * x / 127
     tint = np.stack([np.sin(x / 17), np.sin(y / 11 + 2), np.sin((x + y) / 23 + 4)], axis=-1)

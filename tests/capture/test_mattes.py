@@ -79,7 +79,7 @@ def test_refining_an_empty_or_full_matte_changes_nothing(value: float) -> None:
     assert np.array_equal(matte, np.full((360, 480), value, np.float32))
 
 
-def test_guided_filter_reproduces_what_is_linear_in_the_colours() -> None:
+def test_guided_filter_reproduces_what_is_linear_in_the_colors() -> None:
     random = np.random.default_rng(0)
     image = random.uniform(0, 1, (40, 50, 3)).astype(np.float32)
     plane = image @ np.array([0.3, -0.2, 0.5], np.float32) + np.float32(0.1)

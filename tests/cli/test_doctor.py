@@ -13,15 +13,15 @@ FACTS = [Fact("machine", "memory", "8 GB free"), Fact("machine", "a long name", 
 
 
 def test_columns_are_aligned():
-    assert _lines(FACTS, coloured=False, unicode=False) == [
+    assert _lines(FACTS, colored=False, unicode=False) == [
         "machine", "  + memory       8 GB free", "  + a long name  two", "", "networks",
         "  ! one          missing: for faces  get one",
         "  - other        missing: few        get other"]
 
 
-def test_colours_do_not_move_columns():
-    plain = _lines(FACTS, coloured=False, unicode=True)
-    dyed = _lines(FACTS, coloured=True, unicode=True)
+def test_colors_do_not_move_columns():
+    plain = _lines(FACTS, colored=False, unicode=True)
+    dyed = _lines(FACTS, colored=True, unicode=True)
     assert [re.sub("\033\\[[0-9;]*m", "", line) for line in dyed] == plain
     assert plain != dyed
 

@@ -35,7 +35,7 @@ def test_landmarks_lie_on_the_field(field):
     assert (field.links[cells[:, 2], cells[:, 1], cells[:, 0]] >= 0).all()
 
 
-def test_what_no_photograph_sees_has_a_neighbours_colour():
+def test_what_no_photograph_sees_has_a_neighbours_color():
     few = head_field(step=8, cameras=demo_cameras(48, 12)[3:4])
     color = 0.5 + 0.28209479177387814 * few.sh[:, :, 0]
     assert np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1

@@ -26,11 +26,11 @@ def _strokes(rng, count=12):
 @pytest.mark.parametrize(("radius", "dry", "rough"), [(2.0, 0.0, 0.0), (6.5, 0.8, 1.0)])
 def test_laying_strokes_agrees_with_the_reference(radius, dry, rough):
     rng = np.random.default_rng(3)
-    paths, counts, colours = _strokes(rng)
+    paths, counts, colors = _strokes(rng)
     canvas = rng.random((50, 54, 3)).astype(np.float32)
     relief, tooth = np.zeros((50, 54), np.float32), rng.random((50, 54)).astype(np.float32)
-    wanted = reference.lay(canvas, relief, tooth, paths, counts, colours, radius, 0.9, dry, rough)
-    lay(canvas, relief, tooth, paths, counts, colours, radius, 0.9, dry, rough)
+    wanted = reference.lay(canvas, relief, tooth, paths, counts, colors, radius, 0.9, dry, rough)
+    lay(canvas, relief, tooth, paths, counts, colors, radius, 0.9, dry, rough)
     np.testing.assert_allclose(canvas, wanted[0], atol=2e-4)
     np.testing.assert_allclose(relief, wanted[1], atol=2e-4)
 
@@ -107,10 +107,10 @@ def test_fauve_palette_is_strong():
     photo = photograph(PAINTED, exemplar_camera(*SIZE)).image
     inside = photo[..., 3] == 255
 
-    def colourful(values):
+    def colorful(values):
         return np.mean(values.max(axis=-1) - values.min(axis=-1))
 
-    assert colourful(image[inside]) > 1.5 * colourful(photo[..., :3][inside].astype(float))
+    assert colorful(image[inside]) > 1.5 * colorful(photo[..., :3][inside].astype(float))
     assert (image[..., 0] > image[..., 2] + 60).mean() > 0.15, "much orange"
     assert (image[..., 2] > image[..., 0] + 60).mean() > 0.15, "much blue and teal"
 

@@ -10,7 +10,7 @@ from lfportrait.example.guides.position import pixel_centres
 from lfportrait.example.kernels.labels import pixel_weights, shrink_label, soft_labels
 from lfportrait.example.kernels.outline import distances
 from lfportrait.example.kernels.vote import elect, vote
-from lfportrait.example.styleblit import label_words, pack_colours, shift_planes
+from lfportrait.example.styleblit import label_words, pack_colors, shift_planes
 from tests.reference import transfer as reference
 
 SHAPES = [(9, 7), (20, 16), (17, 45), (33, 64)]
@@ -84,7 +84,7 @@ def test_votes(shape, radius, exact):
     anchor = pixel_centres(shape) * np.float32(1.0 if exact else 1.3)
     picture = (random.integers(0, 256, (31, 23, 3)) / 255).astype(np.float32)
     out = np.full((*shape, 3), np.nan, np.float32)
-    vote(pack_colours(picture), anchor, np.float32(9), planes, max(radius, 1), radius, exact, out)
+    vote(pack_colors(picture), anchor, np.float32(9), planes, max(radius, 1), radius, exact, out)
     assert np.allclose(out, reference.vote(picture, anchor, shift, radius, exact), atol=2e-5)
 
 
@@ -104,7 +104,7 @@ def test_pieces_of_the_anchor_plane_do_not_vote_for_each_other():
     picture = np.random.default_rng(4).integers(0, 256, (*shape, 3)) / 255
     made = np.empty((*shape, 3), np.float32)
     planes[:, 1:-1, 1:19] = 0
-    vote(pack_colours(picture.astype(np.float32)), anchor, reach, planes, 1, 1, True, made)
+    vote(pack_colors(picture.astype(np.float32)), anchor, reach, planes, 1, 1, True, made)
     assert np.allclose(made, picture, atol=1e-5)
 
 

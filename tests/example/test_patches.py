@@ -271,7 +271,7 @@ def test_a_wanted_place_leads_where_guides_do_not():
     assert np.abs(colors - wanted).mean() < 0.02
 
 
-def test_given_colours_stay_and_what_lies_outside_stays_empty():
+def test_given_colors_stay_and_what_lies_outside_stays_empty():
     source = _exemplar()
     target, wanted = _shifted(source)
     random = np.random.default_rng(3)
@@ -287,7 +287,7 @@ def test_given_colours_stay_and_what_lies_outside_stays_empty():
     assert inner.mean() < 0.05
 
 
-def test_copies_hold_their_owners_colour_and_place():
+def test_copies_hold_their_owners_color_and_place():
     source = _exemplar()
     target, wanted = _shifted(source, height=48, width=40)
     # The right half shows what the left one owns, and has no guides of its own.

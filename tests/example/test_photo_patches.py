@@ -19,7 +19,7 @@ GROUND, HAIR, SKIN = (240, 235, 220), (200, 60, 20), (90, 150, 200)
 
 
 def dressed(face: Exemplar, pattern) -> Exemplar:
-    """The same with another shirt: the luma of ``pattern(x, y)`` in [-1, 1] on a plain colour."""
+    """The same with another shirt: the luma of ``pattern(x, y)`` in [-1, 1] on a plain color."""
     image = face.image.copy()
     shirt = np.abs(np.int32(image) - (160, 60, 50)).max(axis=-1) < 40
     shirt &= np.indices(shirt.shape)[0] > face.landmarks[8, 1]
@@ -95,8 +95,8 @@ def test_the_face_stays(photo, results):
 
 
 def test_outline_and_hair_are_the_photos(photo, regions, results):
-    colours = np.float32([GROUND, HAIR, SKIN]) / 255
-    away = np.linalg.norm(results["best"].image[:, :, None] - colours, axis=-1)
+    colors = np.float32([GROUND, HAIR, SKIN]) / 255
+    away = np.linalg.norm(results["best"].image[:, :, None] - colors, axis=-1)
     nearest = away.argmin(axis=-1)
     wall, hair = inside(photo.mask < 0.5), inside(regions.hair > 0.8)
     assert wall.sum() > 5000 and hair.sum() > 500
@@ -107,7 +107,7 @@ def test_outline_and_hair_are_the_photos(photo, regions, results):
 
 def test_a_painted_scarf_is_no_neck(style, photo):
     def with_neck(face, color):
-        """The face with the neck, which is drawn in the shirt's colour, in another."""
+        """The face with the neck, which is drawn in the shirt's color, in another."""
         x, y = face.landmarks[8]
         rows, columns = np.indices(face.mask.shape)
         neck = (np.abs(columns - x) < 17) & (rows > y + 2) & (rows < y + 20)

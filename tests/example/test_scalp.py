@@ -17,7 +17,7 @@ SKIN = np.array([0.85, 0.66, 0.58], np.float32)
 
 
 def photo(crown, rough, sure=0.97, seed=0):
-    """A head with a crown of a colour and a roughness, lit from one side; and its regions."""
+    """A head with a crown of a color and a roughness, lit from one side; and its regions."""
     points = posed(0.0, scale=160.0, shift=(200.0, 210.0)).project(GENERIC_LANDMARKS)
     y, x = np.mgrid[:SIZE, :SIZE] + 0.5
     person = ((x - 200) / 75) ** 2 + ((y - 215) / 120) ** 2 < 1
@@ -39,7 +39,7 @@ def photo(crown, rough, sure=0.97, seed=0):
     (SKIN, 0.01, 0.5, True),  # a network that is not sure, and nothing but skin
     ((0.2, 0.4, 0.7), 0.01, 0.5, False),  # not sure, but blue
 ])
-def test_a_scalp_is_smooth_and_of_the_faces_colour(crown, rough, sure, bare):
+def test_a_scalp_is_smooth_and_of_the_faces_color(crown, rough, sure, bare):
     image, regions = photo(crown, rough, sure)
     assert is_scalp(image, regions) == bare
     assert is_scalp((image * 255).astype(np.uint8), regions) == bare

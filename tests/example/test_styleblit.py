@@ -119,7 +119,7 @@ def test_wrong_labels_are_not_copied():
     style_labels[:, :32] = 255
     picture = np.zeros((32, 64, 3), np.float32)
     picture[:, :32, 0], picture[:, 32:, 2] = 1, 1
-    # The guide is 12 pixels off, so that without labels chunks would carry the wrong colour over.
+    # The guide is 12 pixels off, so that without labels chunks would carry the wrong color over.
     position = pixel_centres((32, 64)) * np.float32(0.8)
     labels = np.zeros((32, 64, 1), np.uint8)
     labels[position[..., 0] < 32] = 255
@@ -168,7 +168,7 @@ def test_anchored_seeds_move_with_the_picture():
     assert np.mean((_shifted(loose.image, -5, -3) == first.image).all(axis=-1)) < 0.9
 
 
-def test_transfer_paints_the_whole_picture_in_the_exemplar_s_colours(tmp_path):
+def test_transfer_paints_the_whole_picture_in_the_exemplar_s_colors(tmp_path):
     style = drawn_face(256, 192, skin=(250, 120, 40), hair=(20, 20, 160), ground=(10, 90, 60))
     photo = drawn_face(220, 200, seed=1)
     result = transfer(photo.image, style, landmarks=photo.landmarks)
@@ -178,11 +178,11 @@ def test_transfer_paints_the_whole_picture_in_the_exemplar_s_colours(tmp_path):
     points = photo.landmarks
     cheek = (points[2] + points[31]) / 2
     crown = points[27] + 1.15 * (points[27] - points[57])
-    for place, colour in ((cheek, (250, 120, 40)), (crown, (20, 20, 160)),
+    for place, color in ((cheek, (250, 120, 40)), (crown, (20, 20, 160)),
                           ((5, 5), (10, 90, 60))):
         x, y = (int(v) for v in place)
         found = result.image[y - 2:y + 3, x - 2:x + 3].mean(axis=(0, 1)) * 255
-        assert np.abs(found - colour).max() < 40, (place, found)
+        assert np.abs(found - color).max() < 40, (place, found)
     result.dump(tmp_path)
     names = {path.stem for path in tmp_path.iterdir()}
     assert {"position", "appearance", "labels", "table_error", "chunks", "mask", "result"} <= names
@@ -262,7 +262,7 @@ def test_ball_head_all_around_is_painted():
 @pytest.mark.data
 @pytest.mark.parametrize("name", ["ken", "bronzestatue"])
 def test_real_exemplar_on_the_reference_photo(shared_data, name):
-    """The result stays nearer to the exemplar's colours than the photo, over the whole picture."""
+    """The result stays nearer to the exemplar's colors than the photo, over the whole picture."""
     folder = shared_data / "styles"
     style = Exemplar(np.asarray(Image.open(folder / f"{name}.png").convert("RGB")),
                      np.loadtxt(folder / f"{name}.landmarks.txt"), name)

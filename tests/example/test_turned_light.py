@@ -31,7 +31,7 @@ def sides(change, seen=130, hair=None):
 
 
 def difference(one, two):
-    """Of broad colours in logarithms, at a mirrored place, [3]."""
+    """Of broad colors in logarithms, at a mirrored place, [3]."""
     parts = [np.log(blurred(np.asarray(each, np.float32), 6.0) + DARK)[60, 110]
              for each in (one, two)]
     return parts[0] - parts[1]
@@ -43,7 +43,7 @@ def test_shade_of_another_hue_comes_to_the_mirrored_side(hair):
     found = relit(given)
     assert np.abs(difference(found, given.ours)).max() < 0.08
     assert np.abs(difference(given.theirs, given.ours)).max() > 0.3
-    # Strokes stay: light changes broad colours alone.
+    # Strokes stay: light changes broad colors alone.
     contrast = [each[60, 100:120].std(axis=0) / each[60, 100:120].mean(axis=0)
                 for each in (found, given.theirs)]
     assert np.allclose(*contrast, atol=0.02)

@@ -163,8 +163,8 @@ def test_the_mask_turns_with_the_picture(turn):
 
 
 @pytest.mark.parametrize("hair", [(60, 40, 30), (250, 205, 120), (120, 170, 255)])
-def test_hair_stays_out_of_the_mask_on_either_side_of_the_skin_colour(hair):
-    """Dark, warmer and cooler hair: the test of the colour must be two-sided."""
+def test_hair_stays_out_of_the_mask_on_either_side_of_the_skin_color(hair):
+    """Dark, warmer and cooler hair: the test of the color must be two-sided."""
     drawn = drawn_face(320, 240, hair=hair)
     mask = face_mask(drawn.image, drawn.landmarks)
     scale = drawn.landmarks[16, 0] - drawn.landmarks[0, 0]

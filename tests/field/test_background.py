@@ -21,7 +21,7 @@ def rays_of(random, count, reach=2.0):
 
 
 def shells_color(rays, links, data, grey):
-    """The colour behind the lattice in plain NumPy, one ray at a time."""
+    """The color behind the lattice in plain NumPy, one ray at a time."""
     wide, high = links.shape
     layers = data.shape[1]
     steps = layers + 2

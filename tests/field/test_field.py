@@ -1,4 +1,4 @@
-"""The field's file, the visual hull, and reconstruction of a coloured ball from its pictures."""
+"""The field's file, the visual hull, and reconstruction of a colored ball from its pictures."""
 
 import errno
 import gc
@@ -183,7 +183,7 @@ def test_damaged_files_are_told_in_one_line(tmp_path, spoil):
 
 
 def ball_capture(count=21, size=40, alpha=True, room=False):
-    """A ball of radius 0.6 whose colour is its normal, photographed from all around."""
+    """A ball of radius 0.6 whose color is its normal, photographed from all around."""
     random = np.random.default_rng(0)
     places = random.standard_normal((count, 3))
     places *= 3.0 / np.linalg.norm(places, axis=1, keepdims=True)
@@ -440,7 +440,7 @@ def test_a_field_that_is_wrong_from_part_to_part_tells_no_exposures():
     factor = np.empty(len(field.density))
     factor[field.links[z, y, x]] = np.where(y // 4 % 2, 1.4, 0.7) * np.where(
         x < field.links.shape[2] // 2, 1.1, 0.9)
-    half = np.float32(0.5 / 0.28209479)  # a colour of zero is grey
+    half = np.float32(0.5 / 0.28209479)  # a color of zero is grey
     sh = field.sh.copy()
     sh[..., 0] += half
     sh *= factor[:, None, None].astype(np.float32)

@@ -17,7 +17,7 @@ SMALL = ReconstructConfig(resolutions=(24, 40), rays=(0.15, 0.2), batch=(1024,),
 
 
 def photos() -> Capture:
-    """A ball before walls of other colours, with what is behind it in the photos."""
+    """A ball before walls of other colors, with what is behind it in the photos."""
     capture = ball_capture(count=24, size=72)
     random = np.random.default_rng(1)
     images = []

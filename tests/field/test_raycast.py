@@ -145,7 +145,7 @@ def test_distances_never_leap_over_matter():
 
 def test_sample_weights_are_the_linear_part_of_rendering(camera):
     field = shell_field(basis=1, size=20, density=60.0)
-    # The outermost layer is clear, as a pruned field's is: beyond it there are no colours to mix.
+    # The outermost layer is clear, as a pruned field's is: beyond it there are no colors to mix.
     inner = ndimage.binary_erosion(field.links >= 0, np.ones((3, 3, 3)))
     field.density[field.links[(field.links >= 0) & ~inner]] = 0.0
     weights = field.sample_weights(camera, 0)
@@ -206,7 +206,7 @@ class Training:
         count, workers = len(density), self.workers
         rows = np.zeros((count + 1, self.width), np.float32)
         rows[:count, :3 * self.basis] = sh.reshape(count, -1)
-        # What a row remembers is no colour.
+        # What a row remembers is no color.
         rows[:count, -2:] = 1e6
         losses = np.zeros((workers, 3))
         self.records = Records.empty(workers, room)
@@ -231,7 +231,7 @@ class Training:
         return losses, grad_density, grad_sh
 
     def listed(self):
-        """All records: row, tile, slopes of three colours, weight, slope of the density."""
+        """All records: row, tile, slopes of three colors, weight, slope of the density."""
         for writer, counts in enumerate(self.records.counts):
             for owner, count in enumerate(counts):
                 for number in range(min(count, self.records.keys.shape[2])):
@@ -252,12 +252,12 @@ class Training:
         return pose[:, 3], np.array(found)
 
     def toward(self, tile):
-        """The middle direction of a tile, for which its colours are."""
+        """The middle direction of a tile, for which its colors are."""
         mean = self.rays(tile)[1].mean(axis=0)
         return mean / np.linalg.norm(mean)
 
     def loss(self, density, sh, narrow=0.0):
-        """The loss in float64 by the reference: colour, opacity and distortion."""
+        """The loss in float64 by the reference: color, opacity and distortion."""
         field = VoxelField(self.field.links, density, sh)
         total = 0.0
         for number, (tile, ground) in enumerate(zip(self.tiles, self.background)):
@@ -354,10 +354,10 @@ def test_records_without_room_are_counted_and_given_more():
     assert list(training.listed()) == whole
 
 
-def test_a_colour_below_zero_is_black_and_can_rise():
+def test_a_color_below_zero_is_black_and_can_rise():
     training = Training(1)
     links, density = training.field.links, training.field.density.copy()
-    # The outermost layer is clear: no sample that is seen mixes a colour with an empty point's.
+    # The outermost layer is clear: no sample that is seen mixes a color with an empty point's.
     inner = ndimage.binary_erosion(links >= 0, np.ones((3, 3, 3)))
     density[links[(links >= 0) & ~inner]] = 0.0
     dark = np.full_like(training.field.sh, -5.0)
@@ -420,7 +420,7 @@ def test_descent_equals_numpy(width, basis):
 
 
 @pytest.mark.parametrize("basis", [1, 9])
-def test_a_row_knows_the_weight_of_the_rays_that_it_colours(basis):
+def test_a_row_knows_the_weight_of_the_rays_that_it_colors(basis):
     training = Training(basis)
     training.run(training.field.density, training.field.sh)
     light = np.zeros(len(training.field.density))
@@ -434,8 +434,8 @@ def test_a_row_knows_the_weight_of_the_rays_that_it_colours(basis):
     assert light.sum() > 20
 
 
-def test_colours_are_right_after_a_few_steps():
-    # A matt shell of one colour, its density known, seen by 72 pixels.
+def test_colors_are_right_after_a_few_steps():
+    # A matt shell of one color, its density known, seen by 72 pixels.
     training = Training(1)
     training.pixels[:] = (51, 153, 230, 255)
     training.background[:] = np.array((51, 153, 230)) / 255.0

@@ -39,7 +39,7 @@ def test_the_side_from_which_a_face_is_seen(head, yaw):
 
 
 def photo(index: int) -> Image.Image:
-    """A face-coloured disc in front of corners at many scales."""
+    """A face-colored disc in front of corners at many scales."""
     random = np.random.default_rng(5)
     picture = np.zeros((240, 320, 3))
     for cell in (40, 8, 2):

@@ -83,14 +83,14 @@ def test_a_turned_painting_is_told_and_drawn(picture):
     assert check.frontal.shape == check.exemplar.image.shape and check.preview is None
     page = style_picture(check)
     assert page.dtype == np.uint8 and page.shape[1] == 1680
-    # The mesh is drawn, in its own colour.
+    # The mesh is drawn, in its own color.
     assert (np.abs(page.astype(int) - [0, 200, 255]).max(axis=-1) < 8).sum() > 300
 
 
 def test_a_frontal_drawing_is_taken_as_it_is(drawing):
     check = check_style(drawing(0.0), preview=False)
     assert check.frontal is None and "used unchanged" in check.facts[0][1]
-    assert any("Drawn in one colour" in text for _, text in check.facts)
+    assert any("Drawn in one color" in text for _, text in check.facts)
 
 
 def test_a_profile_is_told(drawing):
@@ -100,7 +100,7 @@ def test_a_profile_is_told(drawing):
     assert style_picture(check).shape[1] == 1680
 
 
-def test_the_preview_shows_the_embedded_head_in_the_paintings_colours(picture, exemplar):
+def test_the_preview_shows_the_embedded_head_in_the_paintings_colors(picture, exemplar):
     check = check_style(picture)
     assert check.preview.shape[1] == 3 * check.preview.shape[0]
     assert {"skin", "hair"} <= set(check.figures["materials"])

@@ -27,7 +27,7 @@ PANEL = Display(360, 240, views=24, pitch=9.4, slant=math.radians(8), cone=50, d
 
 
 def ball(depth, size=56):
-    """An opaque coloured ball, flattened to a depth; seen alike from all sides."""
+    """An opaque colored ball, flattened to a depth; seen alike from all sides."""
     axis = 2 * (np.arange(size) + 0.5) / size - 1
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     inside = x ** 2 + y ** 2 + z ** 2 < 0.75 ** 2

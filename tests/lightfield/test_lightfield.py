@@ -240,7 +240,7 @@ def test_what_lies_on_the_panel_does_not_move():
 def test_the_simulated_eye_sees_the_right_view():
     display = Display(1440, 600, views=24, pitch=9.4, slant=math.radians(8), cone=40, distance=4)
     field = shell_field(basis=1, size=48, density=60.0)
-    # Smooth colours: between its sub-pixels an eye can't see detail of one pixel.
+    # Smooth colors: between its sub-pixels an eye can't see detail of one pixel.
     field.density[:] = 60.0
     points = field.lattice_points()
     field = field.with_sh((0.8 * np.stack([points[:, 0], points[:, 1], points[:, 2]], 1)

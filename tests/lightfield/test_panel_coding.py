@@ -76,7 +76,7 @@ def test_continuous_coding_casts_the_display_s_rays(name):
 
 @pytest.mark.parametrize("name", PANELS)
 def test_both_methods_agree_between_the_views(name):
-    """Thin, so that the methods' steps matter little; colours turn with the view and the place."""
+    """Thin, so that the methods' steps matter little; colors turn with the view and the place."""
     field = shell_field(basis=4, size=32, density=60.0)
     field.density[:] = 8.0
     points = field.lattice_points()

@@ -84,7 +84,7 @@ def test_outside_of_its_cone_a_panel_repeats_its_views():
                        atol=1e-3)
 
 
-def test_the_middle_eye_sees_all_white_and_the_others_one_colour():
+def test_the_middle_eye_sees_all_white_and_the_others_one_color():
     image = pattern(PANEL, "slant")
     assert inner(seen(image, PANEL, 12)).min() > 0.9
     left, right = inner(seen(image, PANEL, 2)), inner(seen(image, PANEL, 21))
@@ -104,15 +104,15 @@ def test_a_wrong_pitch_shows_across_and_a_wrong_slant_along_the_panel(change, ax
     assert (across > 2 * along) if axis == 1 else (along > 2 * across)
 
 
-def test_a_wrong_offset_shows_as_one_colour_all_over():
+def test_a_wrong_offset_shows_as_one_color_all_over():
     image = pattern(dataclasses.replace(PANEL, offset=0.36 * PANEL.pitch), "slant")
-    # Single rows catch the edge of the cone; over a few of them it is one colour.
+    # Single rows catch the edge of the cone; over a few of them it is one color.
     picture = inner(simulate(image, PANEL, (0.0,))).reshape(40, 10, 58, 12, 3).mean((1, 3))
     assert picture[..., :2].max() < 0.2
     assert picture[..., 2].min() > 0.5
 
 
-def test_thirds_of_the_views_do_not_mix_and_edges_have_no_colour():
+def test_thirds_of_the_views_do_not_mix_and_edges_have_no_color():
     image = pattern(PANEL, "fringe")
     for view, channel in ((3, 0), (12, 1), (20, 2)):
         top = inner(seen(image, PANEL, view)[:190])
@@ -120,13 +120,13 @@ def test_thirds_of_the_views_do_not_mix_and_edges_have_no_colour():
         assert top[..., channel].min() > 0.95
         assert top[..., others].max() < 0.05
 
-    def colour(display):
+    def color(display):
         bottom = inner(simulate(image, display, (0.0,))[210:])
         blocks = bottom.reshape(19, 10, 696, 3).mean(1)
         return (blocks.max(-1) - blocks.min(-1)).mean()
 
-    assert colour(PANEL) < 0.06
-    assert colour(dataclasses.replace(PANEL, subpixels="BGR")) > 2 * colour(PANEL)
+    assert color(PANEL) < 0.06
+    assert color(dataclasses.replace(PANEL, subpixels="BGR")) > 2 * color(PANEL)
 
 
 def place_of(row_of_pixels):

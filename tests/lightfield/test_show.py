@@ -23,7 +23,7 @@ def picture():
 
 
 class FakeScreens:
-    """A window system of given screens that may scale, or change colours."""
+    """A window system of given screens that may scale, or change colors."""
 
     def __init__(self, sizes=((1920, 1080), (64, 48)), answers=("close",), scale=1.0, bits=8):
         self.sizes, self.answers, self.scale, self.bits = list(sizes), list(answers), scale, bits

@@ -105,13 +105,13 @@ def test_wide_packets_go_in_parts():
 
 
 def smooth_field(basis, size=64):
-    """A ball whose density and colours change over many voxels."""
+    """A ball whose density and colors change over many voxels."""
     field = shell_field(basis=basis, size=size, density=1.0)
     points = field.lattice_points()
     radius = np.linalg.norm(points, axis=1)
     field.density[:] = 30 * np.clip(np.cos(6 * (radius - 0.6)), 0, 1)
     sh = np.zeros((len(points), 3, basis), np.float32)
-    # As in real heads, colour changes little with direction.
+    # As in real heads, color changes little with direction.
     strength = [0.4] + 3 * [0.2] + 5 * [0.1]
     for channel in range(3):
         for part in range(basis):

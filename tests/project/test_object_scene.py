@@ -47,7 +47,7 @@ def test_the_object_is_where_its_cameras_look(tmp_path):
     assert (position[:, 2] > 0).all()
     pixels, _ = capture.cameras.project((capture.frame[:3, 3])[None])
     np.testing.assert_allclose(pixels, 24.0, atol=1e-6)
-    # What stands on the plate hides what lies behind: seen from elsewhere, the roof's colour stays.
+    # What stands on the plate hides what lies behind: seen from elsewhere, the roof's color stays.
     roof = capture.frame[:3, :3] @ (0.9 * np.array([-0.25, 0.0, 0.47]) + (0, 0, 0.13))
     pixels, _ = capture.cameras.project((roof + capture.frame[:3, 3])[None])
     for view, (x, y) in enumerate(pixels[:, 0]):
@@ -132,7 +132,7 @@ def test_glass_is_as_opaque_as_it_dims():
     middle = pane().picture(pose, SIZE)[SIZE // 2, SIZE // 2] / 255.0
     passed = 0.95 * np.exp(-30.0 * (1 - np.array([1.0, 0.5, 0.25])) * 0.04)
     assert middle[3] == pytest.approx(1 - passed.min(), abs=0.02)
-    # Over white paper it has the colour that it lets through, and some that it mirrors.
+    # Over white paper it has the color that it lets through, and some that it mirrors.
     over_white = (middle[:3]**2.2 * middle[3] + 1 - middle[3])
     assert np.abs(over_white - np.minimum(passed + 0.02, 1)).max() < 0.05
     behind = pane((-0.6, 0.0, 0.0)).picture(pose, SIZE)[SIZE // 2, SIZE // 2].astype(int)

@@ -7,7 +7,7 @@ import numpy as np
 from .head import noise
 
 
-def lay(canvas, relief, tooth, paths, counts, colours, radius, opacity, dry, rough):
+def lay(canvas, relief, tooth, paths, counts, colors, radius, opacity, dry, rough):
     """The canvas and relief after the strokes, as new arrays."""
     canvas, relief = canvas.astype(np.float64), relief.astype(np.float64)
     height, width = relief.shape
@@ -40,7 +40,7 @@ def lay(canvas, relief, tooth, paths, counts, colours, radius, opacity, dry, rou
         cover = opacity * body * np.clip(2.2 * touch - 0.15, 0.0, 1.0)
         cover = np.where((d < 1.0) & (cover > 0.003), cover, 0.0)
         shade = 1.0 + 0.11 * rough * hair
-        canvas += cover[..., None] * (colours[s] * shade[..., None] - canvas)
+        canvas += cover[..., None] * (colors[s] * shade[..., None] - canvas)
         thick = 0.55 + 0.45 * hair * rough + 0.35 * np.exp(-(((d - 0.82) / 0.12) ** 2))
         relief += cover * (thick * min(radius, 9.0) * 0.11 - 0.8 * relief)
     return canvas, relief

@@ -28,7 +28,7 @@ def trilinear(position, shape):
 
 def cast(field, origin, direction, step=0.5, threshold=1e-2, stop=1e-3, toward=None):
     """Color [3] without background, transmittance, distance of the surface in lattice units,
-    and the samples [(rows, weights, weight, delta, number of the step)], for a world ray; colours
+    and the samples [(rows, weights, weight, delta, number of the step)], for a world ray; colors
     as seen along ``toward`` if it is given."""
     shape = field.links.shape
     size = np.array(shape[::-1], float)

@@ -38,7 +38,7 @@ class Checkpoint:
         return density, sh
 
     def color(self, origin, direction, grey, step=0.5, shell_step=1.0):
-        """Colour of a world ray, on spheres (if any) and ``grey``."""
+        """Color of a world ray, on spheres (if any) and ``grey``."""
         direction = direction / np.linalg.norm(direction)
         basis = sh_basis(direction, self.sh.shape[1] // 3)
         # svox2: grid = world * scaling + offset, with these two.

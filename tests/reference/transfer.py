@@ -78,7 +78,7 @@ def sample(picture, x, y, exact):
 
 
 def vote(picture, anchor, shift, radius, exact):
-    """Mean of the colours [H, W, 3] that the window votes for; 0 without a shift."""
+    """Mean of the colors [H, W, 3] that the window votes for; 0 without a shift."""
     out = np.zeros((*shift.shape[:2], 3))
     for y, x in np.ndindex(shift.shape[:2]):
         if np.isfinite(shift[y, x, 0]):

@@ -25,7 +25,7 @@ RADIUS = 0.6
 
 
 def ball_field(size=48, hollow=True, floater=False, box=(1.0, 1.1, 0.9), center=(0.05, -0.1, 0.0)):
-    """A ball of radius 0.6 about the origin whose colour is its normal (degree 0)."""
+    """A ball of radius 0.6 about the origin whose color is its normal (degree 0)."""
     shape = (size, size + 2, size + 4)
     center, box = np.array(center), np.array(box)
     n = np.array(shape[::-1])
@@ -39,7 +39,7 @@ def ball_field(size=48, hollow=True, floater=False, box=(1.0, 1.1, 0.9), center=
         density[away < RADIUS - 4 * voxel] = 0
     if floater:
         density[np.linalg.norm(grid - [0.7, 0.7, 0.6], axis=-1) < 0.1] = 300
-    # Points about the surface have colour, too, as in trained fields.
+    # Points about the surface have color, too, as in trained fields.
     filled = ndimage.binary_dilation(density > 0, iterations=2)
     links = np.full(shape, -1, np.int32)
     links[filled] = np.arange(filled.sum())
@@ -146,7 +146,7 @@ def test_small_pieces_are_dropped():
     assert np.linalg.norm(field_mesh(field, least=0.0).vertices, axis=1).max() > 0.9
 
 
-def test_points_have_colour_opacity_and_normals():
+def test_points_have_color_opacity_and_normals():
     field = ball_field()
     cloud = field_points(field, 0.3)
     voxel = float((2 * field.radius / field.links.shape[::-1]).mean())
@@ -164,7 +164,7 @@ def test_points_have_colour_opacity_and_normals():
     assert np.abs(field_points(field, 0.3, "seen").colors.astype(int) - cloud.colors).max() <= 1
 
 
-def test_points_seen_from_the_front_have_the_colour_of_that_direction():
+def test_points_seen_from_the_front_have_the_color_of_that_direction():
     field = shell_field(basis=9)
     cloud = field_points(field, 0.2, "seen")
     rows = np.flatnonzero(1 - np.exp(-field.density * 2 / 24) >= 0.2)
@@ -271,7 +271,7 @@ def test_glb_files(tmp_path):
     assert np.allclose(position["min"], mesh.vertices.min(0))
     assert np.allclose(position["max"], mesh.vertices.max(0))
     light = array(part["attributes"]["COLOR_0"]) / 65535
-    # The sRGB curve applied to the stored linear light gives the colours back.
+    # The sRGB curve applied to the stored linear light gives the colors back.
     srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     assert np.abs(srgb[:, :3] * 255 - mesh.colors).max() < 0.1
     assert (light[:, 3] == 1).all()

@@ -54,7 +54,7 @@ def test_the_same_frames_give_the_same_bytes(tmp_path):
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
-def test_coded_pictures_keep_their_colours_and_their_odd_sides(tmp_path):
+def test_coded_pictures_keep_their_colors_and_their_odd_sides(tmp_path):
     """Neighbouring sub-pixels differ freely, as they do where they belong to other views."""
     frames = list(np.random.default_rng(0).integers(0, 256, (3, 45, 63, 3), np.uint8))
     error, formats = {}, {}

@@ -1,4 +1,4 @@
-"""Colours mixed from photo and paintings: what each control does, where; what a file keeps."""
+"""Colors mixed from photo and paintings: what each control does, where; what a file keeps."""
 
 import json
 import zipfile
@@ -27,7 +27,7 @@ SIZE = 20
 
 
 def shown(field):
-    """The colours that a field shows, [N, 3]."""
+    """The colors that a field shows, [N, 3]."""
     return C0 * field.sh[:, :, 0] + 0.5
 
 
@@ -52,7 +52,7 @@ def styled():
     return StyledField.of(field, painted, ["ken", "ink"], photo, labels, REGIONS)
 
 
-# -- strength, identity, colours ------------------------------------------------------------------
+# -- strength, identity, colors ------------------------------------------------------------------
 
 
 def test_a_styled_field_shows_its_first_style_and_shares_the_rest(styled):
@@ -104,7 +104,7 @@ def test_identity_has_the_photos_shading_in_the_paintings_tones(styled):
     levels = [weighted_levels(light(colors), opacity, ranks) for colors in (whole, painted)]
     assert np.abs(levels[0] - levels[1]).max() < 2 / 255
     assert np.allclose(light(half), (light(whole) + light(painted)) / 2, atol=1e-5)
-    # Chroma is the painting's, or that drawn in where colours end.
+    # Chroma is the painting's, or that drawn in where colors end.
     was, now = (colors - light(colors)[:, None] for colors in (painted, whole))
     share = (was * now).sum(1) / (was * was).sum(1)
     assert np.allclose(now, share[:, None] * was, atol=1e-5)
@@ -121,7 +121,7 @@ def test_rows_of_thin_air_do_not_count_for_the_tones(styled):
     assert np.array_equal(made[0].sh[~air], made[1].sh[~air])
 
 
-def test_kept_colours_are_the_photos_in_the_mixtures_light(styled):
+def test_kept_colors_are_the_photos_in_the_mixtures_light(styled):
     plain, kept = (shown(styled.mix(0.8, keep_colors=flag)) for flag in (False, True))
     assert np.abs(light(kept) - light(plain)).max() < 1e-5
     was, now = (colors - light(colors)[:, None] for colors in (styled.photo, kept))
@@ -314,7 +314,7 @@ def test_others_read_the_mix_alone(styled, tmp_path):
 
 def test_a_plain_field_has_nothing_to_mix(tmp_path):
     shell_field(size=8).save(tmp_path / "plain.npz")
-    with pytest.raises(UserError, match=r"plain\.npz holds no colours to mix.*run that again"):
+    with pytest.raises(UserError, match=r"plain\.npz holds no colors to mix.*run that again"):
         StyledField.load(tmp_path / "plain.npz")
     with pytest.raises(UserError, match="no such"):
         StyledField.load(tmp_path / "none.npz")

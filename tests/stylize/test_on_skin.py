@@ -18,8 +18,8 @@ SMALL = StylizeConfig(pixels=80.0, steps=2, content_network="embedded", style_ne
 PREVIEW = replace(SMALL, preview=True)
 
 
-def named(name, seed=0, **colours):
-    face = drawn_face(160, 120, seed=seed, **colours)
+def named(name, seed=0, **colors):
+    face = drawn_face(160, 120, seed=seed, **colors)
     return Exemplar(face.image, face.landmarks, name, face.mask)
 
 
@@ -48,7 +48,7 @@ def front(field):
     return np.clip(field.render(camera).color, 0, 1), field.render(camera).alpha > 0.9
 
 
-def test_a_head_takes_on_the_exemplars_colours(head, styled, violet):
+def test_a_head_takes_on_the_exemplars_colors(head, styled, violet):
     field, figures = styled
     assert isinstance(field, StyledField) and field.basis == 1
     assert np.array_equal(field.density, head.density) and field.links is head.links

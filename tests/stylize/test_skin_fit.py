@@ -1,4 +1,4 @@
-"""Known colours of a head's surface come back from the field that was painted with them."""
+"""Known colors of a head's surface come back from the field that was painted with them."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def field():
 
 @pytest.fixture(scope="module")
 def painting(field):
-    """Every surface point of the atlas in its known colour, also beside the surface."""
+    """Every surface point of the atlas in its known color, also beside the surface."""
     skin = Skin.of(field, HEAD_LANDMARKS, pixels=64.0, networks=False)
     atlas = skin.atlas
     color = known_color(atlas.points.reshape(-1, 3)[np.maximum(atlas.owner, 0)])
@@ -65,7 +65,7 @@ def test_rows_near_the_surface_have_a_place_under_it(field, painting):
     assert np.nanmax(away) < 10 * VOXEL
 
 
-def test_rows_take_the_colour_of_the_surface_above_them(field, painting):
+def test_rows_take_the_color_of_the_surface_above_them(field, painting):
     model = ColorModel(field, GREY)
     before = model.colors.copy()
     look_up_rows(model, painting)
@@ -153,14 +153,14 @@ def test_smaller_views_show_the_painting_made_small(field, painting):
         assert np.abs(model.picture(view) - view.content)[inner].mean() < 0.04
 
 
-def test_known_colours_come_back_from_the_fit(field, painting, views):
+def test_known_colors_come_back_from_the_fit(field, painting, views):
     model = ColorModel(field, GREY)
     look_up_rows(model, painting)
     looked_up = model.colors.copy()
     errors = model.fit(views, 8)
     assert errors[-1] < 0.1 * errors[0] and np.sqrt(errors[-1]) < 0.01
     model.fill_unseen()
-    # A camera of its own sees each surface point in its colour.
+    # A camera of its own sees each surface point in its color.
     camera = Camera.arc([25.0], distance=4.0, width=96, height=96, focal=150.0, pitch=10.0)
     for colors in (looked_up, model.colors):
         painted = field.with_sh(((colors - 0.5) / 0.28209479177387814)[:, :, None])

@@ -178,7 +178,7 @@ def test_blocks_have_the_rows_that_lie_there(painting, texture):
     assert np.abs(there - skin.rows[known]).max() < 4
 
 
-def test_a_mix_takes_shares_of_textures_as_of_colours(field, looked_up, painting, texture):
+def test_a_mix_takes_shares_of_textures_as_of_colors(field, looked_up, painting, texture):
     other = texture.with_texels((-texture.texels[:, ::-1].astype(int)).clip(-127, 127)
                                 .astype(np.int8))
     both = styled_field(field, looked_up, painting, [texture, other], ["a", "b"])
@@ -196,7 +196,7 @@ def test_a_mix_takes_shares_of_textures_as_of_colours(field, looked_up, painting
     assert not mixed[kept[:hair.shape[0], :hair.shape[1]] == 255].any()
 
 
-def test_luma_gives_way_as_in_the_colours():
+def test_luma_gives_way_as_in_the_colors():
     random = np.random.default_rng(0)
     texels = random.integers(-80, 80, (2, 9, 11, 3)).astype(np.int8)
     rows = random.integers(0, 5, (3, 3)).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Losses, networks, the linear colour fit, and a small stylisation end to end."""
+"""Losses, networks, the linear color fit, and a small stylisation end to end."""
 
 import json
 
@@ -151,7 +151,7 @@ def test_networks_give_the_published_activations(shared_weights, file, build, ke
     assert np.allclose(got.flatten()[:5].numpy(), wanted["first5"], rtol=2e-3, atol=2e-3)
 
 
-# -- linear colours -------------------------------------------------------------------------------
+# -- linear colors -------------------------------------------------------------------------------
 
 
 def random_csr(pixels=37, rows=23, seed=0):
@@ -191,7 +191,7 @@ def test_adams_step_equals_torch():
 
 
 def styled_views(field, colors, count=6):
-    """Views whose example is the field painted with known colours."""
+    """Views whose example is the field painted with known colors."""
     cameras = Camera.arc(np.linspace(-150, 150, count), distance=3.0, width=48, height=48,
                          focal=55.0, pitch=10.0)
     model = ColorModel(field, 1.0)
@@ -203,7 +203,7 @@ def styled_views(field, colors, count=6):
     return views
 
 
-def test_the_fit_finds_the_colours_that_made_the_pictures():
+def test_the_fit_finds_the_colors_that_made_the_pictures():
     field = shell_field(basis=4, size=20, density=80.0)
     points = field.lattice_points()
     colors = np.float32(0.5 + 0.4 * np.sin(3 * points))
@@ -229,7 +229,7 @@ def test_rows_that_no_view_sees_follow_the_others():
     assert np.abs(model.colors - colors)[unseen].mean() < 0.06
 
 
-def test_affine_colour_maps_are_found():
+def test_affine_color_maps_are_found():
     random = np.random.default_rng(0)
     source = random.random((500, 3), np.float32)
     matrix = np.array([[0.5, 0.2, 0], [0, 0.7, 0.1], [0.3, 0, 0.4]])

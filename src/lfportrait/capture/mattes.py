@@ -4,7 +4,7 @@ A segmentation network answers at 256x256: right in the large, blurred at the ou
 then wrong about a patch of wall. Two steps correct that.
 
 `refine_matte` decides the unsure band along the outline from the photo: near every pixel the
-colours that are surely person and surely background are each a Gaussian, and the likelier one wins;
+colors that are surely person and surely background are each a Gaussian, and the likelier one wins;
 a guided filter (He et al. 2013, "Guided Image Filtering") then lays the edge along the photo's.
 
 `consistent_mattes` lets the views vote: a point of space that many views see as background is no
@@ -30,7 +30,7 @@ __all__ = ["consistent_mattes", "matte_agreement", "refine_matte", "views_share"
 
 Plane = NDArray[np.float32]
 
-# Pairs of colour channels of a symmetric 3x3 matrix, in the order in which they are stored.
+# Pairs of color channels of a symmetric 3x3 matrix, in the order in which they are stored.
 _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -50,9 +50,9 @@ def _invert(upper: list[NDArray[Any]]) -> tuple[list[NDArray[Any]], NDArray[Any]
 
 def _log_likelihood(image: NDArray[np.float32], weight: Plane, cell: int,
                     ) -> tuple[Plane, Plane]:
-    """Log-likelihood of each pixel's colour under the Gaussian of the colours near it.
+    """Log-likelihood of each pixel's color under the Gaussian of the colors near it.
 
-    The colours within 6 cells count by ``weight``; their mean weight is returned as well. The
+    The colors within 6 cells count by ``weight``; their mean weight is returned as well. The
     Gaussians change slowly: they are found once for each block of ``cell`` x ``cell`` pixels.
     """
     height, width = weight.shape
@@ -84,7 +84,7 @@ def _log_likelihood(image: NDArray[np.float32], weight: Plane, cell: int,
 
 
 def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon: float) -> Plane:
-    """He et al. 2013, Eq. 19-21: ``plane`` as a locally linear function of ``image``'s colours.
+    """He et al. 2013, Eq. 19-21: ``plane`` as a locally linear function of ``image``'s colors.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon
     radius
         Half the window's side in pixels.
     epsilon
-        Variance of colour that counts as an edge.
+        Variance of color that counts as an edge.
     """
     means = [_mean(image[..., c], radius) for c in range(3)]
     level = _mean(plane, radius)
@@ -129,7 +129,7 @@ def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
         Pixels of the photo to one that the coarse matte resolves; by default a 256th of its size.
     calm
         For a coarse matte that is right within a few cells, while the person resembles what is
-        behind: it counts more beside the colours, and neighbouring pixels decide together.
+        behind: it counts more beside the colors, and neighbouring pixels decide together.
 
     Returns
     -------
@@ -147,7 +147,7 @@ def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
     behind = (coarse <= 0.5) & ~band
     inside, near_person = _log_likelihood(guide, person.astype(np.float32), cell)
     outside, near_behind = _log_likelihood(guide, behind.astype(np.float32), cell)
-    # The network's word counts as well: its log-odds, bounded so that colours can outvote them.
+    # The network's word counts as well: its log-odds, bounded so that colors can outvote them.
     prior = np.log(np.clip(coarse, 0.02, 0.98) / np.clip(1 - coarse, 0.02, 0.98))
     known = (near_person > 0.01) & (near_behind > 0.01)
     if calm:

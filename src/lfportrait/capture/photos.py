@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..colour import srgb
+from ..color import srgb
 from ..errors import UserError
 from ..files import RAW, open_picture
 from .exif import noted

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..colour import tone_mapped
+from ..color import tone_mapped
 from ..errors import UserError
 from .photos import Photo
 from .sharpness import fineness, relative_sharpness

@@ -39,7 +39,7 @@ class Cast(Common):
     shift: float = 0.0
     """Bridge's focus: shift between the views, from -1 to 1."""
     rgbd: bool = False
-    """The picture is RGB-D (colour and depth side by side), not a quilt."""
+    """The picture is RGB-D (color and depth side by side), not a quilt."""
     depth_side: int = 2
     """With --rgbd: Bridge's number, 0 to 3, of the side on which the depth lies."""
     depthiness: float = 1.0

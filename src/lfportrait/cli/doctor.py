@@ -17,7 +17,7 @@ from .common import Common
 __all__ = ["Doctor", "Models", "ModelsAdd", "ModelsFetch"]
 
 _MARKS = {"good": ("✓", "+", "32"), "optional": ("·", "-", "33"), "bad": ("✗", "!", "31;1")}
-"""Mark of each state, the same in ASCII, and its colour in a terminal."""
+"""Mark of each state, the same in ASCII, and its color in a terminal."""
 
 
 @dataclass
@@ -29,7 +29,7 @@ class Doctor(Common):
         facts = examine()
         bad = sum(fact.state == "bad" for fact in facts)
         if not self.quiet:
-            print("\n".join(_lines(facts, _coloured(), _unicode())))
+            print("\n".join(_lines(facts, _colored(), _unicode())))
             print("\n" + ("No problems found." if not bad else
                           f"{bad} {'problems' if bad > 1 else 'problem'} found."))
         return {"facts": [fact._asdict() for fact in facts], "problems": bad}
@@ -90,7 +90,7 @@ def _at_hand() -> dict[str, Any]:
     return {"models": {name: models.available(name) for name in models.registry()}}
 
 
-def _coloured() -> bool:
+def _colored() -> bool:
     return sys.stdout.isatty() and "NO_COLOR" not in os.environ
 
 
@@ -98,10 +98,10 @@ def _unicode() -> bool:
     return (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
 
 
-def _lines(facts: list[Fact], coloured: bool, unicode: bool) -> list[str]:
+def _lines(facts: list[Fact], colored: bool, unicode: bool) -> list[str]:
     """One line a fact, under the headings of their groups."""
     def dyed(text: str, code: str) -> str:
-        return f"\033[{code}m{text}\033[0m" if coloured else text
+        return f"\033[{code}m{text}\033[0m" if colored else text
 
     width = max(len(fact.name) for fact in facts)
     lines: list[str] = []

@@ -21,7 +21,7 @@ __all__ = ["Export", "View"]
 
 @dataclass
 class Export(Common):
-    """Export a field as an HTML page, a point cloud, a coloured mesh or a svox2 checkpoint."""
+    """Export a field as an HTML page, a point cloud, a colored mesh or a svox2 checkpoint."""
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""

@@ -1,4 +1,4 @@
-"""The command ``restyle``: mix the photo's and the paintings' colours in a stylised field.
+"""The command ``restyle``: mix the photo's and the paintings' colors in a stylised field.
 
 It has a file of its own because the other commands of the style import torch, which takes longer
 than mixing.
@@ -27,7 +27,7 @@ class Restyle(Common):
     field: tyro.conf.Positional[Path]
     """Stylised field (.npz), from `lfportrait stylize` or from this command."""
     out: Path = Path("mixed.npz")
-    """File for the field in its new colours; all styles stay in it."""
+    """File for the field in its new colors; all styles stay in it."""
     config: Annotated[MixConfig, tyro.conf.arg(name="")] = option(default_factory=MixConfig)
     """Mix."""
 

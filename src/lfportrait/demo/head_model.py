@@ -1,4 +1,4 @@
-"""Parameters of a modelled head: proportions, features, hair, and colours.
+"""Parameters of a modelled head: proportions, features, hair, and colors.
 
 `HeadModel` is a named tuple, so that Numba compiles it as a record.
 """
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 __all__ = ["HeadModel"]
 
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 
 
 class HeadModel(NamedTuple):
@@ -67,12 +67,12 @@ class HeadModel(NamedTuple):
     beard: float = 0.0
     """Cover of the beard's shadow in [0, 1]."""
     freckles: float = 0.0
-    skin: Colour = (0.80, 0.57, 0.45)
-    """Linear albedo of the skin, RGB in [0, 1]; so for the other colours."""
-    blush: Colour = (0.78, 0.36, 0.29)
-    lips: Colour = (0.60, 0.22, 0.20)
-    iris: Colour = (0.13, 0.22, 0.16)
-    brow: Colour = (0.075, 0.040, 0.025)
-    hair: Colour = (0.12, 0.045, 0.02)
-    hair_light: Colour = (0.36, 0.15, 0.06)
-    cloth: Colour = (0.02, 0.13, 0.17)
+    skin: Color = (0.80, 0.57, 0.45)
+    """Linear albedo of the skin, RGB in [0, 1]; so for the other colors."""
+    blush: Color = (0.78, 0.36, 0.29)
+    lips: Color = (0.60, 0.22, 0.20)
+    iris: Color = (0.13, 0.22, 0.16)
+    brow: Color = (0.075, 0.040, 0.025)
+    hair: Color = (0.12, 0.045, 0.02)
+    hair_light: Color = (0.36, 0.15, 0.06)
+    cloth: Color = (0.02, 0.13, 0.17)

@@ -38,7 +38,7 @@ def head_field(model: HeadModel = SITTER, step: int = 2, cameras: Camera | None 
     step
         The lattice has every ``step``-th point of the 257 of the baked distances, a divisor of 256.
     cameras
-        Where it is photographed from for its colours, by default 12 of the embedded capture's.
+        Where it is photographed from for its colors, by default 12 of the embedded capture's.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def head_field(model: HeadModel = SITTER, step: int = 2, cameras: Camera | None 
 
 def _colors(model: HeadModel, points: Float64, normals: Float64, near: float, cameras: Camera,
             ) -> Float64:
-    """Colours [N, 3] in [0, 1] of the surface's points, by the photographs that see them best."""
+    """Colors [N, 3] in [0, 1] of the surface's points, by the photographs that see them best."""
     total = np.zeros((len(points), 3))
     weights = np.full(len(points), 1e-9)
     places = cameras.project(points)[0].astype(np.float32) - np.float32(0.5)
@@ -82,7 +82,7 @@ def _colors(model: HeadModel, points: Float64, normals: Float64, near: float, ca
 
 def _seen(picture: Picture, places: Float32, to_eye: Float64, normals: Float64, near: float,
           ) -> tuple[Float64, Float32]:
-    """How well a photograph sees points, [N], 0 where it does not, and its colours there."""
+    """How well a photograph sees points, [N], 0 where it does not, and its colors there."""
     distance = np.linalg.norm(to_eye, axis=1)
     facing = (normals * to_eye).sum(axis=1) / distance
     solid = (picture.image[..., 3] == 255).astype(np.float32)

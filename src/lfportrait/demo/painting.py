@@ -19,7 +19,7 @@ from ..capture import Camera
 from ..errors import UserError
 from ..example import Exemplar
 from .kernels.brush import lay, plan, trace
-from .palette import charcoal_tone, fauve_colours, impression_colours
+from .palette import charcoal_tone, fauve_colors, impression_colors
 from .people import PAINTED, landmarks
 from .studio import Picture, photograph
 from .styles import demo_styles
@@ -112,9 +112,9 @@ def demo_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: in
 
 def _sit(picture: Picture, points: NDArray[np.float64]) -> _Sitting:
     """Look at the sitter: regions, directions, where detail matters."""
-    colour = picture.image[..., :3].astype(np.float32) / 255.0
+    color = picture.image[..., :3].astype(np.float32) / 255.0
     coverage = picture.image[..., 3].astype(np.float32) / 255.0
-    light = np.asarray(colour @ np.array([0.2126, 0.7152, 0.0722], np.float32), np.float32)
+    light = np.asarray(color @ np.array([0.2126, 0.7152, 0.0722], np.float32), np.float32)
     label = np.where(coverage > 0.5, picture.surface, -1).astype(np.int8)
     # Eyes are part of the face to the brush: lids and eyeballs share their strokes.
     label[label == 3] = 0
@@ -178,8 +178,8 @@ def _rake(canvas: Image, relief: Image, strength: float) -> Image:
 
 
 def _paint_fauve(sitting: _Sitting, rng: np.random.Generator) -> Image:
-    """Thick oil in complementary colours: orange light, teal and violet shade."""
-    wanted = fauve_colours(sitting.picture, sitting.coverage, sitting.light, rng)
+    """Thick oil in complementary colors: orange light, teal and violet shade."""
+    wanted = fauve_colors(sitting.picture, sitting.coverage, sitting.light, rng)
     layers = ((30.0, 0.00, 3, 9, 0.070, 0.060, 0.0), (14.0, 0.075, 3, 9, 0.055, 0.050, 0.0),
               (7.0, 0.085, 3, 9, 0.045, 0.040, 0.0), (3.8, 0.085, 3, 9, 0.035, 0.025, 0.06),
               (2.1, 0.060, 2, 8, 0.020, 0.010, 0.32))
@@ -187,8 +187,8 @@ def _paint_fauve(sitting: _Sitting, rng: np.random.Generator) -> Image:
 
 
 def _paint_impression(sitting: _Sitting, rng: np.random.Generator) -> Image:
-    """Short broken strokes of pure colour: pink and gold light, violet and green shade."""
-    wanted = impression_colours(sitting.picture, sitting.coverage, sitting.light, rng)
+    """Short broken strokes of pure color: pink and gold light, violet and green shade."""
+    wanted = impression_colors(sitting.picture, sitting.coverage, sitting.light, rng)
     layers = ((17.0, 0.00, 2, 4, 0.050, 0.060, 0.0), (8.0, 0.050, 2, 3, 0.050, 0.070, 0.0),
               (4.6, 0.075, 2, 3, 0.045, 0.060, 0.0), (2.8, 0.075, 2, 4, 0.030, 0.030, 0.08),
               (1.8, 0.055, 2, 5, 0.015, 0.012, 0.30))
@@ -198,9 +198,9 @@ def _paint_impression(sitting: _Sitting, rng: np.random.Generator) -> Image:
 def _oil(sitting: _Sitting, wanted: Image, ground: tuple[float, float, float],
          layers: tuple[tuple[float, float, int, int, float, float, float], ...], impasto: float,
          rng: np.random.Generator) -> Image:
-    """Paint the wanted colours in layers from broad to fine brushes.
+    """Paint the wanted colors in layers from broad to fine brushes.
 
-    Each layer: radius (pixels of a picture 768 wide), colour distance that calls for a stroke,
+    Each layer: radius (pixels of a picture 768 wide), color distance that calls for a stroke,
     steps of a stroke (shortest, longest), jitter of its value and of its hue, and the detail below
     which the brush is not used.
     """
@@ -222,10 +222,10 @@ def _oil(sitting: _Sitting, wanted: Image, ground: tuple[float, float, float],
         order = rng.permutation(len(paths))
         paths, counts = paths[order], counts[order]
         start = paths[:, 0].astype(np.int64)
-        colours = reference[start[:, 1], start[:, 0]]
-        colours = colours * (1.0 + value * rng.standard_normal((len(paths), 1))) + (
+        colors = reference[start[:, 1], start[:, 0]]
+        colors = colors * (1.0 + value * rng.standard_normal((len(paths), 1))) + (
             hue * rng.standard_normal((len(paths), 3)))
-        lay(canvas, relief, tooth, paths, counts, np.clip(colours, 0.0, 1.0).astype(np.float32),
+        lay(canvas, relief, tooth, paths, counts, np.clip(colors, 0.0, 1.0).astype(np.float32),
             radius, 0.96, 0.35, 1.0)
     return _rake(canvas, relief, impasto)
 
@@ -247,19 +247,19 @@ def _paint_charcoal(sitting: _Sitting, rng: np.random.Generator) -> Image:
     # Hatching may leave the head by a little, as a quick hand does.
     near = (ndimage.gaussian_filter(sitting.coverage, 4.0 * sitting.scale) > 0.10).astype(np.int8)
     form = (sitting.field, sitting.label)
-    # Directions, where, how dense, radius, opacity, steps, colour, pitch of the starting points.
+    # Directions, where, how dense, radius, opacity, steps, color, pitch of the starting points.
     passes = ((*form, dark, 1.35, 0.55, 18, ink, 6.6),
               (slanted, near, np.clip(1.25 * dark - 0.25, 0, 1), 1.25, 0.50, 15, ink, 6.8),
               (crossed, near, np.clip(1.6 * dark - 0.80, 0, 1), 1.25, 0.50, 12, ink, 6.8),
               (*form, np.clip(2.6 * dark - 1.55, 0, 1), 1.9, 0.80, 12, ink, 5.6),
               (*form, contour, 1.15, 0.85, 6, ink, 2.4), (*form, chalk, 1.8, 0.50, 9, white, 6.4))
-    for field, label, density, radius, opacity, longest, colour, pitch in passes:
+    for field, label, density, radius, opacity, longest, color, pitch in passes:
         pitch, radius = pitch * sitting.scale, max(radius * sitting.scale, 0.9)
         starts = _scatter(density, pitch, rng)
         paths, counts = trace(starts, np.ascontiguousarray(field), label, 1.9 * radius, longest,
                               0.35)
-        colours = np.broadcast_to(np.array(colour, np.float32), (len(starts), 3)).copy()
-        lay(canvas, relief, tooth, paths, counts, colours, radius, opacity, 0.85, 0.7)
+        colors = np.broadcast_to(np.array(color, np.float32), (len(starts), 3)).copy()
+        lay(canvas, relief, tooth, paths, counts, colors, radius, opacity, 0.85, 0.7)
     return canvas
 
 

@@ -1,4 +1,4 @@
-"""Palettes of the painted exemplars: map the colours of a modelled head's photo."""
+"""Palettes of the painted exemplars: map the colors of a modelled head's photo."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from .studio import Picture
 
-__all__ = ["charcoal_tone", "fauve_colours", "impression_colours"]
+__all__ = ["charcoal_tone", "fauve_colors", "impression_colors"]
 
 Image = NDArray[np.float32]
 
@@ -23,7 +23,7 @@ _CLOTH = ((0.14, 0.02, 0.16), (0.42, 0.03, 0.24), (0.74, 0.07, 0.26), (0.93, 0.2
 
 
 def _ramp(stops: tuple[tuple[float, float, float], ...], value: Image) -> Image:
-    """Colours of a ramp at ``value`` in [0, 1]: [H, W] -> [H, W, 3]."""
+    """Colors of a ramp at ``value`` in [0, 1]: [H, W] -> [H, W, 3]."""
     places = np.linspace(0.0, 1.0, len(stops))
     table = np.array(stops)
     return np.stack([np.interp(value, places, table[:, c]) for c in range(3)],
@@ -38,9 +38,9 @@ def _stretched(light: Image, inside: NDArray[np.bool_], low: float, high: float)
     return np.asarray(np.clip(0.06 + 0.91 * (light - a) / max(b - a, 1e-3), 0.0, 1.0), np.float32)
 
 
-def fauve_colours(picture: Picture, coverage: Image, light: Image,
+def fauve_colors(picture: Picture, coverage: Image, light: Image,
                   rng: np.random.Generator) -> Image:
-    """Wanted colours of the fauve painting, float32 [H, W, 3].
+    """Wanted colors of the fauve painting, float32 [H, W, 3].
 
     Luma chooses the place on a ramp of the region; skin turned from the key light takes the cool
     ramp, skin turned to it the warm one. The background is cool behind the lit side of the head
@@ -87,9 +87,9 @@ def _background(shape: tuple[int, ...], rng: np.random.Generator) -> Image:
     return np.asarray(left * (1.0 - weight) + right * weight, np.float32)
 
 
-def impression_colours(picture: Picture, coverage: Image, light: Image,
+def impression_colors(picture: Picture, coverage: Image, light: Image,
                        rng: np.random.Generator) -> Image:
-    """Wanted colours of the impressionist painting, float32 [H, W, 3].
+    """Wanted colors of the impressionist painting, float32 [H, W, 3].
 
     The photograph, livelier: light goes to rose and gold, shade to violet, its edge to green; the
     background is a garden out of focus.

@@ -1,14 +1,14 @@
 """Guided patch synthesis: a picture made of overlapping, consistent exemplar patches.
 
 After FaceStyle (Fiser et al. 2017), which stands on texture optimisation (Kwatra et al. 2005;
-Wexler et al. 2007): patches agree in colour with each other and in guides with the target. On every
+Wexler et al. 2007): patches agree in color with each other and in guides with the target. On every
 level of a pyramid, votes of the patches and a search for better patches alternate. A penalty on
 exemplar pixels that are used often keeps areas from being filled with the one cheapest patch
 (uniformity). The search starts from given places, so that few levels and steps do.
 
 The target may be an atlas of charts: after each vote and each search, pixels that show what others
-own take over the owner's colour and place, so that charts agree across their borders. Pixels whose
-colours are given (`FIXED`) stay as they are, and what is synthesised beside them goes on from them.
+own take over the owner's color and place, so that charts agree across their borders. Pixels whose
+colors are given (`FIXED`) stay as they are, and what is synthesised beside them goes on from them.
 
 Patch synthesis of this kind touches patents; see docs/methods.md before you use it in a product.
 """
@@ -44,7 +44,7 @@ Int32 = NDArray[np.int32]
 UInt8 = NDArray[np.uint8]
 
 SCALE = 4.0
-"""Colours and guides are in 1 / SCALE grey levels, times the root of a weight."""
+"""Colors and guides are in 1 / SCALE grey levels, times the root of a weight."""
 
 
 @accepts_old_names
@@ -53,7 +53,7 @@ class PatchConfig:
     """Parameters of the synthesis."""
 
     style_weight: float = 1.0
-    """Weight of the colours' agreement between overlapping patches, 0.2 to 4."""
+    """Weight of the colors' agreement between overlapping patches, 0.2 to 4."""
     uniformity: float = 8000.0
     """Penalty on exemplar pixels used more often than the average, 0 to 20000: low repeats
     patches, high spreads them over the whole exemplar."""
@@ -318,11 +318,11 @@ class _Level:
         return out
 
     def improve(self, places: Int32, radius: int, seed: int, reach: int) -> Float32:
-        """Search better patches for the voted colours, in place; new colours [H, W, 3]."""
+        """Search better patches for the voted colors, in place; new colors [H, W, 3]."""
         config = self.config
         error = np.zeros(self.shape, np.float32)
         if self.voted is None:
-            # Without colours yet all patches weigh the same.
+            # Without colors yet all patches weigh the same.
             self.voted = np.zeros((*self.shape, 3), np.float32)
             if self.fixed is not None:
                 self.voted[:] = self.fixed
@@ -355,12 +355,12 @@ class _Level:
         if self.owner is not None:
             exchange(self.owner, values)
 
-    def _show(self, colours: Float32) -> None:
-        """Write the voted colours into the target picture."""
+    def _show(self, colors: Float32) -> None:
+        """Write the voted colors into the target picture."""
         height, width = self.shape
         shown = self.target[:-16].view(np.float16).reshape(
             height + 2 * MARGIN, width + 2 * MARGIN, CHANNELS)[..., :3]
-        np.multiply(colours, self.root, out=shown[MARGIN:-MARGIN, MARGIN:-MARGIN],
+        np.multiply(colors, self.root, out=shown[MARGIN:-MARGIN, MARGIN:-MARGIN],
                     casting="same_kind")
         # The border is repeated around it.
         shown[MARGIN:-MARGIN, :MARGIN] = shown[MARGIN:-MARGIN, MARGIN:MARGIN + 1]
@@ -369,11 +369,11 @@ class _Level:
         shown[-MARGIN:] = shown[-MARGIN - 1]
 
 
-def _interleaved(colours: Float32, planes: Float32) -> NDArray[np.uint16]:
-    """Colours and guides as flat float16 bits; channels that are not used are 0."""
-    height, width = colours.shape[:2]
+def _interleaved(colors: Float32, planes: Float32) -> NDArray[np.uint16]:
+    """Colors and guides as flat float16 bits; channels that are not used are 0."""
+    height, width = colors.shape[:2]
     out = np.zeros(height * width * CHANNELS + 16, np.float16)
     values = out[:-16].reshape(height, width, CHANNELS)
-    values[..., :3] = colours
+    values[..., :3] = colors
     values[..., 3:3 + planes.shape[2]] = planes
     return out.view(np.uint16)

@@ -18,9 +18,9 @@ __all__ = ["TransferResult", "dump_transfer"]
 
 Float32 = NDArray[np.float32]
 
-LABEL_COLOURS = np.array([[0.8, 0.2, 0.2], [0.2, 0.3, 0.9], [0.9, 0.8, 0.2], [0.9, 0.3, 0.8],
+LABEL_COLORS = np.array([[0.8, 0.2, 0.2], [0.2, 0.3, 0.9], [0.9, 0.8, 0.2], [0.9, 0.3, 0.8],
                           [0.3, 0.75, 0.4], [0.95, 0.55, 0.15], [0.4, 0.4, 0.5], [0, 0, 0]])
-LEVEL_COLOURS = np.array([[0, 0, 0], [0.5, 0, 0.5], [0.2, 0.2, 0.9], [0.1, 0.6, 0.8],
+LEVEL_COLORS = np.array([[0, 0, 0], [0.5, 0, 0.5], [0.2, 0.2, 0.9], [0.1, 0.6, 0.8],
                           [0.2, 0.75, 0.3], [0.8, 0.8, 0.2], [1, 0.6, 0.2], [1, 0.9, 0.8],
                           [1, 1, 1]])
 
@@ -35,7 +35,7 @@ def position_picture(position: NDArray[np.floating], shape: tuple[int, int]) -> 
 
 def chunk_picture(shift: NDArray[np.floating], level: NDArray[np.uint8]) -> NDArray[Any]:
     """Chunks by level (own look-up black, coarse light), their borders drawn."""
-    picture = LEVEL_COLOURS[np.minimum(level, len(LEVEL_COLOURS) - 1)]
+    picture = LEVEL_COLORS[np.minimum(level, len(LEVEL_COLORS) - 1)]
     border = np.zeros(level.shape, bool)
     border[:, 1:] |= (shift[:, 1:] != shift[:, :-1]).any(axis=-1)
     border[1:] |= (shift[1:] != shift[:-1]).any(axis=-1)
@@ -88,7 +88,7 @@ def dump_transfer(result: TransferResult, folder: Path) -> None:
     pictures = {
         "position": position_picture(guides.position, result.exemplar_shape),
         "appearance": 0.5 + guides.appearance,
-        "labels": labels @ LABEL_COLOURS[:len(PICTURE_LABELS)],
+        "labels": labels @ LABEL_COLORS[:len(PICTURE_LABELS)],
         "table_error": error / 100,
         "chunks": chunk_picture(synthesis.shift, synthesis.level),
         "synthesis": synthesis.image,

@@ -22,7 +22,7 @@ from .kernels.seeds import finite_range, seed_points, seed_regular, seed_splat
 from .kernels.vote import elect, pack, vote
 from .table import LookUpTable
 
-__all__ = ["BlitConfig", "Seeds", "Synthesis", "finest_level", "label_words", "pack_colours",
+__all__ = ["BlitConfig", "Seeds", "Synthesis", "finest_level", "label_words", "pack_colors",
            "plant", "shift_planes", "synthesise"]
 
 LANES = 16
@@ -49,7 +49,7 @@ class BlitConfig:
     radius: int = 1
     """Voting window: 0 none, 1 is 3 x 3, 2 is 5 x 5."""
     voting: Literal["mean", "mode", "both"] = "both"
-    """mean: average of the neighbours' colours; mode: most frequent chunk; both: mode, then
+    """mean: average of the neighbours' colors; mode: most frequent chunk; both: mode, then
     mean."""
 
     @property
@@ -175,8 +175,8 @@ def shift_planes(height: int, width: int, margin: int) -> NDArray[np.float32]:
     return planes
 
 
-def pack_colours(picture: NDArray[Any]) -> NDArray[np.int32]:
-    """Colours [h, w, 3] in [0, 1] as words [h, w] of ten bits a channel."""
+def pack_colors(picture: NDArray[Any]) -> NDArray[np.int32]:
+    """Colors [h, w, 3] in [0, 1] as words [h, w] of ten bits a channel."""
     words = np.empty(picture.shape[:2], np.int32)
     pack(picture, words)
     return words
@@ -203,7 +203,7 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
     table
         Of the exemplar.
     picture
-        The colours to copy, float32 [h, w, 3] in [0, 1], or int32 [h, w] of `pack_colours`.
+        The colors to copy, float32 [h, w, 3] in [0, 1], or int32 [h, w] of `pack_colors`.
     config
         Chunks and voting.
     seed
@@ -245,8 +245,8 @@ def synthesise(guides: Guides, weights: NDArray[np.float32], label_weight: float
         elect(guides.anchor, reach, shift, margin, width, own_shift)
         shift = own_shift
     image = np.empty((height, width, 3), np.float32)
-    colours = picture if picture.dtype == np.int32 else pack_colours(picture)
+    colors = picture if picture.dtype == np.int32 else pack_colors(picture)
     radius = config.radius if config.voting in ("mean", "both") else 0
-    vote(colours, guides.anchor, reach, shift, margin, radius, exact, image)
+    vote(colors, guides.anchor, reach, shift, margin, radius, exact, image)
     inside = np.moveaxis(shift[:, margin:margin + height, margin:margin + width], 0, -1)
     return Synthesis(image, inside, level, error)

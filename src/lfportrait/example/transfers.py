@@ -31,7 +31,7 @@ from .styleblit import (
     Seeds,
     finest_level,
     label_words,
-    pack_colours,
+    pack_colors,
     plant,
     synthesise,
 )
@@ -137,7 +137,7 @@ class Transfer:
         self.face = soft_face(exemplar.image.shape, exemplar.landmarks)
         self._plan: tuple[Any, Float32, Seeds] | None = None
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
-        self._filtered = {1.0: pack_colours(self._picture)}
+        self._filtered = {1.0: pack_colors(self._picture)}
         self._patches: PhotoPatches | None = None
 
     @functools.cached_property
@@ -240,7 +240,7 @@ class Transfer:
             self.appearance if seeds is not None else self._steady,
             self._bald if flat and regions is not None and regions.hair is None else self.labels,
             self.table,
-            self.colours(scale), blit, seed=config.seed,
+            self.colors(scale), blit, seed=config.seed,
             scale=scale if seeds is not None else None, seeds=seeds, finest=finest_level(scale),
             calm=CALM * 255 * config.table.appearance_weight)
         seconds = {"table_seconds": self.table_seconds, "regions_seconds": guided - start,
@@ -291,15 +291,15 @@ class Transfer:
         scale = self.exemplar.size / face_size(landmarks)
         return 1.0 if 0.75 < scale < 4 / 3 else scale
 
-    def colours(self, scale: float) -> NDArray[np.int32]:
-        """The exemplar's colours, low-passed where a target pixel covers several of its pixels.
+    def colors(self, scale: float) -> NDArray[np.int32]:
+        """The exemplar's colors, low-passed where a target pixel covers several of its pixels.
 
-        Packed (`styleblit.pack_colours`), int32 [h, w].
+        Packed (`styleblit.pack_colors`), int32 [h, w].
         """
         key = round(scale, 1) if scale > 4 / 3 else 1.0
         if key not in self._filtered:
             sigma = 0.5 * np.sqrt(key ** 2 - 1)
-            self._filtered[key] = pack_colours(np.stack(
+            self._filtered[key] = pack_colors(np.stack(
                 [gaussian_blur(np.ascontiguousarray(self._picture[..., c]), sigma)
                  for c in range(3)], axis=-1))
         return self._filtered[key]
@@ -353,8 +353,8 @@ class Transfer:
         if config.extent == "face":
             from ..face import face_mask
 
-            colours = np.asarray(photo, np.float32) * (1 if photo.dtype == np.uint8 else 255)
-            picture = (np.clip(colours, 0, 255) + 0.5).astype(np.uint8)
+            colors = np.asarray(photo, np.float32) * (1 if photo.dtype == np.uint8 else 255)
+            picture = (np.clip(colors, 0, 255) + 0.5).astype(np.uint8)
             mask = face_mask(picture, landmarks)
             cover = broad_blur(np.asarray(mask, np.float32), 0.06 * face_size(landmarks))
         elif config.extent == "head":

@@ -1,7 +1,7 @@
-"""The face mask of Shen et al. 2023, Fig. 3: chin line, forehead ellipse, skin colour, components.
+"""The face mask of Shen et al. 2023, Fig. 3: chin line, forehead ellipse, skin color, components.
 
 The jaw's landmarks and an ellipse through its upper ends bound the face without its forehead. The
-skin's colour is sampled inside, and what continues the face above the brows in that colour, in one
+skin's color is sampled inside, and what continues the face above the brows in that color, in one
 connected piece, is forehead; hair and fringe differ and stay out.
 """
 

@@ -45,7 +45,7 @@ def _segmenter(path: Path, size: int) -> Any:
 
 
 def _described(content: bytes, size: int) -> tuple[bytes, int]:
-    """A TensorFlow Lite file as ImageSegmenter wants it, and its number of colour channels.
+    """A TensorFlow Lite file as ImageSegmenter wants it, and its number of color channels.
 
     The files of the two small networks say nowhere what range their input has: 0 to 1. Without that
     they are refused. They also work on pictures of another size than the one that they name.

@@ -81,7 +81,7 @@ class Background:
 
     def color(self, rays: NDArray[np.float32], grey: float, stop: float = 1e-3,
               ) -> NDArray[np.float32]:
-        """Colour of each ray [K, 6] behind the lattice, float32 [K, 3]."""
+        """Color of each ray [K, 6] behind the lattice, float32 [K, 3]."""
         found = np.empty((len(rays), 3), np.float32)
         shells_forward(rays, self.links, self.data.reshape(-1, 4), self.layers, grey, stop, found)
         return found
@@ -105,7 +105,7 @@ class BackgroundTrainer:
 
     def step(self, rays: NDArray[np.float32], color: NDArray[np.float32],
              slopes: NDArray[np.float32], rate_color: float, rate_density: float) -> None:
-        """Descend, given the gradient of the loss [K, 3] with respect to the rays' colours."""
+        """Descend, given the gradient of the loss [K, 3] with respect to the rays' colors."""
         data = self.background.data.reshape(-1, 4)
         shells_backward(rays, self.background.links, data, self.background.layers, self.grey, 1e-3,
                         color, slopes, self.gradients)

@@ -67,10 +67,10 @@ class ReconstructConfig:
     lr_sigma_final: float = -1.0
     """Learning rate of the density at the end; by default 4, and 1 for a room."""
     lr_sh: float = 2.5
-    """Learning rate of the colours at the start: 1 / N, if a colour is the running mean over N
-    rays. (Colours step as in SART, not by RMSProp as in svox2.)"""
+    """Learning rate of the colors at the start: 1 / N, if a color is the running mean over N
+    rays. (Colors step as in SART, not by RMSProp as in svox2.)"""
     lr_sh_final: float = -1.0
-    """Learning rate of the colours at the end; by default 1, and 0.5 for a room."""
+    """Learning rate of the colors at the end; by default 1, and 0.5 for a room."""
     polyak_fraction: float = -1.0
     """Average the field over this share of the last level, at its end (Polyak and Juditsky 1992), 0
     to 1; 0: no averaging; by default 0.3, and 0 for a room."""
@@ -79,12 +79,12 @@ class ReconstructConfig:
     lr_sigma_bg: float = 3.0
     """Learning rate of the background's density at the start; falls like the density's."""
     lr_color_bg: float = 0.1
-    """Learning rate of the background's colour at the start; falls to a twentieth."""
+    """Learning rate of the background's color at the start; falls to a twentieth."""
     lambda_tv: float = -1.0
     """Weight of total variation on the density, halved at each finer level; by default 1e-5, and
     1e-3 for a room."""
     lambda_tv_sh: float = -1.0
-    """Weight of total variation on the colour, a tenth at the finest level; by default 0, and
+    """Weight of total variation on the color, a tenth at the finest level; by default 0, and
     5e-3 for a room."""
     tv_sparsity: float = -1.0
     """Share of lattice points regularised by total variation at each step; by default 0.003, and
@@ -126,7 +126,7 @@ class ReconstructConfig:
     """For a room: initialise from the surfaces of a plane sweep instead of uniform density."""
     fill_back: bool = True
     """Close the back of the head where no photo shows it, smoothly and with the surrounding
-    colours, after testing; for a person with mattes and landmarks."""
+    colors, after testing; for a person with mattes and landmarks."""
     cut_base: bool = True
     """Cut the frayed lower end of a bust by a plane and remove loose pieces, after testing; for a
     person with mattes and landmarks."""

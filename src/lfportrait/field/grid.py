@@ -1,8 +1,8 @@
 """The sparse voxel radiance field: what it holds and how it is rendered.
 
-Density and spherical-harmonic colour live on the points of a lattice, of which only those near the
+Density and spherical-harmonic color live on the points of a lattice, of which only those near the
 surface are kept; between them both are interpolated trilinearly (Plenoxels, Fridovich-Keil and Yu
-et al. 2022). A ray's colour is Eq. 1 of Shen et al. 2023.
+et al. 2022). A ray's color is Eq. 1 of Shen et al. 2023.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class VoxelField:
         float32 [N], opacity per world unit, >= 0.
     sh
         float32 [N, 3, B], spherical-harmonic coefficients of red, green, blue (B = 1, 4 or 9, in
-        svox2's order); colour = max(0, coefficients . basis + 0.5).
+        svox2's order); color = max(0, coefficients . basis + 0.5).
     center, radius
         float64 [3] (x, y, z): the cube; lattice point i lies at
         center + radius (2 (i + 0.5) / resolution - 1).
@@ -234,7 +234,7 @@ class VoxelField:
     def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,
                        step: float = 0.5, inside: NDArray[np.bool_] | None = None,
                        ) -> SampleWeights:
-        """The view as a sparse linear map of the lattice rows' colours.
+        """The view as a sparse linear map of the lattice rows' colors.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The zeroth spherical harmonic: a view-independent colour is 0.5 + C0 times its coefficient."""
+"""The zeroth spherical harmonic: a view-independent color is 0.5 + C0 times its coefficient."""
 
 from __future__ import annotations
 

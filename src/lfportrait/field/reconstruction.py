@@ -1,7 +1,7 @@
 """Reconstruction: Plenoxels' optimisation on the CPU, coarse to fine.
 
-Each level of resolution trains density (by RMSProp) and colour (by SART's steps, see
-`lfportrait.field.kernels.descent`) on the squared colour error (Shen et al. 2023, Eq. 2) with total
+Each level of resolution trains density (by RMSProp) and color (by SART's steps, see
+`lfportrait.field.kernels.descent`) on the squared color error (Shen et al. 2023, Eq. 2) with total
 variation (Eq. 3) and a distortion loss that makes surfaces thin;
 between levels, lattice points that no training ray sees are pruned and the rest are upsampled.
 Where the photos have mattes, the field starts from their visual hull, the opacity of each ray is

@@ -7,7 +7,7 @@ its arrays (``texture_...``, see `SurfaceTexture`) to the file. Other stages may
 arrays of their own (`save_field`, `read_arrays`); those that read a field alone leave them be.
 
 An ``.npz`` is a zip archive of arrays. The tables of links are nearly empty and are deflated (that
-of 11 million lattice points from 46 to 3.4 MB, in 0.2 s); densities and colours would shrink by
+of 11 million lattice points from 46 to 3.4 MB, in 0.2 s); densities and colors would shrink by
 little for much time, and are stored as they are. `numpy.load` (and so svox2) reads both kinds.
 """
 
@@ -169,12 +169,12 @@ def load_field(path: Any) -> Loaded:
     # Learned bases: the earliest files have them without saying so.
     basis = np.asarray(arrays.get("basis_type", 4 if "basis_data" in arrays else 1))
     if basis.size != 1 or basis.dtype.kind not in "iuf" or basis.item() != 1:
-        raise UserError(f"{path} uses a colour basis other than spherical harmonics, which "
+        raise UserError(f"{path} uses a color basis other than spherical harmonics, which "
                         "lfportrait does not read")
     links, density, sh = arrays["links"], arrays["density_data"].reshape(-1), arrays["sh_data"]
     if links.ndim != 3 or sh.ndim != 2 or len(sh) != len(density) or sh.shape[1] not in (3, 12, 27):
         raise UserError(f"{path} is not a field: links {links.shape}, density {density.shape} and "
-                        f"colour {sh.shape} do not fit together")
+                        f"color {sh.shape} do not fit together")
     if links.max(initial=-1) >= len(density):
         raise UserError(f"{path} is damaged: its links point beyond its {len(density)} voxels")
     # Half floats are slow to look at.

@@ -1,4 +1,4 @@
-"""A field as a point cloud or as a coloured mesh of its surface."""
+"""A field as a point cloud or as a colored mesh of its surface."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class PointCloud:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh with one colour and one normal a vertex.
+    """A triangle mesh with one color and one normal a vertex.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ def field_points(field: VoxelField, opacity: float = 0.1, color: str = "mean") -
         See above, 0 to 1.
     color
         ``"mean"``: the coefficient of degree 0, a point's mean over all directions. ``"seen"``: its
-        colour in the direction from which it is looked at (`_gaze`).
+        color in the direction from which it is looked at (`_gaze`).
 
     Raises
     ------
@@ -167,7 +167,7 @@ def _largest_pieces(faces: NDArray[np.int32], count: int, least: float) -> NDArr
 
 def field_mesh(field: VoxelField, level: float | None = None, surface: str = "auto",
                smooth: float = 1.5, least: float = 0.05) -> Mesh:
-    """The surface of a field by marching cubes, with the colours seen there.
+    """The surface of a field by marching cubes, with the colors seen there.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def field_mesh(field: VoxelField, level: float | None = None, surface: str = "au
 
 def _seen(field: VoxelField, points: NDArray[np.float64], normals: NDArray[np.float64],
           voxel: float) -> NDArray[np.float32]:
-    """Colour of surface points as seen from outside, float32 [K, 3].
+    """Color of surface points as seen from outside, float32 [K, 3].
 
     A short ray, in the direction of `_gaze`, goes through the surface's few voxels.
     """
@@ -239,7 +239,7 @@ def _seen(field: VoxelField, points: NDArray[np.float64], normals: NDArray[np.fl
                 gaze, 12, 0.5 * voxel, color)
     lost = color[:, 3] < 0.02
     if lost.any() and not lost.all():
-        # A few points of a smoothed surface lie over a gap: they take their neighbour's colour.
+        # A few points of a smoothed surface lie over a gap: they take their neighbour's color.
         from scipy.spatial import cKDTree
 
         _, nearest = cKDTree(points[~lost]).query(points[lost])

@@ -1,10 +1,10 @@
 """Surface texture of a field: detail finer than its lattice, added where rays end.
 
-Lattice points are some four strokes' widths apart. So a painted head carries, beside the colours of
+Lattice points are some four strokes' widths apart. So a painted head carries, beside the colors of
 its lattice, what these leave out of the painting: the difference, in a few far pictures of the head
 (charts), side by side. A ray is composited as ever (Shen et al. 2023, Eq. 1); where its
 transmittance passes one half, it has met the surface, and the texture's difference there is added
-to its colour, by its opacity. The pictures are far and nearly parallel to the surface, so that a
+to its color, by its opacity. The pictures are far and nearly parallel to the surface, so that a
 small error of the depth does not move a stroke.
 
 What looks from further away than the texture was painted for takes a coarser one, as texture
@@ -46,7 +46,7 @@ NO_TEXTURE: TextureRows = (np.zeros(0, np.int32), np.zeros((0, 12), np.float32),
 
 @dataclass(frozen=True)
 class SurfaceTexture:
-    """Differences to the lattice's colours over the surface of a field of N rows.
+    """Differences to the lattice's colors over the surface of a field of N rows.
 
     Attributes
     ----------

@@ -217,7 +217,7 @@ def trim(field: VoxelField, cut: Cut) -> VoxelField:
     filled = field.links >= 0
     solid = np.zeros(filled.shape, bool)
     solid[filled] = density[field.links[filled]] > 0
-    # With one clear layer around: beyond it there are no colours to mix.
+    # With one clear layer around: beyond it there are no colors to mix.
     kept = filled & ndimage.binary_dilation(solid, np.ones((3, 3, 3), bool))
     rows = field.links[kept]
     links = np.full(field.links.shape, -1, np.int32)

@@ -1,7 +1,7 @@
 """Check and download a job's pretrained networks before the first long stage.
 
 Some are needed: without landmarks there is no transfer, without mattes no head to reconstruct.
-Others make the result better: without networks, person and hair are segmented by colour. What is
+Others make the result better: without networks, person and hair are segmented by color. What is
 given (landmarks beside a painting, photos with an alpha channel) needs none.
 """
 
@@ -119,4 +119,4 @@ def get_networks(photos: Path, painting: Path | None, keep_background: bool, *, 
         except UserError as error:
             if not quiet:
                 print(f"continuing without segmentation networks; person and hair are found by "
-                      f"colour: {error}", file=sys.stderr)
+                      f"color: {error}", file=sys.stderr)

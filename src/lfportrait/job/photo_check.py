@@ -28,7 +28,7 @@ from ..capture import (
     read_video,
     relative_sharpness,
 )
-from ..colour import linear_light
+from ..color import linear_light
 from ..face import detect_landmarks, face_pose
 from ..files import write_image
 from ..progress import Progress
@@ -117,7 +117,7 @@ def _upright(points: NDArray[np.float64], size: tuple[int, int],
 
 
 def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.float64], float]:
-    """Facts of one photo alone, its mean colour (linear, [3]) and the share that is burnt out."""
+    """Facts of one photo alone, its mean color (linear, [3]) and the share that is burnt out."""
     image = np.ascontiguousarray(photo.image[..., :3])
     height, width = image.shape[:2]
     facts = PhotoFacts(photo.name)
@@ -172,7 +172,7 @@ def _judge(facts: list[PhotoFacts], colors: NDArray[np.float64], burnt: list[flo
             fair.append("brighter than its neighbours" if factor > 1
                         else "darker than its neighbours")
         elif change > np.log(_TINTED):
-            fair.append("other colours than its neighbours")
+            fair.append("other colors than its neighbours")
         if one.face is not None and one.face < _SMALL:
             fair.append("face small")
         one.wrong, one.fair = ", ".join(wrong), ", ".join(fair)

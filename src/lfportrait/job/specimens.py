@@ -1,7 +1,7 @@
 """Minimal inputs of each stage, to compile its kernels.
 
 A grey ball with a face's landmarks is photographed by hand from a few sides, in a few pixels; a few
-coloured squares with the same landmarks are its painting. Nobody looks at what comes out.
+colored squares with the same landmarks are its painting. Nobody looks at what comes out.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def ball_field(basis: int, size: int = 20) -> VoxelField:
 
 
 def drawn_exemplar(width: int = 96, height: int = 128) -> Exemplar:
-    """A few coloured shapes with a face's landmarks."""
+    """A few colored shapes with a face's landmarks."""
     scale, middle = 0.3 * width, np.array([0.5 * width, 0.5 * height])
     x, y = np.meshgrid((np.arange(width) + 0.5 - middle[0]) / scale,
                        (np.arange(height) + 0.5 - middle[1]) / scale)
@@ -96,7 +96,7 @@ def drawn_exemplar(width: int = 96, height: int = 128) -> Exemplar:
     face = np.hypot(x / 0.6, (y - 0.1) / 0.85) < 1
     body = (np.abs(x) < 0.4 + 2 * np.clip(y - 1, 0, 9)) & (y > 0.4)
     image = np.full((height, width, 3), (90, 130, 170), np.uint8)
-    for where, colour in ((body, (160, 60, 50)), (head, (60, 40, 30)), (face, (225, 180, 150))):
-        image[where] = colour
+    for where, color in ((body, (160, 60, 50)), (head, (60, 40, 30)), (face, (225, 180, 150))):
+        image[where] = color
     image += np.random.default_rng(0).integers(0, 20, image.shape, np.uint8)
     return Exemplar(image, _face() * scale + middle, "drawn", (head | body).astype(np.float32))

@@ -32,7 +32,7 @@ DISPLAYS = ("lookingglass-go", "generic-4k", "lookingglass-16", "generic-8k")
 BENT = 0.12
 """Residual over the face's size from which on landmarks are doubtful; usual is 0.04 to 0.08."""
 PLAIN = 8.0
-"""Deviation of colours (of 255) from one line from light to dark, below which they are one."""
+"""Deviation of colors (of 255) from one line from light to dark, below which they are one."""
 SIDES = {"cheek": (0.27, -0.15), "temple": (0.33, 0.16), "jaw": (0.26, -0.42),
          "eye": (0.17, 0.03), "ear": (0.42, -0.02)}
 """Places on the generic head, on the picture's right."""
@@ -58,7 +58,7 @@ class StyleCheck:
     preview
         uint8 [H, W, 3]: the embedded head from the left, the front and the right.
     facts
-        Lines, each with the colour of its grade.
+        Lines, each with the color of its grade.
     figures
         For ``--json``.
     """
@@ -143,7 +143,7 @@ def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None
                                   "another"))
     values = exemplar.image[::3, ::3].reshape(-1, 3).astype(np.float64)
     if np.sqrt(np.linalg.eigvalsh(np.cov(values.T))[:2].sum()) < PLAIN:
-        check.facts.append((GOOD, "Drawn in one colour: `restyle --keep-colors` gives a portrait "
+        check.facts.append((GOOD, "Drawn in one color: `restyle --keep-colors` gives a portrait "
                                   "the photo's own"))
     if abs(check.pose.yaw) <= PROFILE and preview:
         _paint(check)

@@ -42,14 +42,14 @@ __all__ = ["share_job"]
 
 _ANGLES = (-45, 0, 45)
 _FEW = np.array([(0.9, 0.2, 0.1), (1.0, 0.6, 0.1), (1.0, 0.75, 0.3), (0.3, 0.6, 1.0)])
-"""Colours of places seen from none, one, two and more directions, which people with colour
+"""Colors of places seen from none, one, two and more directions, which people with color
 blindness can distinguish."""
 
-_COLOURS = {"skin": "beige", "hair": "brown", "neck": "pink", "ears": "orange", "clothes": "blue"}
+_COLORS = {"skin": "beige", "hair": "brown", "neck": "pink", "ears": "orange", "clothes": "blue"}
 _PALETTE = {"brows": (0.35, 0.2, 0.1), "eyes": (0.1, 0.6, 0.3), "nose": (0.95, 0.75, 0.5),
             "lips": (0.8, 0.15, 0.25), "skin": (0.96, 0.87, 0.72), "ears": (0.95, 0.6, 0.25),
             "hair": (0.5, 0.3, 0.15), "neck": (0.95, 0.72, 0.75), "clothes": (0.3, 0.5, 0.8)}
-"""Colours of a surface's labels in the report."""
+"""Colors of a surface's labels in the report."""
 
 Float32 = NDArray[np.float32]
 
@@ -218,7 +218,7 @@ def _coverage_section(field: VoxelField, capture: Capture) -> tuple[Section, flo
     share = coverage.share(float(np.linalg.norm(views.position[0])))
     return Section("What the photos show", f"Blue: seen from {Coverage.ENOUGH} directions or more, "
                    f"{100 * share:.0f} % of the head between the profiles; orange: from one or "
-                   "two; red: from none, so its shape and colours are a guess. More photos from "
+                   "two; red: from none, so its shape and colors are a guess. More photos from "
                    "further left and right, and from above and below, make it blue.",
                    pictures), share
 
@@ -259,7 +259,7 @@ def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exem
     return Section("Painted on the surface", "The head's surface is laid out in charts and painted "
                    "once for all views: the face by guides, look-up table and StyleBlit, the rest "
                    "by patches of like material ("
-                   + ", ".join(f"{name} {colour}" for name, colour in _COLOURS.items())
+                   + ", ".join(f"{name} {color}" for name, color in _COLORS.items())
                    + "). Three of the charts.", pictures)
 
 

@@ -1,6 +1,6 @@
 """Loads and stores of interleaved values for the lanes (`vectors`), and cheaper gathers.
 
-Pictures hold pairs (a place's x and y, weights, label words) and colours side by side. Sixteen
+Pictures hold pairs (a place's x and y, weights, label words) and colors side by side. Sixteen
 pixels of a row are read as whole vectors and sorted into lanes: a gather would cost several times
 as much.
 """

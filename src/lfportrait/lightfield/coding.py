@@ -33,7 +33,7 @@ __all__ = ["encode", "encode_with_figures", "render_view", "view_camera"]
 _FAINTEST = 1e-3
 """Slices leave out samples that hold back less light than this: a quarter of an 8-bit level."""
 _STOP = 1e-2
-"""Transmittance at which a ray through slices ends; the rest is taken to have the same colour."""
+"""Transmittance at which a ray through slices ends; the rest is taken to have the same color."""
 _RAYS = 3
 """Rays of a sub-pixel with ``blend="filtered"``; more of them change nothing that one sees."""
 

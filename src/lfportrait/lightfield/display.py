@@ -9,7 +9,7 @@ in sub-pixels, and the view (Shen et al. 2023, Eq. 8, written for columns from t
 The paper's value is v - V_n / 2 of the mirrored column. Looking Glass states the same by ``pitch``,
 ``slope`` and ``center`` over the panel from its lower left corner; `lookingglass` converts exactly.
 
-Some panels do not have their sub-pixels side by side: ``cells`` then gives each colour's place
+Some panels do not have their sub-pixels side by side: ``cells`` then gives each color's place
 within its pixel, and 3 (x + dx_k) - 3 tan(slant) dy_k takes the place of 3 x + k. Everything here
 is as the viewer sees the panel; one that shows its picture mirrored (``flip_x``, ``flip_y``) gets
 it mirrored beforehand, by `to_panel`.
@@ -59,7 +59,7 @@ class Display:
     offset
         Phase of the top left sub-pixel (with ``cells``: of that pixel's middle), in sub-pixels.
     subpixels
-        Order of the colours from left to right, ``"RGB"`` or ``"BGR"``.
+        Order of the colors from left to right, ``"RGB"`` or ``"BGR"``.
     cone
         Angle in degrees between the outermost views.
     distance
@@ -71,7 +71,7 @@ class Display:
     flip_x, flip_y
         True where the panel shows its picture mirrored left to right, or upside down.
     cells
-        Up to four rows of six numbers, where a pixel's colours do not lie side by side: x and y of
+        Up to four rows of six numbers, where a pixel's colors do not lie side by side: x and y of
         red, green and blue from the pixel's middle, in pixels, x to the right, y up.
     cell_pattern
         Which row of ``cells`` a pixel has: ``"single"`` (the first), ``"columns"``, ``"rows"`` (in
@@ -153,7 +153,7 @@ class Display:
              "cells must be up to four rows of six numbers between -2 and 2 (x and y of red, green "
              "and blue)")
         need(not self.cells or (self.subpixels == "RGB" and not (self.flip_x or self.flip_y)),
-             "cells give each colour's place: subpixels must be RGB and the picture not flipped")
+             "cells give each color's place: subpixels must be RGB and the picture not flipped")
 
     # -- geometry ---------------------------------------------------------------------------------
 
@@ -232,7 +232,7 @@ class Display:
         return 0.5 * (share + 1.0) * self.views
 
     def channel(self, place: int) -> int:
-        """Colour channel (0 red, 1 green, 2 blue) of sub-pixel ``place``."""
+        """Color channel (0 red, 1 green, 2 blue) of sub-pixel ``place``."""
         return 2 - place if self.subpixels == "BGR" else place
 
     def to_panel(self, image: NDArray[Any]) -> NDArray[Any]:

@@ -1,6 +1,6 @@
 """Interlace quilts and folders of views for a panel.
 
-Each sub-pixel takes its colour from its view, at its own place on the panel. (A field is coded
+Each sub-pixel takes its color from its view, at its own place on the panel. (A field is coded
 directly, by `encode`, without pictures of views.)
 """
 

@@ -7,7 +7,7 @@ sub-pixel k (0 red, 1 green, 2 blue)::
     a = fract((s + k / (3 screenW) + t tilt) pitch' - center),      view = floor(a views)
 
 with 1 - a in place of a where ``invView`` is set, and k counted from blue where ``flipSubp`` is.
-The panels of 2024 replace k / (3 screenW) by ``subpixelCells``: for each colour its place in x and
+The panels of 2024 replace k / (3 screenW) by ``subpixelCells``: for each color its place in x and
 y, from the pixel's middle; ``CellPatternMode`` selects the cell of a pixel. Its numbers 2 and 4
 are rows and columns here, as in the maker's present software; some of the older took them the
 other way round.

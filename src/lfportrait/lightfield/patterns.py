@@ -10,11 +10,11 @@ views
 slant
     The middle views are white, those to the left of them red, those to the right blue: from the
     middle all of the panel is white. Red and blue bands along the lenses, almost upright, mean a
-    wrong pitch, level ones a wrong slant, one colour all over a wrong offset.
+    wrong pitch, level ones a wrong slant, one color all over a wrong offset.
 fringe
     Above, the left, middle and right third of the views are red, green and blue and must not mix.
-    Below, black and white bars lie a little behind the panel: their edges must have no colour.
-    Coloured edges mean a wrong order, or wrong cells, of the sub-pixels.
+    Below, black and white bars lie a little behind the panel: their edges must have no color.
+    Colored edges mean a wrong order, or wrong cells, of the sub-pixels.
 depth
     Grids at five depths: on the panel, at the limits of its depth budget, and twice as deep. Those
     at the limits should just be sharp; the nearer ones move against the eye.
@@ -39,7 +39,7 @@ _ROWS = 128
 
 Paint = Callable[[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], int],
                  NDArray[np.floating[Any]]]
-"""Colour in [0, 1] from the view, x, y (half panel heights, y up) and the channel."""
+"""Color in [0, 1] from the view, x, y (half panel heights, y up) and the channel."""
 
 
 def _painted(display: Display, paint: Paint) -> NDArray[np.uint8]:

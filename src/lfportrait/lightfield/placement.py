@@ -91,7 +91,7 @@ class Placement:
     def pixel(self, display: Display) -> float:
         """Size in world units of what an eye sees as one pixel of the head.
 
-        To an eye each lens shows one sub-pixel of a row, and a colour takes three of them.
+        To an eye each lens shows one sub-pixel of a row, and a color takes three of them.
         """
         return 2.0 / display.height * math.sqrt(display.pitch) / self.scale
 

@@ -1,7 +1,7 @@
-"""Export a field: point clouds, coloured meshes, svox2's checkpoint.
+"""Export a field: point clouds, colored meshes, svox2's checkpoint.
 
-PLY and OBJ hold sRGB colours a vertex, as their readers expect. A GLB's vertex colours are linear
-light, and its material is unlit: the photos' light is in the colours already.
+PLY and OBJ hold sRGB colors a vertex, as their readers expect. A GLB's vertex colors are linear
+light, and its material is unlit: the photos' light is in the colors already.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, BinaryIO, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..colour import linear_light
+from ..color import linear_light
 from ..errors import UserError
 from ..field import Mesh, PointCloud, VoxelField, field_mesh, field_points, save_checkpoint
 from ..files import atomic_write
@@ -38,7 +38,7 @@ class ExportConfig:
     opacity: float = 0.1
     """Points: minimum opacity along one voxel."""
     point_color: Literal["mean", "seen"] = "mean"
-    """Points: mean colour over all directions (degree 0), or the colour seen from the front and
+    """Points: mean color over all directions (degree 0), or the color seen from the front and
     outside."""
     surface: Literal["auto", "outer", "density"] = "auto"
     """Mesh: outer: the surface seen from outside; density: an isosurface of the density, with inner
@@ -117,7 +117,7 @@ def _placed(points: NDArray[np.float32], normals: NDArray[np.float32], field: Vo
 
 def _write_ply(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
                item: PointCloud | Mesh) -> None:
-    """Binary PLY: position, normal, colour, and a point's opacity or the faces."""
+    """Binary PLY: position, normal, color, and a point's opacity or the faces."""
     columns = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
     columns += [(name, "u1") for name in ("red", "green", "blue")]
     if isinstance(item, PointCloud):
@@ -145,7 +145,7 @@ def _write_ply(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np
 
 def _write_obj(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
                mesh: Mesh) -> None:
-    """OBJ with a colour behind each position, as Blender and MeshLab write it."""
+    """OBJ with a color behind each position, as Blender and MeshLab write it."""
     stream.write(f"# lfportrait {__version__}\n".encode())
     np.savetxt(stream, np.hstack([place, mesh.colors / 255.0]), "v %.6f %.6f %.6f %.4f %.4f %.4f")
     np.savetxt(stream, normals, "vn %.4f %.4f %.4f")
@@ -160,7 +160,7 @@ def _linear(color: NDArray[np.uint8]) -> NDArray[np.uint16]:
 
 def _write_glb(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
                mesh: Mesh) -> None:
-    """Binary glTF 2.0: one mesh with vertex colours and an unlit material."""
+    """Binary glTF 2.0: one mesh with vertex colors and an unlit material."""
     parts = [place.astype("<f4"), normals.astype("<f4"), _linear(mesh.colors).astype("<u2"),
              mesh.faces.astype("<u4").ravel()]
     arrays, at = [], 0

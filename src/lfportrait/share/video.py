@@ -1,10 +1,10 @@
 """Videos as H.264: in the form that every browser and player opens, or with every sub-pixel kept.
 
 Fixed encoder settings on one thread and no time stamps in the file: the same frames give the same
-bytes. Colours are converted and tagged as BT.709, so that players show what the pictures hold.
+bytes. Colors are converted and tagged as BT.709, so that players show what the pictures hold.
 
-Pictures coded for a light-field panel need more than the usual 4:2:0, which keeps colours at half
-the size: neighbouring sub-pixels belong to different views. ``444`` keeps all colours, ``lossless``
+Pictures coded for a light-field panel need more than the usual 4:2:0, which keeps colors at half
+the size: neighbouring sub-pixels belong to different views. ``444`` keeps all colors, ``lossless``
 all values, as RGB. Browsers play neither; mpv, VLC and ffplay do.
 """
 
@@ -113,7 +113,7 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
 
 def _stream(container: Any, size: tuple[int, ...], fps: float, quality: int, coding: str,
             preset: str) -> Any:
-    """The video stream: size and speed, colours tagged, encoder fixed."""
+    """The video stream: size and speed, colors tagged, encoder fixed."""
     rate = Fraction(fps).limit_denominator(1001)
     lossless = coding == "lossless"
     stream = container.add_stream("libx264rgb" if lossless else "libx264", rate=rate)

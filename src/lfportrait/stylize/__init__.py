@@ -1,6 +1,6 @@
-"""Optimising a field to a style: features, losses, colour fit (Shen et al. 2023, 2.1-2.2).
+"""Optimising a field to a style: features, losses, color fit (Shen et al. 2023, 2.1-2.2).
 
-A `StyledField` keeps the colours of the photo and of the paintings: `mixing` turns them up and down
+A `StyledField` keeps the colors of the photo and of the paintings: `mixing` turns them up and down
 without training.
 """
 

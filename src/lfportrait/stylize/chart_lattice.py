@@ -1,7 +1,7 @@
 """Render a field's lattice in the charts of its skin, as the base of the texture.
 
-With the density frozen a chart is linear in the lattice's colours. The weights are found once for a
-skin and a resolution; what the colours of any painting show is a product with them. Those of a
+With the density frozen a chart is linear in the lattice's colors. The weights are found once for a
+skin and a resolution; what the colors of any painting show is a product with them. Those of a
 preview are kept with the skin, and in its file.
 """
 
@@ -29,7 +29,7 @@ PREVIEW = 2
 MARGIN = 12
 """Pixels kept around what a chart owns, so that cells at a border find theirs in either chart."""
 SOLID = 0.9
-"""Where a chart's own view is clearer than this, nothing is known of the surface's colour."""
+"""Where a chart's own view is clearer than this, nothing is known of the surface's color."""
 
 
 _ARRAYS = "lattice_counts", "lattice_rows", "lattice_weights"
@@ -40,7 +40,7 @@ Map = tuple[tuple[slice, slice], SampleWeights]
 
 
 class ChartLattice:
-    """The charts of a skin as linear maps of a field's colours.
+    """The charts of a skin as linear maps of a field's colors.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class ChartLattice:
             yield kept() if isinstance(kept, functools.partial) else kept
 
     def left_out(self, picture: Float32, colors: Float32) -> Float32:
-        """What lattice colours [N, 3] leave out of a picture of the atlas, float32 [H, W, 3].
+        """What lattice colors [N, 3] leave out of a picture of the atlas, float32 [H, W, 3].
 
         0 where nothing solid is near.
         """
@@ -110,7 +110,7 @@ class ChartLattice:
 
 
 def chart_lattice(field: VoxelField, skin: Skin, step: int) -> ChartLattice:
-    """The maps of a field's colours to every ``step``-th pixel of its skin's charts.
+    """The maps of a field's colors to every ``step``-th pixel of its skin's charts.
 
     Those of previews are kept with the skin, which may have brought their arrays in its file.
     """

@@ -51,7 +51,7 @@ class StylizeConfig:
     steps: int = -1
     """Refinement steps, one view each; 0: fit only; -1: 7 on the skin, 90 in views."""
     learning_rate: float = -1.0
-    """Adam's step in colour units at the start; it falls to a tenth; -1: 0.001 on the skin, 0.02 in
+    """Adam's step in color units at the start; it falls to a tenth; -1: 0.001 on the skin, 0.02 in
     views."""
     content_network: Network = "auto"
     """Features of the content loss; auto: vgg16 if its weights are at hand, else embedded."""
@@ -69,9 +69,9 @@ class StylizeConfig:
     lap_pool: int = 1
     """Average pooling before the Laplacian, 1 to 16 pixels."""
     strength: float = 1.0
-    """0 leaves the real colours, 1 gives the style; `lfportrait restyle` changes it afterwards."""
+    """0 leaves the real colors, 1 gives the style; `lfportrait restyle` changes it afterwards."""
     keep: tuple[str, ...] = ()
-    """Regions that keep the photo's colours: eyes, lips, hair, ears, clothes, ..."""
+    """Regions that keep the photo's colors: eyes, lips, hair, ears, clothes, ..."""
     background: float = 1.0
     """Grey level behind the head while stylising."""
     skin: SkinConfig = field(default_factory=SkinConfig)

@@ -1,4 +1,4 @@
-"""Fit colours to pictures: with fixed density, a view is linear in the lattice's colours.
+"""Fit colors to pictures: with fixed density, a view is linear in the lattice's colors.
 
 The weighted least-squares problem over all views, sum over pixels of w (A x + (1 - alpha) b - I)^2,
 is solved by simultaneous iterations (SIRT, Gilbert 1972): each adds the back-projected residual,
@@ -25,12 +25,12 @@ _TOGETHER = 8192
 
 
 class ColorModel:
-    """One colour, the same in all directions, for every lattice row.
+    """One color, the same in all directions, for every lattice row.
 
     Parameters
     ----------
     field
-        Its densities; its mean colour is where the fit starts.
+        Its densities; its mean color is where the fit starts.
     background
         Grey level behind the field.
     """
@@ -42,7 +42,7 @@ class ColorModel:
         self.seen = np.zeros(len(self.colors), np.float32)
 
     def picture(self, view: StyleView, colors: Float32 | None = None) -> Float32:
-        """A view of the colours, float32 [h, w, 3]."""
+        """A view of the colors, float32 [h, w, 3]."""
         out = np.empty((view.alpha.size, 3), np.float32)
         weights = view.weights
         gather_colors(weights.indptr, weights.rows, weights.weights,
@@ -58,7 +58,7 @@ class ColorModel:
 
     def fit(self, views: list[StyleView], iterations: int, progress: Progress | None = None,
             relaxation: float = 1.0) -> list[float]:
-        """Fit the colours to the views' example pictures; returns the error of each iteration.
+        """Fit the colors to the views' example pictures; returns the error of each iteration.
 
         ``relaxation`` is the share of each update that is taken.
         """
@@ -89,12 +89,12 @@ class ColorModel:
         return errors
 
     def shown(self, field: VoxelField) -> VoxelField:
-        """A field of the same rows in these colours, without a texture."""
+        """A field of the same rows in these colors, without a texture."""
         colors = np.clip(self.colors, 0.0, 1.0)
         return field.with_sh((colors[:, :, None] - np.float32(0.5)) * np.float32(1 / C0))
 
     def fill_unseen(self) -> float:
-        """Colour rows that no view sees by the affine map that the seen ones underwent.
+        """Color rows that no view sees by the affine map that the seen ones underwent.
 
         Returns
         -------
@@ -127,7 +127,7 @@ def _trust(view: StyleView) -> Float32:
 
 def affine_color_map(source: Float32, target: Float32, weight: Float32,
                      ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The affine map of colours, target ~ matrix source + offset, by weighted least squares.
+    """The affine map of colors, target ~ matrix source + offset, by weighted least squares.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Methods of other packages that colour a field: their interface and discovery.
+"""Methods of other packages that color a field: their interface and discovery.
 
 A package names a method under ``[project.entry-points."lfportrait.field_methods"]``. Behind the
 name is a `FieldMethod`. The fields of its parameters are options of the command line:
@@ -85,7 +85,7 @@ class FieldMethod:
     parameters
         Class of its parameters, a frozen data class whose fields have defaults.
     paint
-        Gives the colours of the field's rows, float32 [N, 3], and figures with ``seconds``. Its
+        Gives the colors of the field's rows, float32 [N, 3], and figures with ``seconds``. Its
         module, and all that this imports, is part of a result's key.
     needs_face
         Whether it asks for the capture's landmarks.

@@ -113,7 +113,7 @@ def _resnet50(weights: Weights) -> FeatureNetwork:
 
 def _vgg19_se(weights: Weights, layers: str = "11 12 21 22 31 32 33 34",
               wanted: str = "3") -> FeatureNetwork:
-    """The distilled VGG-19 to conv3_4; reflection padding, its colour transform is conv0."""
+    """The distilled VGG-19 to conv3_4; reflection padding, its color transform is conv0."""
     def run(image: torch.Tensor) -> list[torch.Tensor]:
         x = functional.conv2d(image, weights["conv0.weight"], weights["conv0.bias"])
         maps = []

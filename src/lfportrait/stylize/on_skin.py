@@ -1,7 +1,7 @@
 """A field stylised on its skin: painted once on the surface, then fitted, then refined.
 
 `Skin` is computed once for a field (and kept in a file beside it), a painting takes seconds, and
-the lattice's colours come straight from it: that is the preview. The least-squares fit then
+the lattice's colors come straight from it: that is the preview. The least-squares fit then
 sharpens strokes between lattice points, with the charts of the skin as its views, and the losses
 refine them at half the size. What the lattice is too coarse for becomes the field's texture
 (`skin_texture`). Skin, weights and the photo's features serve any number of exemplars.
@@ -134,7 +134,7 @@ class Painters:
 def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeConfig,
                  progress: Progress | None, dump: Path | None, painters: Painters | None = None,
                  ) -> tuple[list[Float32], list[SurfaceTexture], dict[str, Any]]:
-    """Colours of a field's rows, float32 [N, 3], and textures, by exemplar, and figures."""
+    """Colors of a field's rows, float32 [N, 3], and textures, by exemplar, and figures."""
     colors, textures, rows = [], [], []
     constants: Any = None
     lattice: ChartLattice | None = None

@@ -70,7 +70,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     Returns
     -------
     styled, figures
-        A field with the same density and direction-independent colours, which can be mixed again
+        A field with the same density and direction-independent colors, which can be mixed again
         (`StyledField.mix`), and the figures for ``--json``: per-term losses and gradient norms,
         networks, ``seconds``, ``notices`` on what sitter and exemplar do not share.
 
@@ -118,7 +118,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
 def _by_views(field: VoxelField, capture: Capture, exemplars: list[Exemplar],
               config: StylizeConfig, progress: Progress | None, dump: Path | None,
               ) -> tuple[list[Float32], dict[str, Any]]:
-    """Colours for each exemplar by the paper's or another package's method."""
+    """Colors for each exemplar by the paper's or another package's method."""
     # Here: their losses need torch, which paints of a skin do without.
     from .painted_views import stylize_views
 

@@ -1,6 +1,6 @@
 """A field stylised by painted views: the paper's way (Shen et al. 2023, 2.2).
 
-Views on arcs are rendered, each is painted by example, and the field's colours are fitted to all of
+Views on arcs are rendered, each is painted by example, and the field's colors are fitted to all of
 them; `refinement` follows. Every view decides independently which chunks to take, and the fit
 averages what neighbours decided differently: the skin (`skin_fit`) is steadier, sharper and faster.
 This is what comparisons with the paper use.
@@ -34,7 +34,7 @@ Float32 = NDArray[np.float32]
 
 def stylize_views(field: VoxelField, capture: Capture, exemplar: Exemplar, config: StylizeConfig,
                   progress: Progress | None, dump: Path | None) -> tuple[Float32, dict[str, Any]]:
-    """Colours of a field's rows, float32 [N, 3], by painted views, and figures."""
+    """Colors of a field's rows, float32 [N, 3], by painted views, and figures."""
     start = time.perf_counter()
     views, transfer_seconds = _prepare(field, capture, exemplar, config, progress, dump)
     prepared = time.perf_counter()

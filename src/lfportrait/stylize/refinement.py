@@ -1,4 +1,4 @@
-"""Refinement of a field's colours by the losses (Shen et al. 2023, Eq. 4-7, 9), view by view.
+"""Refinement of a field's colors by the losses (Shen et al. 2023, Eq. 4-7, 9), view by view.
 
 The losses' weights are calibrated: at the paper's values, each term's gradient has a set share of
 the norm of that of the fit to the examples. What does not change from step to step - features of
@@ -32,7 +32,7 @@ class Refinement:
     Parameters
     ----------
     model
-        The colours; changed in place.
+        The colors; changed in place.
     views
         What they should show.
     config
@@ -89,7 +89,7 @@ class Refinement:
 
     def _gradients(self, view: StyleView) -> tuple[dict[str, float], dict[str, float],
                                                    dict[str, torch.Tensor]]:
-        """Losses, gradient norms and image gradients of each term for the colours as they are."""
+        """Losses, gradient norms and image gradients of each term for the colors as they are."""
         image = torch.from_numpy(np.ascontiguousarray(
             self.model.picture(view).transpose(2, 0, 1)))[None].requires_grad_(True)
         losses, norms, gradients = {}, {}, {}

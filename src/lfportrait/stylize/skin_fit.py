@@ -1,6 +1,6 @@
-"""A painted skin becomes a field's colours: looked up at first, then fitted.
+"""A painted skin becomes a field's colors: looked up at first, then fitted.
 
-A lattice point takes the colour of the surface point above it, along the normal of the head's large
+A lattice point takes the color of the surface point above it, along the normal of the head's large
 shape. That is all a preview needs. Between lattice points, though, strokes are soft: so the charts
 themselves become the views of a least-squares fit (`fit.ColorModel`), each trusted where it owns
 the surface. No two of them disagree, so nothing is averaged away.
@@ -55,7 +55,7 @@ def for_lattice(painting: Painting, field: VoxelField) -> Painting:
 
 
 def look_up_rows(model: ColorModel, painting: Painting) -> None:
-    """Give a model's rows the painting's colours at their places; marks them as seen."""
+    """Give a model's rows the painting's colors at their places; marks them as seen."""
     found = painting.at(painting.skin.rows)
     known = np.isfinite(found[:, 0])
     model.colors[known] = found[known]
@@ -133,7 +133,7 @@ def chart_pixels(skin: Skin, n: int, step: int) -> tuple[slice, slice]:
 
 def show_painting(views: list[StyleView], painting: Painting, background: float,
                   step: int = 1) -> None:
-    """Let the charts' views (`chart_views`) ask for a painting's colours."""
+    """Let the charts' views (`chart_views`) ask for a painting's colors."""
     for n, view in enumerate(views):
         rows, columns = chart_pixels(painting.skin, n, 1)
         x0, y0 = columns.start, rows.start

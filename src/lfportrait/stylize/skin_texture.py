@@ -33,7 +33,7 @@ def surface_texture(styled: VoxelField, painting: Painting,
     Parameters
     ----------
     styled
-        The field with its colours after the painting, the same in all directions.
+        The field with its colors after the painting, the same in all directions.
     painting
         On the field's skin.
     lattice

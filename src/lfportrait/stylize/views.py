@@ -32,7 +32,7 @@ class StyleView:
     confidence
         float32 [h, w]: how frontally the surface is seen, 0 to 1.
     weights
-        The crop's pixels as a linear map of the lattice's colours.
+        The crop's pixels as a linear map of the lattice's colors.
     trust
         float32 [h, w], weight of each pixel in the fit; None: opaque, and frontal rather than
         grazing.

@@ -61,7 +61,7 @@ def training_floor(rates: dict[str, float], samples: float, rows: float, width: 
         ``compute_rays_per_second`` and the smaller of the two, ``rays_per_second``.
     """
     lines = rows * 3.0 * width * 4.0 / 64.0
-    # A sample: density, three colours and back five slopes of eight corners, and an exponential.
+    # A sample: density, three colors and back five slopes of eight corners, and an exponential.
     # A point: three dot products, and its step.
     adds = samples * (8.0 * (1.0 + 3.0 + 5.0) + 60.0) + rows * (3.0 * 16.0 + 3.0 * width)
     memory = rates["random_lines_per_second"] / max(lines, 1e-9)

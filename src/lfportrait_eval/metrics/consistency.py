@@ -9,7 +9,7 @@ views see: covered, not occluded (the two depths agree within 1 %) and away from
 
 Beside the raw error stand the floor, the same on the photoreal renders (resampling, highlights),
 and the contrast-normalised error, divided by the standard deviation of O_i in M, which takes away
-the reward for flat colours. The flow comes from the geometry alone: it is the same for every
+the reward for flat colors. The flow comes from the geometry alone: it is the same for every
 method that is compared.
 """
 
@@ -64,7 +64,7 @@ def warp(image: NDArray[Any], cameras: Camera, source: int, target: int,
     Returns
     -------
     warped
-        float32 [H', W', 3], the source's colours in the target view, bilinear; 0 where invalid.
+        float32 [H', W', 3], the source's colors in the target view, bilinear; 0 where invalid.
     valid
         bool [H', W']: both views see the same surface there, away from depth edges.
     """
@@ -129,7 +129,7 @@ def consistency(stylised: Sequence[NDArray[Any]], renderings: Sequence[Rendering
     stylised
         V stylised views, float [H, W, 3] in [0, 1].
     renderings
-        The same views of the real field: colours for the floor, depths for the warps.
+        The same views of the real field: colors for the floor, depths for the warps.
     cameras
         V cameras, in order along an arc.
     gaps

@@ -1,7 +1,7 @@
 """Regions of a stylised head in any view, and whether the paint in them repeats itself.
 
 A stylised field may carry labels: how far each of its lattice rows lies in each region. Rendered as
-if they were colours they give the region's mask in any view, from behind as well, where no picture
+if they were colors they give the region's mask in any view, from behind as well, where no picture
 of the head could be segmented. The exemplar's regions are those of its own segmentation.
 """
 
@@ -101,12 +101,12 @@ class RowLabels:
                              f"{len(field.density)}")
         known = [name for name in names if name in self.names]
         out: list[Masks] = [{} for _ in range(len(cameras))]
-        for first in range(0, len(known), 3):  # three regions are the three colours of a field
+        for first in range(0, len(known), 3):  # three regions are the three colors of a field
             three = known[first:first + 3]
-            colours = np.zeros((len(self.weights), 3, 1), np.float32)
+            colors = np.zeros((len(self.weights), 3, 1), np.float32)
             for channel, name in enumerate(three):
-                colours[:, channel, 0] = self.weights[:, self.names.index(name)] / np.float32(255)
-            shown = field.with_sh((colours - 0.5) / C0)
+                colors[:, channel, 0] = self.weights[:, self.names.index(name)] / np.float32(255)
+            shown = field.with_sh((colors - 0.5) / C0)
             for view, masks in enumerate(out):
                 shot = shown.render(cameras, view, background=0.0)
                 opaque = shot.alpha > 0.5

@@ -1,6 +1,6 @@
 """Whether the strokes of a rendered view are as sharp as those that were painted.
 
-A field is fitted to painted pictures, or coloured from a painted chart, and its lattice is coarser
+A field is fitted to painted pictures, or colored from a painted chart, and its lattice is coarser
 than the paint. Gradient energy is the mean squared difference of neighbouring pixels' luma: the
 energy of the picture's spectrum, weighted by frequency squared. Blur lowers it. Rendered over
 wanted, 1 keeps all detail; above 1 something was added: seams, noise, steps of the lattice. What

@@ -6,7 +6,7 @@ anchored on the surface, and with guides of each view alone (the paper's way). O
 warped into the other by the field's depth (`consistency.warp`); what is left is the strokes' own
 motion, and what the resampling of fine strokes costs. So the errors are also taken of views blurred
 by one pixel, where the latter is small. Errors are over the contrast of the stylised view, so that
-flat colours gain nothing.
+flat colors gain nothing.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class TablesConfig:
     study: Path | None = None
     """Folder with the results of a user study (`lfportrait study results`), to be included."""
     stylize: StylizeConfig = field(default_factory=StylizeConfig)
-    """Parameters of the methods that colour a field; method, guide, pixels, size, views and steps
+    """Parameters of the methods that color a field; method, guide, pixels, size, views and steps
     are set by the options above."""
 
     def sizes(self) -> Sizes:

@@ -1,4 +1,4 @@
-"""The methods that are compared: those that colour a field, and those that paint single views.
+"""The methods that are compared: those that color a field, and those that paint single views.
 
 All get the same field, the same views and the same landmarks. What paints single views gets renders
 of the real field with the landmarks projected into them, which no detector finds as exactly, and is
@@ -27,7 +27,7 @@ class MethodEntry:
     Attributes
     ----------
     kind
-        ``field``: colours a field; ``views``: paints each view by itself.
+        ``field``: colors a field; ``views``: paints each view by itself.
     what
         The method in a few words.
     """
@@ -66,7 +66,7 @@ METHODS: dict[str, MethodEntry] = {
 
 
 def field_config(name: str, base: StylizeConfig, sizes: Sizes, seed: int) -> StylizeConfig:
-    """Parameters of a method that colours a field."""
+    """Parameters of a method that colors a field."""
     config = replace(base, method={"surface": "paper"}.get(name, name), seed=seed)
     # Parameters of other methods do not count.
     config = replace(config, parameters=(

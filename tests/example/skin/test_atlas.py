@@ -170,7 +170,7 @@ def test_copies_take_over_their_owners_values(kind):
     assert np.array_equal(values, wanted.reshape(12, 9, 2))
 
 
-def test_colours_between_pixels_are_blended_and_the_unknown_left():
+def test_colors_between_pixels_are_blended_and_the_unknown_left():
     random = np.random.default_rng(9)
     colors = random.random((13, 8, 3)).astype(np.float32)
     places = random.uniform(-2, 15, (200, 2)).astype(np.float32)

@@ -111,7 +111,7 @@ def test_materials_of_a_drawn_face(drawn, shares):
     assert shares[blue][:, GROUND].mean() > 0.95
 
 
-def test_below_the_jaw_colours_tell_neck_and_hair_from_clothes(painter):
+def test_below_the_jaw_colors_tell_neck_and_hair_from_clothes(painter):
     exemplar, regions = painter.exemplar, painter.transfer.regions
     image = exemplar.image.copy()
     x, y = exemplar.landmarks[8].astype(int)
@@ -127,7 +127,7 @@ def test_below_the_jaw_colours_tell_neck_and_hair_from_clothes(painter):
     assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4)
 
 
-def test_what_lies_on_a_forehead_in_the_colour_of_hair_is_hair(painter):
+def test_what_lies_on_a_forehead_in_the_color_of_hair_is_hair(painter):
     exemplar, regions = painter.exemplar, painter.transfer.regions
     image, hair = exemplar.image.copy(), regions.hair.copy()
     x, y = exemplar.landmarks[[21, 22]].mean(axis=0).astype(int) - [0, 9]
@@ -160,7 +160,7 @@ def test_right_below_the_chin_what_is_darker_is_neck_unless_it_is_purer(painter,
 def test_a_hat_is_told_by_the_face_alone_not_by_locks_beside_it(painter):
     exemplar, regions = painter.exemplar, painter.transfer.regions
     image, hair = exemplar.image.copy(), regions.hair.copy()
-    # Locks that labels take for skin, as they do ears, in the hat's colour.
+    # Locks that labels take for skin, as they do ears, in the hat's color.
     x, y = exemplar.landmarks[[21, 22]].mean(axis=0).astype(int) - [0, 9]
     left, right = (int(exemplar.landmarks[n, 0]) for n in (0, 16))
     beside = np.zeros(image.shape[:2], bool)
@@ -195,7 +195,7 @@ def _bearded(exemplar, beard, chin, lip):
 
 
 @pytest.mark.parametrize("color", [(170, 80, 30), (70, 50, 40), (25, 25, 25), (150, 150, 155)])
-def test_a_beard_stays_in_the_face_whatever_its_colour(painter, color):
+def test_a_beard_stays_in_the_face_whatever_its_color(painter, color):
     regions, labels = painter.transfer.regions, painter.transfer.labels
     bare = painted_shares(painter.exemplar, regions, labels)
     exemplar, there = _bearded(painter.exemplar, color, color, color)
@@ -240,7 +240,7 @@ def test_clothes_are_of_one_cloth(painter):
     assert np.allclose(shares.sum(axis=-1), 1, atol=1e-4)
     photo = painted_shares(Exemplar(image, exemplar.landmarks), regions, labels, strict=False)
     assert photo[inside][:, FEATURES].mean() > 0.9 and photo[rest][:, CLOTHES].mean() > 0.9
-    # Of two colours each is half of the cloth.
+    # Of two colors each is half of the cloth.
     image = exemplar.image.copy()
     image[worn & (np.indices(worn.shape)[1] // 10 % 2 == 0)] = (30, 30, 35)
     striped = painted_shares(Exemplar(image, exemplar.landmarks), regions, labels)
@@ -275,7 +275,7 @@ def test_ears_lie_beside_the_face(painter):
     assert np.median(near[SKIN]) > 0.6 and np.median(near[EARS]) > 0.8
 
 
-def test_a_coat_in_the_colour_of_skin_begins_away_from_the_neck(painter):
+def test_a_coat_in_the_color_of_skin_begins_away_from_the_neck(painter):
     exemplar, regions = painter.exemplar, painter.transfer.regions
     image = exemplar.image.copy()
     red = np.abs(image - np.array([160.0, 60, 50])).max(axis=-1) < 30

@@ -1,4 +1,4 @@
-"""A painted skin: the exemplar's colours, each place once, the same on every chart."""
+"""A painted skin: the exemplar's colors, each place once, the same on every chart."""
 
 from dataclasses import replace
 
@@ -20,11 +20,11 @@ def preview(painter, skin):
 
 
 def _colors(painting):
-    """Colours of the skin's lists, [N, 3]."""
+    """Colors of the skin's lists, [N, 3]."""
     return painting.color.reshape(-1, 3)[painting.skin.index]
 
 
-def test_colours_are_the_exemplars(painting, painter, points):
+def test_colors_are_the_exemplars(painting, painter, points):
     color = _colors(painting)
     assert painting.color.dtype == np.float32 and np.isfinite(painting.color).all()
     assert color.shape == (len(points), 3)
@@ -40,7 +40,7 @@ def test_colours_are_the_exemplars(painting, painter, points):
     (lambda x, y, z: (np.abs(np.abs(x) - 0.25) < 0.06) & (np.abs(y + 0.2) < 0.04) & (z > 0), SKIN),
     (lambda x, y, z: (np.abs(x) < 0.3) & (y > 0.1) & (z < -0.2), HAIR),
     (lambda x, y, z: (y > -0.95) & (y < -0.8) & (z > 0), CLOTHES)])
-def test_a_head_takes_on_its_colours_where_they_belong(painting, points, where, wanted):
+def test_a_head_takes_on_its_colors_where_they_belong(painting, points, where, wanted):
     chosen = where(*points.T)
     assert chosen.sum() > 20
     color = _colors(painting)[chosen]
@@ -78,7 +78,7 @@ def test_a_preview_looks_like_the_painting_made_small(painting, preview):
     assert np.abs((small - preview.color)[whole].mean(axis=0)).max() < 0.02
 
 
-def test_colours_are_found_at_their_places(painting, preview, skin):
+def test_colors_are_found_at_their_places(painting, preview, skin):
     rows, columns = np.divmod(skin.index, skin.atlas.depth.shape[1])
     places = np.stack([columns, rows], 1).astype(np.float32) + np.float32(0.5)
     places[5] = np.nan

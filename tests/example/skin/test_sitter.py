@@ -90,7 +90,7 @@ def test_a_skin_of_something_else_or_in_pieces_is_not_used(skin, tmp_path):
     assert load_skin(path, "key") is None
 
 
-def test_detail_is_strong_where_colours_change(skin, points):
+def test_detail_is_strong_where_colors_change(skin, points):
     hairline = (np.abs(points[:, 1] - points[:, 2]) < 0.02) & (points[:, 1] > 0.25)
     plain = (np.abs(points[:, 0]) < 0.2) & (points[:, 2] > 0) & (np.abs(points[:, 1]) < 0.1)
     assert hairline.sum() > 100 and plain.sum() > 100
@@ -142,14 +142,14 @@ def test_the_network_tells_hair_and_what_it_does_not_see_follows(field, points, 
     assert (skin.clothes <= 1 - skin.hair + 1e-6).all()
 
 
-def test_without_the_network_hair_is_told_by_its_colour(field, skin, points, monkeypatch):
+def test_without_the_network_hair_is_told_by_its_color(field, skin, points, monkeypatch):
     monkeypatch.setattr("lfportrait.models.missing", list)
     told = Skin.of(field, HEAD_LANDMARKS, pixels=PIXELS)
     assert np.array_equal(told.hair, skin.hair)
     truth = skin.atlas.color.reshape(-1, 3)[skin.index].mean(axis=1) < 80 / 255
     above = points[:, 1] > CHIN
     assert ((told.hair > 0.5) == truth)[above].mean() > 0.93
-    # A network that finds none is not believed where the crown is of another colour.
+    # A network that finds none is not believed where the crown is of another color.
     monkeypatch.setattr("lfportrait.models.missing", lambda names: [])
     monkeypatch.setattr("lfportrait.face.hair_mask",
                         lambda image, size: np.zeros(image.shape[:2], np.float32))
@@ -157,7 +157,7 @@ def test_without_the_network_hair_is_told_by_its_colour(field, skin, points, mon
 
 
 def test_hair_at_the_temples_has_no_level_edge(skin):
-    """Hair by its colour, that ends on a line which goes down beside the face."""
+    """Hair by its color, that ends on a line which goes down beside the face."""
     up, angle = np.meshgrid(np.linspace(-0.5, 1, 61), np.linspace(0, 1.5, 61))
     up, angle = up.ravel(), angle.ravel()
     truth = up > 0.45 - 0.35 * np.clip((angle - 0.4) / 0.4, 0, 1)
@@ -196,7 +196,7 @@ def test_a_network_that_contradicts_itself_is_not_believed(field, skin, monkeypa
     assert np.array_equal(Skin.of(field, HEAD_LANDMARKS, pixels=PIXELS).hair, skin.hair)
 
 
-def test_a_head_of_one_colour_has_no_hair(field):
+def test_a_head_of_one_color_has_no_hair(field):
     plain = field.with_sh(np.full((len(field.density), 3, 1), 0.4))
     assert Skin.of(plain, HEAD_LANDMARKS, pixels=30.0, networks=False).hair is None
 
@@ -208,7 +208,7 @@ def test_too_few_landmarks_are_told(field):
         Skin.of(field, landmarks, pixels=PIXELS, networks=False)
 
 
-def test_distance_from_the_skin_s_colours():
+def test_distance_from_the_skin_s_colors():
     random = np.random.default_rng(0)
     colors = np.float64([0.8, 0.6, 0.5]) + random.normal(0, 0.02, (300, 3))
     face = np.arange(300) < 200

@@ -233,7 +233,7 @@ def test_a_frame_painted_onward_shows_what_the_one_before_did():
     back[..., 0] = -4
     moved_plane = plane - np.array([4, 0], np.float32)
     later = paint_onward(style, frame, points, unused, moved_plane, motion, motion.trusted, first)
-    # Shifts have fractions: a colour may be one step of 255 off.
+    # Shifts have fractions: a color may be one step of 255 off.
     assert np.abs(later.image[:, 8:-4] - first.image[:, 4:-8]).max() < 1.01 / 255
 
 

@@ -21,7 +21,7 @@ def shifted_cameras(count: int, step: float) -> Camera:
 
 
 def wall(cameras: Camera, depth: float, contrast: float = 1.0, seed: int = 0):
-    """Views of a wall with random colours, seen without resampling: one pixel a step."""
+    """Views of a wall with random colors, seen without resampling: one pixel a step."""
     texture = np.random.default_rng(seed).random((SIZE, SIZE + 64, 3)).astype(np.float32)
     texture = 0.5 + contrast * (texture - 0.5)
     pictures, renderings = [], []

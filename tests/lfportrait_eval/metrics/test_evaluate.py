@@ -60,7 +60,7 @@ def test_identity_counts_the_faces_that_are_found():
     assert nothing["views"] == 0 and np.isnan(nothing["nme"])
 
 
-def test_contours_correlate_whatever_the_colours():
+def test_contours_correlate_whatever_the_colors():
     a = smooth(1)
     mask = np.ones(a.shape[:2], bool)
     assert contour_correlation(a, a, mask) == pytest.approx(1.0)

@@ -22,7 +22,7 @@ from tests.share.test_video import ball
 
 
 def painted(field: VoxelField) -> VoxelField:
-    """The field with matt colours that vary over its surface."""
+    """The field with matt colors that vary over its surface."""
     points = field.lattice_points()
     return field.with_sh(np.float32(np.sin(7 * points)[..., None] * 1.2))
 

@@ -27,14 +27,14 @@ from tests.lfportrait_eval.metrics.test_features import random_alex
 
 
 def flat(sitter, *grey: int) -> Views:
-    """Views of one colour each."""
+    """Views of one color each."""
     shape = sitter.arc.real[0].color.shape
     return Views([np.full(shape, grey[view % len(grey)], np.uint8)
                   for view in range(len(sitter.arc.real))],
                  [np.full(shot.color.shape, grey[0], np.uint8) for shot in sitter.close])
 
 
-def test_views_of_one_colour_agree(sitter):
+def test_views_of_one_color_agree(sitter):
     figures = agreement(flat(sitter, 120), sitter)
     assert figures["short_rmse"] == pytest.approx(0, abs=1e-6)
     assert figures["long_rmse"] == pytest.approx(0, abs=1e-6)

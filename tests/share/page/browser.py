@@ -116,7 +116,7 @@ class Opened:
         }""")
 
     def view(self, cameras, number, **how) -> np.ndarray:
-        """What the page draws for a camera: float [H, W, 4], colours premultiplied."""
+        """What the page draws for a camera: float [H, W, 4], colors premultiplied."""
         width, height = int(cameras.width[number]), int(cameras.height[number])
         pose = cameras.pose[number]
         camera = {"turn": pose[:3, :3].T.ravel().tolist(), "eye": pose[:3, 3].tolist(),

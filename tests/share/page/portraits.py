@@ -13,7 +13,7 @@ C0 = 0.28209479177387814
 
 
 def painted_head(size=48, strokes=False):
-    """A head with a photo's and two paintings' colours, of which one name is a trap for HTML.
+    """A head with a photo's and two paintings' colors, of which one name is a trap for HTML.
 
     With ``strokes`` the paintings have a texture that the lattice is too coarse for.
     """
@@ -57,7 +57,7 @@ def stroke_texture(field, seed, pixels=90.0, side=200):
 def pure_head(size=40):
     """A head that is red from the left and blue from the right, and green above its middle.
 
-    So a coded picture tells each sub-pixel's place, its colour and the side that its view sees.
+    So a coded picture tells each sub-pixel's place, its color and the side that its view sees.
     """
     field = head_field(size)
     points = field.lattice_points()

@@ -215,7 +215,7 @@ def test_a_lost_context_shows_the_poster_and_comes_back(browser, page, head):
 
 def test_a_field_of_256_lines_keeps_to_its_megabytes_and_to_a_telephones_memory(browser, tmp_path):
     shell = shell_field(size=224, basis=1, density=60)
-    # Colours as smooth as a photo's, with its noise.
+    # Colors as smooth as a photo's, with its noise.
     points = shell.lattice_points()
     colors = 0.4 * np.sin(points @ np.array([[5, 3, 1], [2, 6, 3], [1, 2, 7]])) / 0.28209479
     colors += np.random.default_rng(0).normal(0, 0.01, colors.shape)

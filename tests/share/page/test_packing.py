@@ -102,7 +102,7 @@ def test_the_size_is_kept_by_precision_then_by_resolution(tmp_path):
         fit(lattice, 1000)
 
 
-def test_the_sets_of_colours_are_the_photo_what_is_shown_and_the_styles():
+def test_the_sets_of_colors_are_the_photo_what_is_shown_and_the_styles():
     field = painted_head(24)
     names = [(each.name, each.kind) for each in color_sets(field)]
     assert names == [("photo", "photo"), ("waves", "style"), ("ink & <b>wash", "style")]

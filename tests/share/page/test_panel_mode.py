@@ -69,7 +69,7 @@ def lit_alike(drawn, wanted):
     {"slant": -0.3}, {"cells": CELLS, "cell_pattern": "columns"},
     {"cells": CELLS, "cell_pattern": "checkerboard"}, {"cells": CELLS, "cell_pattern": "rows"},
     {"cells": (*CELLS, *CELLS), "cell_pattern": "staggered"}])
-def test_every_sub_pixel_has_its_view_its_colour_and_its_place(pure_opened, pure, change):
+def test_every_sub_pixel_has_its_view_its_color_and_its_place(pure_opened, pure, change):
     panel = replace(SMALL, **change)
     config = EncodeConfig(shift_x=0.2, shift_y=0.1, method="direct")
     wanted = encode(pure, panel, config)

@@ -1,10 +1,10 @@
 """Brush strokes: tracing their paths along a direction field and laying them on a canvas.
 
 Paths follow Hertzmann ("Painterly rendering with curved brush strokes of multiple sizes", 1998):
-a stroke starts where the canvas differs most from the reference inside a cell, takes its colour
+a stroke starts where the canvas differs most from the reference inside a cell, takes its color
 there, and goes on along the field until the canvas would be better without it. A stroke is laid
 with bristles: across its width, each bristle carries more or less paint, which also runs out along
-the way. The thickness of the paint is kept beside the colour, so that light can rake over it.
+the way. The thickness of the paint is kept beside the color, so that light can rake over it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ __all__ = ["lay", "plan", "trace"]
 
 
 @lean
-def _apart(a, y, x, colour):
-    """Squared distance between picture ``a`` at (y, x) and a colour."""
-    r, g, b = a[y, x, 0] - colour[0], a[y, x, 1] - colour[1], a[y, x, 2] - colour[2]
+def _apart(a, y, x, color):
+    """Squared distance between picture ``a`` at (y, x) and a color."""
+    r, g, b = a[y, x, 0] - color[0], a[y, x, 1] - color[1], a[y, x, 2] - color[2]
     return r * r + g * g + b * b
 
 
@@ -31,7 +31,7 @@ def _walk(path, field, label, reference, canvas, x, y, radius, shortest, longest
     """Trace one stroke from (x, y) into ``path`` [P, 2]; returns its number of points."""
     height, width = label.shape
     row, column = int(y), int(x)
-    colour = (reference[row, column, 0], reference[row, column, 1], reference[row, column, 2])
+    color = (reference[row, column, 0], reference[row, column, 1], reference[row, column, 2])
     home = label[row, column]
     path[0, 0], path[0, 1] = x, y
     count, dx, dy = 1, 0.0, 0.0
@@ -52,7 +52,7 @@ def _walk(path, field, label, reference, canvas, x, y, radius, shortest, longest
         if label[row, column] != home and count >= 2:
             break
         if fit and count > shortest:
-            mine = _apart(reference, row, column, colour)
+            mine = _apart(reference, row, column, color)
             r = reference[row, column, 0] - canvas[row, column, 0]
             g = reference[row, column, 1] - canvas[row, column, 1]
             b = reference[row, column, 2] - canvas[row, column, 2]
@@ -80,7 +80,7 @@ def plan(reference, canvas, field, label, radius, threshold, shortest, longest, 
     radius
         Half the width of the brush in pixels.
     threshold
-        Mean colour distance of a cell above which it gets a stroke.
+        Mean color distance of a cell above which it gets a stroke.
     shortest, longest
         Number of steps (of one radius) of a stroke.
     bend
@@ -131,7 +131,7 @@ def trace(starts, field, label, step, longest, bend):
 
 
 @kernel
-def lay(canvas, relief, tooth, paths, counts, colours, radius, opacity, dry, rough):
+def lay(canvas, relief, tooth, paths, counts, colors, radius, opacity, dry, rough):
     """Lay strokes on the canvas, in order.
 
     Parameters
@@ -144,7 +144,7 @@ def lay(canvas, relief, tooth, paths, counts, colours, radius, opacity, dry, rou
         float32 [H, W] in [0, 1], height of the ground's grain; a dry brush touches only its tops.
     paths, counts
         Strokes of `plan` or `trace`.
-    colours
+    colors
         float32 [S, 3], the paint of each stroke.
     radius
         Half the width of the brush in pixels.
@@ -210,6 +210,6 @@ def lay(canvas, relief, tooth, paths, counts, colours, radius, opacity, dry, rou
                     continue
                 shade = 1.0 + 0.11 * rough * hair
                 for c in range(3):
-                    canvas[y, x, c] += cover * (colours[s, c] * shade - canvas[y, x, c])
+                    canvas[y, x, c] += cover * (colors[s, c] * shade - canvas[y, x, c])
                 thick = 0.55 + 0.45 * hair * rough + 0.35 * exp(-((d - 0.82) / 0.12) ** 2)
                 relief[y, x] += cover * (thick * min(radius, 9.0) * 0.11 - 0.8 * relief[y, x])

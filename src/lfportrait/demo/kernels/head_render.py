@@ -163,7 +163,7 @@ def _occlusion(grid, x, y, z, nx, ny, nz):
     return max(1.0 - closed, 0.0) ** 1.25
 
 
-# Directions towards the lights (unit length) and their colours, linear RGB.
+# Directions towards the lights (unit length) and their colors, linear RGB.
 _KEY, _KEY_RGB = (-0.470, 0.490, 0.734), (2.35, 2.16, 1.93)
 _FILL, _FILL_RGB = (0.862, 0.100, 0.497), (0.48, 0.44, 0.42)
 _RIM, _RIM_RGB = (0.560, 0.420, -0.714), (0.75, 0.78, 0.85)
@@ -193,7 +193,7 @@ def _strand_gloss(tangent, vx, vy, vz, light, shift, n, sharp):
 
 @lean
 def _shade(m, grid, x, y, z, vx, vy, vz, pixel):
-    """Linear colour, surface number (0 skin, 1 hair, 2 cloth, 3 eye) and normal of a point.
+    """Linear color, surface number (0 skin, 1 hair, 2 cloth, 3 eye) and normal of a point.
 
     (vx, vy, vz) points to the camera; ``pixel`` is the size of a pixel there.
     """
@@ -256,7 +256,7 @@ def _shade(m, grid, x, y, z, vx, vy, vz, pixel):
         rim = max((ax * _RIM[0] + ay * _RIM[1] + az * _RIM[2] + 0.1) / 1.1, 0.0)
         power = 1.0 - under * (0.24, 0.08, 0.0)[c]
         bounce = _GROUND[c] + (_SKY[c] - _GROUND[c]) * up
-        # Light that leaves a crease has met its colour more than once.
+        # Light that leaves a crease has met its color more than once.
         open_sky = occlusion / (occlusion + (1.0 - occlusion) * (1.0 - 0.5 * albedo[c]))
         direct = (_KEY_RGB[c] * key * key_open ** power * (0.55 + 0.45 * occlusion ** power)
                   + _RIM_RGB[c] * rim * rim_open)

@@ -1,7 +1,7 @@
-"""Colours of the modelled head: skin, brows, eyes, hair and cloth at a surface point.
+"""Colors of the modelled head: skin, brows, eyes, hair and cloth at a surface point.
 
-All colours are linear albedos. Features are placed by the same curves that shape them (lid and
-mouth lines of `head`), so that colour and relief can't drift apart.
+All colors are linear albedos. Features are placed by the same curves that shape them (lid and
+mouth lines of `head`), so that color and relief can't drift apart.
 """
 
 from __future__ import annotations
@@ -73,60 +73,60 @@ def _freckle(x, y):
 def skin_albedo(m, x, y, z):
     """Albedo of the skin (lips, brows and lash line included) and its oiliness in [0, 1]."""
     ax = abs(x)
-    colour = m.skin
+    color = m.skin
     mottle = fractal(9.0 * x, 9.0 * y, 9.0 * z)
     fine = noise(60.0 * x, 60.0 * y, 60.0 * z)
     tone = 1.0 + 0.035 * mottle + 0.022 * fine
-    colour = _scaled(colour, tone, tone * (1.0 - 0.02 * mottle), tone * (1.0 - 0.03 * mottle))
+    color = _scaled(color, tone, tone * (1.0 - 0.02 * mottle), tone * (1.0 - 0.03 * mottle))
     oil = 0.30
     if z > 0.0:
         flush = 0.55 * bump(ax, y, 0.235, -0.185, 0.185, 0.150)
         flush += 0.48 * bump(ax, y, 0.0, -0.215 - m.nose_length, 0.125, 0.105)
         flush += 0.18 * bump(ax, y, 0.0, -0.58, 0.14, 0.11)
         flush += 0.22 * bump(ax, y, 0.184, 0.035, 0.14, 0.060)
-        colour = _mix(colour, m.blush, min(flush * (1.0 + 0.25 * mottle), 0.85))
+        color = _mix(color, m.blush, min(flush * (1.0 + 0.25 * mottle), 0.85))
         shade = 0.30 * bump(ax, y, 0.165, -0.052, 0.10, 0.045) + 0.22 * bump(
             ax, y, 0.105, 0.010, 0.055, 0.060)
-        colour = _scaled(colour, 1.0 - 0.45 * shade, 1.0 - 0.70 * shade, 1.0 - 0.55 * shade)
+        color = _scaled(color, 1.0 - 0.45 * shade, 1.0 - 0.70 * shade, 1.0 - 0.55 * shade)
         oil += 0.55 * bump(ax, y, 0.0, -0.17 - m.nose_length, 0.09, 0.16)
         oil += 0.30 * bump(ax, y, 0.0, 0.28, 0.26, 0.16) + 0.25 * bump(ax, y, 0.25, -0.10, 0.1, 0.1)
         if m.freckles > 0.0:
             where = bump(ax, y, 0.13, -0.125, 0.24, 0.15) * (0.75 + 0.5 * mottle)
             spot = m.freckles * where * _freckle(x, y)
-            colour = _scaled(colour, 1.0 - 0.28 * spot, 1.0 - 0.45 * spot, 1.0 - 0.52 * spot)
+            color = _scaled(color, 1.0 - 0.28 * spot, 1.0 - 0.45 * spot, 1.0 - 0.52 * spot)
     else:
         ear = smooth_step(0.40, 0.46, ax) * smooth_step(-0.35, -0.25, y)
-        colour = _mix(colour, m.blush, 0.45 * ear)
+        color = _mix(color, m.blush, 0.45 * ear)
     if m.beard > 0.0:
         line = -0.185 - 1.25 * max(0.26 - ax, 0.0)
         zone = smooth_step(0.05, -0.06, y - max(line, -0.30)) * smooth_step(-0.90, -0.62, y)
         zone *= smooth_step(-0.06, 0.06, z) * (1.0 - bump(ax, y, 0.0, -0.41, 0.17, 0.075))
         grain = 0.75 + 0.5 * noise(120.0 * x, 90.0 * y, 120.0 * z)
-        colour = _mix(colour, m.brow, min(m.beard * zone * grain, 0.92))
+        color = _mix(color, m.brow, min(m.beard * zone * grain, 0.92))
         oil *= 1.0 - 0.6 * m.beard * zone
     if z > 0.15:
-        colour, oil = _features(m, x, ax, y, z, colour, oil, mottle)
+        color, oil = _features(m, x, ax, y, z, color, oil, mottle)
     phi, _ = hair_coordinates(m, x, y, z)
     cover = hair_cover(m, ax, y, z, phi)
     root = smooth_step(-0.045, 0.012, cover + 0.022 * noise(55.0 * phi, 2.0, 1.0))
     if ax > 0.3 and root > 0.0:
         root *= smooth_step(0.004, 0.030, ear_distance(m, ax, y, z))
-    return (*_mix(colour, m.hair, 0.9 * root), oil * (1.0 - root))
+    return (*_mix(color, m.hair, 0.9 * root), oil * (1.0 - root))
 
 
 @lean
-def _features(m, x, ax, y, z, colour, oil, mottle):
-    """Paint lips, lash line, lids and brows over the colour of the skin."""
+def _features(m, x, ax, y, z, color, oil, mottle):
+    """Paint lips, lash line, lids and brows over the color of the skin."""
     upper, gap, lower, t = mouth_lines(m, ax)
     if t < 1.06:
         inside = smooth_step(-0.0055, 0.0055, upper - y) * smooth_step(-0.0075, 0.0055, y - lower)
         inside *= smooth_step(1.05, 0.93, t)
         wrinkle = noise(95.0 * x, 6.0 * y, 3.0)
         tone = 1.0 + 0.09 * wrinkle + 0.05 * mottle - (0.16 if y > gap else 0.0)
-        colour = _mix(colour, _scaled(m.lips, tone, tone, tone), 0.88 * inside)
+        color = _mix(color, _scaled(m.lips, tone, tone, tone), 0.88 * inside)
         line = (y - gap) / 0.0075
         dark = smooth_step(1.08, 0.92, t) / (1.0 + line * line * line * line)
-        colour = _scaled(colour, 1.0 - 0.62 * dark, 1.0 - 0.76 * dark, 1.0 - 0.76 * dark)
+        color = _scaled(color, 1.0 - 0.62 * dark, 1.0 - 0.76 * dark, 1.0 - 0.76 * dark)
         oil += 0.8 * inside * (1.0 if y < gap else 0.35) * (0.8 + 0.3 * wrinkle)
     top, bottom, e = lid_lines(m, ax)
     if abs(e) < 1.22:
@@ -136,10 +136,10 @@ def _features(m, x, ax, y, z, colour, oil, mottle):
         spike = 0.95 + 0.2 * noise(190.0 * ax + 60.0 * (y - top), 1.0, 2.0)
         if y < 0.5 * (top + bottom):
             lash = 0.42 * smooth_step(0.008, 0.001, bottom - y) * (0.35 + 0.4 * (e + 1.0))
-        colour = _mix(colour, m.brow, min(0.93 * span * lash * spike, 0.95))
+        color = _mix(color, m.brow, min(0.93 * span * lash * spike, 0.95))
     cover = brow_cover(m, x, y, z)
-    colour = _mix(colour, m.brow, 0.96 * cover)
-    return colour, oil * (1.0 - 0.8 * cover)
+    color = _mix(color, m.brow, 0.96 * cover)
+    return color, oil * (1.0 - 0.8 * cover)
 
 
 @lean
@@ -156,8 +156,8 @@ def eye_albedo(m, x, y, z):
     white = (0.74, 0.695, 0.66)
     corner = smooth_step(0.55, 1.0, abs(t))
     veins = 0.5 + 0.5 * noise(40.0 * ex, 160.0 * ey + 3.0 * noise(30.0 * ex, 9.0, 1.0), 3.0)
-    colour = _mix(white, (0.70, 0.42, 0.36), 0.45 * corner * (0.6 + 0.4 * veins))
-    colour = _mix(colour, (0.62, 0.27, 0.23), smooth_step(-0.80, -0.93, t))
+    color = _mix(white, (0.70, 0.42, 0.36), 0.45 * corner * (0.6 + 0.4 * veins))
+    color = _mix(color, (0.62, 0.27, 0.23), smooth_step(-0.80, -0.93, t))
     size, pupil = 0.0405 * m.eye_size, 0.0150
     fibre = noise(turn * 9.0, r * 60.0, 1.0) * 0.5 + noise(turn * 24.0, r * 30.0, 2.0) * 0.5
     ring = smooth_step(pupil, 0.72 * size, r)
@@ -169,15 +169,15 @@ def eye_albedo(m, x, y, z):
     iris = _scaled(iris, glow, glow, glow)
     iris = _mix(iris, (0.012, 0.012, 0.014), 0.80 * smooth_step(0.80 * size, 1.0 * size, r))
     iris = _mix(iris, (0.004, 0.004, 0.005), smooth_step(pupil + 0.0025, pupil - 0.0015, r))
-    colour = _mix(colour, iris, smooth_step(size + 0.0025, size - 0.0025, r))
+    color = _mix(color, iris, smooth_step(size + 0.0025, size - 0.0025, r))
     shade = 0.40 + 0.60 * smooth_step(-0.002, 0.024, upper - y)
     shade *= 0.80 + 0.20 * smooth_step(0.0, 0.010, y - lower)
-    return colour[0], colour[1], colour[2], shade
+    return color[0], color[1], color[2], shade
 
 
 @lean
 def hair_albedo(m, x, y, z):
-    """Albedo of the hair: locks and strands between the model's two colours, dark at the roots."""
+    """Albedo of the hair: locks and strands between the model's two colors, dark at the roots."""
     phi, theta = hair_coordinates(m, x, y, z)
     lock = 0.5 + 0.5 * noise(phi * 9.0, theta * 1.3, 2.0)
     strand = 0.5 + 0.5 * noise(phi * 45.0, theta * 2.5, 11.0)
@@ -185,8 +185,8 @@ def hair_albedo(m, x, y, z):
     w = 0.26 * lock + 0.42 * strand + 0.32 * thin
     w = smooth_step(0.25, 0.95, w)
     dark = 0.68 + 0.32 * smooth_step(0.15, 0.6, 0.5 * lock + 0.5 * strand)
-    colour = _mix(m.hair, m.hair_light, w)
-    return _scaled(colour, dark, dark, dark)
+    color = _mix(m.hair, m.hair_light, w)
+    return _scaled(color, dark, dark, dark)
 
 
 @lean

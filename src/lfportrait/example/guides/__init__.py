@@ -2,5 +2,5 @@
 
 Where: `position`, from landmarks and `control_points`, with an `outline` that meets the painting's.
 How: `appearance` (`blurs` helps it). What: `regions` finds person and hair, `labels` makes soft
-labels of them; `face_frame` and `colour_segmentation` help. `maps` holds the guides of a picture.
+labels of them; `face_frame` and `color_segmentation` help. `maps` holds the guides of a picture.
 """

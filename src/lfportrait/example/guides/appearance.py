@@ -103,7 +103,7 @@ def match_histogram(values: Float32, reference: Float32 | Distribution,
 
 def skin_distance(colors: NDArray[np.floating], face: NDArray[np.bool_],
                   light: float = 0.4) -> Float32:
-    """How far colours are from those of the face, in standard deviations, float32 [...].
+    """How far colors are from those of the face, in standard deviations, float32 [...].
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from ...labels import PICTURE_LABELS
-from .colour_segmentation import overlap, separate
+from .color_segmentation import overlap, separate
 from .face_frame import FaceFrame
 from .labels import polygon, region_labels
 
@@ -245,7 +245,7 @@ def _networks(image: NDArray[np.uint8], size: int) -> tuple[Float32 | None, Floa
 
 def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
                  mask: Float32 | None = None, networks: bool = True,
-                 size: int = 512, by_colour: bool = True) -> Regions:
+                 size: int = 512, by_color: bool = True) -> Regions:
     """Segment a portrait.
 
     Parameters
@@ -262,8 +262,8 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
         Side of the picture that the network of the hair sees, a multiple of 32: paintings want 512,
         for photos 384 is as good (in one pixel of 250 hair becomes skin or skin hair) and takes
         two thirds of the time, in videos 256 will do.
-    by_colour
-        Segment hair by colour where the network's result is not plausible; slow.
+    by_color
+        Segment hair by color where the network's result is not plausible; slow.
     """
     points = np.asarray(landmarks, np.float64)
     frame = FaceFrame.of(points)
@@ -279,32 +279,32 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
     elif person_net is not None and check.person(person_net):
         person = person_net
     else:
-        person = separate(_unit_colours(picture), _person_prior(frame, picture.shape, points))
+        person = separate(_unit_colors(picture), _person_prior(frame, picture.shape, points))
     if hair_net is not None and check.hair(hair_net, person):
         hair = np.minimum(hair_net, person)
         if check.drawn(hair_net):
             # In drawings the network takes hatching on the face for hair.
             hair = hair * np.clip(_hair_prior(frame, person, points) * 10, 0, 1)
         return Regions(points, person, np.asarray(hair, np.float32))
-    if hair_net is not None and not by_colour:
+    if hair_net is not None and not by_color:
         return Regions(points, person, None)
-    return Regions(points, person, _hair_by_colour(picture, person, frame, points))
+    return Regions(points, person, _hair_by_color(picture, person, frame, points))
 
 
-def _unit_colours(image: NDArray[np.generic]) -> Float32:
-    """Colours in [0, 1]."""
+def _unit_colors(image: NDArray[np.generic]) -> Float32:
+    """Colors in [0, 1]."""
     return np.asarray(image, np.float32) / np.float32(255 if image.dtype == np.uint8 else 1)
 
 
-def _hair_by_colour(image: NDArray[np.generic], person: Float32, frame: FaceFrame,
+def _hair_by_color(image: NDArray[np.generic], person: Float32, frame: FaceFrame,
                     points: Float64) -> Float32 | None:
-    """Hair by prior and colours, or None where it has the colours of the skin (a statue)."""
-    colours = _unit_colours(image)
-    hair = separate(colours, _hair_prior(frame, person, points), smoothness=4.0, blur=1.2)
+    """Hair by prior and colors, or None where it has the colors of the skin (a statue)."""
+    colors = _unit_colors(image)
+    hair = separate(colors, _hair_prior(frame, person, points), smoothness=4.0, blur=1.2)
     crown = np.asarray(hair * person, np.float32)
     face = _person_prior(frame, person.shape, points) >= 1.0
     skin = np.asarray(face & (hair < 0.5), np.float32)
-    if crown.sum() < 0.05 * frame.height ** 2 or overlap(colours, crown, skin) > 0.85:
+    if crown.sum() < 0.05 * frame.height ** 2 or overlap(colors, crown, skin) > 0.85:
         return None
     return crown
 

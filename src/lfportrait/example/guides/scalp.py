@@ -1,7 +1,7 @@
 """Remove false hair from a photo's regions.
 
 The network of the hair takes the shaded half of a shaven head for hair, and the lit half for skin.
-Hair is rougher than skin, or of another colour; a scalp is neither.
+Hair is rougher than skin, or of another color; a scalp is neither.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...labels import PICTURE_LABELS
 from .appearance import grey
 from .blurs import broad_blur
-from .colour_segmentation import overlap
+from .color_segmentation import overlap
 from .regions import Regions, find_regions
 
 __all__ = ["is_scalp", "photo_regions"]
@@ -27,9 +27,9 @@ FACE = 100.0
 FINE = 0.02
 """What is finer than this over that height is texture."""
 SMOOTH = 1.0
-"""Hair of skin's colours is rougher than this times skin."""
+"""Hair of skin's colors is rougher than this times skin."""
 LIKE = 0.6
-"""Overlap of its colours with the skin's: smooth hair shares less."""
+"""Overlap of its colors with the skin's: smooth hair shares less."""
 SURE = 0.2
 """Share of what may be hair that is hair rather than not; a head of hair has more of it."""
 SHADE = 0.5
@@ -62,11 +62,11 @@ def is_scalp(photo: NDArray[np.generic], regions: Regions) -> bool:
     assert regions.hair is not None
     ratio = min(1.0, FACE / max(regions.frame.height, 1.0))
     size = tuple(max(round(n * ratio), 1) for n in photo.shape[1::-1])
-    colours, person, hair = (
+    colors, person, hair = (
         np.asarray(cv2.resize(np.asarray(plane, np.float32), size,
                               interpolation=cv2.INTER_AREA), np.float32)
         for plane in (photo, regions.person, regions.hair))
-    colours *= np.float32(1 / 255 if photo.dtype == np.uint8 else 1)
+    colors *= np.float32(1 / 255 if photo.dtype == np.uint8 else 1)
     hair *= person
     sure = (hair > 0.7).sum() > SURE * (hair > 0.2).sum()
     small = Regions(regions.landmarks * ratio, person, hair)
@@ -77,11 +77,11 @@ def is_scalp(photo: NDArray[np.generic], regions: Regions) -> bool:
                    for one in (hair > 0.7, skin & (hair < 0.05)))
     if min(scalp.sum() if sure else hair.sum(), skin.sum()) < LEAST:
         return False
-    shared = overlap(colours, np.asarray(scalp, np.float32) if sure else hair,
+    shared = overlap(colors, np.asarray(scalp, np.float32) if sure else hair,
                      np.asarray(skin, np.float32))
     if not sure:
         return shared > LIKE
-    luma = grey(colours)
+    luma = grey(colors)
     rough = np.abs(luma - broad_blur(luma, FINE * FACE))
     return bool(shared > LIKE and np.median(luma[scalp]) > SHADE * np.median(luma[skin])
                 and rough[scalp].mean() < SMOOTH * rough[skin].mean())

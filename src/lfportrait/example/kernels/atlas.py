@@ -313,7 +313,7 @@ def exchange(since, until, owner, values):
 @shared("places")
 @lean_kernel
 def look_up_colors(since, until, colors, places, out):
-    """Bilinear colours [H, W, 3] at places [N, 2] (NaN: left), into out float32 [N, 3]."""
+    """Bilinear colors [H, W, 3] at places [N, 2] (NaN: left), into out float32 [N, 3]."""
     height, width = colors.shape[:2]
     for n in range(since, until):
         if not np.isfinite(places[n, 0]):

@@ -2,11 +2,11 @@
 
 Every target pixel holds the exemplar pixel that the middle of its patch is copied from, as a flat
 index (`PatchSynthesis`). A pixel's state says what is done with it: `OUTSIDE` it does not count,
-`FOREIGN` it is another pixel's copy, `ACTIVE` it is synthesised, `FIXED` its colour is given.
+`FOREIGN` it is another pixel's copy, `ACTIVE` it is synthesised, `FIXED` its color is given.
 Besides the patches' agreement, a pixel may want to come from near a place: that costs the squared
 distance times the pixel's weight, up to a limit.
 
-Pictures are float16 with `CHANNELS` channels a pixel, colours and guides scaled
+Pictures are float16 with `CHANNELS` channels a pixel, colors and guides scaled
 by the roots of their weights, so that the error of two patches is a plain sum of squares.
 
 The picture is cut into bands of `BAND` rows. A band is searched in scan order, each pixel trying
@@ -266,7 +266,7 @@ def count_uses(field, state, across, uses):
 @shared("field")
 @lean_kernel
 def vote_patches(since, until, field, error, state, picture, radius, softness, out):
-    """Mean of the colours that the patches over an active pixel vote for, weighted by their fit.
+    """Mean of the colors that the patches over an active pixel vote for, weighted by their fit.
 
     ``picture`` float32 [h, w, 3]; ``out`` float32 [H, W, 3] is changed where pixels are active. A
     patch weighs 1 / (``softness`` + its error).

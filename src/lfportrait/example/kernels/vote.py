@@ -1,10 +1,10 @@
-"""Hot loops that turn chunk shifts into colours: election of shifts, votes, blending.
+"""Hot loops that turn chunk shifts into colors: election of shifts, votes, blending.
 
 Shifts lie in two planes [2, rows, columns] with a margin of NaN at least as wide as the window, so
 that windows need no bounds. Sixteen pixels of a row are worked on at once; where all of a window
 share the middle's shift, as inside a chunk, nothing is left to do.
 
-Colours are packed into one word, ten bits a channel: a place costs one gather instead of three.
+Colors are packed into one word, ten bits a channel: a place costs one gather instead of three.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _minimum, _maximum = LANES.minimum, LANES.maximum
 @shared("picture")
 @lean_kernel
 def pack(since, until, picture, out):
-    """Colours [h, w, 3] float32 in [0, 1] as words [h, w]; exact for multiples of 1 / 255."""
+    """Colors [h, w, 3] float32 in [0, 1] as words [h, w]; exact for multiples of 1 / 255."""
     for y in range(since, until):
         for x in range(picture.shape[1]):
             word = np.int32(0)
@@ -183,30 +183,30 @@ def elect(anchor, reach, shift, radius, width, out):
 
 @numba.njit(cache=True, inline="always")
 def _channels(word):
-    """Red, green and blue of packed colours, lane by lane, 0 to 1020."""
+    """Red, green and blue of packed colors, lane by lane, 0 to 1020."""
     ten, bits = np.int32(10), np.int32(1023)
     return (_floats((word >> np.int32(20)) & bits), _floats((word >> ten) & bits),
             _floats(word & bits))
 
 
 @numba.njit(cache=True, inline="always")
-def _sample(colours, height, width, x, y, exact):
-    """Colour of the packed picture at the continuous places (x, y), clamped inside, 0 to 1020."""
+def _sample(colors, height, width, x, y, exact):
+    """Color of the packed picture at the continuous places (x, y), clamped inside, 0 to 1020."""
     zero, half = np.float32(0), np.float32(0.5)
     right, bottom = np.float32(width - 1), np.float32(height - 1)
     pitch = np.int32(width)
     if exact:
         i = _ints(_minimum(_maximum(_floor(x), zero), right))
         j = _ints(_minimum(_maximum(_floor(y), zero), bottom))
-        return _channels(gather_signed(colours, j * pitch + i))
+        return _channels(gather_signed(colors, j * pitch + i))
     x, y = _minimum(_maximum(x - half, zero), right), _minimum(_maximum(y - half, zero), bottom)
     i, j = _minimum(_ints(x), np.int32(width - 2)), _minimum(_ints(y), np.int32(height - 2))
     fx, fy = x - _floats(i), y - _floats(j)
     n = j * pitch + i
-    left, right_one = gather_neighbours(colours, n)
+    left, right_one = gather_neighbours(colors, n)
     ar, ag, ab = _channels(left)
     br, bg, bb = _channels(right_one)
-    left, right_one = gather_neighbours(colours, n + pitch)
+    left, right_one = gather_neighbours(colors, n + pitch)
     cr, cg, cb = _channels(left)
     dr, dg, db = _channels(right_one)
     ar, ag, ab = ar + fx * (br - ar), ag + fx * (bg - ag), ab + fx * (bb - ab)
@@ -225,17 +225,17 @@ def _counted(x, z, voters, own_x, own_z, votes):
 
 @shared("out")
 @lean_kernel
-def vote(since, until, colours, anchor, reach, shift, margin, radius, exact, out):
-    """Mean of the colours that the window's shifts vote for, into ``out`` [H, W, 3] float32.
+def vote(since, until, colors, anchor, reach, shift, margin, radius, exact, out):
+    """Mean of the colors that the window's shifts vote for, into ``out`` [H, W, 3] float32.
 
-    ``shift`` are planes with a ``margin`` of at least ``radius``; ``colours`` int32 [h, w] packed.
+    ``shift`` are planes with a ``margin`` of at least ``radius``; ``colors`` int32 [h, w] packed.
     Pixels without a shift (NaN) stay 0. ``exact`` reads whole pixels, else bilinearly. Pixels whose
     anchor is not within ``reach`` (L1) have no vote: their shifts mean other places here.
     """
     width = out.shape[1]
-    style_height, style_width = colours.shape
+    style_height, style_width = colors.shape
     stride, plane = shift.shape[2], shift.shape[1] * shift.shape[2]
-    values, anchors, flat = shift.reshape(-1), anchor.reshape(-1), colours.reshape(-1)
+    values, anchors, flat = shift.reshape(-1), anchor.reshape(-1), colors.reshape(-1)
     flat_out = out.reshape(-1)
     zero, one = np.float32(0), np.float32(1)
     across = (width + 15) // 16

@@ -155,7 +155,7 @@ class PhotoPatches:
 
         Returns
         -------
-        float32 [H, W, 3] in [0, 1]; the colours of ``result.synthesis`` in the face, and where
+        float32 [H, W, 3] in [0, 1]; the colors of ``result.synthesis`` in the face, and where
         the guide is NaN.
         """
         painted = result.synthesis.image

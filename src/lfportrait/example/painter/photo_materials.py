@@ -23,7 +23,7 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 ODD = 3.5
-"""On the head above the brows, what is no hair and further from the skin's colour is worn."""
+"""On the head above the brows, what is no hair and further from the skin's color is worn."""
 GROUND_TRUST = 4.0, 0.05
 """Weight of the tone in a plain background (paper), and in others, against 1 on edges."""
 LEAST_TRUST = 0.5

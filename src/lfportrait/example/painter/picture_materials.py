@@ -1,6 +1,6 @@
 """Materials of a picture: per-pixel shares of skin, hair, neck, clothes, background, ears.
 
-Most of it follows from the picture's regions. What lies below the jaw is classified by its colour
+Most of it follows from the picture's regions. What lies below the jaw is classified by its color
 and place, and so is a beard; ears by their place alone.
 """
 
@@ -27,13 +27,13 @@ Float32 = NDArray[np.float32]
 
 SKIN, HAIR, NECK, CLOTHES, GROUND, FEATURES, EARS = range(7)
 PLAIN = 0.08
-"""A background whose colours deviate by no more than this (standard deviation) is plain."""
+"""A background whose colors deviate by no more than this (standard deviation) is plain."""
 BARE = 1.12
 """Down to here (brows 0, chin 1) it may be neck in the chin's shadow."""
 CHEEKS = 0.15, 0.6
 """The skin that a neck is compared with lies between these (brows 0, chin 1)."""
 LIKE_SKIN = (0.05, 3.0), (0.015, 3.5)
-"""Blurs, over the face's size, and how far from the skin's colours a neck may be then."""
+"""Blurs, over the face's size, and how far from the skin's colors a neck may be then."""
 LIKE_HAIR = ((0.015, 2.5),)
 """The same for hair."""
 LIKE_PLAIN = ((0.025, 1.5),)
@@ -43,7 +43,7 @@ FAR = 0.3
 PURER, LEAST_CHROMA = 1.1, 10.0
 """So many times the chroma of the face's purest tenth, or of greys, is a collar's, no neck's."""
 LOOKED_AT = 30.0
-"""Colours are compared in a picture whose face is at least of this size: all of it is blurred."""
+"""Colors are compared in a picture whose face is at least of this size: all of it is blurred."""
 BEARD = 0.7, 1.0
 """Chin and lip so far from the cheeks' hue, over its spread, begin to be bearded, and are."""
 MOUSTACHE = 0.4, 0.7
@@ -51,16 +51,16 @@ MOUSTACHE = 0.4, 0.7
 EAR, EAR_BEGINS = (-0.15, 0.75), 0.9
 """Ears lie between these (brows 0, chin 1), and this far from the middle, over half the width."""
 FEW = 30
-"""Fewer pixels than this have no colour."""
+"""Fewer pixels than this have no color."""
 CLOTH, LEAST_CLOTH = (1.5, 4.0), 0.5
-"""Most clothes lie so near to their middle colour; what is so far from most is none of them, if no
+"""Most clothes lie so near to their middle color; what is so far from most is none of them, if no
 more than the other part is."""
 LIKE_GROUND = 1.2
-"""Clothes of an exemplar less far from its background's colours than this are taken for it."""
+"""Clothes of an exemplar less far from its background's colors than this are taken for it."""
 
 
 class _Small:
-    """A picture as small as its colours may be compared in, which are blurred anyway.
+    """A picture as small as its colors may be compared in, which are blurred anyway.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class _Small:
 
     def alike(self, sample: NDArray[np.bool_], places: NDArray[np.bool_],
               tests: tuple[tuple[float, float], ...], allowed: Float32 | None = None) -> Float32:
-        """How much places are of a sample's colours; 0 elsewhere, 1 if the sample is small.
+        """How much places are of a sample's colors; 0 elsewhere, 1 if the sample is small.
 
         Several blurs and limits: strokes by their mean, the edge of a collar by itself;
         ``allowed`` scales the limits. All planes are small, [h, w].
@@ -163,7 +163,7 @@ class _Small:
         return np.asarray(np.clip((least - light) / 0.05, 0, 1), np.float32)
 
     def pure(self, plain: NDArray[np.bool_]) -> Float32:
-        """Where colours are purer than the plain skin's: shade makes none purer."""
+        """Where colors are purer than the plain skin's: shade makes none purer."""
         from skimage.color import rgb2lab
 
         if not plain.any():
@@ -193,7 +193,7 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
                    strict: bool = True) -> Float32:
     """Shares of `MATERIALS` of a picture with its soft labels, float32 [h, w, 7].
 
-    Below the jaw, what is of the face's colour, or right below it, is neck, the rest clothes; and
+    Below the jaw, what is of the face's color, or right below it, is neck, the rest clothes; and
     where the background is plain, what looks like it there is background.
 
     Parameters
@@ -203,7 +203,7 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
     strict
         For heads, whose necks are seen from all sides: a neck must be alike the cheeks, the more
         so the further away, or lie in the chin's shadow; what hangs there may be hair; and paper in
-        the colour of skin is skin. Else all right below the jaw is neck: for photos, whose bodies
+        the color of skin is skin. Else all right below the jaw is neck: for photos, whose bodies
         are painted of it.
     """
     return _shares(_Small(picture, regions, labels), regions, strict)
@@ -251,7 +251,7 @@ def _shares(small: _Small, regions: Regions, strict: bool) -> Float32:
 
 
 def _overlooked(small: _Small, skin: Float32) -> Float32:
-    """Shares of ``skin`` [h, w] that are hair, by their colours: hair's, not the cheeks'.
+    """Shares of ``skin`` [h, w] that are hair, by their colors: hair's, not the cheeks'.
 
     Highlights are skin.
     """
@@ -291,7 +291,7 @@ def _beard(small: _Small, skin: Float32) -> Float32:
 
 
 def _bearded(plain: Float32, chin: Float32, lip: Float32) -> float:
-    """How surely chin and upper lip are bearded, by colours [N, 3] of theirs and of plain skin.
+    """How surely chin and upper lip are bearded, by colors [N, 3] of theirs and of plain skin.
 
     Chroma over lightness is compared, which shade leaves as it is.
     """
@@ -331,7 +331,7 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     """Shares of `MATERIALS` of a painting, float32 [h, w, 7]: `picture_shares`, and a little more.
 
     What is dark and unlike the cheeks around the face is hair: a fringe, a hat, locks at the
-    temples that the networks overlook. Clothes of the colours of the background are background
+    temples that the networks overlook. Clothes of the colors of the background are background
     beside the neck, and clothes are of one cloth. For heads (``strict``), a beard is a feature of
     the face, and ears are no skin. For photos a neck is what it is for heads, too; but what else
     lies there, a collar or a bust's chest in the light, is painted nowhere.
@@ -357,7 +357,7 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
 
 
 def _hide_ground(small: _Small, shares: Float32) -> None:
-    """Let clothes of the colours of the background be background, in place."""
+    """Let clothes of the colors of the background be background, in place."""
     behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
     if not worn.any() or behind.sum() < 50:
         return
@@ -372,7 +372,7 @@ def _hide_ground(small: _Small, shares: Float32) -> None:
 
 
 def _part_clothes(small: _Small, shares: Float32) -> None:
-    """Let what is far from most of the clothes' colours be none, in place.
+    """Let what is far from most of the clothes' colors be none, in place.
 
     Hands, a bare chest, the shade beside a neck, a collar: on a sitter's shoulder they would be
     stains. They are painted nowhere.

@@ -109,7 +109,7 @@ class Painting:
     seconds: dict[str, float]
 
     def at(self, places: Float32) -> Float32:
-        """Colours at places [N, 2] of the atlas, float32 [N, 3]; NaN where those are."""
+        """Colors at places [N, 2] of the atlas, float32 [N, 3]; NaN where those are."""
         out = np.full((len(places), 3), np.nan, np.float32)
         look_up_colors(self.color, places / np.float32(self.step), out)
         return out
@@ -294,7 +294,7 @@ class SkinPainter:
                             np.ascontiguousarray(values[..., 2:4]))
             result = synthesise(
                 guides, weights, config.label_weight, transfer.appearance, self._labels,
-                transfer.table, transfer.colours(scale), config.blit, seed=self.seed, scale=None,
+                transfer.table, transfer.colors(scale), config.blit, seed=self.seed, scale=None,
                 finest=finest_level(scale), calm=CALM * 255 * config.table.appearance_weight)
             picture[part][crop] = result.image
         return picture

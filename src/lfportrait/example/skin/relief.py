@@ -1,4 +1,4 @@
-"""Find hair by its relief: curls of stone or bronze have the colour of the face.
+"""Find hair by its relief: curls of stone or bronze have the color of the face.
 
 Where the crown is much rougher than forehead and cheeks, what is as rough as the crown and hangs
 together with it is hair. A shaven or veiled head has no such crown.

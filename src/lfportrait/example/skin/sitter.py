@@ -3,8 +3,8 @@
 A `Skin` is computed once from a field and its landmarks, and kept beside the field; it knows
 nothing of any exemplar. Besides the atlas (`charts`) it holds, for every pixel that owns its
 surface point, what the sitter shows there: light and shade, detail, hair (by the segmentation
-network, asked about the charts that stand upright, else by its colour or its `relief`), clothes
-(what lies below the chin and differs in colour from the face), ears, and how well the photos saw
+network, asked about the charts that stand upright, else by its color or its `relief`), clothes
+(what lies below the chin and differs in color from the face), ears, and how well the photos saw
 it.
 """
 
@@ -35,7 +35,7 @@ from .regions import hair_by_place, skin_regions
 from .relief import around_face, hair_by_relief
 
 BEFORE, BEHIND = 2.5, 7.0
-"""Lattice points up to so many voxels before a chart's surface, and under it, take its colour."""
+"""Lattice points up to so many voxels before a chart's surface, and under it, take its color."""
 
 __all__ = ["PIXELS", "Skin", "face_pixels"]
 
@@ -55,7 +55,7 @@ A real head's: 0.72; statues and shaven heads: 0.1 at most."""
 LOWEST = -0.75
 """Hair hangs at least this far below the brows (up, in the face's heights)."""
 OTHER = 2.3
-"""A crown of hair is further than this from the face's colours, in standard deviations."""
+"""A crown of hair is further than this from the face's colors, in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Skin:
     hair
         float32 [N] in [0, 1], or None where it could not be found.
     clothes, ears
-        float32 [N] in [0, 1]; clothes are what lies below the chin and is not of the face's colour.
+        float32 [N] in [0, 1]; clothes are what lies below the chin and is not of the face's color.
     seen
         float32 [N] in [0, 1]: how frontally the best photo saw a place; 1 where no cameras are
         known.
@@ -286,7 +286,7 @@ def _hair_behind(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32
 
 def _hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32,
                    seen: Float32) -> Float32 | None:
-    """Hair as what lies around the face, above the chin, in another colour, [N]; None if alike."""
+    """Hair as what lies around the face, above the chin, in another color, [N]; None if alike."""
     up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
     face = (angle < 0.7) & (up < 0.3) & (up > -0.9) & (seen > 0.5)
     crown = (up > 0.7) & (seen > 0.5)
@@ -300,13 +300,13 @@ def _hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32,
 
 def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
                 hairy: NDArray[np.bool_], bare: NDArray[np.bool_], lowest: float) -> Float32:
-    """Hair around the face by its colour, [N], from samples [N] of hair and of skin.
+    """Hair around the face by its color, [N], from samples [N] of hair and of skin.
 
     ``lowest`` is how far it hangs below the brows, in units of the face's height upwards.
     """
     around = around_face(plane, flat, lowest)
     chosen = (around | hairy | bare) & (seen > 0.5)
-    # A neck in the shade is not of the face's colour, but of the hair's even less.
+    # A neck in the shade is not of the face's color, but of the hair's even less.
     from_face = skin_distance(colors[chosen], bare[chosen], 1.0)
     from_hair = skin_distance(colors[chosen], hairy[chosen], 1.0)
     hair = np.zeros(len(colors), np.float32)
@@ -330,7 +330,7 @@ def _plausible(plane: HeadPlane, points: Float32, hair: Float32) -> bool:
 
 def _clothes(atlas: Atlas, index: NDArray[np.int32], points: Float32, depth: Float64,
              hair: Float32 | None) -> Float32:
-    """What lies below the chin, is no hair, and is not of the colour of the cheeks, [N].
+    """What lies below the chin, is no hair, and is not of the color of the cheeks, [N].
 
     ``depth`` [N] is 0 at the brows and 1 at the chin.
     """

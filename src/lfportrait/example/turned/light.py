@@ -1,7 +1,7 @@
 """Relight the mirrored side of a face.
 
 A strip of the far cheek that a painter showed from the side is too narrow for strokes, but it shows
-the light there: shade, its hue, a reflection. So mirrored strokes take the broad colours of his own
+the light there: shade, its hue, a reflection. So mirrored strokes take the broad colors of his own
 paint wherever he showed any, and what lies behind goes on from there.
 """
 

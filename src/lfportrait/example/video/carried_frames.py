@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..exemplar import Exemplar
-from ..guides.colour_segmentation import resize
+from ..guides.color_segmentation import resize
 from ..guides.maps import anchor_scale
 from ..guides.regions import Regions
 from ..kernels.video import carry_shifts
@@ -84,7 +84,7 @@ def paint_onward(prepared: Transfer, frame: NDArray[np.uint8], landmarks: NDArra
     image = np.empty((height, width, 3), np.float32)
     pitch = anchor_scale(anchor)
     reach = np.float32((3 * config.radius + 2) * pitch)
-    vote(prepared.colours(pitch), anchor, reach, shift, margin,
+    vote(prepared.colors(pitch), anchor, reach, shift, margin,
          config.radius if config.voting in ("mean", "both") else 0, False, image)
     result, cover = image, before.mask
     if not prepared.covers_all:

@@ -352,7 +352,7 @@ def _bytes_of(image: Float32) -> NDArray[np.uint8]:
 def _taken_up(masks: Float32, fresh: Float32, share: Float32) -> Float32:
     """Masks [h, w, 1 or 2] a ``share`` [h, w, 1] of the way to those found now.
 
-    Hair that is not found now stays: segmentation by colour runs on first frames only.
+    Hair that is not found now stays: segmentation by color runs on first frames only.
     """
     both = min(masks.shape[-1], fresh.shape[-1])
     mixed = masks[..., :both] + share * (fresh[..., :both] - masks[..., :both])
@@ -364,10 +364,10 @@ def _found_masks(frame: NDArray[np.uint8], points: Float64, side: int, first: bo
     """Masks of the person and, if it is known, the hair on blocks of a frame, [h, w, 1 or 2].
 
     The networks see less than that: nothing is gained by showing them the whole frame. Only in a
-    ``first`` frame, hair is segmented by colour where the network fails.
+    ``first`` frame, hair is segmented by color where the network fails.
     """
     small = np.asarray(Image.fromarray(frame).reduce(side))
-    regions = find_regions(small, points / side, size=256, by_colour=first)
+    regions = find_regions(small, points / side, size=256, by_color=first)
     masks = [regions.person] if regions.hair is None else [regions.person, regions.hair]
     return np.stack(masks, axis=-1)
 

@@ -110,7 +110,7 @@ def close_back(field: VoxelField, landmarks: NDArray[np.floating], capture: Capt
 
 def shades(chart: Chart, points: Float64, colors: Float64, known: Bools, photos: Photos,
            upwards: Float64 | float = 0.03, hair: Bools | None = None) -> Float64:
-    """Colours [V, U, 3] everywhere, from the cells that photos see well.
+    """Colors [V, U, 3] everywhere, from the cells that photos see well.
 
     Those of ``hair`` [V, U] keep apart from the others.
     """
@@ -118,7 +118,7 @@ def shades(chart: Chart, points: Float64, colors: Float64, known: Bools, photos:
     well[well] = photos.seen(points[well], chart.rays[well]) >= photos.enough
     if not well.any():
         well = known
-    # Hair, neck and collar lie above each other: colours come from the sides.
+    # Hair, neck and collar lie above each other: colors come from the sides.
     return continued(smoothed(colors, well, 3.0), well, upwards=upwards, apart=hair)
 
 

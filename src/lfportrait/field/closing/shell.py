@@ -70,7 +70,7 @@ class Shell:
         return deep, places
 
     def coefficients(self, places: Float64, basis: int) -> NDArray[np.float32]:
-        """Coefficients [N, 3, B] of the colours at places: the same from all sides."""
+        """Coefficients [N, 3, B] of the colors at places: the same from all sides."""
         sh = np.zeros((places.shape[1], 3, basis), np.float32)
         for k in range(3):
             sh[:, k, 0] = (self._at(self.colors[..., k], places) - 0.5) / C0

@@ -3,7 +3,7 @@
 Where photos look along the surface or do not see it at all, what was trained there is what little
 the outlines left over: fringes, haze, holes. There the surface that the field started from
 (`lfportrait.field.geometry.head_surface`) takes its place, bent to the trained one where that
-begins, in the colours around it.
+begins, in the colors around it.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture,
 
 
 def _hair(chart: Chart, distance: Float64) -> NDArray[np.bool_]:
-    """Where most heads have hair, bool [V, U]: one colour goes on over a bald head, too."""
+    """Where most heads have hair, bool [V, U]: one color goes on over a bald head, too."""
     up = np.sin(chart.elevation)[:, None] * distance * chart.scale
     begins = np.interp(chart.axis[:, 1][:, None] + up, *_HAIRLINE.T)
     return np.asarray(np.degrees(np.abs(chart.angle)) > begins)

@@ -141,7 +141,7 @@ def chart_of(points: Float64, voxel: float, landmarks: NDArray[np.floating]) -> 
 
 
 def read_surface(field: VoxelField, chart: Chart, cut: Cut | None) -> tuple[Float64, Float64]:
-    """Distances of the surface, [V, U], NaN where none is opaque, and colours [V, U, 3]."""
+    """Distances of the surface, [V, U], NaN where none is opaque, and colors [V, U, 3]."""
     voxel = float(field.spacing.mean())
     # A row more, for what lies outside.
     density = np.append(np.maximum(field.density, 0), np.float32(0)) * voxel

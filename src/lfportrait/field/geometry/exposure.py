@@ -1,6 +1,6 @@
 """Exposure gains of photos, from surfaces that several photos show.
 
-A phone meters every photo separately. Colours of points that a plane sweep found are compared
+A phone meters every photo separately. Colors of points that a plane sweep found are compared
 between neighbouring photos; the medians of their log ratios, pair by pair, are solved for one gain
 a photo and channel (least squares, mean zero). A gain in linear light is one in sRGB's power law,
 too. Photos with mattes are compared with a field that was trained roughly instead.
@@ -35,7 +35,7 @@ def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
     Returns
     -------
     gains, other_gains
-        float64 [V, 3] and [W, 3]: photo = gain * colour of the scene at the mean exposure. One
+        float64 [V, 3] and [W, 3]: photo = gain * color of the scene at the mean exposure. One
         where a photo shares nothing with the others.
     """
     position = np.stack([item.camera.position[0] for item in maps])
@@ -70,7 +70,7 @@ def exposure_gains(maps: list[DepthMap], others: list[DepthMap],
 
 def _ratio(points: NDArray[np.float64], colors: NDArray[np.float32], other: DepthMap,
            ) -> NDArray[np.float64] | None:
-    """Median log ratio [3] of another photo's colours to those of points; None if few are seen."""
+    """Median log ratio [3] of another photo's colors to those of points; None if few are seen."""
     pixels, along = other.camera.project(points)
     height, width = other.depth.shape
     x, y = (np.floor(np.nan_to_num(pixels[0, :, axis], nan=-1.0)).astype(int) for axis in (0, 1))
@@ -110,7 +110,7 @@ def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
     Returns
     -------
     gains
-        float64 [V, 3]: photo = gain * colour of the field; None for photos exposed alike, and for
+        float64 [V, 3]: photo = gain * color of the field; None for photos exposed alike, and for
         a field that is too inaccurate: one whose brightness is off by more from part to part of
         a photo than from photo to photo.
     """

@@ -4,7 +4,7 @@ Photos without mattes have no visual hull to start from, and a field that starts
 settles into haze. So small copies of the photos are matched first (Collins 1996; plane sweep with
 normalised cross-correlation): for each view, planes at evenly spaced inverse depths are warped into
 its neighbours, the best agreement wins, and depths that the neighbours' own maps confirm are kept.
-Fused, they say where space is empty and where surfaces are, and in what colour.
+Fused, they say where space is empty and where surfaces are, and in what color.
 """
 
 from __future__ import annotations
@@ -244,7 +244,7 @@ class Surfaces:
     solid
         bool [Z, Y, X], points where surfaces are seen.
     color
-        float32 [Z, Y, X, 3], zeroth harmonic of the surfaces' colour, zero elsewhere.
+        float32 [Z, Y, X, 3], zeroth harmonic of the surfaces' color, zero elsewhere.
     """
 
     keep: NDArray[np.bool_]

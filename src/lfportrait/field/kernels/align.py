@@ -26,7 +26,7 @@ def pose_equations(values, photo, depth, lens, usual, matrix, slope):
     lens
         Focal lengths x, y and principal point x, y in pixels.
     usual
-        Difference of a pixel's colours (root of the sum of squares) that is nothing unusual:
+        Difference of a pixel's colors (root of the sum of squares) that is nothing unusual:
         twice as much counts half.
     matrix, slope
         float64 [6, 6] and [6], out: sum of w J'J and of w J' (photo - rendering).

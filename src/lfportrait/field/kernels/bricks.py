@@ -2,13 +2,13 @@
 
 The lattice is cut into bricks of 4x4x4 cells. An occupied brick owns copies of its 5x5x5 lattice
 points (one shared layer, so that every cell finds its eight corners in one brick, padded to 128):
-their densities as float16 and the numbers of their colour rows. A table with one entry per brick
+their densities as float16 and the numbers of their color rows. A table with one entry per brick
 holds the brick's number, or, where the brick is empty, minus its Chebyshev distance in bricks to
 the nearest occupied one: a ray may leap over everything that is nearer.
 
-Colour rows are float16, 16 or 32 wide (3 channels x 1, 4 or 9 coefficients, zero-padded), so that
+Color rows are float16, 16 or 32 wide (3 channels x 1, 4 or 9 coefficients, zero-padded), so that
 a row is loaded as one or two vectors; the last row is zero and stands for empty lattice points.
-They are laid out when colours are first asked for: what needs densities alone does not wait.
+They are laid out when colors are first asked for: what needs densities alone does not wait.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _TOGETHER = 8192
 
 
 def row_width(basis: int) -> int:
-    """Width of a colour row for ``basis`` coefficients a channel: 16 up to 4, 32 for 9."""
+    """Width of a color row for ``basis`` coefficients a channel: 16 up to 4, 32 for 9."""
     return 16 if 3 * basis <= 16 else 32
 
 
@@ -48,7 +48,7 @@ class Bricks:
     table
         int32 [BZ, BY, BX], brick numbers or minus distances.
     links
-        int32 [bricks * 128], colour row of each lattice point (N, the zero row, where empty).
+        int32 [bricks * 128], color row of each lattice point (N, the zero row, where empty).
     density
         uint16 [bricks * 128 + 2], float16 bit patterns.
     sh
@@ -75,7 +75,7 @@ class Bricks:
 
     @functools.cached_property
     def rows(self) -> NDArray[np.uint16]:
-        """Colour rows, uint16 [(N + 1) * width + 32], float16 bit patterns."""
+        """Color rows, uint16 [(N + 1) * width + 32], float16 bit patterns."""
         count, columns = len(self.sh), 3 * self.basis
         rows = np.zeros((count + 1) * self.width + 32, np.float16)
         view = rows[:count * self.width].reshape(count, self.width)

@@ -52,7 +52,7 @@ def fuse_depth(since, until, x, y, z, camera, depth, sure, image, margin, slack,
         int16 [Z, Y, X]: views that look through the point, that see a surface there, that guess one
         there.
     color
-        float32 [Z, Y, X, 3], sum of the colours of those that see a surface.
+        float32 [Z, Y, X, 3], sum of the colors of those that see a surface.
     """
     height, width = depth.shape
     for k in range(since, until):

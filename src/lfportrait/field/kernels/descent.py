@@ -1,10 +1,10 @@
 """One gradient step on the rows that rays touched, and total variation on runs of rows.
 
-Colour is linear in its coefficients, so that a step need not be guessed. As in SART, the
+Color is linear in its coefficients, so that a step need not be guessed. As in SART, the
 simultaneous algebraic reconstruction technique (Andersen & Kak 1984), a lattice point takes up the
-mean error of the rays that it colours, weighted by how much of each ray's light it gives: the
+mean error of the rays that it colors, weighted by how much of each ray's light it gives: the
 slopes are divided by the sum of those weights, and the sum is remembered, up to a bound, so that
-many rays are averaged. One number a point replaces RMSProp's 27, and colours are right after tens
+many rays are averaged. One number a point replaces RMSProp's 27, and colors are right after tens
 of rays, where steps of a fixed length take thousands. Density is not linear and keeps RMSProp.
 
 What packets of rays found comes as records (`packet`), and each is taken up by
@@ -28,7 +28,7 @@ __all__ = ["descend", "smooth", "total_variation"]
 _floats, _sqrt = LANES.floats, LANES.sqrt
 _load, _store = LANES.load, LANES.store
 _FAINT = np.float32(0.02)
-"""Weight of rays below which a colour is not trusted: it takes up less of their error."""
+"""Weight of rays below which a color is not trusted: it takes up less of their error."""
 _TINY = np.float32(1e-8)
 _AHEAD = 6
 """Records that rows are asked for ahead."""
@@ -97,9 +97,9 @@ def descend(density, rows, width, records, bases, rate, decay, lowest, gains, me
         Densities are kept at or above this.
     gains
         float32 [width], what a coefficient's slope is multiplied with to be its change for rays
-        of weight one; zero for what is no colour.
+        of weight one; zero for what is no color.
     memory
-        Weight of rays that a colour is a running mean of, at most. The weight of a record's own
+        Weight of rays that a color is a running mean of, at most. The weight of a record's own
         rays counts in full whatever the bound.
     """
     keys, values, counts, _ = records
@@ -125,7 +125,7 @@ def smooth(density, rows, width, slopes, first, last, rate, decay, lowest, gains
     density, rows, width, rate, decay, lowest, gains
         As in `descend`.
     slopes
-        float32 [last - first] of densities, or [(last - first) * width] of colours.
+        float32 [last - first] of densities, or [(last - first) * width] of colors.
     first, last
         Range of rows.
     """
@@ -165,7 +165,7 @@ def total_variation(neighbours, first, last, values, width, weight, scale, slope
     first, last
         Range of rows.
     values
-        float32 [rows * width], colours, or [rows], densities with a width of 1.
+        float32 [rows * width], colors, or [rows], densities with a width of 1.
     width
         1, 16 or 32.
     weight

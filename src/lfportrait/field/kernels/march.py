@@ -3,7 +3,7 @@
 A packet is 16 rays (or one, with the one-lane namespace). Positions are in lattice units: lattice
 point i lies at coordinate i. A ray's samples lie on the comb t = start + k step, whatever space is
 skipped, so that skipping changes no result. At each sample the density is interpolated trilinearly
-in lanes, 16 rays at once; colour is evaluated ray by ray with the coefficients in lanes, by the
+in lanes, 16 rays at once; color is evaluated ray by ray with the coefficients in lanes, by the
 ``shade`` function that the factory is given.
 
 To build a kernel on it: ``march = make_march(LANES, shade)`` where ``shade(links, rows, base,
@@ -56,7 +56,7 @@ def sh_basis(x, y, z, out, start, count):
 
 
 def make_basis(width: int) -> Callable[..., Any]:
-    """A function that lays a ray's basis out as the vectors a colour row is multiplied with.
+    """A function that lays a ray's basis out as the vectors a color row is multiplied with.
 
     Vectors per lane: the first 16 coefficients' share of red, of green; the rest's share of green,
     of blue. A row of 16 has no rest: its blue lies in the third vector.
@@ -86,7 +86,7 @@ def make_basis(width: int) -> Callable[..., Any]:
 
 
 def make_rgb_shade(width: int, lanes: SimpleNamespace = LANES) -> Callable[..., Any]:
-    """Colour of one sample: eight rows interpolated, dotted with the ray's basis, + 0.5, >= 0."""
+    """Color of one sample: eight rows interpolated, dotted with the ray's basis, + 0.5, >= 0."""
     load_half, total, load = lanes.load_half, lanes.total, lanes.load
     floats = lanes.floats
     two = width == 32

@@ -2,15 +2,15 @@
 
 Sixteen rays of neighbouring pixels meet a few dozen bricks and a few hundred lattice points, again
 and again: eight corners a sample, twice as many samples as cells. So every brick that a packet
-enters is *opened* once: its densities are copied side by side; and every point that colours a
-sample gets its colour once, for the packet's middle direction - within a packet the harmonics
+enters is *opened* once: its densities are copied side by side; and every point that colors a
+sample gets its color once, for the packet's middle direction - within a packet the harmonics
 hardly change. Samples then mix three numbers a corner where a row has up to 27, and going backward
-they leave five: the slopes of the point's three colours, the weight of the rays that it colours,
+they leave five: the slopes of the point's three colors, the weight of the rays that it colors,
 and its density's slope. Only at the end of a packet do these go to the lattice, as one *record* a
 point.
 
 A point's place in the pad is 128 times the number of its brick in the pad, plus its place in the
-brick (`bricks`). Colours and slopes have eight floats a point, so that the two
+brick (`bricks`). Colors and slopes have eight floats a point, so that the two
 corners along x are one vector.
 """
 
@@ -35,7 +35,7 @@ _floats, _where, _iota, _lane = LANES.floats, LANES.where, LANES.iota, LANES.lan
 _load, _store, _total = LANES.load, LANES.store, LANES.total
 _one, _zero, _half = np.float32(1.0), np.float32(0.0), np.float32(0.5)
 _POINT, _CELL = np.uint8(1), np.uint8(2)
-"""Marks of a point that has its colour, and of a cell (by its first corner) whose corners have."""
+"""Marks of a point that has its color, and of a cell (by its first corner) whose corners have."""
 _HASH = 4096
 _AHEAD = 12
 """Points that rows are asked for ahead."""
@@ -59,7 +59,7 @@ def make_pad(workers: int, table: NDArray[np.int32], bricks: int) -> tuple[NDArr
         ``place`` int32 [W, bricks], number in the pad of each brick, -1 outside packets; ``opened``
         int32 [W, C] the bricks; ``density`` float32 [W, 128 C + 32]; ``colors`` and ``slopes``
         float32 [W, 1024 C + 512]; ``ready`` uint8 [W, 128 C]; ``used`` int32 [W, 128 C], points
-        that have their colour; ``counts`` int64 [W, 8], of opened bricks and of used points.
+        that have their color; ``counts`` int64 [W, 8], of opened bricks and of used points.
     """
     room = max(1, min(bricks, 16 * (sum(table.shape) + 3)))
     return (np.full((workers, max(1, bricks)), -1, np.int32), np.empty((workers, room), np.int32),
@@ -151,7 +151,7 @@ def mix_density(own_density, base, fx, fy, fz):
 @identified("packet use cell")
 @lean
 def use_cell(cell, ready, used, counts):
-    """Note the corners of a cell that need colours and have none yet."""
+    """Note the corners of a cell that need colors and have none yet."""
     if ready[np.uintp(cell)] & _CELL:
         return
     ready[np.uintp(cell)] |= _CELL
@@ -172,7 +172,7 @@ def _row_of(point, links, opened):
 
 
 def make_color_points(width: int) -> Callable[..., Any]:
-    """A function that gives all noted points their colours, for rows of 16 or 32 floats."""
+    """A function that gives all noted points their colors, for rows of 16 or 32 floats."""
     two = width == 32
 
     @identified("packet color points", width)
@@ -221,7 +221,7 @@ def _shares(x, y, z):
 @identified("packet mix color")
 @lean
 def mix_color(cell, x, y, z, colors):
-    """Colour in a cell whose corners have theirs, below zero where those are."""
+    """Color in a cell whose corners have theirs, below zero where those are."""
     near, high, deep, both, along = _shares(x, y, z)
     at = np.uintp(cell) << np.uintp(3)
     mixed = along * (near * _load(colors, at) + high * _load(colors, at + np.uintp(40))
@@ -287,7 +287,7 @@ def write_records(tile, links, empty, opened, used, slopes, counts, keys, values
 @lean
 def slopes_of_errors(number, tile, size, first, pixels, gain, background, alpha_weight, share, out,
                      grads, grad_background):
-    """Slopes of the loss (Eq. 2) by colours and opacity of 16 rays; their squared errors."""
+    """Slopes of the loss (Eq. 2) by colors and opacity of 16 rays; their squared errors."""
     squared = 0.0
     for i in range(16):
         x = min(tile[2] + (i & 3), size[0] - 1)

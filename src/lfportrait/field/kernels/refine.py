@@ -11,7 +11,7 @@ __all__ = ["refine_rows"]
 
 
 def refine_rows(links, density, rows, places, low, part):
-    """Density and colour rows at fine points.
+    """Density and color rows at fine points.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def refine_rows(links, density, rows, places, low, part):
     Returns
     -------
     density, rows
-        float32 [M + 1] and [M + 1, width], the last row zero. Colour is the mean over the corners
+        float32 [M + 1] and [M + 1, width], the last row zero. Color is the mean over the corners
         that exist: empty points have none to mix in.
     """
     fine = np.zeros(len(places) + 1, np.float32)

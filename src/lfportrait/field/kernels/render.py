@@ -20,7 +20,7 @@ __all__ = ["render_kernel", "render_kernel_one_lane"]
 
 @functools.cache
 def render_kernel(width: int) -> Callable[..., Any]:
-    """The kernel for colour rows of 16 or 32.
+    """The kernel for color rows of 16 or 32.
 
     Returns
     -------

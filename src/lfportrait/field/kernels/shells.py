@@ -1,4 +1,4 @@
-"""The background: concentric spheres about the lattice's cube, with colour and density.
+"""The background: concentric spheres about the lattice's cube, with color and density.
 
 Rays that leave the lattice go on through spheres whose inverse radii are evenly spaced from 1 to 0
 (svox2's multi-sphere background). A sphere is an equirectangular map; a sample lies where the ray
@@ -117,7 +117,7 @@ def shells_mark(since, until, rays, layers, seen):
 @shared("rays")
 @kernel
 def shells_forward(since, until, rays, links, data, layers, background, stop, color):
-    """Colour of each ray behind the lattice, float32 [K, 3].
+    """Color of each ray behind the lattice, float32 [K, 3].
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def shells_backward(since, until, rays, links, data, layers, background, stop, c
                 continue
             inner = _inner(rays, ray)
             last, through = 1.0 / inner, np.float32(1.0)
-            # The colour still to come, weighted by the slopes.
+            # The color still to come, weighted by the slopes.
             behind = gr * color[ray, 0] + gg * color[ray, 1] + gb * color[ray, 2]
             for number in range(steps):
                 inverse, longitude, latitude = _meet(rays, ray, number, steps, inner)

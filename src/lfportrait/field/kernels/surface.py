@@ -1,4 +1,4 @@
-"""The outer surface of a field: how much matter lies before a point, and the colour seen there.
+"""The outer surface of a field: how much matter lies before a point, and the color seen there.
 
 `depth_from_outside` walks through the lattice along directions whose steps lead from lattice point
 to lattice point (a neighbour's offset, diagonals included), so that nothing is interpolated. The
@@ -102,7 +102,7 @@ def depth_from_outside(density, spacing, directions):
 @kernel
 def seen_colors(since, until, links, density, sh, scale, offset, origins, directions, steps, step,
                 color):
-    """Volume-rendered colour of short rays, of which each has its own direction.
+    """Volume-rendered color of short rays, of which each has its own direction.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def seen_colors(since, until, links, density, sh, scale, offset, origins, direct
     steps, step
         Number of samples of a ray and their distance in world units.
     color
-        float32 [K, 4] out: mean colour of what the ray meets, and its opacity.
+        float32 [K, 4] out: mean color of what the ray meets, and its opacity.
     """
     count = sh.shape[2]
     depth, height, width = links.shape

@@ -58,7 +58,7 @@ def cell_charts(since, until, brick_links, charts, out):
 
 
 def make_texture_share(lanes: SimpleNamespace) -> Callable[..., Any]:
-    """Make the function that gives the texture's share of a ray's colour, by its transmittance.
+    """Make the function that gives the texture's share of a ray's color, by its transmittance.
 
     All of it where they are nearly opaque. Where half the light passes there is no surface; up to
     there it fades, so that nothing begins with a step. Below that it is negative: take none.

@@ -2,12 +2,12 @@
 
 Rays come in packets of 4x4 pixels, which share a small copy of the lattice
 (`packet`). Going forward, the density of 16 rays is interpolated in lanes, and
-each visible sample is written down (its cell, its weight, its colour), 16 rays at a time. Going
-backward, the colour still to come behind each sample gives all of its gradients (Shen et al. 2023,
+each visible sample is written down (its cell, its weight, its color), 16 rays at a time. Going
+backward, the color still to come behind each sample gives all of its gradients (Shen et al. 2023,
 Eq. 1, differentiated)::
 
     dC/dc_i     = w_i,      w_i = T_i (1 - exp(-sigma_i delta))
-    dC/dsigma_i = delta (T_{i+1} c_i - (colour behind i)),   dA/dsigma_i = delta T_end
+    dC/dsigma_i = delta (T_{i+1} c_i - (color behind i)),   dA/dsigma_i = delta T_end
 
 The distortion loss, sum_ij w_i w_j |t_i - t_j| + sum_i w_i^2 delta / 3 (Barron et al. 2022,
 Mip-NeRF 360, Eq. 15), draws a ray's weights together: surfaces get thin, and a ray has fewer
@@ -52,7 +52,7 @@ behind it; density; distance; red, green, blue; 16 lanes each."""
 
 @functools.cache
 def train_kernel(width: int) -> Callable[..., Any]:
-    """The kernel for colour rows of 16 or 32 floats.
+    """The kernel for color rows of 16 or 32 floats.
 
     Returns
     -------
@@ -62,8 +62,8 @@ def train_kernel(width: int) -> Callable[..., Any]:
         tile_errors, losses)``;
         ``tiles`` int32 [T, 3] (view, first row, first column) in blocks of 4x4 pixels,
         ``cameras`` float64 [V, 16], ``sizes`` int64 [V, 2] (width, height), ``starts`` int64 [V]
-        first pixel of each view in ``pixels`` uint8 [P, 4] (colour, composited by the kernel, and
-        alpha), ``gains`` float32 [V, 3] what a view's 8-bit colours are multiplied with,
+        first pixel of each view in ``pixels`` uint8 [P, 4] (color, composited by the kernel, and
+        alpha), ``gains`` float32 [V, 3] what a view's 8-bit colors are multiplied with,
         ``background`` float32 [16 T, 3] and its gradient, written; ``options`` float64: step,
         threshold, stop, alpha weight, sparsity, distortion, 1 to record the largest weight only,
         distance from the camera that rays start at (world units); ``pad`` and ``records`` from
@@ -205,7 +205,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
     @identified("train shade", width)
     @lean
     def shade(count, places, words, notes, colors, out):
-        """Colours of all samples and of the rays; returns the number of samples."""
+        """Colors of all samples and of the rays; returns the number of samples."""
         red, green, blue = floats(zero), floats(zero), floats(zero)
         samples = 0
         for entry in range(count):
@@ -238,7 +238,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
     @identified("train taught", width)
     @lean
     def taught(color, slope, weight):
-        """Slope of a sample's colour: one below zero, shown as zero, can only rise."""
+        """Slope of a sample's color: one below zero, shown as zero, can only rise."""
         return where((color > zero) | (slope < zero), slope * weight, zero)
 
     @identified("train backward", width)
@@ -272,7 +272,7 @@ def train_kernel(width: int) -> Callable[..., Any]:
             red_behind = red_behind + weight * r
             green_behind = green_behind + weight * g
             blue_behind = blue_behind + weight * b
-            # d/dw of sum w_i w_j |t_i - t_j| + sum w_i^2 step / 3, carried to sigma like a colour.
+            # d/dw of sum w_i w_j |t_i - t_j| + sum w_i^2 step / 3, carried to sigma like a color.
             before, spread_before = (weight_all - weight_behind - weight,
                                      spread_all - spread_behind - weight * t)
             pull = np.float32(2.0) * unit * (

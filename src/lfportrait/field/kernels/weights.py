@@ -1,7 +1,7 @@
-"""Which lattice rows a pixel sees, and how strongly: a view as a sparse linear map of colours.
+"""Which lattice rows a pixel sees, and how strongly: a view as a sparse linear map of colors.
 
-With the density frozen and colour independent of direction, a pixel is a weighted sum of the
-colours at lattice points (Shen et al. 2023, Eq. 1 with trilinear interpolation). The kernel walks
+With the density frozen and color independent of direction, a pixel is a weighted sum of the
+colors at lattice points (Shen et al. 2023, Eq. 1 with trilinear interpolation). The kernel walks
 each ray once and adds up every lattice row's weight in a small hash table.
 """
 

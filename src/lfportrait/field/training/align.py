@@ -43,7 +43,7 @@ class _Photo:
     Attributes
     ----------
     values
-        float32 [H, W, 3 or 4]: colours, times opacity where there is a matte, which comes fourth.
+        float32 [H, W, 3 or 4]: colors, times opacity where there is a matte, which comes fourth.
     camera
         The camera, one view, scaled to the picture.
     gain

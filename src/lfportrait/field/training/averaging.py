@@ -1,6 +1,6 @@
 """Average the last states of a training (Polyak averaging).
 
-Steps follow the errors of a few thousand rays, so that densities and colours wander about what all
+Steps follow the errors of a few thousand rays, so that densities and colors wander about what all
 rays together ask for. Their mean over the last part of the training does not (Polyak and Juditsky
 1992), and rates need not fall as low for it.
 """
@@ -20,14 +20,14 @@ STATES = 50
 
 
 class Average:
-    """Sums of densities and colours.
+    """Sums of densities and colors.
 
     Parameters
     ----------
     lattice
         Whose states are added.
     columns
-        Values of a row that are colours, from the first on; the others are left alone.
+        Values of a row that are colors, from the first on; the others are left alone.
 
     Attributes
     ----------

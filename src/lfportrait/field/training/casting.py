@@ -75,7 +75,7 @@ class Caster:
         ground
             float32 [16 T, 3], the background of each ray.
         scale
-            float32 [V, 3], what 8-bit colours of each view are multiplied with.
+            float32 [V, 3], what 8-bit colors of each view are multiplied with.
         options
             See `lfportrait.field.kernels.train.train_kernel`.
 

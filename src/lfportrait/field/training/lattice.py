@@ -1,7 +1,7 @@
 """Lattices while they are trained: begin, refine, and drop what is not attached to the subject.
 
 A lattice is a link table int32 [Z, Y, X] into rows; while training there is one more row, the last,
-for empty points: zero density, zero colour.
+for empty points: zero density, zero color.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def box_shape(resolution: int, radius: NDArray[np.float64]) -> tuple[int, int, i
 
 @dataclass
 class Lattice:
-    """Density and colour rows on a sparse lattice in a box.
+    """Density and color rows on a sparse lattice in a box.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Lattice:
     density
         float32 [N + 1], the last one zero.
     rows
-        float32 [N + 1, width], colour coefficients channel by channel, zero-padded.
+        float32 [N + 1, width], color coefficients channel by channel, zero-padded.
     center, radius
         float64 [3] (x, y, z), the box.
     """

@@ -23,7 +23,7 @@ class CurvePoint(TypedDict):
     rays_per_second: float
     """Since the point before."""
     loss: float
-    """Mean squared colour error of the latest steps."""
+    """Mean squared color error of the latest steps."""
     psnr: float
     """The same in dB."""
     voxels: int

@@ -26,7 +26,7 @@ Float = NDArray[np.float64]
 
 _COARSE, _FINEST = (0.25, 0.5, 0.75, 1.0), (0.1, 0.25, 0.4, 0.55)
 """When cameras are corrected: shares of the rays of a coarse level, and of the finest one, the end
-of which belongs to the colours."""
+of which belongs to the colors."""
 
 
 class PoseRefiner:

@@ -1,4 +1,4 @@
-"""Step sizes of the training: learning rates, colour gains, total variation (Eq. 3)."""
+"""Step sizes of the training: learning rates, color gains, total variation (Eq. 3)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .lattice import Lattice
 __all__ = ["color_gains", "falling", "smooth_run"]
 
 _BANDS = (0.7, 0.15, 0.15)
-"""Share of a ray's error that each band of harmonics takes up: mostly the colour that all
+"""Share of a ray's error that each band of harmonics takes up: mostly the color that all
 directions share, so that highlights do not settle where matter is still wrong."""
 
 
@@ -25,7 +25,7 @@ def color_gains(rays: int, basis: int, width: int) -> NDArray[np.float32]:
     """What gradients of a step of ``rays`` rays are multiplied with, [width].
 
     The squares of a band's harmonics add up to (2 l + 1) / (4 pi) in every direction, so that
-    a point that alone colours a ray makes good the share of the ray's error that it should. The
+    a point that alone colors a ray makes good the share of the ray's error that it should. The
     loss's own factor, 2 / (3 rays), is taken out. ``basis`` is the number of harmonics, ``width``
     the length of a point's row.
     """

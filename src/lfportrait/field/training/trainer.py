@@ -90,7 +90,7 @@ class Trainer:
 
     @property
     def scale(self) -> NDArray[np.float32]:
-        """What the kernel multiplies 8-bit colours of each view with, [V, 3]."""
+        """What the kernel multiplies 8-bit colors of each view with, [V, 3]."""
         return (1.0 / (255.0 * self.gains)).astype(np.float32)
 
     # -- state ------------------------------------------------------------------------------------

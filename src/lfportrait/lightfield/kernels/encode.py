@@ -51,7 +51,7 @@ def side_of(place, y, across, panel):
 
 @functools.cache
 def encode_kernel(width: int, count: int) -> Callable[..., Any]:
-    """The kernel for colour rows of 16 or 32 with ``count`` coefficients a channel.
+    """The kernel for color rows of 16 or 32 with ``count`` coefficients a channel.
 
     Returns
     -------

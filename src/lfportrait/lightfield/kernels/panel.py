@@ -105,7 +105,7 @@ def interlace_views(since, until, views, steps, places, order, lens, window, lin
     views
         uint8 [V, h, w, 3], view 0 leftmost; V need not be the panel's number of views.
     steps, places, order, lens
-        The panel; ``order`` int64 [3] is the colour of each sub-pixel.
+        The panel; ``order`` int64 [3] is the color of each sub-pixel.
     window
         float64 [3]: width and height of the pictures over the panel's; shift of the last view
         against the middle one, in panel widths to the right.

@@ -1,7 +1,7 @@
 """A slice of the field: what the plane of one panel row cuts out of it, laid out for casting.
 
 For every lattice plane z = k the slice has 13 rows of float16 values along x: density, then four
-coefficients of the colour's angle for each channel (see `plane`). Values are interpolated between
+coefficients of the color's angle for each channel (see `plane`). Values are interpolated between
 the two rows of voxels that the plane passes between. Only stretches with voxels are written.
 """
 
@@ -38,7 +38,7 @@ def make_build(width: int, count: int) -> Callable[..., Any]:
     Parameters
     ----------
     width, count
-        Width of the field's colour rows, and coefficients a channel in them.
+        Width of the field's color rows, and coefficients a channel in them.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Coding a light field row by row: all rays of a panel row lie in one plane.
 
 The plane through the eyes' line and a row of the panel holds every ray of the row's sub-pixels,
-whatever their views. So a row needs one slice of the field: density and colour where the plane cuts
+whatever their views. So a row needs one slice of the field: density and color where the plane cuts
 the lattice planes z = k, interpolated between two rows of voxels. In the slice a ray is a straight
 line x(k), and a sample on each lattice plane takes two values instead of eight.
 
@@ -61,7 +61,7 @@ def stripes(left, right, shift):
 def _make_cast(count: int, permutes: bool | None) -> Callable[..., Any]:
     """The function that sends one packet through a slice.
 
-    It returns colour, transmittance, and the plane (a fraction) on which half the light is gone.
+    It returns color, transmittance, and the plane (a fraction) on which half the light is gone.
     """
     floats, ints, where, exp, bits = LANES.floats, LANES.ints, LANES.where, LANES.exp, LANES.bits
     minimum, maximum = LANES.minimum, LANES.maximum
@@ -154,7 +154,7 @@ def _make_cast(count: int, permutes: bool | None) -> Callable[..., Any]:
             alive = through > stop
             if bits(alive) == 0:
                 break
-        # Behind the stop lies more of the same surface: its colour is taken to go on.
+        # Behind the stop lies more of the same surface: its color is taken to go on.
         ended = through <= stop
         return (where(ended, value / (one - through), value), where(ended, zero, through),
                 end_plane)
@@ -164,7 +164,7 @@ def _make_cast(count: int, permutes: bool | None) -> Callable[..., Any]:
 
 @functools.cache
 def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callable[..., Any]:
-    """The kernel for colour rows of 16 or 32 with ``count`` coefficients a channel.
+    """The kernel for color rows of 16 or 32 with ``count`` coefficients a channel.
 
     ``permutes`` chooses between two ways to read a slice (see `make_look_up`).
 

@@ -209,7 +209,7 @@ def show(images: Sequence[NDArray[np.uint8]], display: Display, *, screen: int =
             picture = display.to_panel(images[number])
             driver.put(picture)
             if not np.array_equal(driver.pixels(), picture):
-                raise UserError("the window does not show the picture's own pixels (fewer colours "
+                raise UserError("the window does not show the picture's own pixels (fewer colors "
                                 "than 8 bits each, or a filter): switch that off")
             answer = driver.wait(seconds)
             if answer == "close":

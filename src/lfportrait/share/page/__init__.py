@@ -1,6 +1,6 @@
 """The whole portrait in one HTML file that anybody can open, and any panel can show.
 
-`write_page` writes it: `colors` says which colours can be shown, `packing` makes a few megabytes of
+`write_page` writes it: `colors` says which colors can be shown, `packing` makes a few megabytes of
 the field, `budget` keeps to the size that is asked for, `poster` is the picture that shows at once,
 `assembly` joins all with the page's script in `web/`; `serving` shows it in a browser. See
 docs/portrait-page.md for what the page does.

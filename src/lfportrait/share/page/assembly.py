@@ -69,7 +69,7 @@ def _caption(config: PageConfig, styles: list[str]) -> str:
 
 
 def _at_first(voxels: VoxelField, sets: list[ColorSet]) -> VoxelField:
-    """The field as a page begins with it: in its first colours, without a room."""
+    """The field as a page begins with it: in its first colors, without a room."""
     shown = next((each for each in sets if each.kind != "photo"), sets[0])
     texture = None
     if voxels.texture is not None and shown.texels is not None:
@@ -95,7 +95,7 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     -------
     figures
         ``bytes`` of the file, and those of its parts; ``rows`` and ``shape`` of what it holds,
-        ``texture``: rows and columns of its atlas, or None; ``sets`` of colours, ``seconds``.
+        ``texture``: rows and columns of its atlas, or None; ``sets`` of colors, ``seconds``.
 
     Raises
     ------

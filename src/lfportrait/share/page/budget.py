@@ -94,8 +94,8 @@ def fit(lattice: Lattice, most: float, texture: PageTexture | None = None) -> Pa
 def coarser(lattice: Lattice, shrink: float) -> Lattice:
     """The field on a lattice whose sides have ``shrink`` times as many points.
 
-    Densities are averaged over the larger voxels, and colours are, weighed by density: what is
-    empty has no colour to give.
+    Densities are averaged over the larger voxels, and colors are, weighed by density: what is
+    empty has no color to give.
     """
     shape = tuple(max(2, round(n * shrink)) for n in lattice.filled.shape)
     ratio = [n / m for n, m in zip(lattice.filled.shape, shape, strict=True)]
@@ -113,7 +113,7 @@ def coarser(lattice: Lattice, shrink: float) -> Lattice:
             out = np.take(out, low, axis) * (1 - part) + np.take(out, low + 1, axis) * part
         return np.asarray(out, np.float32)
 
-    # A trace of weight everywhere gives rows without density the colour of their surroundings.
+    # A trace of weight everywhere gives rows without density the color of their surroundings.
     weight = np.maximum(lattice.density, 0.0) + np.float32(1e-3)
     density = resampled(lattice.dense(lattice.density))
     mass = resampled(lattice.dense(weight))

@@ -1,4 +1,4 @@
-"""The colours that a page can show: one set, or several that share their densities."""
+"""The colors that a page can show: one set, or several that share their densities."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["ColorSet", "color_sets"]
 
 @dataclass(frozen=True)
 class ColorSet:
-    """Colours of a field's rows.
+    """Colors of a field's rows.
 
     Attributes
     ----------
@@ -40,12 +40,12 @@ class ColorSet:
 
 
 def _plain(colors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Colours [N, 3] as coefficients of degree 0, float32 [N, 3, 1]."""
+    """Colors [N, 3] as coefficients of degree 0, float32 [N, 3, 1]."""
     return ((colors - np.float32(0.5)) * np.float32(1 / C0))[:, :, None]
 
 
 def color_sets(voxels: VoxelField, degree: int = 0) -> list[ColorSet]:
-    """The colours of a field: photo, then what it shows, then its other styles.
+    """The colors of a field: photo, then what it shows, then its other styles.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def color_sets(voxels: VoxelField, degree: int = 0) -> list[ColorSet]:
     if not 0 <= degree <= 2:
         raise UserError(f"--sh takes the degree 0, 1 or 2, not {degree}")
     if (degree + 1) ** 2 > voxels.basis:
-        raise UserError(f"the field's colours have degree {round(voxels.basis ** 0.5) - 1}, not "
+        raise UserError(f"the field's colors have degree {round(voxels.basis ** 0.5) - 1}, not "
                         f"{degree}: leave out --sh, or export the photographed field")
     own = None if voxels.texture is None else voxels.texture.texels
     if not isinstance(voxels, StyledField):

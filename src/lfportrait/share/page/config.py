@@ -19,7 +19,7 @@ class PageConfig:
     """Date, in the caption, as given."""
     sh: int = 0
     """Degree of the spherical harmonics kept in the page, for a photographed field, 0 to 2. Degrees
-    above 0 keep view-dependent colours; the file is 4 or 9 times larger."""
+    above 0 keep view-dependent colors; the file is 4 or 9 times larger."""
     max_size: float = 6.0
-    """Largest size of the file in MB (of 1,000,000 bytes). Colours and densities are quantised as
+    """Largest size of the file in MB (of 1,000,000 bytes). Colors and densities are quantised as
     finely as this allows; if that is not enough, the lattice is made coarser."""

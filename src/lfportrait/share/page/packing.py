@@ -1,4 +1,4 @@
-"""A field as streams of bytes for a page: which lattice points are kept, densities, colours.
+"""A field as streams of bytes for a page: which lattice points are kept, densities, colors.
 
 The streams, each deflated on its own:
 
@@ -9,13 +9,13 @@ density
     the density is negative. Small densities are fog that many samples add up; a linear scale would
     lose it. Negative ones say where between two lattice points the surface is.
 set S, band B
-    Three planes of a byte a row: green, red, blue of colour set S. Band 0 is the colour, the others
+    Three planes of a byte a row: green, red, blue of color set S. Band 0 is the color, the others
     are the coefficients of the spherical harmonics above degree 0.
 charts
     Where the field has a texture (`texels`): one byte a row, the chart that shows its place.
 
-Densities and colours are stored as residuals of their neighbours' prediction (`kernels.residuals`).
-Lattice points that are not kept have density 0 and the colour 0.5, as in the renderer.
+Densities and colors are stored as residuals of their neighbours' prediction (`kernels.residuals`).
+Lattice points that are not kept have density 0 and the color 0.5, as in the renderer.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _FAINTEST = 1e-2
 """Density up to which the renderer skips a sample: points near which there is no more are left
 out."""
 _CLEAR = 0.05
-"""Part of the light that a voxel must take before its colour is kept as exactly as asked; what
+"""Part of the light that a voxel must take before its color is kept as exactly as asked; what
 takes less is seen less, and may be rounded more."""
 _LOOSEST = 24
 """Largest tolerance, in 255ths, for what is hardly seen."""
@@ -60,7 +60,7 @@ class Lattice:
     density
         float32 [N], per world unit.
     sets
-        Colour sets over these rows.
+        Color sets over these rows.
     center, radius
         float64 [3] (x, y, z), as a `VoxelField` has them.
     charts
@@ -151,7 +151,7 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
     lattice
         The field.
     tolerance
-        Largest error of colours and of the root of densities in 255ths of their range; 0 rounds
+        Largest error of colors and of the root of densities in 255ths of their range; 0 rounds
         them to bytes and no more.
     """
     filled = lattice.filled
@@ -180,7 +180,7 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
             levels = np.clip((values - low) / (high - low), 0.0, 1.0) * 255.0 + 0.5
             streams[f"set{number}.{band}"], back = code_values(
                 filled, levels.astype(np.uint8), slack)
-            # Colours are stored as they are shown, coefficients as they are.
+            # Colors are stored as they are shown, coefficients as they are.
             scale, shift = (C0, 0.5) if band == 0 else (1.0, 0.0)
             bands.append({"low": low * scale + shift, "high": high * scale + shift})
             read[:, (1, 0, 2), band] = back / np.float32(255.0) * (high - low) + low
@@ -204,12 +204,12 @@ def _range(values: NDArray[np.float32], taken: NDArray[np.float32], band: int,
            ) -> tuple[float, float]:
     """Range of the stored values: all of a painting's, nearly all of a photo's.
 
-    Rows of thin air have wild colours that nobody sees; they would make the steps coarse.
+    Rows of thin air have wild colors that nobody sees; they would make the steps coarse.
     """
     seen = values[taken > _CLEAR] if (taken > _CLEAR).any() else values
     low, high = (float(value) for value in np.quantile(seen, [0.0002, 0.9998]))
     if band:
         most = max(abs(low), abs(high), 1e-3)
         return -most, most
-    # Black to white at the least, so that a painting's colours are the same in all sets.
+    # Black to white at the least, so that a painting's colors are the same in all sets.
     return min(low, -0.5 / C0), max(high, 0.5 / C0)

@@ -1,14 +1,14 @@
 """The texture of a field's surface as a page holds it (`lfportrait.field.SurfaceTexture`).
 
 Its charts are cut out and laid closer together: a device holds the whole atlas, also what lies
-between them. Of the texels those are kept that any colour set has something in, in blocks of 8x8.
+between them. Of the texels those are kept that any color set has something in, in blocks of 8x8.
 They are coded as the lattice's values are, with a row of the atlas for a plane of the lattice. The
 streams, each deflated on its own:
 
 texels
     One bit a texel, x fastest, the highest bit of a byte first: which are kept.
 texels S
-    Three planes of a byte a kept texel: green, red, blue of colour set S, 128 for no difference,
+    Three planes of a byte a kept texel: green, red, blue of color set S, 128 for no difference,
     a step for a 254th.
 
 The coarser levels of the pyramid are made by the page.
@@ -43,12 +43,12 @@ _WEIGHTS = (1, 3, 3, 1)
 
 @dataclass(frozen=True)
 class PageTexture:
-    """Differences to the lattice's colours over the surface, of several colour sets.
+    """Differences to the lattice's colors over the surface, of several color sets.
 
     Attributes
     ----------
     texels
-        int8 [H, W, 3] for each colour set, in 254ths, or None for one that has none.
+        int8 [H, W, 3] for each color set, in 254ths, or None for one that has none.
     projections
         float64 [C, 3, 4], from the world to texels, as a `SurfaceTexture` has them.
     pixels
@@ -68,14 +68,14 @@ class PageTexture:
     @staticmethod
     def of(texture: SurfaceTexture, sets: list[ColorSet], points: NDArray[np.float64],
            cell: float) -> PageTexture:
-        """The texture of the colour sets, of which one has some, with its charts close together.
+        """The texture of the color sets, of which one has some, with its charts close together.
 
         Parameters
         ----------
         texture
             Of the field: places, and texels of what it shows.
         sets
-            Colour sets with their texels.
+            Color sets with their texels.
         points
             float64 [N, 3], world positions of the field's rows.
         cell

@@ -44,7 +44,7 @@ def scatter_colors(since, until, indptr, rows, weights, image, out):
 def adam_step(since, until, colors, gradient, mean, square, rate, step):
     """Adam on colors [N, 3] with gradient [3, N], for rows whose gradient is not zero.
 
-    Colours stay in [0, 1]; the gradient is set to zero.
+    Colors stay in [0, 1]; the gradient is set to zero.
     """
     first, second = np.float32(0.9), np.float32(0.99)
     unbias = np.float32(1.0 - 0.9 ** step)

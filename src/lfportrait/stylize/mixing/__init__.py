@@ -1,7 +1,7 @@
 """Change the strength and style of a stylised field, also per region, without training.
 
-`styled_field` holds the colours of the photo and of the paintings and mixes them, `tones` are
-the curves and colour differences of a mix, `options` its command line.
+`styled_field` holds the colors of the photo and of the paintings and mixes them, `tones` are
+the curves and color differences of a mix, `options` its command line.
 """
 
 from .options import MixConfig

@@ -1,4 +1,4 @@
-"""Options of a colour mix: parsed, and resolved for a field."""
+"""Options of a color mix: parsed, and resolved for a field."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _Words = tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]]
 
 @dataclass(frozen=True)
 class MixConfig:
-    """Mix of the photo's and the paintings' colours in a stylised field."""
+    """Mix of the photo's and the paintings' colors in a stylised field."""
 
     strength: float = 1.0
-    """0 leaves the photo's colours, 1 gives the painting's."""
+    """0 leaves the photo's colors, 1 gives the painting's."""
     identity: float = 0.0
     """Share of the photo's own light and shade in the painting, with the painting's tones and
-    colours: 0 (none) to 1."""
+    colors: 0 (none) to 1."""
     region: _Words = ()
     """Strength or style of one region: NAME=NUMBER multiplies its strength (0 keeps the
     photo, above 1 exaggerates, 4 at most), NAME=STYLE or NAME=STYLE:NUMBER paints it in another
@@ -32,7 +32,7 @@ class MixConfig:
     style: str = ""
     """Style of all other regions; by default the first in the file."""
     keep_colors: bool = False
-    """Keep the photo's colours: use only light and shade of the painting."""
+    """Keep the photo's colors: use only light and shade of the painting."""
     keep: _Words = ()
     """Regions that stay as in the photo, e.g. eyes lips."""
 

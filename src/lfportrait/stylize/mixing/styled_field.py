@@ -1,13 +1,13 @@
 """Stylised fields whose strength and style can be changed, also per region, without training.
 
-Density is the same for the photo and for every painting: only the colour of each lattice row
-differs. So a field can carry the photo's colours and those of one or more paintings, and what is
+Density is the same for the photo and for every painting: only the color of each lattice row
+differs. So a field can carry the photo's colors and those of one or more paintings, and what is
 shown is mixed from them, row by row, in a fraction of a second.
 
-The file is a field's (`lfportrait.field.storage`), with the mixed colours as its own: svox2 and all
+The file is a field's (`lfportrait.field.storage`), with the mixed colors as its own: svox2 and all
 commands that take a field show the mix. Beside them stand ``painted`` and ``photo`` as uint8,
 rounded by at most half of a level of an 8-bit picture, and the same at each further saving. A
-painting's texture (`lfportrait.field.SurfaceTexture`) is mixed with its colours, block by block;
+painting's texture (`lfportrait.field.SurfaceTexture`) is mixed with its colors, block by block;
 ``painted_texels`` hold those of all styles where the mix shows anything else than the first.
 """
 
@@ -48,17 +48,17 @@ _TEXTURE_KEYS = ("texel_rows", "painted_texels")
 
 @dataclass(kw_only=True)
 class StyledField(VoxelField):
-    """A field with photographed and painted colours that shows a mix of them.
+    """A field with photographed and painted colors that shows a mix of them.
 
     Attributes
     ----------
     painted
-        float32 [S, N, 3], sRGB in [0, 1]: colours of the lattice rows in each of S styles, at full
+        float32 [S, N, 3], sRGB in [0, 1]: colors of the lattice rows in each of S styles, at full
         strength, the same from all sides.
     styles
         Names of the S styles.
     photo
-        float32 [N, 3], sRGB in [0, 1]: the real field's mean colours.
+        float32 [N, 3], sRGB in [0, 1]: the real field's mean colors.
     labels
         uint8 [N, R], how far a row lies in each of R regions; 255 is wholly inside.
     regions
@@ -87,9 +87,9 @@ class StyledField(VoxelField):
         if not self.styles or len({*self.styles}) < len(self.styles) or (
                 self.painted.shape != (len(self.styles), count, 3)):
             raise ValueError(f"{count} rows in the styles {self.styles} need one name for each and "
-                             f"colours [S, N, 3], not {self.painted.shape}")
+                             f"colors [S, N, 3], not {self.painted.shape}")
         if self.photo.shape != (count, 3):
-            raise ValueError(f"{count} rows need colours [N, 3] of the photo, "
+            raise ValueError(f"{count} rows need colors [N, 3] of the photo, "
                              f"not {self.photo.shape}")
         if (self.labels.shape != (count, len(self.regions)) or self.labels.dtype != np.uint8
                 or len({*self.regions}) < len(self.regions)):
@@ -122,7 +122,7 @@ class StyledField(VoxelField):
         real
             The field, with which densities, cube and background are shared.
         painted, styles, photo, labels, regions
-            As the attributes; colours are clipped to [0, 1]. By default the regions are
+            As the attributes; colors are clipped to [0, 1]. By default the regions are
             `lfportrait.labels.PICTURE_LABELS`.
         textures, texel_rows
             One texture for each style, all of the same places, and the attribute of that name; or
@@ -141,7 +141,7 @@ class StyledField(VoxelField):
         if twice:
             raise UserError(f"two styles have the name {twice[0]}: rename one of the pictures")
         if not (np.isfinite(painted).all() and np.isfinite(photo).all()):
-            raise ValueError("the colours of a styled field must be finite")
+            raise ValueError("the colors of a styled field must be finite")
         return StyledField(
             real.links, real.density, np.zeros((len(real.density), 3, 1), np.float32), real.center,
             real.radius, real.frame, real.background, textures[0] if textures else None,
@@ -154,12 +154,12 @@ class StyledField(VoxelField):
     def mix(self, strength: float = 1.0, identity: float = 0.0,
             regions: Mapping[str, RegionValue] | None = None, keep_colors: bool = False,
             keep: Collection[str] = (), style: str | None = None) -> StyledField:
-        """The field in other colours, always from the photo and the paintings, whatever it shows.
+        """The field in other colors, always from the photo and the paintings, whatever it shows.
 
         Parameters
         ----------
         strength
-            0 leaves the photo's colours, 1 gives the painting's; linear between.
+            0 leaves the photo's colors, 1 gives the painting's; linear between.
         identity
             0 to 1: so much of the painting's luma gives way to the photo's, which a rising curve
             has given the distribution of the painting's (rows count by their opacity). Light and
@@ -255,7 +255,7 @@ class StyledField(VoxelField):
         """The curve that gives the photo's luma the distribution of each style's."""
         if not styles:
             return {}
-        # Light taken by a step of one voxel: rows of thin air have colours that nobody sees.
+        # Light taken by a step of one voxel: rows of thin air have colors that nobody sees.
         voxel = float((2.0 * self.radius / self.links.shape[::-1]).mean())
         photo = np.zeros(BINS)
         paintings = {name: np.zeros(BINS) for name in styles}
@@ -301,7 +301,7 @@ class StyledField(VoxelField):
         Raises
         ------
         UserError
-            If the file is missing, damaged, or a field without colours to mix.
+            If the file is missing, damaged, or a field without colors to mix.
         """
         plain_field = VoxelField.load(path)
         arrays = read_arrays(path, (*_KEYS, *_TEXTURE_KEYS))
@@ -310,7 +310,7 @@ class StyledField(VoxelField):
         if texels is None and texture is not None and rows is not None:
             texels = texture.texels[None]
         if "painted" not in arrays:
-            raise UserError(f"{path} holds no colours to mix: it was not written by this version's "
+            raise UserError(f"{path} holds no colors to mix: it was not written by this version's "
                             "`lfportrait stylize`; run that again")
         missing = [name for name in _KEYS if name not in arrays]
         if missing:
@@ -337,7 +337,7 @@ class StyledField(VoxelField):
 
 
 def load_styled(path: Any) -> VoxelField:
-    """Read a field with all its colours, where it has any to mix.
+    """Read a field with all its colors, where it has any to mix.
 
     Returns
     -------
@@ -354,7 +354,7 @@ def load_styled(path: Any) -> VoxelField:
 
 
 def _bytes(colors: Float32) -> NDArray[np.uint8]:
-    """Colours in [0, 1] as whole numbers of 255ths."""
+    """Colors in [0, 1] as whole numbers of 255ths."""
     return (colors * np.float32(255) + np.float32(0.5)).astype(np.uint8)
 
 

@@ -1,4 +1,4 @@
-"""Textures of several paintings, mixed as the colours of the lattice's rows are.
+"""Textures of several paintings, mixed as the colors of the lattice's rows are.
 
 A texture holds differences, so that a share of a painting takes the same share of its texture. The
 photo has none. What takes the painting's luma away takes that of its texture, too.

@@ -1,7 +1,7 @@
-"""Tones: the luma of colours, one distribution of it given another's shape, chroma kept in range.
+"""Tones: the luma of colors, one distribution of it given another's shape, chroma kept in range.
 
-Colours are planes, float32 [3, ...], sRGB in [0, 1]. Luma is Rec. 601's, and chroma the difference
-of a colour from the grey of its luma: what is added to all three channels changes the luma alone.
+Colors are planes, float32 [3, ...], sRGB in [0, 1]. Luma is Rec. 601's, and chroma the difference
+of a color from the grey of its luma: what is added to all three channels changes the luma alone.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 
 
 def luma(planes: Float32) -> Float32:
-    """Rec. 601 luma of colours [3, ...], float32 [...]."""
+    """Rec. 601 luma of colors [3, ...], float32 [...]."""
     red, green, blue = LUMA
     return red * planes[0] + green * planes[1] + blue * planes[2]
 
@@ -68,9 +68,9 @@ def toned(values: Float32, curve: Float32) -> Float32:
 
 
 def colored(light: Float32, chroma: Float32) -> Float32:
-    """Colours of a given luma and chroma.
+    """Colors of a given luma and chroma.
 
-    Chroma that leads out of the range of colours is drawn in, all channels alike: unlike clipping
+    Chroma that leads out of the range of colors is drawn in, all channels alike: unlike clipping
     each for itself this keeps the luma and the hue.
 
     Parameters
@@ -78,7 +78,7 @@ def colored(light: Float32, chroma: Float32) -> Float32:
     light
         float32 [...], luma in [0, 1].
     chroma
-        float32 [3, ...], colours less their luma.
+        float32 [3, ...], colors less their luma.
 
     Returns
     -------

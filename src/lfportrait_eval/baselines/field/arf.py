@@ -1,25 +1,25 @@
 """ARF (Zhang et al. 2022): artistic radiance fields by nearest-neighbour features.
 
-Colours that do not depend on the direction are matched to the painting's, fitted to the photos
-recoloured in the same way, then changed by whole-view steps: every feature of the render goes to
+Colors that do not depend on the direction are matched to the painting's, fitted to the photos
+recolored in the same way, then changed by whole-view steps: every feature of the render goes to
 the nearest of the painting (Eq. 4 and 5 of Shen et al. 2023 are these), a content loss keeps it
-near the recoloured photo, total variation keeps view and voxels smooth. At the end the colours are
+near the recolored photo, total variation keeps view and voxels smooth. At the end the colors are
 matched again. The gradient of a picture is taken back through our renderer exactly, as the
 original's deferred back-propagation does.
 
 What differs from the original:
 
-- Statistics of colours are those of the person alone, in photos and painting, and the map of the
-  last match is that of colours. The original counts all pixels, and adds the map's offset to raw
-  coefficients. A short fit to the recoloured renders follows, as in ABC-GS.
+- Statistics of colors are those of the person alone, in photos and painting, and the map of the
+  last match is that of colors. The original counts all pixels, and adds the map's offset to raw
+  coefficients. A short fit to the recolored renders follows, as in ABC-GS.
 - The losses on features count where the head is; the background has none. The nearest features are
   sought in the whole painting, as in the original.
 - Features are those of Oxford's VGG-16 (or of the small network that ships with the package), each
   layer scaled to a mean square of 1; the original's are torchvision's, unscaled. Oxford's have one
-  of about 140,000 on portraits, for pictures of 0 to 255; torchvision's see colours with a spread
+  of about 140,000 on portraits, for pictures of 0 to 255; torchvision's see colors with a spread
   of 1 instead of about 58, which makes 40 if all else is alike. So the content weight of 0.001 is
   0.04 here: an estimate.
-- The fit to the recoloured photos is by whole views (SIRT) instead of by random rays; colours stay
+- The fit to the recolored photos is by whole views (SIRT) instead of by random rays; colors stay
   between 0 and 1; there are fewer, smaller photos.
 """
 
@@ -50,7 +50,7 @@ Terms = dict[str, torch.Tensor]
 
 
 def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict[str, Any]]:
-    """Colours of a field's rows for a painting, by ARF.
+    """Colors of a field's rows for a painting, by ARF.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict
     views = photo_views(task, config.size, config.views)
     prepared = time.perf_counter()
     model = ColorModel(task.field, task.background)
-    fit = _recoloured(model, task, views, config.fit_iterations)
+    fit = _recolored(model, task, views, config.fit_iterations)
     fitted = time.perf_counter()
     losses = _Losses(network, task, config)
     descent = ColorDescent(model, task.field, config.learning_rate, config.color_smoothness,
@@ -105,9 +105,9 @@ def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict
                     "refit": round(time.perf_counter() - stepped, 3)}}
 
 
-def _recoloured(model: ColorModel, task: FieldTask, views: list[PhotoView],
+def _recolored(model: ColorModel, task: FieldTask, views: list[PhotoView],
                 iterations: int) -> list[float]:
-    """Photos and colours matched to the painting's, and the colours fitted to the photos."""
+    """Photos and colors matched to the painting's, and the colors fitted to the photos."""
     palette = painted_pixels(task.exemplar)
     change = ColorMap.between(person_pixels(views, [view.content for view in views]), palette)
     for view in views:
@@ -118,7 +118,7 @@ def _recoloured(model: ColorModel, task: FieldTask, views: list[PhotoView],
 
 def _matched_again(model: ColorModel, task: FieldTask, views: list[PhotoView],
                    iterations: int) -> list[float]:
-    """Colours matched once more, and fitted to the renders that were matched."""
+    """Colors matched once more, and fitted to the renders that were matched."""
     pictures = [model.picture(view) for view in views]
     change = ColorMap.between(person_pixels(views, pictures), painted_pixels(task.exemplar))
     for view, picture in zip(views, pictures):

@@ -1,7 +1,7 @@
-"""Colours of a set of pictures matched to a painting's: mean and full covariance (ARF).
+"""Colors of a set of pictures matched to a painting's: mean and full covariance (ARF).
 
 The original counts all pixels, background included, and adds the map's offset to raw coefficients
-of the field. Here only the person counts, on both sides, and the map is that of the colours.
+of the field. Here only the person counts, on both sides, and the map is that of the colors.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LEAST = 1e-8
 
 @dataclass(frozen=True)
 class ColorMap:
-    """An affine map of colours.
+    """An affine map of colors.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class ColorMap:
                         - matrix @ source.mean(0, dtype=np.float64))
 
     def colors(self, colors: Float32) -> Float32:
-        """Colours [N, 3] moved, in [0, 1]."""
+        """Colors [N, 3] moved, in [0, 1]."""
         return np.clip(colors @ self.matrix.T + self.offset, 0.0, 1.0).astype(np.float32)
 
     def picture(self, picture: Float32, alpha: Float32, background: float) -> Float32:
@@ -66,7 +66,7 @@ def _root(pixels: NDArray[np.floating], power: float) -> Float64:
 
 
 def painted_pixels(exemplar: Exemplar) -> Float32:
-    """Colours of the painted person, float32 [N, 3] in [0, 1]."""
+    """Colors of the painted person, float32 [N, 3] in [0, 1]."""
     person = exemplar.regions().person > 0.5
     if person.sum() < 100:
         person = np.ones(exemplar.image.shape[:2], np.bool_)
@@ -74,5 +74,5 @@ def painted_pixels(exemplar: Exemplar) -> Float32:
 
 
 def person_pixels(views: list[PhotoView], pictures: list[Float32]) -> Float32:
-    """Colours of the person in pictures of the views, float32 [N, 3]."""
+    """Colors of the person in pictures of the views, float32 [N, 3]."""
     return np.concatenate([picture[view.inside] for view, picture in zip(views, pictures)])

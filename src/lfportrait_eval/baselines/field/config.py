@@ -1,4 +1,4 @@
-"""Parameters of the published methods that colour a field."""
+"""Parameters of the published methods that color a field."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ def check_views(size: int, views: int) -> None:
 
 @dataclass(frozen=True)
 class ArfConfig:
-    """ARF (Zhang et al. 2022): nearest-neighbour feature matching between two colour transfers."""
+    """ARF (Zhang et al. 2022): nearest-neighbour feature matching between two color transfers."""
 
     size: int = 384
     """Longer side of the views in pixels; the network sees them at half the size."""
     views: int = 24
     """Photos of the capture that are used, evenly spread around the head."""
     fit_iterations: int = 6
-    """Iterations of the fit to the recoloured photos, before the steps."""
+    """Iterations of the fit to the recolored photos, before the steps."""
     steps: int = 300
     """Steps of the losses, one whole view each."""
     learning_rate: float = 0.1
-    """Step of RMSProp in units of the field's coefficients (0.28 of a colour's)."""
+    """Step of RMSProp in units of the field's coefficients (0.28 of a color's)."""
     content_weight: float = 0.04
     """Weight of the content loss, on features with a mean square of 1; the original's 0.001 is for
     features that are about six times larger. The style loss has 1."""
     image_smoothness: float = 1.0
     """Weight of the total variation of the rendered view."""
     color_smoothness: float = 0.005
-    """Weight of the total variation of the voxels' colours."""
+    """Weight of the total variation of the voxels' colors."""
     smoothed_share: float = 0.01
     """Share of the voxels that a step smooths."""
     refit_iterations: int = 3
-    """Iterations of the fit to the recoloured renders, after the steps; the original has none."""
+    """Iterations of the fit to the recolored renders, after the steps; the original has none."""
     network: Network = "auto"
     """Features of both losses; auto: vgg16 if its weights are at hand, else embedded."""
 
@@ -109,15 +109,15 @@ class RefNprConfig:
     steps: int = 180
     """Steps of the losses, one whole view and the painted one each."""
     learning_rate: float = 0.03
-    """Step of RMSProp in units of the field's coefficients (0.28 of a colour's); the original's 0.1
-    leaves coloured speckles where views are small."""
+    """Step of RMSProp in units of the field's coefficients (0.28 of a color's); the original's 0.1
+    leaves colored speckles where views are small."""
     painted_weight: float = 30.0
     """Weight of the squared error to the painted view, and of that to what others see of it; at the
     published 1 the steps leave the painting."""
     match_weight: float = 1.0
     """Weight of the painted features at the places whose photographed features match best."""
     color_weight: float = 15.0
-    """Weight of the painted colours of coarse patches that match in the same way; the original has
+    """Weight of the painted colors of coarse patches that match in the same way; the original has
     5, ReGS 15."""
     content_weight: float = 0.2
     """Weight of the content loss, on features with a mean square of 1; the original's 0.005 is for
@@ -125,7 +125,7 @@ class RefNprConfig:
     image_smoothness: float = 1.0
     """Weight of the total variation of the rendered view."""
     color_smoothness: float = 0.005
-    """Weight of the total variation of the voxels' colours."""
+    """Weight of the total variation of the voxels' colors."""
     smoothed_share: float = 0.01
     """Share of the voxels that a step smooths."""
     network: Network = "auto"

@@ -1,4 +1,4 @@
-"""Descent as in svox2, on which ARF and Ref-NPR are built: RMSProp, and smooth colours."""
+"""Descent as in svox2, on which ARF and Ref-NPR are built: RMSProp, and smooth colors."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ Float32 = NDArray[np.float32]
 
 
 class ColorDescent:
-    """Steps of a field's colours down the slopes of pictures.
+    """Steps of a field's colors down the slopes of pictures.
 
     Parameters
     ----------
     model
-        The colours; changed in place.
+        The colors; changed in place.
     field
         Its lattice.
     rate
         Step of RMSProp in units of the coefficients of degree 0.
     smoothness
-        Weight of the total variation of the colours.
+        Weight of the total variation of the colors.
     share
         Share of the rows that a step smooths.
     random

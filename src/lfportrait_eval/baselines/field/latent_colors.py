@@ -1,10 +1,10 @@
-"""Colours of a field that may differ a little from view to view, by a latent code of each view.
+"""Colors of a field that may differ a little from view to view, by a latent code of each view.
 
 StylizedNeRF's teacher paints every view on its own, so views contradict each other. There the
-colour is a network of the place and of a latent code that belongs to the view; what views can't
-agree on goes into the codes, and the mean code shows what they have in common. Here the colour of a
-row is linear in the code: its own colour plus a change for each of the code's numbers. Codes have
-mean 0 and spread 1, so that the mean code shows the rows' own colours.
+color is a network of the place and of a latent code that belongs to the view; what views can't
+agree on goes into the codes, and the mean code shows what they have in common. Here the color of a
+row is linear in the code: its own color plus a change for each of the code's numbers. Codes have
+mean 0 and spread 1, so that the mean code shows the rows' own colors.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ Float32 = NDArray[np.float32]
 
 
 class LatentColors:
-    """A model's colours and how they change with the codes.
+    """A model's colors and how they change with the codes.
 
     Parameters
     ----------
     model
-        The colours of the mean code; changed in place.
+        The colors of the mean code; changed in place.
     views
         The views.
     numbers
@@ -52,7 +52,7 @@ class LatentColors:
         return self.model.picture(self.views[index], np.ascontiguousarray(colors, np.float32))
 
     def fit(self, iterations: int) -> list[float]:
-        """Fit colours, changes and codes to the views' examples; error of each iteration (RMS)."""
+        """Fit colors, changes and codes to the views' examples; error of each iteration (RMS)."""
         errors = []
         weight = self._column_sums()
         for _ in range(iterations):
@@ -62,7 +62,7 @@ class LatentColors:
         return errors
 
     def _column_sums(self) -> Float32:
-        """How much each row counts in colour and changes, float32 [1 + D, N]."""
+        """How much each row counts in color and changes, float32 [1 + D, N]."""
         sums = np.zeros((1 + len(self.changes), len(self.model.colors)), np.float32)
         for view, code in zip(self.views, self.codes):
             seen = np.zeros((3, sums.shape[1]), np.float32)
@@ -73,7 +73,7 @@ class LatentColors:
         return sums
 
     def _iterate(self, sums: Float32) -> float:
-        """One simultaneous iteration (SIRT) of colours and changes; returns the error before."""
+        """One simultaneous iteration (SIRT) of colors and changes; returns the error before."""
         updates = np.zeros((len(sums), 3, sums.shape[1]), np.float32)
         total = mass = 0.0
         for index, (view, code) in enumerate(zip(self.views, self.codes)):
@@ -93,7 +93,7 @@ class LatentColors:
         return float(np.sqrt(total / max(mass, 1e-9)))
 
     def _fit_codes(self) -> None:
-        """The code of each view by least squares, colours and changes held."""
+        """The code of each view by least squares, colors and changes held."""
         if not len(self.changes):
             return
         for index, view in enumerate(self.views):
@@ -109,7 +109,7 @@ class LatentColors:
         self._normalise()
 
     def _normalise(self) -> None:
-        """Codes of mean 0 and spread 1; colours and changes follow, so that nothing else moves."""
+        """Codes of mean 0 and spread 1; colors and changes follow, so that nothing else moves."""
         if len(self.codes) < 2 or not len(self.changes):
             return
         mean, spread = self.codes.mean(0), np.maximum(self.codes.std(0), 1e-6)

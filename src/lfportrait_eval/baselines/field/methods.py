@@ -1,4 +1,4 @@
-"""The published methods that colour a field, as the entry points name them.
+"""The published methods that color a field, as the entry points name them.
 
 Their modules import torch, so they are imported when they paint.
 """

@@ -1,10 +1,10 @@
 """Ref-NPR (Zhang et al. 2023): one painted view, registered to the field.
 
-The frontal view is painted by example. Its colours are carried along the field's surface to every
+The frontal view is painted by example. Its colors are carried along the field's surface to every
 place that other views see, too, and the field is fitted to them. Everything else follows by
 likeness in the photos: each feature of a photo is matched with the nearest of the frontal render,
 and the field's view shall have the painted feature of that place; coarse patches take the painted
-colour in the same way. In the last quarter the painted view is replaced by what the field shows of
+color in the same way. In the last quarter the painted view is replaced by what the field shows of
 it.
 
 What differs from the original:
@@ -15,12 +15,12 @@ What differs from the original:
 - The painted view is a render of the field from the front; the others are photos of the capture.
 - The first fit is to whole views (SIRT). A step takes the whole painted view and one other, instead
   of 50,000 rays of each kind.
-- Features match in the third block of VGG-16 alone, without the fourth; colours match in conv5_1 of
+- Features match in the third block of VGG-16 alone, without the fourth; colors match in conv5_1 of
   a 16 times smaller VGG-19, or in the third block, pooled, where its weights are missing. Features
   are scaled to a mean square of 1 (`arf`).
 - The error to the painting weighs 30 times as much: at the published weight the matched features
-  pull the painted view away from its painting. Coarse colours weigh 15 as in ReGS instead of 5, and
-  steps are smaller: at the published 0.1 views of this size get coloured speckles.
+  pull the painted view away from its painting. Coarse colors weigh 15 as in ReGS instead of 5, and
+  steps are smaller: at the published 0.1 views of this size get colored speckles.
 - Losses on features count where the head is.
 """
 
@@ -61,7 +61,7 @@ STEEPEST = 0.3
 OUTLINE = 7 / 800
 """Width of the outline that is dropped, over the longer side of the view: 7 of 800 pixels."""
 ALIKE = 0.6
-"""Largest cosine distance of coarse patches that take each other's colour."""
+"""Largest cosine distance of coarse patches that take each other's color."""
 PATCH = 16
 """Side of a coarse patch in pixels."""
 LAST = 0.25
@@ -71,7 +71,7 @@ LAST_WEIGHT = 0.2
 
 
 def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, dict[str, Any]]:
-    """Colours of a field's rows for a painting, after Ref-NPR.
+    """Colors of a field's rows for a painting, after Ref-NPR.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, 
     return model.colors, {
         "views": len(views), "registered_share": round(float(np.mean(shares)), 4),
         "fit": {"rmse": [round(float(np.sqrt(error)), 5) for error in errors]},
-        "refinement": {"networks": {"features": name, "coarse colours": deep_name},
+        "refinement": {"networks": {"features": name, "coarse colors": deep_name},
                        "steps": config.steps,
                        "before": before, "after": after},
         "unseen_share": round(unseen, 4),

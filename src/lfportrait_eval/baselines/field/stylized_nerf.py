@@ -2,13 +2,13 @@
 
 The network (AdaIN) paints every view in the painting's manner. First its decoder is tuned until
 neighbouring views agree where the field's depth says that they show the same place. Then, round by
-round, the field's colours are fitted to the painted views, and the decoder is tuned towards what
+round, the field's colors are fitted to the painted views, and the decoder is tuned towards what
 the field shows. What views can't agree on goes into a latent code of each view; at the end the mean
 code is shown.
 
 What differs from the original:
 
-- The field is a voxel field with frozen density; a row's colour is linear in the code
+- The field is a voxel field with frozen density; a row's color is linear in the code
   (`latent_colors`) instead of a network of place and code. It is fitted to whole views by
   simultaneous iterations.
 - The decoder is taught by the field as the paper says; the published program has that half switched
@@ -50,7 +50,7 @@ NEIGHBOURS = 3
 def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
                              network: AdainNetwork | None = None,
                              ) -> tuple[Float32, dict[str, Any]]:
-    """Colours of a field's rows for a painting, after StylizedNeRF.
+    """Colors of a field's rows for a painting, after StylizedNeRF.
 
     Parameters
     ----------

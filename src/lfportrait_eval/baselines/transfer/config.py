@@ -44,7 +44,7 @@ class FaceStyleConfig:
     """Guided patch synthesis after FaceStyle."""
 
     style_weight: float = 1.0
-    """Weight of the colours' agreement between overlapping patches, 0.2 to 4."""
+    """Weight of the colors' agreement between overlapping patches, 0.2 to 4."""
     appearance_weight: float = 0.3
     """Weight of the appearance guide, 0 to 2: high keeps the sitter's features, and above 1 the
     photo shows through."""

@@ -19,7 +19,7 @@ from skimage.draw import polygon2mask
 
 from lfportrait.example.exemplar import Exemplar
 from lfportrait.example.guides.position import pixel_centres, position_guide
-from lfportrait.example.styleblit import elect, pack_colours, shift_planes, vote
+from lfportrait.example.styleblit import elect, pack_colors, shift_planes, vote
 
 from .config import FaceBlitConfig
 from .kernels.flood import NOWHERE, flood, search_windows, sweep_windows
@@ -155,7 +155,7 @@ class FaceBlit:
         self.appearance = stretched(appearance_levels(exemplar.image))
         self.table = published_table(self.appearance, self.config)
         self.seconds = time.perf_counter() - start
-        self._colours = pack_colours(exemplar.image.astype(np.float32) / np.float32(255))
+        self._colors = pack_colors(exemplar.image.astype(np.float32) / np.float32(255))
 
     def apply(self, image: NDArray[np.uint8], landmarks: NDArray[np.floating]) -> Painted:
         """Stylise one photo.
@@ -230,6 +230,6 @@ class FaceBlit:
             elect(anchor, reach, shift, radius, width, elected)
             shift = elected
         out = np.empty((*red.shape, 3), np.float32)
-        vote(self._colours, anchor, reach, shift, radius, radius, True, out)
+        vote(self._colors, anchor, reach, shift, radius, radius, True, out)
         out[~covered] = np.nan
         return out

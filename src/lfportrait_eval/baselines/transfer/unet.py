@@ -146,7 +146,7 @@ def train(pairs: list[tuple[NDArray[np.uint8], NDArray[np.float32]]], width: int
         for optimiser in optimisers:
             optimiser.param_groups[0]["lr"] = rate * min(1.0, max(0.1, 2.0 - 1.9 * done))
         photo, wanted = shown[int(order.integers(len(shown)))]
-        # Exposure and colour of the light vary; the painting stays.
+        # Exposure and color of the light vary; the painting stays.
         light = torch.from_numpy(order.uniform(0.85, 1.15, (1, 3, 1, 1)).astype(np.float32))
         photo = (photo * light).clamp(0, 1)
         made = painter(photo)

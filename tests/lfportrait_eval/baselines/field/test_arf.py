@@ -1,4 +1,4 @@
-"""ARF: its colour match, its descent, and a small head from start to end."""
+"""ARF: its color match, its descent, and a small head from start to end."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ SMALL = StylizeConfig(method="arf", parameters=(
     ArfConfig(size=96, views=4, steps=12, network="embedded"),))
 
 
-def test_matched_colours_have_the_paintings_mean_and_covariance():
+def test_matched_colors_have_the_paintings_mean_and_covariance():
     random = np.random.default_rng(0)
     source = 0.4 + 0.05 * random.standard_normal((5000, 3)).astype(np.float32)
     mixing = np.array([[1.0, 0.4, 0.0], [0.0, 0.7, 0.3], [0.2, 0.0, 0.5]])
@@ -31,7 +31,7 @@ def test_matched_colours_have_the_paintings_mean_and_covariance():
     assert np.allclose(np.cov(moved.T), np.cov(target.T), atol=1e-5)
 
 
-def test_a_map_of_colours_leaves_the_background():
+def test_a_map_of_colors_leaves_the_background():
     change = ColorMap(0.5 * np.eye(3), np.array([0.1, 0.2, 0.3]))
     alpha = np.array([[0.0, 0.5, 1.0]], np.float32)
     color = np.array([0.2, 0.4, 0.6], np.float32)

@@ -55,7 +55,7 @@ def test_the_painting_is_laid_on_a_turned_view(scene):
         view = turned(task, degrees)
         shares.append(registered(view, reference))
         known = view.trust > 0
-        # Every registered colour is one of the painting's, seen from where both see the place.
+        # Every registered color is one of the painting's, seen from where both see the place.
         assert not (known & ~view.inside).any()
     assert shares[0] > 0.5
     assert shares[0] > shares[1] > shares[2] > 0.02
@@ -63,8 +63,8 @@ def test_the_painting_is_laid_on_a_turned_view(scene):
     assert shares[3] < 0.01
 
 
-def test_registered_colours_are_those_of_the_same_place(scene):
-    """With the frontal render itself as its painting, a turned view gets its own colours."""
+def test_registered_colors_are_those_of_the_same_place(scene):
+    """With the frontal render itself as its painting, a turned view gets its own colors."""
     task, reference = scene
     mirror = replace(reference, example=reference.content)
     view = turned(task, 25.0)

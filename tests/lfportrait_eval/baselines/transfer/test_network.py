@@ -49,7 +49,7 @@ def test_varied_photos_take_their_landmarks_along():
         assert np.abs(centre - moved.mean(axis=0)).max() < 0.3
 
 
-def test_training_learns_the_colours_of_one_pair():
+def test_training_learns_the_colors_of_one_pair():
     from lfportrait_eval.baselines.transfer.unet import run, train
 
     photo = drawn_face(64, 48).image

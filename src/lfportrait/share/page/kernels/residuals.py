@@ -24,7 +24,7 @@ def code_rows(filled, values, tolerance, residual, decoded):
         bool [Z, Y, X], where rows are; they are numbered in this order, x fastest.
     values
         uint8 [N, C]. The channels after the first are corrected by what the first one's guess
-        lacked: colours rise and fall together.
+        lacked: colors rise and fall together.
     tolerance
         uint8 [N], the largest error of each row.
     residual

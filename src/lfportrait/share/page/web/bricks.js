@@ -8,7 +8,7 @@ class Bricks {
   /**
    * @param {Lattice} lattice
    * @param {number} longest Longest side of a 3D texture on this device.
-   * @param {number} bands Atlases of colours that lie behind one another in one texture.
+   * @param {number} bands Atlases of colors that lie behind one another in one texture.
    */
   constructor(lattice, longest, bands) {
     this.lattice = lattice;

@@ -135,7 +135,7 @@ function makeDisplay(entries) {
       && cell.every((value) => Number.isFinite(value) && Math.abs(value) <= 2);
   }), "cells must be up to four rows of six numbers between -2 and 2");
   need(!panel.cells.length || (panel.subpixels === "RGB" && !panel.flip_x && !panel.flip_y),
-    "cells tell each colour's place: subpixels must be RGB and the picture not flipped");
+    "cells tell each color's place: subpixels must be RGB and the picture not flipped");
   return panel;
 }
 

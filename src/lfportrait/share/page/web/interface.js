@@ -11,7 +11,7 @@ function tell(text, stays = false) {
   if (text && !stays) tell.timer = setTimeout(() => tell(""), 7000);
 }
 
-/** Which colour sets are mixed, and how: the slider, and the buttons of the styles. */
+/** Which color sets are mixed, and how: the slider, and the buttons of the styles. */
 class Mix {
   constructor(renderer, viewer) {
     this.renderer = renderer;

@@ -14,7 +14,7 @@ precision highp usampler3D;
 
 uniform usampler3D bricks;
 uniform sampler3D matter;      // density per world unit
-uniform sampler3D first;       // colours: two sets, of which `blend` tells the second one's share
+uniform sampler3D first;       // colors: two sets, of which `blend` tells the second one's share
 uniform sampler3D second;      // bands of harmonics lie one behind the other
 uniform float blend;
 uniform vec2 firstTone[BANDS];   // value of a stored 0, and what a stored 1 has more
@@ -32,7 +32,7 @@ float fetches = 0.0;           // texture fetches of this pixel, for measuring
 float surface;                 // where the last ray's transmittance passed one half
 
 void prepare(vec3 direction) {
-  basis[0] = 1.0;              // the first band is stored as a colour
+  basis[0] = 1.0;              // the first band is stored as a color
 #if BANDS > 1
   basis[1] = -0.4886025119029199 * direction.y;
   basis[2] = 0.4886025119029199 * direction.z;
@@ -65,7 +65,7 @@ vec3 shade(vec3 place) {
   return max(mix(from, summed(second, secondTone, place), blend), 0.0);
 }
 
-// Colour and opacity of a ray from `origin` along the unit vector `direction`; `delta` is a step in
+// Color and opacity of a ray from `origin` along the unit vector `direction`; `delta` is a step in
 // world units.
 vec4 march(vec3 origin, vec3 direction, float delta, float jitter) {
   vec3 safe = mix(direction, vec3(1e-9), lessThan(abs(direction), vec3(1e-9)));

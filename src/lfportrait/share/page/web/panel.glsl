@@ -1,4 +1,4 @@
-// A light-field panel: one ray for each sub-pixel, of which its own colour is shown.
+// A light-field panel: one ray for each sub-pixel, of which its own color is shown.
 //
 // A sub-pixel's phase under its lens is 3 x + step + y shift + offset, modulo the pitch (Shen et al.
 // 2023, Eq. 8; lightfield/display.py). Whole panels are wider than single precision tells apart, so

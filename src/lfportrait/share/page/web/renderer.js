@@ -54,10 +54,10 @@ class Renderer {
     this.textures = [];
     this.targets = {};
     this.bytes = []; // of the textures, as the device holds them
-    this.slots = [null, null]; // number of the colour set in each of the two textures
+    this.slots = [null, null]; // number of the color set in each of the two textures
   }
 
-  /** Read what all colour sets share, and upload it. */
+  /** Read what all color sets share, and upload it. */
   async load() {
     const { gl, header } = this;
     this.lattice = new Lattice(header, await stream("mask"));
@@ -77,7 +77,7 @@ class Renderer {
     if (header.texture) await this.loadTexture();
   }
 
-  /** Read what the textures of all colour sets share, and upload it. */
+  /** Read what the textures of all color sets share, and upload it. */
   async loadTexture() {
     const { gl, bricks, header } = this;
     const texture = new Texture(header, await stream("texels"));
@@ -91,7 +91,7 @@ class Renderer {
   }
 
   /**
-   * Show a mix of two colour sets.
+   * Show a mix of two color sets.
    * @param {number} from Number of a set.
    * @param {number} to Number of another, or the same.
    * @param {number} blend Share of the latter, 0 to 1.
@@ -103,7 +103,7 @@ class Renderer {
     this.blend = blend;
   }
 
-  /** Read a colour set and put it into one of the two textures. */
+  /** Read a color set and put it into one of the two textures. */
   async colors(slot, number) {
     const { bricks, lattice, bands, gl } = this;
     const [wide, high, long] = bricks.atlas;

@@ -4,7 +4,7 @@ const NO_CHART = 255;
 const OCTAVES = 6; // of the pyramid, as in field/texture.py
 const STEPS = 4; // levels in each of them
 
-/** What all colour sets' textures share: the charts, which texels are kept, the level to look at. */
+/** What all color sets' textures share: the charts, which texels are kept, the level to look at. */
 class Texture {
   /**
    * @param {object} header Of the page; `texture` tells of the atlas.
@@ -88,7 +88,7 @@ class Texture {
   }
 
   /**
-   * The pyramid of a colour set, finest level first: red, green, blue and nothing of each texel.
+   * The pyramid of a color set, finest level first: red, green, blue and nothing of each texel.
    * @param {Uint8Array} lacks The set's stream.
    */
   pyramid(lacks) {

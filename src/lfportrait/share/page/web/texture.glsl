@@ -6,7 +6,7 @@
 #ifdef TEXTURED
 uniform usampler3D cells;      // chart of each cell of the bricks in the atlas, 255 for none
 uniform sampler2D charts;      // a row for each: the rows of its map from lattice points to texels
-uniform sampler2D firstTexels; // differences of the two colour sets, 128/255 for none
+uniform sampler2D firstTexels; // differences of the two color sets, 128/255 for none
 uniform sampler2D secondTexels;
 uniform bvec2 textured;        // whether the sets have any
 uniform float level;           // octaves of the pyramid, from the texture's own resolution on
@@ -47,7 +47,7 @@ vec3 detail(vec3 here) {
 }
 #endif
 
-// Colour and opacity of a ray, with its texture; as `march` takes it.
+// Color and opacity of a ray, with its texture; as `march` takes it.
 vec4 seenAlong(vec3 origin, vec3 direction, float delta, float jitter) {
   vec4 seen = march(origin, direction, delta, jitter);
 #ifdef TEXTURED

@@ -1,6 +1,6 @@
 // The portrait's data: base64 in the page -> lattice rows.
 //
-// A stream is deflated. Densities and colours are stored as what their neighbours do not tell:
+// A stream is deflated. Densities and colors are stored as what their neighbours do not tell:
 // a value is guessed as the mean of those at x - 1, y - 1 and z - 1 (share/page/kernels/residuals).
 
 /** A sentence for the person who looks at the page. */

@@ -1,4 +1,4 @@
-// A pinhole view: one ray for each pixel, colours premultiplied by opacity.
+// A pinhole view: one ray for each pixel, colors premultiplied by opacity.
 
 uniform mat3 turn;             // camera to world; the camera looks along +z, y down
 uniform vec3 eye;              // in the world

@@ -1,4 +1,4 @@
-"""RMSProp steps on colours."""
+"""RMSProp steps on colors."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["rmsprop_step"]
 @shared("colors")
 @lean_kernel
 def rmsprop_step(since, until, colors, gradient, square, rate):
-    """RMSProp as in svox2 on colours [N, 3] with gradient [3, N], where it is not zero.
+    """RMSProp as in svox2 on colors [N, 3] with gradient [3, N], where it is not zero.
 
-    A colour's first slope is its own mean square. Colours stay in [0, 1]; the gradient is set to
+    A color's first slope is its own mean square. Colors stay in [0, 1]; the gradient is set to
     zero.
     """
     keep = np.float32(0.95)

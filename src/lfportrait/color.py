@@ -92,7 +92,7 @@ def _by_profile(picture: Image.Image, profile: bytes | None) -> Image.Image:
         return picture
     from PIL import ImageCms
 
-    if picture.mode not in _PROFILED:  # a palette's colours have the file's profile, too
+    if picture.mode not in _PROFILED:  # a palette's colors have the file's profile, too
         picture = picture.convert("RGB")
     if profile:
         try:

@@ -1,6 +1,6 @@
-"""Two-class segmentation of a portrait by colours and a prior, for pictures where networks fail.
+"""Two-class segmentation of a portrait by colors and a prior, for pictures where networks fail.
 
-GrabCut in small (Rother et al. 2004): colour histograms of the two classes, a smoothness term that
+GrabCut in small (Rother et al. 2004): color histograms of the two classes, a smoothness term that
 is weak across edges, and an exact minimum cut, a few times over on a picture of about 128 pixels.
 The soft result follows the picture's edges by a guided filter (He et al. 2010).
 """
@@ -41,20 +41,20 @@ def guided_filter(guide: Float32, values: Float32, radius: int, epsilon: float) 
 
 
 def _histogram(cells: NDArray[np.int64], weights: Float32) -> Float32:
-    """Smoothed colour distribution of the weighted pixels, [BINS^3]."""
+    """Smoothed color distribution of the weighted pixels, [BINS^3]."""
     counts = np.bincount(cells.ravel(), weights.ravel().astype(np.float64), BINS ** 3)
     smooth = gaussian_filter(counts.reshape(BINS, BINS, BINS), 0.8)
     return np.asarray((smooth / max(smooth.sum(), 1e-9)).ravel() + 1e-4, np.float32)
 
 
 def _cells(image: Float32) -> NDArray[np.int64]:
-    """Histogram cell of every pixel, colours in [0, 1]."""
+    """Histogram cell of every pixel, colors in [0, 1]."""
     index = np.minimum((image * BINS).astype(np.int64), BINS - 1)
     return (index[..., 0] * BINS + index[..., 1]) * BINS + index[..., 2]
 
 
 def overlap(image: Float32, first: Float32, second: Float32) -> float:
-    """Bhattacharyya overlap in [0, 1] of the colours of two soft regions of [H, W, 3]."""
+    """Bhattacharyya overlap in [0, 1] of the colors of two soft regions of [H, W, 3]."""
     cells = _cells(image)
     one, two = _histogram(cells, first), _histogram(cells, second)
     return float(np.sqrt(one / one.sum() * two / two.sum()).sum())
@@ -112,14 +112,14 @@ def separate(image: Float32, prior: Float32, *, sure: float = 0.02, smoothness: 
     smoothness
         Strength of the term that keeps neighbours together.
     rounds
-        Times that colours and labels are estimated in turn.
+        Times that colors and labels are estimated in turn.
     size
         Longer side of the picture that is cut.
     blur
-        Sigma in pixels of that picture of the blur before colours are compared: drawings show
+        Sigma in pixels of that picture of the blur before colors are compared: drawings show
         hair as a density of strokes.
     reach
-        Largest log likelihood ratio that a colour may have.
+        Largest log likelihood ratio that a color may have.
 
     Returns
     -------

@@ -53,7 +53,7 @@ def saved(path, image, **options):
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif"])
-def test_a_phones_wide_colours_become_srgb(tmp_path, suffix):
+def test_a_phones_wide_colors_become_srgb(tmp_path, suffix):
     image = np.full((16, 16, 3), COLOR, np.uint8)
     path = saved(tmp_path / f"p{suffix}", image, icc_profile=profile(P3), quality=100)
     assert np.abs(read_image(path)[8, 8].astype(int) - (217, 42, 52)).max() <= 2
@@ -61,7 +61,7 @@ def test_a_phones_wide_colours_become_srgb(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("primaries", [P3, ADOBE])
-def test_colours_are_those_of_littlecms(tmp_path, primaries):
+def test_colors_are_those_of_littlecms(tmp_path, primaries):
     image = np.random.default_rng(0).integers(0, 256, (20, 30, 3), np.uint8)
     data = profile(primaries, (0, (2.2,)))
     path = saved(tmp_path / "p.png", image, icc_profile=data)
@@ -96,7 +96,7 @@ def test_sixteen_bits_and_floating_point_are_the_picture(tmp_path):
         assert np.abs(found - 255 * ramp[..., None]).max() <= 1, name
 
 
-def test_grey_palettes_and_print_colours(tmp_path):
+def test_grey_palettes_and_print_colors(tmp_path):
     grey = np.tile(np.arange(0, 250, 10, dtype=np.uint8), (8, 1))
     assert np.array_equal(read_image(saved(tmp_path / "l.png", grey))[..., 1], grey)
     Image.fromarray(np.full((8, 8, 3), COLOR, np.uint8)).quantize(4).save(tmp_path / "p.png")
@@ -116,7 +116,7 @@ def test_what_is_no_picture_is_one_line(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".heic", ".avif"])
-def test_a_phones_own_files_have_wide_colours_too(tmp_path, suffix):
+def test_a_phones_own_files_have_wide_colors_too(tmp_path, suffix):
     pillow_heif = pytest.importorskip("pillow_heif")
     pillow_heif.register_heif_opener()
     image = np.full((32, 32, 3), COLOR, np.uint8)
