@@ -96,6 +96,13 @@ def test_exact_pictures_keep_every_pixel_and_large_ones_shrink(tmp_path):
     assert pictures[2].shape == (3, 4, 3) and pictures[3].shape == (5, 5, 3)
 
 
+def test_a_picture_of_noise_can_be_shown(tmp_path):
+    noise = np.random.default_rng(1).integers(0, 256, (400, 400, 3), dtype=np.uint8)
+    page = page_of(tmp_path, Report("T", sections=[Section("S", pictures=[Picture(noise)])]))
+    shown, = (embedded(address) for address in page.addresses if address.startswith("data:image"))
+    assert shown.shape == noise.shape
+
+
 def test_numbers_are_rounded_for_reading(tmp_path):
     page = page_of(tmp_path, Report("T", sections=[Section("S", tables=[Table([
         ("a", 1234567, 0.123456, 34.14159, float("inf"), None, True, 123.456, 98765.4)])])]))

@@ -140,7 +140,8 @@ def _data_address(picture: Picture) -> tuple[str, int, int]:
         image.save(buffer, "PNG", optimize=True)
         kind = "png"
     else:
-        image.convert("RGB").save(buffer, "JPEG", quality=88, subsampling=0, optimize=True)
+        # Not `optimize`: then Pillow's buffer must hold the whole file, and noise does not fit in.
+        image.convert("RGB").save(buffer, "JPEG", quality=88, subsampling=0)
         kind = "jpeg"
     text = base64.b64encode(buffer.getvalue()).decode()
     return f"data:image/{kind};base64,{text}", image.width, image.height
