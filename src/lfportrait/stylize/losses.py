@@ -1,4 +1,4 @@
-"""The losses between pictures, on features and on contours (Shen et al. 2023, Eq. 4, 5, 7, 9)."""
+"""The losses between pictures, on features and on contours (Shen et al. 2023, Eq. 4, 5, 7)."""
 
 from __future__ import annotations
 
