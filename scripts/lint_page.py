@@ -3,7 +3,7 @@
 The files in `share/page/web/` and those in `study/web/` of the laboratory are one script in their
 page, so they are checked joined as there: a name that one file uses must be in another.
 
-Run: python scripts/lint_page.py            exit code 1 if there is anything to mend
+Run: python scripts/lint_page.py            exit code 1 if there is anything to fix
 """
 
 import shutil

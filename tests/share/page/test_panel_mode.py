@@ -93,11 +93,11 @@ def test_a_calibration_of_the_maker_is_read_as_on_the_command_line(pure_opened, 
 
 @pytest.mark.parametrize(("name", "text", "told"), [
     ("a.toml", "width = 4\nheight = 'x'\nviews = 3\npitch = 2", "height must be a number"),
-    ("a.toml", "width 4", "no entry"),
+    ("a.toml", "width 4", "cannot be read"),
     ("a.toml", "cells = [[1, 2]", "within a list"),
     ("a.toml", "width = 4\nheight = 4\nviews = 3\npitch = 0.1", "pitch must be a number from 1"),
     ("visual.json", "{", "not valid JSON"),
-    ("visual.json", '{"screenW": {"value": 4}}', "screenH is no number")])
+    ("visual.json", '{"screenW": {"value": 4}}', "screenH is not a number")])
 def test_files_that_are_no_displays_are_told(opened, name, text, told):
     read = """([name, text]) => {
       try { lfportrait.readDisplay(name, text); return ""; } catch (error) { return error.message; }
@@ -112,7 +112,7 @@ def start(each, tmp_path, panel):
     each.page.click("#open-panel")
     each.page.set_input_files("#display-file", tmp_path / "mine.toml")
     each.page.wait_for_selector(
-        f"#display-told:has-text('{panel.width} x {panel.height} pixels')")
+        f"#display-message:has-text('{panel.width} x {panel.height} pixels')")
     each.page.click("#start-panel")
 
 

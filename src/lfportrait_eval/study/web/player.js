@@ -21,9 +21,9 @@ class Streams {
 
 function playable(video, address) {
   return new Promise((resolve, reject) => {
-    const told = () => reject(new Error("A video can't be played in this browser. Try another one, or update it."));
+    const failed = () => reject(new Error("A video can't be played in this browser. Try another one, or update it."));
     video.addEventListener("canplay", resolve, { once: true });
-    video.addEventListener("error", told, { once: true });
+    video.addEventListener("error", failed, { once: true });
     video.src = address;
     video.load();
   });

@@ -23,7 +23,7 @@ class Bricks {
     const wide = Math.min(most, Math.max(1, cube, Math.ceil(Math.sqrt(this.count / deepest))));
     const deep = Math.max(1, Math.ceil(this.count / (wide * wide)));
     if (deep > deepest) {
-      throw new Told("This portrait is too large for this device's graphics. Export it with a smaller --max-size.");
+      throw new UserError("This portrait is too large for this device's graphics. Export it with a smaller --max-size.");
     }
     this.places = [wide, wide, deep];
     this.atlas = this.places.map((n) => n * SIDE);

@@ -19,10 +19,10 @@ function readToml(text) {
     open = "";
     if (!statement) continue;
     const parts = /^([A-Za-z0-9_-]+)\s*=\s*(.+)$/.exec(statement);
-    if (!parts) throw new Told(`This display file has a line that is no entry: ${statement}`);
+    if (!parts) throw new UserError(`This display file has a line that cannot be read: ${statement}`);
     entries[parts[1]] = tomlValue(parts[1], parts[2].trim());
   }
-  if (open.trim()) throw new Told("This display file ends within a list.");
+  if (open.trim()) throw new UserError("This display file ends within a list.");
   if ("slant_degrees" in entries) {
     entries.slant = entries.slant_degrees * Math.PI / 180;
     delete entries.slant_degrees;
@@ -48,7 +48,7 @@ function tomlValue(key, text) {
   try {
     return JSON.parse(json);
   } catch {
-    throw new Told(`This display file's ${key} can't be read: ${text}`);
+    throw new UserError(`This display file's ${key} cannot be read: ${text}`);
   }
 }
 
@@ -58,7 +58,7 @@ function readCalibration(text) {
   try {
     data = JSON.parse(text);
   } catch {
-    throw new Told("This calibration is not valid JSON.");
+    throw new UserError("This calibration is not valid JSON.");
   }
   data = data?.calibration ?? data;
   const plain = (key) => data?.[key]?.value ?? data?.[key];
@@ -66,14 +66,14 @@ function readCalibration(text) {
     const entry = plain(key) ?? otherwise;
     const value = Number(entry);
     if (entry === undefined || entry === "" || !Number.isFinite(value)) {
-      throw new Told(`This calibration's ${key} is no number.`);
+      throw new UserError(`This calibration's ${key} is not a number.`);
     }
     return value;
   };
   const width = Math.round(number("screenW")), height = Math.round(number("screenH"));
   const slope = number("slope"), dpi = number("DPI"), lenses = number("pitch");
   if (!slope || dpi <= 0 || width < 1 || height < 1 || !lenses) {
-    throw new Told("This calibration's pitch, slope, DPI, screenW and screenH must not be 0.");
+    throw new UserError("This calibration's pitch, slope, DPI, screenW and screenH must not be 0.");
   }
   const flipX = number("flipImageX", 0) >= 0.5, flipY = number("flipImageY", 0) >= 0.5;
   const lens = lenses * (width / dpi) * Math.cos(Math.atan(1 / slope));
@@ -84,7 +84,7 @@ function readCalibration(text) {
   const names = ["ROffsetX", "ROffsetY", "GOffsetX", "GOffsetY", "BOffsetX", "BOffsetY"];
   const cells = (plain("subpixelCells") ?? []).map((cell) => names.map((name) => Number(cell[name])));
   const mode = cells.length ? Math.round(number("CellPatternMode", 0)) : 0;
-  if (!PATTERNS[mode]) throw new Told(`This calibration's CellPatternMode ${mode} is not known.`);
+  if (!PATTERNS[mode]) throw new UserError(`This calibration's CellPatternMode ${mode} is not known.`);
   const size = Math.abs(pitch), raw = (pitch > 0 ? phase : -phase) * size;
   const quilt = Number(plain("numViews")) || QUILT_VIEWS(String(plain("serial") ?? ""), width);
   return {
@@ -109,7 +109,7 @@ function QUILT_VIEWS(serial, width) {
 function makeDisplay(entries) {
   const panel = { ...DEFAULTS, ...entries };
   const need = (good, text) => {
-    if (!good) throw new Told(`The display ${panel.name}: ${text}.`);
+    if (!good) throw new UserError(`The display ${panel.name}: ${text}.`);
   };
   const between = (key, low, high) => {
     const value = panel[key];

@@ -7,7 +7,7 @@ function stand(error, viewer) {
   if (viewer) viewer.stopped = true;
   document.body.classList.remove("live");
   document.body.classList.add("standing");
-  tell(error instanceof Told ? error.message
+  tell(error instanceof UserError ? error.message
     : "The moving portrait can't be shown: its data are damaged, or this browser is too old. Get the file once more, or try another browser.", true);
 }
 
@@ -33,10 +33,10 @@ async function begin() {
   let viewer = null;
   try {
     if (!document.querySelector("script[data-end]")) {
-      throw new Told("This file is incomplete: it was cut off on its way. Get it once more. This is a still picture of the portrait.");
+      throw new UserError("This file is incomplete: it was cut off on its way. Get it once more. This is a still picture of the portrait.");
     }
     if (typeof DecompressionStream === "undefined") {
-      throw new Told("This browser is too old for the moving portrait. This is a still picture of it.");
+      throw new UserError("This browser is too old for the moving portrait. This is a still picture of it.");
     }
     const renderer = new Renderer(canvas, HEADER);
     const orbit = new Orbit(HEADER.start);
@@ -47,7 +47,7 @@ async function begin() {
     });
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
-      stand(new Told("The graphics driver took the picture away; this is a still one. It comes back by itself if the driver allows."), viewer);
+      stand(new UserError("The graphics driver took the picture away; this is a still one. It comes back by itself if the driver allows."), viewer);
     });
     await renderer.load();
     const mix = new Mix(renderer, viewer);
@@ -68,7 +68,7 @@ async function begin() {
     // The slider's other end, before somebody asks for it.
     if (HEADER.sets.length > 1) setTimeout(() => mix.apply(true).catch((error) => stand(error, viewer)), 600);
   } catch (error) {
-    if (!(error instanceof Told)) console.warn(error);
+    if (!(error instanceof UserError)) console.warn(error);
     stand(error, viewer);
   }
 }

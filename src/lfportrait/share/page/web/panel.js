@@ -8,7 +8,7 @@ class Panel {
     const { gl } = renderer;
     const longest = gl.getParameter(gl.MAX_TEXTURE_SIZE);
     if (Math.max(display.width, display.height) > longest) {
-      throw new Told(`This device's graphics draw at most ${longest} pixels in a row; ${display.name} has more.`);
+      throw new UserError(`This device's graphics draw at most ${longest} pixels in a row; ${display.name} has more.`);
     }
     this.phases = [[4, this.numbers.columns], [5, this.numbers.rows]].map(([unit, values]) => {
       const texture = gl.createTexture();

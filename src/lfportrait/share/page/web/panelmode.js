@@ -57,7 +57,7 @@ class PanelMode {
   /** A display file that was dropped or chosen. */
   async take(file) {
     if (!file) return;
-    if (file.size > 1e6) return this.choose(() => { throw new Told("That is no display file: it is too large."); });
+    if (file.size > 1e6) return this.choose(() => { throw new UserError("This is not a display file: it is too large."); });
     const text = await file.text();
     this.choose(() => readDisplay(file.name, text));
     find("preset").value = "";
@@ -70,14 +70,14 @@ class PanelMode {
       this.describe();
     } catch (error) {
       this.display = null;
-      this.describe(error instanceof Told ? error.message : "That is no display file.");
+      this.describe(error instanceof UserError ? error.message : "This is not a display file.");
     }
   }
 
   describe(problem = "") {
     const { display } = this;
     find("start-panel").disabled = !display;
-    find("display-told").textContent = problem || (display
+    find("display-message").textContent = problem || (display
       ? `${display.name}: ${display.width} x ${display.height} pixels, ${display.views} views. ${display.calibrated ? "Calibrated." : "Not calibrated: expect blur and jumps; your panel's own visual.json mends that."}`
       : "Choose your panel, or drop its visual.json or a display file onto this page.");
   }
@@ -101,7 +101,7 @@ class PanelMode {
     try {
       this.coder = new Panel(this.viewer.renderer, this.display);
     } catch (error) {
-      return this.refuse(error instanceof Told ? error.message : String(error));
+      return this.refuse(error instanceof UserError ? error.message : String(error));
     }
     this.wanted = true;
     this.check();

@@ -37,7 +37,7 @@ class Renderer {
       alpha: true, antialias: false, depth: false, stencil: false, premultipliedAlpha: true,
       preserveDrawingBuffer: true, powerPreference: "high-performance",
     });
-    if (!gl) throw new Told("This browser has no WebGL2, which the moving portrait needs. This is a still picture of it.");
+    if (!gl) throw new UserError("This browser has no WebGL2, which the moving portrait needs. This is a still picture of it.");
     this.gl = gl;
     this.forget();
     this.blend = 0;

@@ -4,12 +4,12 @@
 // a value is guessed as the mean of those at x - 1, y - 1 and z - 1 (share/page/kernels/residuals).
 
 /** A sentence for the person who looks at the page. */
-class Told extends Error {}
+class UserError extends Error {}
 
 /** Bytes of a stream of the page. */
 async function stream(name) {
   const element = document.querySelector(`script[data-stream="${name}"]`);
-  if (!element) throw new Told("This file is incomplete: a part of it is missing. Get it once more.");
+  if (!element) throw new UserError("This file is incomplete: a part of it is missing. Get it once more.");
   const text = atob(element.textContent);
   const bytes = new Uint8Array(text.length);
   for (let i = 0; i < bytes.length; i++) bytes[i] = text.charCodeAt(i);
