@@ -84,6 +84,7 @@ class Refinement:
     def _shares(self) -> dict[str, float]:
         """Wanted gradient norm of each term, relative to the anchor's."""
         config = self.config
+        # 0.001, 0.005 and 10 are the paper's weights of Eq. 9: there each term has the share before it.
         return {"fit": 1.0, "content": 0.1 * config.alpha / 0.001,
                 "style": 0.5 * config.beta / 0.005, "laplacian": 0.5 * config.gamma / 10.0}
 
@@ -123,6 +124,7 @@ class Refinement:
             image = torch.from_numpy(np.ascontiguousarray(
                 model.picture(view).transpose(2, 0, 1)))[None].requires_grad_(True)
             terms = self._terms(view, image)
+            # Eq. 9, with the fit to the painted views as a fourth term.
             loss = torch.stack([self.scale[name] * value for name, value in terms.items()]).sum()
             slope, = torch.autograd.grad(loss, image)
             picture = slope[0].permute(1, 2, 0).numpy() * view.trusted[..., None]

@@ -83,6 +83,7 @@ def sitter_shares(skin: Skin, labels: NDArray[np.uint8], present: Bools) -> Floa
         bare = shares[:, [SKIN, NECK, GROUND]].sum(axis=1)
         shares[:, SKIN] += np.maximum(1 - skin.hair - bare, 0)
         shares[:, HAIR] = skin.hair
+    # Hair covers ears: an ear that is painted with hair was taken for hair in `sitter.py`.
     ears = skin.ears if skin.hair is None else skin.ears * (1 - skin.hair)
     shares *= (1 - ears)[:, None]
     # Skin or the painter's ears, whichever is more alike.
