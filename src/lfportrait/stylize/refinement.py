@@ -84,7 +84,8 @@ class Refinement:
     def _shares(self) -> dict[str, float]:
         """Wanted gradient norm of each term, relative to the anchor's."""
         config = self.config
-        # 0.001, 0.005 and 10 are the paper's weights of Eq. 9: there each term has the share before it.
+        # 0.001, 0.005 and 10 are the paper's weights (Eq. 9): with them each term has the share
+        # that stands before its weight.
         return {"fit": 1.0, "content": 0.1 * config.alpha / 0.001,
                 "style": 0.5 * config.beta / 0.005, "laplacian": 0.5 * config.gamma / 10.0}
 
