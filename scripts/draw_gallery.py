@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 import lfportrait as lf
@@ -70,14 +71,27 @@ def mixtures(styled: lf.StyledField) -> list[lf.VoxelField]:
             styled.mix(style=third, keep_colors=True), styled.mix(regions={"hair": second})]
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def folders(what: str, arguments: list[str] | None) -> tuple[Path, Path]:
+    """Folders of a finished demo and for the pictures, from the command line."""
+    parser = argparse.ArgumentParser(description=what)
     parser.add_argument("demo", type=Path, help="folder of a finished demo")
     parser.add_argument("out", type=Path, help="folder for the pictures")
     options = parser.parse_args(arguments)
+    return options.demo, options.out
 
-    capture = lf.Capture.load(options.demo / "capture")
-    field = lf.VoxelField.load(options.demo / "field.npz")
+
+def write_all(out: Path, drawn: dict[str, NDArray[np.uint8]]) -> None:
+    """Write pictures, uint8 [H, W, 3], by their names as JPEG files."""
+    for name, picture in drawn.items():
+        write_image(out / f"{name}.jpg", picture, quality=QUALITY)
+        print(f"{name}.jpg: {picture.shape[1]} x {picture.shape[0]}")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    demo, out = folders(__doc__.splitlines()[0], arguments)
+
+    capture = lf.Capture.load(demo / "capture")
+    field = lf.VoxelField.load(demo / "field.npz")
     exemplars = [demo_exemplar(name) for name in demo_styles()]
     with Progress("stylize") as progress:
         styled = lf.stylize(field, capture, exemplars, progress=progress)
@@ -88,9 +102,7 @@ def main(arguments: list[str] | None = None) -> int:
         drawn[exemplar.name] = strip([exemplar.image, *seen(painted, (-40, 0, 40))], HEIGHT)
     drawn["mixes"] = strip([seen(mix, (20,))[0] for mix in mixtures(styled)], HEIGHT)
     drawn["strokes"] = strip([close(styled.mix(style=one.name)) for one in exemplars], HEIGHT)
-    for name, picture in drawn.items():
-        write_image(options.out / f"{name}.jpg", picture, quality=QUALITY)
-        print(f"{name}.jpg: {picture.shape[1]} x {picture.shape[0]}")
+    write_all(out, drawn)
     return 0
 
 

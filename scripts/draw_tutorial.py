@@ -9,18 +9,15 @@ at three strengths. ``display.jpg``: a piece of the coded picture, and what thre
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
-
 import numpy as np
 from PIL import Image, ImageDraw
 
 import lfportrait as lf
-from draw_gallery import QUALITY, seen, strip
+from draw_gallery import folders, seen, strip, write_all
 from lfportrait.capture import GOOD, INK, PAPER
 from lfportrait.demo import demo_exemplar
 from lfportrait.field import Rendering
-from lfportrait.files import read_image, write_image
+from lfportrait.files import read_image
 
 HEIGHT = 320
 
@@ -107,24 +104,19 @@ def coded_and_seen(coded: np.ndarray, display: lf.Display) -> np.ndarray:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("demo", type=Path, help="folder of a finished demo")
-    parser.add_argument("out", type=Path, help="folder for the pictures")
-    options = parser.parse_args(arguments)
+    demo, out = folders(__doc__.splitlines()[0], arguments)
 
-    capture = lf.Capture.load(options.demo / "capture")
-    styled = lf.StyledField.load(options.demo / "styled.npz")
+    capture = lf.Capture.load(demo / "capture")
+    styled = lf.StyledField.load(demo / "styled.npz")
     drawn = {
         "photos": photos(capture),
         "capture": cameras_and_mattes(capture),
-        "field": field_and_depth(lf.VoxelField.load(options.demo / "field.npz"), capture),
+        "field": field_and_depth(lf.VoxelField.load(demo / "field.npz"), capture),
         "style": strengths(styled),
-        "display": coded_and_seen(read_image(options.demo / "lightfield.png"),
+        "display": coded_and_seen(read_image(demo / "lightfield.png"),
                                   lf.Display.preset("generic-4k")),
     }
-    for name, picture in drawn.items():
-        write_image(options.out / f"{name}.jpg", picture, quality=QUALITY)
-        print(f"{name}.jpg: {picture.shape[1]} x {picture.shape[0]}")
+    write_all(out, drawn)
     return 0
 
 
