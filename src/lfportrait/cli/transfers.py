@@ -20,6 +20,7 @@ from ..example import (
     Transfer,
     TransferConfig,
     VideoTransfer,
+    bared,
     face_landmarks,
     mix_regions,
     prepare,
@@ -51,7 +52,8 @@ class _Painter:
         """Prepare the exemplar as it is in another thread, while a face is looked for."""
         if isinstance(self.config, TransferConfig):
             aside = ThreadPoolExecutor(1)
-            self._coming = aside.submit(prepare, self.exemplar, self.config)
+            self._coming = aside.submit(lambda: prepare(bared(self.exemplar, fringe=True),
+                                                        self.config))
             aside.shutdown(wait=False)
 
     def _apply(self, style: str, photo: NDArray[np.uint8], points: NDArray[np.float64]) -> Any:
@@ -62,6 +64,8 @@ class _Painter:
         if key == ("", True) and self._coming is not None:
             self.prepared[key], self._coming = self._coming.result(), None
         if key not in self.prepared:
+            if isinstance(self.config, TransferConfig):
+                chosen = bared(chosen, fringe=True)
             self.prepared[key] = prepare(chosen, self.config, own=[(photo, points)])
         return self.prepared[key].apply(photo, points)
 
@@ -137,7 +141,7 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
     rate, frames = video_frames(path)
     frames, points = _first_face(frames)
     if points is not None:
-        exemplar = suited(exemplar, points)
+        exemplar = bared(suited(exemplar, points), fringe=True)
     video = VideoTransfer(Transfer(exemplar, config))
     start = time.perf_counter()
 

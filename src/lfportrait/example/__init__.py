@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks, transfer
     from .turned import FRONTAL, PROFILE, frontal_view, head_mesh, suited
     from .video import VideoTransfer
+    from .worn import bared
 
 __all__ = [
     "FRONTAL",
@@ -53,6 +54,7 @@ __all__ = [
     "TransferResult",
     "VideoTransfer",
     "appearance_guide",
+    "bared",
     "build_table",
     "face_landmarks",
     "face_size",

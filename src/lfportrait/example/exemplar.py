@@ -48,6 +48,11 @@ class Exemplar:
         or None; then the transfer segments the picture itself.
     faces
         How many faces were found in the picture; 1 where its landmarks were given.
+    hair
+        float32 [H, W] in [0, 1]: the hair where it is known, or None; then it is segmented.
+    covered, bared
+        The painting before its forehead was bared (`worn.filled`), and float32 [H, W] in [0, 1],
+        where it was; or None.
     """
 
     image: NDArray[np.uint8]
@@ -55,6 +60,9 @@ class Exemplar:
     name: str = "exemplar"
     mask: NDArray[np.float32] | None = field(default=None, repr=False)
     faces: int = 1
+    hair: NDArray[np.float32] | None = field(default=None, repr=False)
+    covered: Exemplar | None = field(default=None, repr=False)
+    bared: NDArray[np.float32] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         self.image = np.ascontiguousarray(self.image[..., :3], np.uint8)
@@ -82,6 +90,9 @@ class Exemplar:
 
         return replace(self, image=small(self.image),
                        mask=None if self.mask is None else small(self.mask),
+                       hair=None if self.hair is None else small(self.hair),
+                       bared=None if self.bared is None else small(self.bared),
+                       covered=None if self.covered is None else self.covered.within(size),
                        landmarks=self.landmarks * np.divide(shape, (width, height)))
 
     def pose(self) -> FacePose:
@@ -101,6 +112,8 @@ class Exemplar:
         What the segmentation networks see in a picture takes seconds to find, most of them to load
         the networks: it is kept in the user's cache.
         """
+        if self.hair is not None and self.mask is not None:
+            return Regions(self.landmarks, self.mask, np.minimum(self.hair, self.mask))
         networks = models.in_use(["person-segmentation", "hair-segmentation"])
         if not networks:
             return find_regions(self.image, self.landmarks, self.mask)

@@ -37,6 +37,7 @@ from .styleblit import (
 )
 from .table import TableConfig, cached_table
 from .turned import face_aside, suited
+from .worn import bared
 
 if TYPE_CHECKING:
     from .painter.photo import PhotoPatches
@@ -389,7 +390,8 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
         If no face is found.
     """
     points = face_landmarks(image) if landmarks is None else landmarks
-    return Transfer(suited(exemplar, points), config).apply(image, points, **options)
+    fitting = bared(suited(exemplar, points), fringe=True)
+    return Transfer(fitting, config).apply(image, points, **options)
 
 
 def face_landmarks(image: NDArray[np.generic]) -> NDArray[np.float64]:

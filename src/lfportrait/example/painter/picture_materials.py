@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +22,7 @@ from ..guides.labels import soft_face
 from ..guides.regions import Regions
 
 __all__ = ["CLOTHES", "EARS", "FEATURES", "GROUND", "HAIR", "MATERIALS", "NECK", "PLAIN", "SKIN",
+           "SmallPicture",
            "material_shares", "painted_shares", "picture_shares"]
 
 Float32 = NDArray[np.float32]
@@ -59,7 +61,14 @@ LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colors than this are taken for it."""
 
 
-class _Small:
+TWO_HUES = 26.0
+"""Hair whose two most frequent colors are further apart than this in a and b is a cap."""
+BESIDE, LITTLE = 0.2, 0.2
+"""The cap's color is what lies so near to the face, over its size; the other has so little there,
+over what that has."""
+
+
+class SmallPicture:
     """A picture as small as its colors may be compared in, which are blurred anyway.
 
     Parameters
@@ -206,10 +215,10 @@ def picture_shares(picture: Exemplar, regions: Regions, labels: NDArray[np.uint8
         the color of skin is skin. Else all right below the jaw is neck: for photos, whose bodies
         are painted of it.
     """
-    return _shares(_Small(picture, regions, labels), regions, strict)
+    return _shares(SmallPicture(picture, regions, labels), regions, strict)
 
 
-def _shares(small: _Small, regions: Regions, strict: bool) -> Float32:
+def _shares(small: SmallPicture, regions: Regions, strict: bool) -> Float32:
     """`picture_shares` of a picture that has been made small."""
     shares = material_shares(small.labels)
     # Labels fall off gently beyond the outline: what lies there is background all the same.
@@ -250,7 +259,7 @@ def _shares(small: _Small, regions: Regions, strict: bool) -> Float32:
     return shares
 
 
-def _overlooked(small: _Small, skin: Float32) -> Float32:
+def _overlooked(small: SmallPicture, skin: Float32) -> Float32:
     """Shares of ``skin`` [h, w] that are hair, by their colors: hair's, not the cheeks'.
 
     Highlights are skin.
@@ -266,7 +275,7 @@ def _overlooked(small: _Small, skin: Float32) -> Float32:
     return skin * small.whole(hair)
 
 
-def _beard(small: _Small, skin: Float32) -> Float32:
+def _beard(small: SmallPicture, skin: Float32) -> Float32:
     """Shares of ``skin`` [h, w] that are a beard.
 
     Chin and upper lip under a beard are alike, and both are of another hue than the cheeks; shade
@@ -308,7 +317,7 @@ def _bearded(plain: Float32, chin: Float32, lip: Float32) -> float:
                  * np.clip((other - unlike) / (other - alike), 0, 1))
 
 
-def _beside(small: _Small, regions: Regions) -> Float32:
+def _beside(small: SmallPicture, regions: Regions) -> Float32:
     """Where ears are, if they show: beside the face, from the brows to the mouth; [h, w]."""
     upright = np.clip(np.minimum(small.down - EAR[0], EAR[1] - small.down) / 0.05 + 0.5, 0, 1)
     half = 0.5 * regions.frame.width / regions.frame.height
@@ -316,7 +325,7 @@ def _beside(small: _Small, regions: Regions) -> Float32:
     return np.asarray(upright * aside * np.clip(2 * (0.75 - small.face), 0, 1), np.float32)
 
 
-def _between(small: _Small, top: NDArray[np.floating], bottom: NDArray[np.floating],
+def _between(small: SmallPicture, top: NDArray[np.floating], bottom: NDArray[np.floating],
              along: tuple[float, float], across: float) -> NDArray[np.bool_]:
     """A part of the way from one landmark to another, so wide to both sides; of a small picture."""
     way = (bottom - top) / max(float((bottom - top) @ (bottom - top)), 1e-6)
@@ -336,7 +345,7 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     the face, and ears are no skin. For photos a neck is what it is for heads, too; but what else
     lies there, a collar or a bust's chest in the light, is painted nowhere.
     """
-    small = _Small(exemplar, regions, labels)
+    small = SmallPicture(exemplar, regions, labels)
     shares = _shares(small, regions, strict)
     if not strict:
         collar = np.maximum(shares[..., NECK] - _shares(small, regions, True)[..., NECK], 0)
@@ -351,12 +360,43 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
         shares[..., SKIN] -= beard
         shares[..., EARS] = shares[..., SKIN] * _beside(small, regions)
         shares[..., SKIN] -= shares[..., EARS]
+    _part_cap(small, shares)
     _hide_ground(small, shares)
     _part_clothes(small, shares)
     return shares
 
 
-def _hide_ground(small: _Small, shares: Float32) -> None:
+def _part_cap(small: SmallPicture, shares: Float32) -> None:
+    """Let a cap's second color be no hair, in place.
+
+    Hair has lights and shades, but one hue; a cap with a ribbon has two. As hair it would become
+    stripes. The color next to the face stays; the other is painted nowhere.
+    """
+    from skimage.color import rgb2lab
+
+    hair = small.part(shares[..., HAIR]) > 0.6
+    if hair.sum() < 2 * FEW:
+        return
+    colors = rgb2lab(np.clip(small.blurred(LIKE_HAIR[0][0] * 2)[hair], 0, 1)).astype(np.float32)
+    colors[:, 0] *= 0.5
+    stop = cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.1
+    _, found, middles = cv2.kmeans(colors, 2, np.empty(0, np.int32), stop, 3, cv2.KMEANS_PP_CENTERS)
+    if np.linalg.norm(np.diff(middles, axis=0)[0, 1:]) < TWO_HUES:
+        return
+    side = 2 * round(BESIDE * small.size) + 1
+    near = cv2.dilate((small.part(small.face) > 0.02).astype(np.uint8),
+                      np.ones((side, side), np.uint8))[hair] > 0
+    beside = np.bincount(found[near, 0], minlength=2)
+    if beside.min() > LITTLE * beside.max():
+        return
+    other = np.zeros(hair.shape, np.float32)
+    other[hair] = found[:, 0] != int(beside.argmax())
+    ribbon = shares[..., HAIR] * np.clip(small.whole(gaussian_blur(other, 1.0)) * 2, 0, 1)
+    shares[..., FEATURES] += ribbon
+    shares[..., HAIR] -= ribbon
+
+
+def _hide_ground(small: SmallPicture, shares: Float32) -> None:
     """Let clothes of the colors of the background be background, in place."""
     behind, worn = shares[..., GROUND] > 0.98, shares[..., CLOTHES] > 0.02
     if not worn.any() or behind.sum() < 50:
@@ -371,7 +411,7 @@ def _hide_ground(small: _Small, shares: Float32) -> None:
     shares[..., CLOTHES] -= ground
 
 
-def _part_clothes(small: _Small, shares: Float32) -> None:
+def _part_clothes(small: SmallPicture, shares: Float32) -> None:
     """Let what is far from most of the clothes' colors be none, in place.
 
     Hands, a bare chest, the shade beside a neck, a collar: on a sitter's shoulder they would be

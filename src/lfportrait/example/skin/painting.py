@@ -45,6 +45,7 @@ from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, Transfer, TransferConfig
 from ..turned import frontalised
+from ..worn import bared
 from .canvas import Canvas, canvas_of
 from .ears import shade_ears
 from .light import carried_light
@@ -126,6 +127,8 @@ class SkinPainter:
         Parameters; ``transfer`` those of the face.
     seed
         Of chunks and search.
+    fringe
+        Whether a painted fringe is taken off, for sitters whose own hair is known.
 
     Attributes
     ----------
@@ -138,11 +141,13 @@ class SkinPainter:
     """
 
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
-                 transfer: TransferConfig | None = None, seed: int = 0) -> None:
+                 transfer: TransferConfig | None = None, seed: int = 0,
+                 fringe: bool = False) -> None:
         # Of a face that is turned, the frontal picture.
         self.pose = exemplar.pose()
         given, exemplar = exemplar, frontalised(exemplar, self.pose)
         self.turned = exemplar is not given
+        exemplar = bared(exemplar, fringe)
         self.exemplar, self.seed = exemplar, seed
         self.config = config or SkinConfig()
         regions = exemplar.regions()

@@ -25,6 +25,8 @@ from scipy import ndimage
 from ...errors import UserError
 from ...face import FacePose, face_pose, generic_depth, symmetric_landmarks
 from ..exemplar import Exemplar
+from ..guides.face_frame import FaceFrame
+from ..guides.labels import polygon
 from .light import Sides, blurred, relit
 from .seen import clearness, head_oval, painted_places
 
@@ -47,6 +49,8 @@ FEATURE = 0.22
 """The same for eyes, brows and mouth, which would else look like a mirror's."""
 SURE = 0.15
 """The same for telling its light from that of its mirror image."""
+OUTLINE = 0.02
+"""Paint so near to a cheek's outline, in units of the head, is mixed with what lies behind."""
 COARSE = 6
 """The maps are computed every Nth pixel."""
 
@@ -136,6 +140,7 @@ def frontal_view(exemplar: Exemplar, pose: FacePose) -> Frontal:
     within = cv2.erode(np.asarray(person, np.float32), np.ones((side, side), np.uint8))
     beside = 1 - np.clip(2 * _sampled(within, own), 0, 1)
     clear = clear * (1 - beside * head.inside)
+    clear = clear * (1 - _beyond(exemplar, pose, own) * head.inside)
     hair = None if regions.hair is None else _sampled(regions.hair, own)
     if hair is not None:
         clear = clear * (1 - _over_the_cheek(hair, head))
@@ -153,6 +158,26 @@ def frontal_view(exemplar: Exemplar, pose: FacePose) -> Frontal:
     places = np.where(share[..., None] > 0.5, own, other)
     return Frontal(np.asarray(np.clip(image, 0, 255) + 0.5, np.uint8), head.landmarks,
                    1 - share, np.asarray(places, np.float32), mask, pose)
+
+
+def _beyond(exemplar: Exemplar, pose: FacePose, own: Float32) -> Float32:
+    """Which places [h, w, 2] of a painting lie beyond the far cheek's outline; float32 [h, w].
+
+    There a turned jaw's landmarks run along the outline. What follows may be linen, a scarf or
+    hair, which the person's mask does not tell from a face.
+    """
+    jaw = exemplar.landmarks[:17]
+    frame = FaceFrame.of(exemplar.landmarks)
+    far = np.sign(pose.yaw) * frame.right
+    # From the brows' height down to the chin; above and on the near side all is the head's.
+    line = jaw[8:] if pose.yaw > 0 else jaw[8::-1]
+    wide = 4 * frame.height
+    corners = [line[-1] - wide * frame.down, line[-1] - wide * (frame.down + far),
+               line[0] + wide * (frame.down - far), line[0] + wide * frame.down]
+    inside = polygon(exemplar.image.shape, np.concatenate([line, corners]))
+    side = 2 * int(OUTLINE * pose.scale) + 1
+    within = cv2.erode(inside, np.ones((side, side), np.uint8))
+    return np.asarray(1 - np.clip(_sampled(within, own), 0, 1), np.float32)
 
 
 def _over_the_cheek(hair: Float32, head: _Head) -> Float32:

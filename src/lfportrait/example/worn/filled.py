@@ -1,0 +1,201 @@
+"""A painting without what covers the forehead.
+
+The broad colors of bare skin go on over the hole; strokes come from the painter's own skin, as
+patches that agree with each other and with what is around.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...cache import kept_arrays, key_of
+from ...labels import MATERIALS, PICTURE_LABELS
+from ..exemplar import Exemplar
+from ..guides.appearance import grey
+from ..guides.blurs import broad_blur
+from ..guides.regions import Regions
+from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
+from ..painter.materials import ExemplarMaterials, into, mainly
+from ..painter.patch_painter import PainterConfig, PatchPainter, Sheet, Wish
+from ..painter.picture_materials import FEATURES, SKIN
+from ..painter.pieces import pieces
+from .forehead import covered_forehead
+
+__all__ = ["bared"]
+
+Float32 = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+WORN, MOST = 0.3, 0.8
+"""A forehead is bared if more than the first share of it is covered by something else than hair,
+or more than the second by anything."""
+FRINGE = 0.45
+"""The same, by anything, for a sitter whose own forehead is bare."""
+GROWN, SOFT = 0.035, 0.012
+"""The hole is larger than the cover by so much, and ends softly over so much, over the face's
+height: paint at a cover's edge is of both."""
+AROUND = 0.1
+"""So much around the hole the patches agree with, over the face's height."""
+BROAD = 0.07
+"""Colors broader than this come from the skin around the hole, over the face's height."""
+CENTRAL = 0.6
+"""Skin counts by how near it is to the middle: sigma over half the face's width."""
+LIGHTER = 0.02
+"""What is lighter than skin by this is no brow."""
+SMALL = 4
+"""They are computed every Nth pixel."""
+REACHES = 1.2, 0.6, 0.3, 0.15, 0.08
+"""Skin is looked for as far away as this, from broad to narrow, over the face's height."""
+
+
+def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
+    """A painting, seen from the front or nearly so, whose forehead is bare.
+
+    Parameters
+    ----------
+    exemplar
+        The painting.
+    fringe
+        Whether its hair is taken from the forehead, too.
+
+    Returns
+    -------
+    exemplar
+        Itself, if its forehead is bare.
+    """
+    def find() -> dict[str, NDArray[Any]]:
+        return _found(exemplar, fringe) or {}
+
+    key = key_of("example.worn.filled", exemplar.image, exemplar.landmarks, exemplar.mask, fringe)
+    found = kept_arrays("bared", key, find, most=30)
+    if not found:
+        return exemplar
+    person, hair, hole = (found[name].astype(np.float32) / np.float32(255)
+                          for name in ("person", "hair", "hole"))
+    return replace(exemplar, image=found["image"], mask=person, hair=hair, covered=exemplar,
+                   bared=hole)
+
+
+def _found(exemplar: Exemplar, fringe: bool) -> dict[str, NDArray[Any]] | None:
+    """The picture and its mattes, uint8, or None where it is bare already."""
+    regions = exemplar.regions()
+    labels = regions.labels()
+    forehead = covered_forehead(exemplar, regions, labels)
+    if forehead.other < WORN and forehead.share < (FRINGE if fringe else MOST):
+        return None
+    height = regions.frame.height
+    side = 2 * max(1, round(GROWN * height)) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    hole = cv2.dilate((forehead.covered > 0.5).astype(np.uint8), kernel) > 0
+    bare = forehead.bare * ~hole
+    broad = _spread(exemplar.image, _central(bare, regions), height)
+    # Brows stay; linen at their edge is lighter than skin.
+    lighter = grey(exemplar.image) > grey(broad) + LIGHTER
+    hole &= (labels[..., PICTURE_LABELS.index("brows")] < 100) | lighter
+    image = _filled(exemplar, bare > 0.5, hole, broad, height)
+    # What lies above is where hair is: a sitter's forehead ends there.
+    soft = cv2.GaussianBlur(hole.astype(np.float32), (0, 0), max(0.5, SOFT * height))
+    hair = np.zeros_like(soft) if regions.hair is None else regions.hair
+    above = np.maximum(hair, regions.person * forehead.crown) * (1 - soft)
+    person = np.maximum(regions.person, soft)
+    return {"image": image, **{name: np.asarray(255 * matte + 0.5, np.uint8)
+                               for name, matte in (("person", person), ("hair", above),
+                                                ("hole", soft))}}
+
+
+def _central(bare: Float32, regions: Regions) -> Float32:
+    """Weights of bare skin [h, w] as a sample of a forehead's light.
+
+    A forehead faces as the nose and the middle of the cheeks do; their sides turn away.
+    """
+    frame = regions.frame
+    right, _ = frame.local(bare.shape)
+    return np.asarray(bare * np.exp(-(right / (CENTRAL * 0.5 * frame.width / frame.height)) ** 2),
+                      np.float32)
+
+
+def _filled(exemplar: Exemplar, bare: Bools, hole: Bools, broad: Float32, height: float,
+            ) -> NDArray[np.uint8]:
+    """The picture with skin in the hole, uint8 [h, w, 3]; ``broad`` [h, w, 3] are its colors."""
+    rows, columns = (np.flatnonzero((hole | bare).any(axis=axis)) for axis in (1, 0))
+    margin = round(AROUND * height) + 8
+    part = tuple(slice(max(side[0] - margin, 0), side[-1] + margin + 1)
+                 for side in (rows, columns))
+    picture = exemplar.image[part].astype(np.float32) / np.float32(255)
+    inside = hole[part]
+    strokes = _strokes(replace(exemplar, image=exemplar.image[part], mask=None), inside,
+                       bare[part] & ~inside, grey(broad[part]), height)
+    filled = strokes - _blurred_within(strokes, inside, BROAD * height) + broad[part]
+    soft = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), max(0.5, SOFT * height))
+    mixed = picture + np.maximum(2 * soft - 1, 0)[..., None] * (np.clip(filled, 0, 1) - picture)
+    out = exemplar.image.copy()
+    out[part] = np.asarray(np.clip(mixed, 0, 1) * 255 + 0.5, np.uint8)
+    return out
+
+
+def _spread(image: NDArray[np.uint8], weight: Float32, height: float) -> Float32:
+    """Broad colors in [0, 1] of a picture [h, w, 3] known by weights [h, w], carried on."""
+    picture = image.astype(np.float32) / np.float32(255)
+    size = tuple(max(side // SMALL, 8) for side in picture.shape[1::-1])
+    known = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
+    colors = cv2.resize(picture * weight[..., None], size, interpolation=cv2.INTER_AREA)
+    mean = colors.sum(axis=(0, 1)) / max(float(known.sum()), 1e-6)
+    out = np.broadcast_to(mean, colors.shape).astype(np.float32)
+    for reach in REACHES:
+        sigma = reach * height / SMALL
+        total = cv2.GaussianBlur(known, (0, 0), sigma)[..., None]
+        here = cv2.GaussianBlur(colors, (0, 0), sigma) / (total + 1e-4)
+        sure = np.clip(total / 0.15, 0, 1)
+        out = np.asarray(out + sure * (here - out), np.float32)
+    return np.asarray(cv2.resize(out, picture.shape[1::-1], interpolation=cv2.INTER_CUBIC),
+                      np.float32)
+
+
+def _blurred_within(picture: Float32, inside: Bools, sigma: float) -> Float32:
+    """A picture [h, w, 3] blurred by what lies inside alone."""
+    weight = inside.astype(np.float32)
+    total = np.maximum(broad_blur(weight, sigma), np.float32(1e-3))
+    return np.stack([broad_blur(np.ascontiguousarray(picture[..., channel] * weight), sigma) / total
+                     for channel in range(3)], axis=-1)
+
+
+def _strokes(exemplar: Exemplar, inside: Bools, bare: Bools, tone: Float32, height: float,
+             ) -> Float32:
+    """A picture with the hole laid out with patches of its bare skin, float32 [h, w, 3]."""
+    one = np.eye(len(MATERIALS), dtype=np.float32)
+    painter = PatchPainter(exemplar, one[np.where(bare, SKIN, FEATURES)], PainterConfig(), 0,
+                           sharp=False)
+    pictures, theirs = painter.source(1.0)
+    reach = 2 * round(AROUND * height) + 1
+    near = cv2.dilate(inside.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+    # Strokes agree with skin around the hole, not with hair and hats.
+    state = np.where(inside, ACTIVE, np.where(near & bare, FIXED, OUTSIDE)).astype(np.uint8)
+    picture = exemplar.image.astype(np.float32) / np.float32(255)
+    wish = _wish(theirs, inside, tone, picture, state, exemplar.size)
+    shape = inside.shape[0], inside.shape[1]
+    target = painter.target(Sheet(shape), theirs, 1.0, wish)
+    return np.where(inside[..., None], painter.lay(target, pictures), picture)
+
+
+def _wish(theirs: ExemplarMaterials, inside: Bools, tone: Float32, picture: Float32,
+          state: NDArray[np.uint8], size: float) -> Wish:
+    """Skin of the tones asked for, from anywhere."""
+    count = inside.size
+    y, x = np.mgrid[:inside.shape[0], :inside.shape[1]]
+    plane = np.stack([x, y], axis=-1).reshape(-1, 2).astype(np.float32) + np.float32(0.5)
+    shares = np.broadcast_to(np.eye(len(MATERIALS), dtype=np.float32)[SKIN],
+                             (count, len(MATERIALS)))
+    material = mainly(shares)
+    wanted = into(material, theirs, plane)
+    asked = np.ascontiguousarray(tone.reshape(-1))
+    begin = np.where(inside.reshape(-1)[:, None],
+                     pieces(material, theirs, wanted, plane, asked, size), plane)
+    none = np.zeros(count, np.float32)
+    sure = np.tile(np.array([0, 1], np.float32), (count, 1))
+    return Wish(np.ascontiguousarray(shares), asked, none, wanted, begin, none, sure, state,
+                picture, 4.0)

@@ -1,0 +1,133 @@
+"""Where a painted forehead is covered or shaded: linen, a hat's brim and its shade.
+
+A forehead is bare where its colors are those of the cheeks and its light is no darker than theirs.
+What is neither, hangs down from above and is more than a wrinkle is a cover. Hair is left to the
+painter: a fringe belongs to him.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...labels import PICTURE_LABELS
+from ..exemplar import Exemplar
+from ..guides.appearance import grey, skin_distance
+from ..guides.regions import Regions
+from ..painter.picture_materials import SmallPicture
+
+__all__ = ["Forehead", "covered_forehead"]
+
+Float32 = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+HAIRLINE, TEMPLE, ROUND = 0.54, 0.86, 2.0
+"""A forehead ends this far above the brows (chin -1), and this far from its middle over half the
+face's width, in a superellipse of this power."""
+CROWN = 1.15, 0.95, 0.0
+"""A head ends this far from its middle over half the face's width, and this far above the brows;
+hair that a hat covers begins above this."""
+BROWS = 0.03
+"""It begins this far above the brows' middle: what lies lower is brows and lids."""
+BLUR = 0.02
+"""Colors are compared blurred by so much over the face's size."""
+UNLIKE = 2.6
+"""Skin is no further from the colors of the cheeks, in standard deviations."""
+SHADE, DEEP = 0.03, 0.05
+"""Shade is darker than all but this share of the cheeks, by this much of luma."""
+LEAST = 0.1
+"""A smaller share of the forehead is a wrinkle or a curl."""
+THICK = 0.04
+"""What is narrower, over the face's height, is a wrinkle."""
+
+
+@dataclass(frozen=True)
+class Forehead:
+    """What is known of a painted forehead.
+
+    Attributes
+    ----------
+    covered
+        float32 [h, w] in [0, 1], where it is not bare.
+    bare
+        float32 [h, w] in [0, 1], skin of the face whose light goes on there.
+    crown
+        float32 [h, w] in [0, 1], where the head is above the forehead and beside it.
+    share
+        Of the forehead that is covered, in [0, 1].
+    other
+        Of the forehead that is covered or shaded by something else than hair, in [0, 1].
+    """
+
+    covered: Float32
+    bare: Float32
+    crown: Float32
+    share: float
+    other: float
+
+
+def covered_forehead(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]) -> Forehead:
+    """Where the forehead of a painting seen from the front, or nearly so, is covered or shaded.
+
+    Parameters
+    ----------
+    exemplar, regions, labels
+        The painting, its regions, and its labels uint8 [h, w, len(PICTURE_LABELS)].
+    """
+    small = SmallPicture(exemplar, regions, labels)
+    right, down = small.part(small.right), small.part(small.down)
+    half = 0.5 * regions.frame.width / regions.frame.height
+    around = (np.abs(right) / (TEMPLE * half)) ** ROUND + (np.maximum(-down, 0) / HAIRLINE) ** ROUND
+    features = _features(small, labels)
+    unlike, dark, light = _unlike(small)
+    # Linen on the brows themselves is lighter than skin.
+    forehead = (around < 1) & (down < np.where(light, 0, -BROWS)) & (~features | light)
+    hair = small.part(labels[..., PICTURE_LABELS.index("hair")]) > 100
+    cover = forehead & (unlike | dark)
+    cover = _from_above(cover, forehead, max(1, round(THICK * regions.frame.height / small.factor)))
+    whole = max(float(forehead.sum()), 1.0)
+    share, other = float(cover.sum()) / whole, float((cover & ~hair).sum()) / whole
+    flesh = (small.part(small.face) > 0.7) & ~features & (down > -BROWS) | forehead
+    bare = flesh & ~unlike & ~dark & ~cover & ~hair
+    high = np.maximum(-down, 0) / CROWN[1]
+    crown = (np.hypot(right / (CROWN[0] * half), high) < 1) & (down < CROWN[2]) & (around > 1)
+    covered, skin, head = (small.whole(plane.astype(np.float32)) for plane in (cover, bare, crown))
+    return Forehead(covered, skin, head, share, other)
+
+
+def _features(small: SmallPicture, labels: NDArray[np.uint8]) -> Bools:
+    """Brows and what else is no plain skin, of the small picture."""
+    part = small.part(labels)
+    numbers = [PICTURE_LABELS.index(name) for name in ("brows", "eyes", "nose", "lips")]
+    return np.asarray(part[..., numbers].sum(axis=-1, dtype=np.int64) > 40)
+
+
+def _unlike(small: SmallPicture) -> tuple[Bools, Bools, Bools]:
+    """What has other colors than the cheeks, what is much darker, and what has and is lighter."""
+    colors = small.blurred(BLUR)
+    cheeks = small.cheeks
+    unlike = skin_distance(colors, cheeks) > UNLIKE
+    light = grey(colors)
+    if not cheeks.any():
+        return unlike, np.zeros_like(unlike), np.zeros_like(unlike)
+    return (unlike, light < np.quantile(light[cheeks], SHADE) - DEEP,
+            unlike & (light > np.quantile(light[cheeks], 1 - SHADE)))
+
+
+def _from_above(cover: Bools, forehead: Bools, radius: int) -> Bools:
+    """The part of a cover that hangs down from the forehead's upper edge, without wrinkles."""
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    # Beyond the forehead it may go on.
+    beyond = cover | ~forehead
+    opened = cv2.morphologyEx(beyond.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
+    closed = cv2.morphologyEx(opened.astype(np.uint8), cv2.MORPH_CLOSE, kernel) > 0
+    pieces, _ = ndimage.label(closed & forehead)
+    rows = np.arange(len(forehead))[:, None]
+    top = forehead & (rows < np.where(forehead.any(axis=0), forehead.argmax(axis=0), 0)
+                      + 2 * radius)
+    kept = np.unique(pieces[top & (pieces > 0)])
+    return np.asarray(np.isin(pieces, kept[kept > 0]))
