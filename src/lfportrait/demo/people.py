@@ -90,9 +90,10 @@ PEOPLE: dict[str, HeadModel] = {
         brow_ridge=0.6, brow_arch=1.4, brow_width=0.85, lip_upper=1.1, lip_lower=1.1,
         mouth_width=1.0, smile=0.002, ear_size=0.55, neck_width=0.85, hairline=0.0, hair_top=0.10,
         hair_side=0.085, hair_pole_y=0.46, hair_pole_z=0.44, hair_relief=1.1, hair_length=0.93,
-        hair_front=0.17, hair_wave=0.07, hair_parting=0.025, skin=(0.88, 0.69, 0.60), blush=(0.84, 0.45, 0.40),
-        lips=(0.62, 0.17, 0.17), iris=(0.14, 0.24, 0.24), brow=(0.16, 0.085, 0.045),
-        hair=(0.28, 0.15, 0.055), hair_light=(0.72, 0.50, 0.25), cloth=(0.10, 0.02, 0.06)),
+        hair_front=0.17, hair_wave=0.07, hair_parting=0.025, skin=(0.88, 0.69, 0.60),
+        blush=(0.84, 0.45, 0.40), lips=(0.62, 0.17, 0.17), iris=(0.14, 0.24, 0.24),
+        brow=(0.16, 0.085, 0.045), hair=(0.28, 0.15, 0.055), hair_light=(0.72, 0.50, 0.25),
+        cloth=(0.10, 0.02, 0.06)),
     # A man of East Asian looks with short black hair.
     "short": HeadModel(
         skull_width=1.02, face_width=1.06, jaw_width=1.03, chin_width=0.98, chin_drop=-0.004,

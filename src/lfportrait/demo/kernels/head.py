@@ -259,8 +259,9 @@ def surfaces(m, x, y, z):
     ax = sqrt(x * x + 1e-6)
     bone = bone_distance(m, x, ax, y, z)
     skin = face_distance(m, x, ax, y, z, bone)
-    beard = beard_distance(m, x, ax, y, z, skin, mouth_lines(m, ax)[1]) if m.beard_full > 0.0 else (
-        10.0)
+    beard = 10.0
+    if m.beard_full > 0.0:
+        beard = beard_distance(m, x, ax, y, z, skin, mouth_lines(m, 0.0)[1])
     away = sqrt((ax - 0.44) ** 2 + (y + 0.09) ** 2 + (z + 0.07) ** 2)
     if away < 0.46:
         skin = union(skin, ear_distance(m, ax, y, z), 0.030)

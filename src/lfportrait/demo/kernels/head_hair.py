@@ -21,7 +21,8 @@ __all__ = ["curls", "hair_coordinates", "hair_cover", "hair_distance"]
 def hair_coordinates(m, x, y, z):
     """Strand angle about the pole (radians) and angle from the pole (0..pi).
 
-    On the knot the strands wind about an axis of their own; on a full beard they hang down.
+    On the knot the strands wind about an axis of their own; on a full beard they hang down, on its
+    moustache they run to the sides.
     """
     kx, ky, kz = x, y - m.hair_pole_y, z - m.hair_pole_z
     if kx * kx + ky * ky + kz * kz < (1.18 * m.hair_knot) ** 2:
@@ -30,6 +31,8 @@ def hair_coordinates(m, x, y, z):
         return 0.5 * turn + 1.9 * height + 0.05 * noise(3.0 * turn, 4.0 * height, 1.0), 0.6 + (
             0.25 * cos(turn))
     if m.beard_full > 0.0 and y < -0.10 and z > -0.06:
+        if y > -0.41 - 0.25 * abs(x) and abs(x) < 0.19:
+            return 2.5 * y + 1.1 * abs(x), 5.0 * x
         return atan2(x, z + 0.10) + 0.05 * noise(6.0 * x, 9.0 * y, 6.0 * z), 1.2 - 2.0 * y
     py, pz = y - 0.10, z + 0.02
     ay, az = m.hair_pole_y - 0.10, m.hair_pole_z + 0.02
@@ -74,7 +77,7 @@ def hair_cover(m, ax, y, z, phi):
 
 @lean
 def curls(x, y, z):
-    """Height in [0, 1] of round bumps that stand close together, two sizes of them."""
+    """Height in [0, 1] of round bumps that stand close together, and finer ones on them."""
     u, v, w = 15.0 * x + 0.3 * y, 15.0 * y - 0.3 * z, 15.0 * z + 0.3 * x
     i, j, k = int(np.floor(u)), int(np.floor(v)), int(np.floor(w))
     nearest = 9.0
@@ -85,7 +88,8 @@ def curls(x, y, z):
                 dy = v - (j + b + uniform(i + a, j + b, 3 * (k + c) + 1))
                 dz = w - (k + c + uniform(i + a, j + b, 3 * (k + c) + 2))
                 nearest = min(nearest, dx * dx + dy * dy + dz * dz)
-    return max(1.0 - nearest, 0.0) * 0.75 + 0.25 * abs(noise(2.3 * u, 2.3 * v, 2.3 * w))
+    return 0.66 * max(1.0 - nearest, 0.0) + 0.20 * abs(noise(2.3 * u, 2.3 * v, 2.3 * w)) + (
+        0.14 * abs(noise(5.7 * v, 5.7 * w, 5.7 * u)))
 
 
 @lean
