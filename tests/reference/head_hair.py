@@ -20,7 +20,8 @@ def hair_coordinates(m, x, y, z):
         swing = np.sin(15.0 * y + 1.6 * noise(2.0 * turn, 1.2 * y, 3.0))
         wave = wave + m.hair_wave * swing * smooth(0.45, -0.15, y)
     if m.hair_length > 0.0:
-        beside = 0.29 + 2.7 * np.abs(x) - 1.6 * z
+        edge = m.hair_front + 0.70 * np.clip(y, 0.0, 0.3) - 0.045
+        beside = 0.29 + 2.7 * np.abs(x) - 1.6 * np.minimum(z, edge)
         near = smooth(-0.25, 0.05, z) * smooth(0.25, -0.40, y)
         phi = phi + near * (np.where(x > 0.0, beside, -beside) - phi)
     phi = phi + m.hair_twist * theta + wave
@@ -115,8 +116,9 @@ def hanging(m, x, ax, y, z, phi, theta):
     inner = np.sqrt((across / wide) ** 2 + (up / 0.58) ** 2 + (deep / (0.56 - 0.05 * low)) ** 2)
     column = outer * (outer - 1.0) / np.maximum(inner, 1e-6)
     front = m.hair_front + 0.70 * np.clip(y, 0.0, 0.3) - z
-    throat = np.maximum(-0.16 - z, ax - 0.325 * m.face_width) + (
-        np.maximum(0.08 - np.abs(0.16 + z - 0.325 * m.face_width + ax), 0.0) ** 2 / 0.32)
+    corner = 0.08 - 0.17 * smooth(-0.58, -0.36, y)
+    throat = np.maximum(-corner - z, ax - 0.325 * m.face_width) + (
+        np.maximum(0.08 - np.abs(corner + z - 0.325 * m.face_width + ax), 0.0) ** 2 / 0.32)
     d = carve(column, union(front, throat, 0.06), 0.05)
     near = np.abs(d) < 0.12
     locks = 0.024 * m.hair_relief * relief(phi, theta)

@@ -52,8 +52,10 @@ def hair_coordinates(m, x, y, z):
         wave += m.hair_wave * swing * smooth_step(0.45, -0.15, y)
     phi = atan2(x, -across)
     if m.hair_length > 0.0:
-        # Beside the face strands lie next to each other from the ear forwards, and across.
-        beside = 0.29 + 2.7 * abs(x) - 1.6 * z
+        # Beside the face strands lie next to each other from the ear forwards, then across the
+        # front, where their place must not follow the relief: it would be ringed like wood.
+        edge = m.hair_front + 0.70 * min(max(y, 0.0), 0.3) - 0.045
+        beside = 0.29 + 2.7 * abs(x) - 1.6 * min(z, edge)
         near = smooth_step(-0.25, 0.05, z) * smooth_step(0.25, -0.40, y)
         phi += near * ((beside if x > 0.0 else -beside) - phi)
     return phi + m.hair_twist * theta + wave, theta
@@ -164,7 +166,9 @@ def _hanging(m, x, ax, y, z):
     if d > 0.30:
         return d - 0.10
     front = m.hair_front + 0.70 * min(max(y, 0.0), 0.3) - z
-    throat = -union(0.16 + z, 0.325 * m.face_width - ax, 0.08)
+    # It fills the corner behind the jaw.
+    corner = 0.08 - 0.17 * smooth_step(-0.58, -0.36, y)
+    throat = -union(corner + z, 0.325 * m.face_width - ax, 0.08)
     open_front = union(front, throat, 0.06)
     d = carve(d, open_front, 0.05)
     end = -m.hair_length
