@@ -1,6 +1,6 @@
 """Film a modelled head as people film themselves: one sweep at arm's length, and true views beyond.
 
-    python scripts/film_head.py OUT [--person sitter|painted] [--azimuth 14] [--distance 2.45]
+    python scripts/film_head.py OUT [--person NAME] [--azimuth 14] [--distance 2.45]
                                     [--height 0] [--frames 64] [--seed 0]
 
 Writes ``images/`` (JPEG frames before a plain wall, a shaking hand, an exposure that drifts,
@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image
 
 from lfportrait.capture import Camera
-from lfportrait.demo import PAINTED, SITTER, HeadModel, photograph
+from lfportrait.demo import PEOPLE, HeadModel, photograph
 from lfportrait.files import write_json
 
 WIDTH, HEIGHT, FOCAL = 405, 720, 648.0
@@ -85,14 +85,14 @@ def beyond(model: HeadModel, out: Path, distance: float) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("out", type=Path)
-    parser.add_argument("--person", choices=("sitter", "painted"), default="sitter")
+    parser.add_argument("--person", choices=tuple(PEOPLE), default="sitter")
     parser.add_argument("--azimuth", type=float, default=14.0)
     parser.add_argument("--distance", type=float, default=2.45)
     parser.add_argument("--height", type=float, default=0.0)
     parser.add_argument("--frames", type=int, default=64)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
-    model = {"sitter": SITTER, "painted": PAINTED}[given.person]
+    model = PEOPLE[given.person]
     film(model, given.out, given.azimuth, given.distance, given.height, given.frames, given.seed)
     beyond(model, given.out, given.distance)
 

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfportrait.capture import Camera
-from lfportrait.demo import PAINTED, SITTER, demo_capture, landmarks, photograph
+from lfportrait.demo import PAINTED, PEOPLE, SITTER, demo_capture, landmarks, photograph
 from lfportrait.demo.kernels.head import surfaces
 from tests.reference import head as reference
 
-PEOPLE = [pytest.param(SITTER, id="sitter"), pytest.param(PAINTED, id="painted")]
+EVERYONE = [pytest.param(model, id=name) for name, model in PEOPLE.items()]
 # Pairs of landmarks that mirror each other.
 MIRROR = [16 - i for i in range(17)] + [26 - i for i in range(10)] + list(range(27, 31)) + [
     35, 34, 33, 32, 31, 45, 44, 43, 42, 47, 46, 39, 38, 37, 36, 41, 40,
@@ -22,7 +22,7 @@ def capture():
     return demo_capture(size=72, views=8)
 
 
-@pytest.mark.parametrize("model", PEOPLE)
+@pytest.mark.parametrize("model", EVERYONE)
 def test_distance_agrees_with_the_numpy_reference(model):
     rng = np.random.default_rng(1)
     spread = rng.uniform(-1.05, 1.05, (1500, 3))
@@ -40,7 +40,7 @@ def test_skin_cloth_and_eyes_are_symmetric(x, y, z):
     assert left[3] == right[3]
 
 
-@pytest.mark.parametrize("model", PEOPLE)
+@pytest.mark.parametrize("model", EVERYONE)
 def test_landmarks_lie_on_the_surface(model):
     points = landmarks(model)
     assert points.shape == (68, 3)
@@ -49,7 +49,7 @@ def test_landmarks_lie_on_the_surface(model):
     np.testing.assert_allclose(points[MIRROR] * (-1, 1, 1), points, atol=1e-6)
 
 
-@pytest.mark.parametrize("model", PEOPLE)
+@pytest.mark.parametrize("model", EVERYONE)
 def test_landmarks_are_a_face(model):
     x, y, z = landmarks(model).T
     assert np.all(np.diff(x[:17]) > -0.01), "the line of the chin runs from right to left ear"
@@ -61,7 +61,7 @@ def test_landmarks_are_a_face(model):
     assert 0.30 < np.hypot(x[42:48].mean() - x[36:42].mean(), 0) < 0.45
 
 
-@pytest.mark.parametrize("model", PEOPLE)
+@pytest.mark.parametrize("model", EVERYONE)
 def test_landmarks_project_inside_the_silhouette(model):
     camera = Camera.look_at(np.array([[0.0, 0.0, 4.4]]), np.zeros(3), width=96, height=96,
                             focal=180.0)

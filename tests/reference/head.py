@@ -2,67 +2,8 @@
 
 import numpy as np
 
-
-def bump(x, y, cx, cy, rx, ry):
-    s = 1.0 - ((x - cx) / rx) ** 2 - ((y - cy) / ry) ** 2
-    return np.where(s > 0.0, s * s, 0.0)
-
-
-def smooth(low, high, value):
-    t = np.clip((value - low) / (high - low), 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
-
-
-def union(a, b, k):
-    h = np.maximum(k - np.abs(a - b), 0.0)
-    return np.minimum(a, b) - h * h / (4.0 * k)
-
-
-def carve(a, b, k):
-    return -union(-a, b, k)
-
-
-def ellipsoid(x, y, z, rx, ry, rz):
-    p = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
-    r = np.array([rx, ry, rz])
-    outer = np.linalg.norm(p / r, axis=-1)
-    inner = np.linalg.norm(p / r**2, axis=-1)
-    return np.where(inner > 1e-6, outer * (outer - 1.0) / np.maximum(inner, 1e-6), -r.min())
-
-
-def capsule(x, y, z, a, b, ra, rb):
-    p = np.stack(np.broadcast_arrays(x, y, z), axis=-1) - np.array(a)
-    d = np.array(b) - np.array(a)
-    t = np.clip(p @ d / (d @ d), 0.0, 1.0)
-    return np.linalg.norm(p - t[..., None] * d, axis=-1) - (ra + t * (rb - ra))
-
-
-def uniform(i, j, k):
-    i, j, k = (np.asarray(v).astype(np.int64).astype(np.uint32) for v in (i, j, k))
-    with np.errstate(over="ignore"):
-        h = (i * np.uint32(0x8DA6B343)) ^ (j * np.uint32(0xD8163841)) ^ (
-            k * np.uint32(0xCB1AB31F))
-        h = (h ^ (h >> np.uint32(15))) * np.uint32(0x2C1B3C6D)
-        h = (h ^ (h >> np.uint32(12))) * np.uint32(0x297A2D39)
-        h = h ^ (h >> np.uint32(15))
-    return h / 4294967296.0
-
-
-def noise(x, y, z):
-    p = np.stack(np.broadcast_arrays(*(np.asarray(v, float) for v in (x, y, z))), axis=-1)
-    cell = np.floor(p)
-    w = p - cell
-    w = w * w * (3.0 - 2.0 * w)
-    cell = cell.astype(np.int64)
-    total = np.zeros(p.shape[:-1])
-    for dx in (0, 1):
-        for dy in (0, 1):
-            for dz in (0, 1):
-                weight = np.ones(p.shape[:-1])
-                for axis, d in enumerate((dx, dy, dz)):
-                    weight = weight * (w[..., axis] if d else 1.0 - w[..., axis])
-                total += weight * uniform(cell[..., 0] + dx, cell[..., 1] + dy, cell[..., 2] + dz)
-    return 2.0 * total - 1.0
+from .head_hair import beard, hair
+from .solids import bump, capsule, carve, ellipsoid, noise, smooth, union
 
 
 def lid_lines(m, ax):
@@ -140,9 +81,10 @@ def eyes(m, ax, y, z, d):
     upper, lower, t = lid_lines(m, ax)
     e = union(d, radius - 0.0100 - 0.0955 * m.eye_size, 0.034)
     fold = upper + 0.0215 + 0.004 * t
+    fold = fold + 0.026 * m.eye_size * max(0.6 - m.eye_open, 0.0) * np.maximum(1.0 - t * t, 0.0)
     span = smooth(1.25, 0.75, np.abs(t))
-    e = e + 0.0085 * span / (1.0 + ((y - fold) / 0.0085) ** 4)
-    e = e - 0.006 * span * bump(y, 0.0, fold + 0.022, 0.0, 0.022, 1.0)
+    e = e + m.lid_fold * 0.0085 * span / (1.0 + ((y - fold) / 0.0085) ** 4)
+    e = e - m.lid_fold * 0.006 * span * bump(y, 0.0, fold + 0.022, 0.0, 0.022, 1.0)
     bag = (y - lower + 0.034 + 0.010 * t) / 0.014
     e = e + (0.0035 + 0.004 * m.folds) * smooth(1.2, 0.5, np.abs(t)) / (1.0 + bag**4)
     e = e - 0.0030 * span * bump(y, 0.0, upper + 0.004, 0.0, 0.007, 1.0)
@@ -213,62 +155,15 @@ def face(m, ax, y, z, d):
     return np.where(z < 0.04, back, d)
 
 
-def hair_coordinates(m, x, y, z):
-    py, pz = y - 0.10, z + 0.02
-    a = np.array([m.hair_pole_y - 0.10, m.hair_pole_z + 0.02])
-    ay, az = a / np.linalg.norm(a)
-    along, across = py * ay + pz * az, py * az - pz * ay
-    theta = np.arctan2(np.sqrt(x * x + across * across) + 1e-9, along)
-    phi = np.arctan2(x, -across) + m.hair_twist * theta + 0.020 * noise(7 * x, 7 * y, 7 * z)
-    if m.hair_knot > 0.0:
-        ky, kz = y - m.hair_pole_y, z - m.hair_pole_z
-        turn = np.arctan2(x, 0.6 * ky - 0.8 * kz)
-        height = (0.8 * ky + 0.6 * kz) / m.hair_knot
-        inside = x * x + ky * ky + kz * kz < (1.18 * m.hair_knot) ** 2
-        wound = 0.5 * turn + 1.9 * height + 0.05 * noise(3.0 * turn, 4.0 * height, 1.0)
-        phi = np.where(inside, wound, phi)
-        theta = np.where(inside, 0.6 + 0.25 * np.cos(turn), theta)
-    return phi, theta
-
-
-def hair_cover(m, ax, y, z, phi):
-    front = 0.62 * (y - 0.415 - m.hairline) - 0.80 * (z - 0.455)
-    front = front - 0.55 * np.maximum(0.20 - ax, 0.0) ** 2
-    front = union(front, 0.62 * (y - 0.03) - 0.80 * (z - 0.145), 0.10)
-    ring = 0.13 * (np.hypot((z + 0.075) / 0.120, (y + 0.105) / 0.205) - 1.0)
-    ring = np.maximum(ring, 0.10 * (z - 0.02))
-    bottom = np.where(z > -0.06, y + 0.14, 0.9 * (y + 0.25) - 0.25 * (z + 0.35))
-    return np.minimum(np.minimum(front, ring), bottom) + 0.010 * noise(12.0 * phi, 3.0 * y, 0.0)
-
-
-def hair(m, x, ax, y, z, d):
-    phi, theta = hair_coordinates(m, x, y, z)
-    knot = np.full(x.shape, 10.0)
-    if m.hair_knot > 0.0:
-        knot = np.sqrt(x**2 + (y - m.hair_pole_y) ** 2 + (z - m.hair_pole_z) ** 2) - m.hair_knot
-        relief = 0.016 * noise(phi * 5.0, theta, 4.0) + 0.006 * noise(phi * 14.0, theta, 9.0)
-        knot = np.where(np.abs(knot) < 0.06, knot + relief, knot)
-    far = np.minimum(np.where(d > 0.0, np.maximum(d - 0.16, 0.05), 0.05), knot)
-    high = smooth(-0.05, 0.45, y)
-    thick = m.hair_side + (m.hair_top - m.hair_side) * high
-    thick = thick + m.hair_quiff * bump(x, z, 0.03, 0.30, 0.42, 0.34) * high
-    grown = np.clip(hair_cover(m, ax, y, z, phi) / 0.25, -0.5, 1.0)
-    rise = np.where(grown > 0.0, grown * (2.0 - grown), 2.0 * grown)
-    layer = d - thick * rise - 0.002
-    relief = 0.42 * noise(phi * 9.0, theta * 1.3, 2.0) + 0.36 * noise(
-        phi * 23.0, theta * 2.0, 5.0) + 0.22 * noise(phi * 61.0, theta * 3.0, 7.0)
-    relief = 0.020 * m.hair_relief * relief * smooth(0.0, 0.5, theta) * (
-        0.25 + 0.75 * np.maximum(grown, 0.0))
-    layer = np.where(layer < 0.07, layer - relief, layer)
-    return np.where((d > 0.30) | (d < -0.12), far, union(layer, knot, 0.05))
-
-
 def surfaces(m, points):
     """Signed distances [N, 4] of points [N, 3] to skin, hair, cloth and eyeballs."""
     x, y, z = np.asarray(points, np.float64).T
     ax = np.sqrt(x * x + 1e-6)
     d = bone(m, x, y, z)
     skin = face(m, ax, y, z, d)
+    covered = hair(m, x, ax, y, z, d)
+    if m.beard_full > 0.0:
+        covered = np.minimum(covered, beard(m, x, ax, y, z, skin, mouth_lines(m, 0.0)[1]))
     away = np.sqrt((ax - 0.44) ** 2 + (y + 0.09) ** 2 + (z + 0.07) ** 2)
     skin = np.where(away < 0.46, union(skin, ear(m, ax, y, z), 0.030),
                     np.minimum(skin, ellipsoid(ax - 0.44, y + 0.09, z + 0.07, 0.13, 0.24, 0.18)))
@@ -284,4 +179,4 @@ def surfaces(m, points):
     ex, ez = ax - 0.184 - m.eye_space, z - 0.385
     eye = np.sqrt(ex * ex + y * y + ez * ez) - 0.0955 * m.eye_size
     corner = ellipsoid(ex + 0.074 * m.eye_size, y + 0.006, ez - 0.052, 0.022, 0.016, 0.022)
-    return np.stack([skin, hair(m, x, ax, y, z, d), cloth, union(eye, corner, 0.010)], axis=-1)
+    return np.stack([skin, covered, cloth, union(eye, corner, 0.010)], axis=-1)

@@ -34,6 +34,8 @@ class HeadModel(NamedTuple):
     eye_open: float = 1.0
     eye_tilt: float = 0.010
     """How much higher the outer corner is than the inner one, world units."""
+    lid_fold: float = 1.0
+    """Depth of the fold above the eye, a factor."""
     eye_space: float = 0.0
     """How much further than average each eye is from the middle, world units."""
     brow_height: float = 0.0
@@ -64,8 +66,28 @@ class HeadModel(NamedTuple):
     hair_twist: float = 0.0
     """Radians by which a strand turns about the pole on its way."""
     hair_relief: float = 1.0
+    hair_recede: float = 0.0
+    """How far the hair has gone back above the temples, world units."""
+    hair_curl: float = 0.0
+    """Height of curls, world units; hair that has them stands up from the scalp at once."""
+    hair_fringe: float = 0.0
+    """Thickness of a fringe that ends above the brows, world units; 0 = none."""
+    hair_length: float = 0.0
+    """How far below the eyes hair hangs, world units; 0 = none does."""
+    hair_front: float = 0.12
+    """How far forward of the ears hanging hair comes, world units."""
+    hair_wave: float = 0.0
+    """How far hanging strands swing to the sides, radians."""
+    hair_parting: float = 0.0
+    """Depth of a parting in the middle, world units; 0 = none."""
     beard: float = 0.0
     """Cover of the beard's shadow in [0, 1]."""
+    beard_full: float = 0.0
+    """Thickness of a full beard on cheeks and chin, world units; 0 = none."""
+    beard_length: float = 0.0
+    """How far it hangs below the chin, world units."""
+    spectacles: float = 0.0
+    """Radius of the rims' wire, world units; 0 = none are worn."""
     freckles: float = 0.0
     skin: Color = (0.80, 0.57, 0.45)
     """Linear albedo of the skin, RGB in [0, 1]; so for the other colors."""
@@ -76,3 +98,4 @@ class HeadModel(NamedTuple):
     hair: Color = (0.12, 0.045, 0.02)
     hair_light: Color = (0.36, 0.15, 0.06)
     cloth: Color = (0.02, 0.13, 0.17)
+    worn: Color = (0.02, 0.014, 0.010)

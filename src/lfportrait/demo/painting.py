@@ -149,7 +149,9 @@ def _directions(picture: Picture, light: Image, label: NDArray[np.int8], eyes: f
     wander = 0.02 * np.stack([np.cos(2.0 * angle), np.sin(2.0 * angle)], axis=-1)
     double = np.where((label < 0)[..., None], wander, double)
     sums = []
-    for region in (label == 0, label == 1, label == 2, label < 0):
+    for region in (label == 0, label == 1, label == 2, label == 4, label < 0):
+        if not region.any():
+            continue
         weight = region.astype(np.float64)
         reach = 0.045 * eyes
         mass = ndimage.gaussian_filter(weight, reach) + 1e-6

@@ -66,6 +66,7 @@ def fauve_colors(picture: Picture, coverage: Image, light: Image,
     grey = light[..., None]
     vivid = np.clip(1.12 * grey + 3.2 * (photo - grey) + (-0.02, 0.04, 0.06), 0.0, 1.0)
     wanted = np.where(eye[..., None], vivid, wanted)
+    wanted = np.where((surface == 4)[..., None], _ramp(_HAIR, 0.5 * light), wanted)
     behind = _background(light.shape, rng)
     cover = coverage[..., None]
     return np.asarray(wanted * cover + behind * (1.0 - cover), np.float32)
@@ -133,7 +134,7 @@ def charcoal_tone(picture: Picture, coverage: Image, light: Image, detail: Image
     skin, hair, cloth, eye = (surface == k for k in range(4))
     tone = np.where(hair, 0.85 * _stretched(light, hair, 1.0, 98.0),
                     np.where(cloth, 0.60 * _stretched(light, cloth, 1.0, 99.0),
-                             _stretched(light, skin | eye, 0.5, 97.0)))
+                             _stretched(light, skin | eye | (surface == 4), 0.5, 97.0)))
     blurred = ndimage.gaussian_filter(tone, 22.0 * scale)
     tone = np.clip(tone + 0.5 * (tone - blurred), 0.0, 1.0)
     dark = np.clip(1.08 * (1.0 - tone), 0.0, 1.0) ** 1.25 * coverage

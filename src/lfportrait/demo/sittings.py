@@ -32,6 +32,8 @@ def embedded_sittings(count: int, height: int, seed: int) -> list[Sitting]:
         features: dict[str, Any] = {}
         for name in SITTER._fields:
             one, other = (np.asarray(getattr(model, name)) for model in (SITTER, PAINTED))
+            if np.array_equal(one, other):
+                continue  # Draw nothing: what neither has must not change the others' choices.
             value = one + random.random() * (other - one)
             features[name] = tuple(value.tolist()) if value.ndim else float(value)
         person = SITTER._replace(**features)

@@ -40,7 +40,7 @@ class Picture:
     normal
         float32 [H, W, 3], world, zero where nothing is hit.
     surface
-        int8 [H, W]: 0 skin, 1 hair, 2 cloth, 3 eye, -1 nothing.
+        int8 [H, W]: 0 skin, 1 hair (and beard), 2 cloth, 3 eye, 4 worn (spectacles), -1 nothing.
     depth
         float32 [H, W], distance along the ray; 0 where nothing is hit.
     """

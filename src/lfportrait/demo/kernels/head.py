@@ -2,26 +2,29 @@
 
 The head is a smooth union of ellipsoids and capsules (skull, face, jaw, cheekbones, nose, neck),
 refined by smooth bumps of compact support in the frontal projection (sockets, folds, lips) and by
-carving (mouth line, nostrils, the slit between the lids). Hair is a layer over the skull whose
-thickness grows behind the hairline, with relief along strands that run from the face to a whorl or
-a knot. Four surfaces are kept apart, so that each can have its own material: skin, hair, cloth and
-eyeballs. Distances are approximate (a lower bound up to a factor of about 0.7 near folds), exact in
-sign. The world is the portrait frame: +y up, +z out of the face; one unit is about 17 cm.
+carving (mouth line, nostrils, the slit between the lids). Hair, beard and spectacles have modules
+of their own: `head_hair`, `head_beard`, `head_worn`. Surfaces are kept apart, so that each can have
+its own material: skin, hair, cloth, eyeballs and what is worn. Distances are approximate (a lower
+bound up to a factor of about 0.7 near folds), exact in sign. The world is the portrait frame: +y
+up, +z out of the face; one unit is about 17 cm.
 
 The parameters ``m`` are one `lfportrait.demo.HeadModel`.
 """
 
 from __future__ import annotations
 
-from math import atan2, cos, sqrt
+from math import sqrt
 
 import numpy as np
 
 from ...lanes.decorators import lean, lean_kernel
+from .head_beard import beard_distance
+from .head_hair import hair_distance
+from .head_worn import worn_distance
 from .implicit import bump, capsule, carve, ellipsoid, noise, smooth_step, union
 
-__all__ = ["bone_distance", "ear_distance", "face_distance", "hair_coordinates", "hair_cover",
-           "lid_lines", "mouth_lines", "scene", "surfaces"]
+__all__ = ["bone_distance", "ear_distance", "face_distance", "lid_lines", "mouth_lines", "scene",
+           "surfaces"]
 
 
 @lean_kernel
@@ -128,10 +131,13 @@ def _eyes(m, ax, y, z, d):
     d = union(d, radius - 0.0100 - 0.0955 * m.eye_size, 0.034)
     # The fold follows the upper lid; skin hangs over it a little on the outside.
     fold = upper + 0.0215 + 0.004 * t
+    if m.eye_open < 0.6:
+        # A lid that closes leaves its fold behind.
+        fold += m.eye_size * (0.6 - m.eye_open) * 0.026 * max(1.0 - t * t, 0.0)
     span = smooth_step(1.25, 0.75, abs(t))
     f = (y - fold) / 0.0085
-    d += 0.0085 * span / (1.0 + f * f * f * f)
-    d -= 0.006 * span * bump(y, 0.0, fold + 0.022, 0.0, 0.022, 1.0)
+    d += m.lid_fold * 0.0085 * span / (1.0 + f * f * f * f)
+    d -= m.lid_fold * 0.006 * span * bump(y, 0.0, fold + 0.022, 0.0, 0.022, 1.0)
     b = (y - lower + 0.034 + 0.010 * t) / 0.014
     d += (0.0035 + 0.004 * m.folds) * smooth_step(1.2, 0.5, abs(t)) / (1.0 + b * b * b * b)
     d -= 0.0030 * span * bump(y, 0.0, upper + 0.004, 0.0, 0.007, 1.0)
@@ -225,72 +231,6 @@ def face_distance(m, x, ax, y, z, bone):
 
 
 @lean
-def hair_coordinates(m, x, y, z):
-    """Strand angle about the pole (radians) and angle from the pole (0..pi).
-
-    On the knot the strands wind about an axis of their own.
-    """
-    kx, ky, kz = x, y - m.hair_pole_y, z - m.hair_pole_z
-    if kx * kx + ky * ky + kz * kz < (1.18 * m.hair_knot) ** 2:
-        turn = atan2(kx, 0.6 * ky - 0.8 * kz)
-        height = (0.8 * ky + 0.6 * kz) / m.hair_knot
-        return 0.5 * turn + 1.9 * height + 0.05 * noise(3.0 * turn, 4.0 * height, 1.0), 0.6 + (
-            0.25 * cos(turn))
-    py, pz = y - 0.10, z + 0.02
-    ay, az = m.hair_pole_y - 0.10, m.hair_pole_z + 0.02
-    scale = 1.0 / sqrt(ay * ay + az * az)
-    ay, az = ay * scale, az * scale
-    along = py * ay + pz * az
-    across = py * az - pz * ay
-    side = sqrt(x * x + across * across) + 1e-9
-    theta = atan2(side, along)
-    wave = 0.020 * noise(7.0 * x, 7.0 * y, 7.0 * z)
-    return atan2(x, -across) + m.hair_twist * theta + wave, theta
-
-
-@lean
-def hair_cover(m, ax, y, z, phi):
-    """Positive where hair grows: distance behind the hairline, roughly, world units."""
-    front = 0.62 * (y - 0.415 - m.hairline) - 0.80 * (z - 0.455) - 0.55 * max(0.20 - ax, 0.0) ** 2
-    temple = 0.62 * (y - 0.03) - 0.80 * (z - 0.145)
-    front = union(front, temple, 0.10)
-    ear = sqrt(((z + 0.075) / 0.120) ** 2 + ((y + 0.105) / 0.205) ** 2) - 1.0
-    ear = max(ear * 0.13, 0.10 * (z - 0.02))
-    nape = 0.9 * (y + 0.25) - 0.25 * (z + 0.35)
-    bottom = y + 0.14 if z > -0.06 else nape
-    return min(min(front, ear), bottom) + 0.010 * noise(12.0 * phi, 3.0 * y, 0.0)
-
-
-@lean
-def _hair(m, x, ax, y, z, bone):
-    """Hair over the skull, with relief along the strands; and the knot."""
-    knot = 10.0
-    if m.hair_knot > 0.0:
-        kx, ky, kz = x, y - m.hair_pole_y, z - m.hair_pole_z
-        r = sqrt(kx * kx + ky * ky + kz * kz)
-        knot = r - m.hair_knot
-        if abs(knot) < 0.06:
-            phi, theta = hair_coordinates(m, x, y, z)
-            knot += 0.016 * noise(phi * 5.0, theta, 4.0) + 0.006 * noise(phi * 14.0, theta, 9.0)
-    if bone > 0.30 or bone < -0.12:
-        return min(max(bone - 0.16, 0.05) if bone > 0.0 else 0.05, knot)
-    phi, theta = hair_coordinates(m, x, y, z)
-    cover = hair_cover(m, ax, y, z, phi)
-    high = smooth_step(-0.05, 0.45, y)
-    thick = m.hair_side + (m.hair_top - m.hair_side) * high
-    thick += m.hair_quiff * bump(x, z, 0.03, 0.30, 0.42, 0.34) * high
-    grown = min(max(cover / 0.25, -0.5), 1.0)
-    rise = grown * (2.0 - grown) if grown > 0.0 else 2.0 * grown
-    d = bone - thick * rise - 0.002
-    if d < 0.07:
-        relief = 0.42 * noise(phi * 9.0, theta * 1.3, 2.0) + 0.36 * noise(
-            phi * 23.0, theta * 2.0, 5.0) + 0.22 * noise(phi * 61.0, theta * 3.0, 7.0)
-        d -= 0.020 * m.hair_relief * relief * smooth_step(0.0, 0.5, theta) * (0.25 + 0.75 * max(
-            grown, 0.0))
-    return union(d, knot, 0.05)
-
-
-@lean
 def _cloth(m, x, ax, y, z, torso):
     """A shirt over the shoulders with a rolled neckline."""
     edge = y + 0.845 + 0.30 * max(z + 0.10, -0.22)
@@ -319,12 +259,15 @@ def surfaces(m, x, y, z):
     ax = sqrt(x * x + 1e-6)
     bone = bone_distance(m, x, ax, y, z)
     skin = face_distance(m, x, ax, y, z, bone)
+    beard = 10.0
+    if m.beard_full > 0.0:
+        beard = beard_distance(m, x, ax, y, z, skin, mouth_lines(m, 0.0)[1])
     away = sqrt((ax - 0.44) ** 2 + (y + 0.09) ** 2 + (z + 0.07) ** 2)
     if away < 0.46:
         skin = union(skin, ear_distance(m, ax, y, z), 0.030)
     else:
         skin = min(skin, ellipsoid(ax - 0.44, y + 0.09, z + 0.07, 0.13, 0.24, 0.18))
-    hair = _hair(m, x, ax, y, z, bone)
+    hair = min(hair_distance(m, x, ax, y, z, bone), beard)
     cloth = 10.0
     if y < -0.25:
         torso = _torso(m, x, ax, y, z)
@@ -343,6 +286,7 @@ def surfaces(m, x, y, z):
 
 @lean
 def scene(m, x, y, z):
-    """Signed distance to the nearest of all surfaces."""
+    """Signed distance to the nearest of all surfaces, and of what is worn."""
     skin, hair, cloth, eye = surfaces(m, x, y, z)
-    return min(min(skin, hair), min(cloth, eye))
+    nearest = min(min(skin, hair), min(cloth, eye))
+    return min(nearest, worn_distance(m, x, y, z)) if m.spectacles > 0.0 else nearest

@@ -17,6 +17,7 @@ import numpy as np
 from ...lanes.decorators import kernel, lean
 from .head import scene, surfaces
 from .head_skin import cloth_albedo, eye_albedo, hair_albedo, hair_tangent, skin_albedo
+from .head_worn import worn_distance
 
 __all__ = ["bake", "render"]
 
@@ -193,7 +194,7 @@ def _strand_gloss(tangent, vx, vy, vz, light, shift, n, sharp):
 
 @lean
 def _shade(m, grid, x, y, z, vx, vy, vz, pixel):
-    """Linear color, surface number (0 skin, 1 hair, 2 cloth, 3 eye) and normal of a point.
+    """Linear color, surface number (0 skin, 1 hair, 2 cloth, 3 eye, 4 worn) and normal of a point.
 
     (vx, vy, vz) points to the camera; ``pixel`` is the size of a pixel there.
     """
@@ -205,6 +206,8 @@ def _shade(m, grid, x, y, z, vx, vy, vz, pixel):
         kind = 2
     if eye < min(skin, hair):
         kind = 3
+    if m.spectacles > 0.0 and worn_distance(m, x, y, z) < min(min(skin, hair), min(cloth, eye)):
+        kind = 4
     n = _normal(m, x, y, z, max(0.0011, 0.30 * pixel))
     nx, ny, nz = n
     sx, sy, sz = _soft_normal(grid, x, y, z, 0.022)
@@ -221,6 +224,9 @@ def _shade(m, grid, x, y, z, vx, vy, vz, pixel):
     elif kind == 2:
         red, green, blue = cloth_albedo(m, x, y, z)
         gloss, sharp = 0.006, 8.0
+    elif kind == 4:
+        red, green, blue = m.worn
+        gloss, sharp = 0.05, 60.0
     else:
         red, green, blue, shade = eye_albedo(m, x, y, z)
         occlusion *= shade

@@ -11,7 +11,8 @@ from math import atan2, cos, sin, sqrt
 import numpy as np
 
 from ...lanes.decorators import lean, lean_kernel
-from .head import ear_distance, hair_coordinates, hair_cover, lid_lines, mouth_lines
+from .head import ear_distance, lid_lines, mouth_lines
+from .head_hair import curls, hair_coordinates, hair_cover
 from .implicit import bump, fractal, noise, smooth_step, uniform
 
 __all__ = ["brow_cover", "brow_line", "cloth_albedo", "eye_albedo", "hair_albedo", "hair_tangent",
@@ -184,6 +185,9 @@ def hair_albedo(m, x, y, z):
     thin = 0.5 + 0.5 * noise(phi * 130.0, theta * 4.0, 13.0)
     w = 0.26 * lock + 0.42 * strand + 0.32 * thin
     w = smooth_step(0.25, 0.95, w)
+    if m.hair_curl > 0.0:
+        lock = strand = curls(x, y, z)
+        w = 0.7 * lock * lock + 0.3 * w
     dark = 0.68 + 0.32 * smooth_step(0.15, 0.6, 0.5 * lock + 0.5 * strand)
     color = _mix(m.hair, m.hair_light, w)
     return _scaled(color, dark, dark, dark)
@@ -195,9 +199,13 @@ def hair_tangent(m, x, y, z, nx, ny, nz):
     ay, az = m.hair_pole_y - 0.10, m.hair_pole_z + 0.02
     s = 1.0 / sqrt(ay * ay + az * az)
     ay, az = ay * s, az * s
+    ax = 0.0
+    if m.hair_curl > 0.0:
+        # Curls point anywhere.
+        ax, ay = noise(31.0 * x, 31.0 * y, 31.0 * z), ay + noise(31.0 * z, 31.0 * x, 31.0 * y)
     # Along a great circle to the pole, turned about the normal by the twist.
-    dot = ay * ny + az * nz
-    tx, ty, tz = -dot * nx, ay - dot * ny, az - dot * nz
+    dot = ax * nx + ay * ny + az * nz
+    tx, ty, tz = ax - dot * nx, ay - dot * ny, az - dot * nz
     bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
     c, s = cos(0.7 * m.hair_twist), sin(0.7 * m.hair_twist)
     tx, ty, tz = c * tx + s * bx, c * ty + s * by, c * tz + s * bz
