@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +19,7 @@ from ..guides.appearance import grey, skin_distance
 from ..guides.blurs import broad_blur, enlarged, gaussian_blur, shrunk
 from ..guides.labels import soft_face
 from ..guides.regions import Regions
+from .headwear import part_headwear
 
 __all__ = ["CLOTHES", "EARS", "FEATURES", "GROUND", "HAIR", "MATERIALS", "NECK", "PLAIN", "SKIN",
            "SmallPicture",
@@ -59,13 +59,6 @@ CLOTH, LEAST_CLOTH = (1.5, 4.0), 0.5
 more than the other part is."""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colors than this are taken for it."""
-
-
-TWO_HUES = 26.0
-"""Hair whose two most frequent colors are further apart than this in a and b is a cap."""
-BESIDE, LITTLE = 0.2, 0.2
-"""The cap's color is what lies so near to the face, over its size; the other has so little there,
-over what that has."""
 
 
 class SmallPicture:
@@ -360,40 +353,10 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
         shares[..., SKIN] -= beard
         shares[..., EARS] = shares[..., SKIN] * _beside(small, regions)
         shares[..., SKIN] -= shares[..., EARS]
-    _part_cap(small, shares)
+    part_headwear(small, shares)
     _hide_ground(small, shares)
     _part_clothes(small, shares)
     return shares
-
-
-def _part_cap(small: SmallPicture, shares: Float32) -> None:
-    """Let a cap's second color be no hair, in place.
-
-    Hair has lights and shades, but one hue; a cap with a ribbon has two. As hair it would become
-    stripes. The color next to the face stays; the other is painted nowhere.
-    """
-    from skimage.color import rgb2lab
-
-    hair = small.part(shares[..., HAIR]) > 0.6
-    if hair.sum() < 2 * FEW:
-        return
-    colors = rgb2lab(np.clip(small.blurred(LIKE_HAIR[0][0] * 2)[hair], 0, 1)).astype(np.float32)
-    colors[:, 0] *= 0.5
-    stop = cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.1
-    _, found, middles = cv2.kmeans(colors, 2, np.empty(0, np.int32), stop, 3, cv2.KMEANS_PP_CENTERS)
-    if np.linalg.norm(np.diff(middles, axis=0)[0, 1:]) < TWO_HUES:
-        return
-    side = 2 * round(BESIDE * small.size) + 1
-    near = cv2.dilate((small.part(small.face) > 0.02).astype(np.uint8),
-                      np.ones((side, side), np.uint8))[hair] > 0
-    beside = np.bincount(found[near, 0], minlength=2)
-    if beside.min() > LITTLE * beside.max():
-        return
-    other = np.zeros(hair.shape, np.float32)
-    other[hair] = found[:, 0] != int(beside.argmax())
-    ribbon = shares[..., HAIR] * np.clip(small.whole(gaussian_blur(other, 1.0)) * 2, 0, 1)
-    shares[..., FEATURES] += ribbon
-    shares[..., HAIR] -= ribbon
 
 
 def _hide_ground(small: SmallPicture, shares: Float32) -> None:

@@ -1,0 +1,134 @@
+"""Hats and caps in a painting: what the networks take for hair or for background.
+
+A sitter without one has hair and a background there. They must not be painted with a ribbon, or
+with a brim that hovers behind the head.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..guides.blurs import gaussian_blur
+
+if TYPE_CHECKING:
+    from .picture_materials import SmallPicture
+
+__all__ = ["part_headwear"]
+
+Float32 = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+HAIR, GROUND, FEATURES = 1, 4, 5
+FEW = 60
+"""Fewer pixels than this have no color."""
+BLUR = 0.03
+"""Colors are compared blurred by so much over the face's size."""
+TWO_HUES = 26.0
+"""Hair whose two most frequent colors are further apart than this in a and b is a cap."""
+BESIDE, LITTLE = 0.2, 0.2
+"""The cap's color is what lies so near to the face, over its size; the other has so little there,
+over what that has."""
+COLORS, APART = (2, 3), 15.0
+"""A background is divided into so many colors; a hat before it differs by this from the others."""
+TOUCHING, BORDER, RARE = 0.25, 0.06, 0.01
+"""A hat covers so much of the line where head and background meet, above the chin. Of the picture's
+border, which is so broad over its size, it covers little: over that share, no more than this times
+the difference of the colors."""
+
+
+def part_headwear(small: SmallPicture, shares: Float32) -> None:
+    """Let a cap's second color be no hair, and a hat beyond the head no background, in place.
+
+    Both are painted nowhere (`FEATURES`).
+
+    Parameters
+    ----------
+    small
+        The painting, made small.
+    shares
+        float32 [h, w, 7] by `MATERIALS`, of the whole painting.
+    """
+    _part_cap(small, shares)
+    _part_hat(small, shares)
+
+
+def _part_cap(small: SmallPicture, shares: Float32) -> None:
+    """Hair has lights and shades, but one hue; a cap with a ribbon has two.
+
+    As hair it would become stripes. The color next to the face stays.
+    """
+    hair = small.part(shares[..., HAIR]) > 0.6
+    if hair.sum() < FEW:
+        return
+    found, middles = _clusters(small, hair, 2)
+    if np.linalg.norm(np.diff(middles, axis=0)[0, 1:]) < TWO_HUES:
+        return
+    beside = np.bincount(found[_grown(small.part(small.face) > 0.02, BESIDE * small.size)[hair]],
+                         minlength=2)
+    if beside.min() <= LITTLE * beside.max():
+        other = np.zeros(hair.shape, bool)
+        other[hair] = found != int(beside.argmax())
+        _nowhere(small, shares, HAIR, other)
+
+
+def _part_hat(small: SmallPicture, shares: Float32) -> None:
+    """What is taken for background, but lies around the head alone and is of its own color."""
+    ground = small.part(shares[..., GROUND]) > 0.6
+    if ground.sum() < FEW:
+        return
+    above = small.part(small.down) < 1
+    head = _grown(~ground & above, 0.0)
+    meeting = ground & above & _grown(head, 0.08 * small.size)
+    width = max(2, round(BORDER * max(ground.shape)))
+    border = np.ones(ground.shape, bool)
+    border[width:, width:-width] = False
+    border &= ground & above
+    if min(meeting.sum(), border.sum()) < FEW:
+        return
+    for count in COLORS:
+        found, middles = _clusters(small, ground, count)
+        number = np.full(ground.shape, -1)
+        number[ground] = found
+        for one in range(count):
+            touches, ends = (float((number[part] == one).mean()) for part in (meeting, border))
+            away = np.linalg.norm(np.delete(middles, one, axis=0) - middles[one], axis=1).min()
+            if touches > TOUCHING and away > APART and ends < RARE * away * touches:
+                _nowhere(small, shares, GROUND, _hanging(number == one, meeting))
+                return
+
+
+def _hanging(part: Bools, meeting: Bools) -> Bools:
+    """The pieces of a part [h, w] that meet the head."""
+    _, pieces = cv2.connectedComponents(part.astype(np.uint8))
+    known = np.unique(pieces[meeting & part])
+    return np.isin(pieces, known[known > 0])
+
+
+def _clusters(small: SmallPicture, where: Bools, count: int) -> tuple[NDArray[np.int32], Float32]:
+    """Which of the most frequent colors pixels have, int32 [N], and these, Lab [count, 3]."""
+    from skimage.color import rgb2lab
+
+    colors = rgb2lab(np.clip(small.blurred(BLUR)[where], 0, 1)).astype(np.float32)
+    colors[:, 0] *= 0.5
+    stop = cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.1
+    cv2.setRNGSeed(0)
+    _, found, middles = cv2.kmeans(colors, count, np.empty(0, np.int32), stop, 3,
+                                   cv2.KMEANS_PP_CENTERS)
+    return found[:, 0], middles
+
+
+def _grown(part: Bools, radius: float) -> Bools:
+    side = 2 * round(radius) + 1
+    return np.asarray(cv2.dilate(part.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
+
+
+def _nowhere(small: SmallPicture, shares: Float32, material: int, part: Bools) -> None:
+    """Take a part of a material out of use, in place."""
+    soft = np.clip(2 * small.whole(gaussian_blur(part.astype(np.float32), 1.0)), 0, 1)
+    taken = shares[..., material] * soft
+    shares[..., FEATURES] += taken
+    shares[..., material] -= taken
