@@ -118,7 +118,7 @@ def _clusters(small: SmallPicture, where: Bools, count: int) -> tuple[NDArray[np
     cv2.setRNGSeed(0)
     _, found, middles = cv2.kmeans(colors, count, np.empty(0, np.int32), stop, 3,
                                    cv2.KMEANS_PP_CENTERS)
-    return found[:, 0], middles
+    return np.asarray(found[:, 0], np.int32), np.asarray(middles, np.float32)
 
 
 def _grown(part: Bools, radius: float) -> Bools:
