@@ -45,8 +45,8 @@ BROAD = 0.07
 """Colors broader than this come from the skin around the hole, over the face's height."""
 CENTRAL = 0.6
 """Skin counts by how near it is to the middle: sigma over half the face's width."""
-LIGHTER = 0.02
-"""What is lighter than skin by this is no brow."""
+BROW, EDGE = 0.04, 0.02
+"""Brows are darker than skin by this, and not so near to the cover, over the face's height."""
 SMALL = 4
 """They are computed every Nth pixel."""
 REACHES = 1.2, 0.6, 0.3, 0.15, 0.08
@@ -89,14 +89,14 @@ def _found(exemplar: Exemplar, fringe: bool) -> dict[str, NDArray[Any]] | None:
     if forehead.other < WORN and forehead.share < (FRINGE if fringe else MOST):
         return None
     height = regions.frame.height
-    side = 2 * max(1, round(GROWN * height)) + 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    hole = cv2.dilate((forehead.covered > 0.5).astype(np.uint8), kernel) > 0
+    hole = _grown(forehead.covered > 0.5, GROWN * height)
     bare = forehead.bare * ~hole
     broad = _spread(exemplar.image, _central(bare, regions), height)
-    # Brows stay; linen at their edge is lighter than skin.
-    lighter = grey(exemplar.image) > grey(broad) + LIGHTER
-    hole &= (labels[..., PICTURE_LABELS.index("brows")] < 100) | lighter
+    # Brows stay, as dark as they are; linen at their edge goes, with its shade.
+    brows = labels[..., PICTURE_LABELS.index("brows")] > 100
+    dark = grey(exemplar.image) < grey(broad) - BROW
+    brows &= _grown(dark, 0.01 * height) & ~_grown(forehead.covered > 0.5, EDGE * height)
+    hole &= ~brows
     image = _filled(exemplar, bare > 0.5, hole, broad, height)
     # What lies above is where hair is: a sitter's forehead ends there.
     soft = cv2.GaussianBlur(hole.astype(np.float32), (0, 0), max(0.5, SOFT * height))
@@ -106,6 +106,13 @@ def _found(exemplar: Exemplar, fringe: bool) -> dict[str, NDArray[Any]] | None:
     return {"image": image, **{name: np.asarray(255 * matte + 0.5, np.uint8)
                                for name, matte in (("person", person), ("hair", above),
                                                 ("hole", soft))}}
+
+
+def _grown(part: Bools, radius: float) -> Bools:
+    """A part [h, w] with what is as near as this around it."""
+    side = 2 * max(1, round(radius)) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    return np.asarray(cv2.dilate(part.astype(np.uint8), kernel) > 0)
 
 
 def _central(bare: Float32, regions: Regions) -> Float32:
@@ -171,8 +178,7 @@ def _strokes(exemplar: Exemplar, inside: Bools, bare: Bools, tone: Float32, heig
     painter = PatchPainter(exemplar, one[np.where(bare, SKIN, FEATURES)], PainterConfig(), 0,
                            sharp=False)
     pictures, theirs = painter.source(1.0)
-    reach = 2 * round(AROUND * height) + 1
-    near = cv2.dilate(inside.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+    near = _grown(inside, AROUND * height)
     # Strokes agree with skin around the hole, not with hair and hats.
     state = np.where(inside, ACTIVE, np.where(near & bare, FIXED, OUTSIDE)).astype(np.uint8)
     picture = exemplar.image.astype(np.float32) / np.float32(255)
