@@ -15,7 +15,8 @@ photos are painted with ``--quality best``. Figures beyond their limit have a st
   they are than his, over their width;
 - forehead: share of its pixels that are nearer to the exemplar's cloth, hair or background than to
   its skin;
-- seam: the strongest straight vertical step of color in the face (delta E);
+- seam: the strongest straight vertical step of color in the face (delta E); beyond the limit if
+  the painting's own face has none as strong;
 - mouth: how unlike both of its corners are, over the exemplar's contrast there.
 
 "-" is what could not be measured. The JSON holds more figures.

@@ -235,6 +235,8 @@ def test_tables_count_what_is_beyond_the_limit():
               "two": {"a": good}}
     after = {"one": {"a": good | {"mouth": 2.0}}}
     assert counts(before)["seam"] == (1, 3) and counts(before)["gaze"] == (0, 2)
+    own = {"one": {"a": good | {"seam": 20.0, "seam_painting": 25.0}}}
+    assert counts(own)["seam"] == (0, 1)
     table = people_table(before)
     assert "20.0*" in table and "1 of 3" in table and "together: 1 of 23" in table
     compared = people_table_compared(before, after).splitlines()

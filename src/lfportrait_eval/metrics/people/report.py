@@ -22,9 +22,14 @@ Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
 
 
 def beyond(kind: str, figures: Mapping[str, Any]) -> bool:
-    """Whether a figure is beyond its limit; what could not be measured is not."""
-    value = figures.get(kind)
-    return value is not None and bool(value > LIMITS[kind])
+    """Whether a figure is beyond its limit; what could not be measured is not.
+
+    A seam no stronger than the painter's own edges in his face is within.
+    """
+    value, limit = figures.get(kind), LIMITS[kind]
+    if kind == "seam":
+        limit = max(limit, figures.get("seam_painting") or 0.0)
+    return value is not None and bool(value > limit)
 
 
 def counts(rows: Figures) -> dict[str, tuple[int, int]]:
