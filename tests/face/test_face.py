@@ -2,6 +2,7 @@
 
 import json
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from lfportrait.errors import UserError
 from lfportrait.face import (
     detect_landmarks,
     face_mask,
+    face_mesh,
     face_yaw,
     frontal_order,
     hair_mask,
@@ -291,3 +293,17 @@ def test_an_ear_in_a_crop_is_no_face(monkeypatch, radius, kept):
     found = module.detect_landmarks(photo)
     assert (found is not None) == kept
     assert not kept or np.array_equal(found, ear + 150)
+
+
+def test_the_whole_mesh_is_in_pixels(monkeypatch):
+    module = sys.modules["lfportrait.face.detect"]
+    points = [SimpleNamespace(x=0.25, y=0.5)] * 478
+    faces = [[points], []]
+    detector = SimpleNamespace(detect=lambda _: SimpleNamespace(face_landmarks=faces.pop(0)))
+    monkeypatch.setattr(module, "_landmarker", lambda path, most: detector)
+    monkeypatch.setattr(module.models, "fetch", lambda name: name)
+    monkeypatch.setattr(module, "picture", lambda image: image)
+    image = np.zeros((40, 80, 3), np.uint8)
+    mesh = face_mesh(image)
+    assert mesh.shape == (478, 2) and (mesh == (20, 20)).all()
+    assert face_mesh(image) is None

@@ -13,10 +13,12 @@ from ..lazy import attach
 if TYPE_CHECKING:
     from .exemplar import Exemplar, face_size
     from .guides.appearance import appearance_guide
+    from .guides.face_frame import FaceFrame
     from .guides.maps import Guides
     from .guides.position import position_guide
     from .guides.regions import Regions, find_regions
     from .methods import Method, MethodConfig, PhotoMethod, paint, photo_method, prepare
+    from .painter.picture_materials import painted_shares
     from .patches import PatchConfig
     from .providers import Sitting, provided_styles
     from .region_styles import mix_regions
@@ -34,6 +36,7 @@ __all__ = [
     "PROFILE",
     "BlitConfig",
     "Exemplar",
+    "FaceFrame",
     "Guides",
     "LookUpTable",
     "Method",
@@ -63,6 +66,7 @@ __all__ = [
     "head_mesh",
     "mix_regions",
     "paint",
+    "painted_shares",
     "photo_method",
     "position_guide",
     "prepare",

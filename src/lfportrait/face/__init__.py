@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .. import models
 from ..cache import key_of
-from .detect import detect_faces, detect_landmarks, face_yaw
+from .detect import detect_faces, detect_landmarks, face_mesh, face_yaw
 from .generic_head import GENERIC_LANDMARKS, generic_depth
 from .mask import face_mask
 from .points import read_landmarks, write_landmarks
@@ -27,6 +27,7 @@ __all__ = [
     "detect_landmarks",
     "detectors_key",
     "face_mask",
+    "face_mesh",
     "face_pose",
     "face_yaw",
     "frontal_order",

@@ -18,7 +18,7 @@ from .. import models
 from .mediapipe_tasks import made, picture
 from .points import FROM_MEDIAPIPE, centred
 
-__all__ = ["detect_faces", "detect_landmarks", "face_yaw"]
+__all__ = ["detect_faces", "detect_landmarks", "face_mesh", "face_yaw"]
 
 _AROUND = 1.5
 _MANY = 8
@@ -36,6 +36,27 @@ def _landmarker(path: str, faces: int) -> Any:
             min_face_detection_confidence=0.4))
 
     return made(make, lambda task: task.detect(picture(np.zeros((64, 64, 3), np.uint8))))
+
+
+def face_mesh(image: NDArray[np.uint8]) -> NDArray[np.float64] | None:
+    """All points of MediaPipe's mesh of the surest face in a picture.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3], sRGB, of one face.
+
+    Returns
+    -------
+    points
+        float64 [478, 2] in pixels, in MediaPipe's order (468 to 472 the iris on the picture's left,
+        473 to 477 the other one), or None if no face was found.
+    """
+    found = _landmarker(str(models.fetch("face-landmarker")), 1).detect(picture(image))
+    if not found.face_landmarks:
+        return None
+    height, width = image.shape[:2]
+    return np.array([(point.x * width, point.y * height) for point in found.face_landmarks[0]])
 
 
 def _meshes(image: NDArray[np.uint8], most: int = 1) -> list[NDArray[np.float64]]:
