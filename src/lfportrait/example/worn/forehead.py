@@ -1,7 +1,7 @@
 """Where a painted forehead is covered or shaded: linen, a hat's brim and its shade.
 
-A forehead is bare where its colors are those of the cheeks and its light is no darker than theirs.
-What is neither, hangs down from above and is more than a wrinkle is a cover. Hair is left to the
+A forehead is bare where its colors and its light are those of cheeks and nose. What has others,
+hangs down from above and is more than a wrinkle is a cover. Hair is left to the
 painter: a fringe belongs to him.
 """
 
@@ -16,7 +16,6 @@ from scipy import ndimage
 
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar
-from ..guides.appearance import grey, skin_distance
 from ..guides.regions import Regions
 from ..painter.picture_materials import SmallPicture
 
@@ -35,12 +34,15 @@ BROWS = 0.03
 """It begins this far above the brows' middle: what lies lower is brows and lids."""
 BLUR = 0.02
 """Colors are compared blurred by so much over the face's size."""
-UNLIKE = 2.6
-"""Skin is no further from the colors of the cheeks, in standard deviations."""
-SHADE, DEEP = 0.03, 0.05
-"""Shade is darker than all but this share of the cheeks, by this much of luma."""
-LEAST = 0.1
-"""A smaller share of the forehead is a wrinkle or a curl."""
+LIGHT = 0.4
+"""How much light counts against hue and chroma."""
+FEW, MOST = 50, 1500
+"""A smaller sample of skin says nothing; of a larger one a part will do."""
+NEAR, USUAL = 0.02, 0.95
+"""A color's distance is that to the nearest of the sample, this share of it left out; so far apart
+are the sample's own, but for the rest."""
+OTHER, LEAST_OTHER = 1.2, 0.5
+"""What is further than this times that, and a little more in Lab, is no skin."""
 THICK = 0.04
 """What is narrower, over the face's height, is a wrinkle."""
 
@@ -83,16 +85,17 @@ def covered_forehead(exemplar: Exemplar, regions: Regions, labels: NDArray[np.ui
     half = 0.5 * regions.frame.width / regions.frame.height
     around = (np.abs(right) / (TEMPLE * half)) ** ROUND + (np.maximum(-down, 0) / HAIRLINE) ** ROUND
     features = _features(small, labels)
-    unlike, dark, light = _unlike(small)
+    oval = (around < 1) & (down < 0)
+    flesh = (small.part(small.face) > 0.7) | oval
+    unlike, light = _unlike(small, _sample(small, labels), flesh)
     # Linen on the brows themselves is lighter than skin.
-    forehead = (around < 1) & (down < np.where(light, 0, -BROWS)) & (~features | light)
+    forehead = oval & (down < np.where(light, 0, -BROWS)) & (~features | light)
     hair = small.part(labels[..., PICTURE_LABELS.index("hair")]) > 100
-    cover = forehead & (unlike | dark)
+    cover = forehead & unlike
     cover = _from_above(cover, forehead, max(1, round(THICK * regions.frame.height / small.factor)))
     whole = max(float(forehead.sum()), 1.0)
     share, other = float(cover.sum()) / whole, float((cover & ~hair).sum()) / whole
-    flesh = (small.part(small.face) > 0.7) & ~features & (down > -BROWS) | forehead
-    bare = flesh & ~unlike & ~dark & ~cover & ~hair
+    bare = flesh & ~features & ~unlike & ~cover & ~hair
     high = np.maximum(-down, 0) / CROWN[1]
     crown = (np.hypot(right / (CROWN[0] * half), high) < 1) & (down < CROWN[2]) & (around > 1)
     covered, skin, head = (small.whole(plane.astype(np.float32)) for plane in (cover, bare, crown))
@@ -106,16 +109,32 @@ def _features(small: SmallPicture, labels: NDArray[np.uint8]) -> Bools:
     return np.asarray(part[..., numbers].sum(axis=-1, dtype=np.int64) > 40)
 
 
-def _unlike(small: SmallPicture) -> tuple[Bools, Bools, Bools]:
-    """What has other colors than the cheeks, what is much darker, and what has and is lighter."""
-    colors = small.blurred(BLUR)
-    cheeks = small.cheeks
-    unlike = skin_distance(colors, cheeks) > UNLIKE
-    light = grey(colors)
-    if not cheeks.any():
-        return unlike, np.zeros_like(unlike), np.zeros_like(unlike)
-    return (unlike, light < np.quantile(light[cheeks], SHADE) - DEEP,
-            unlike & (light > np.quantile(light[cheeks], 1 - SHADE)))
+def _sample(small: SmallPicture, labels: NDArray[np.uint8]) -> Bools:
+    """Cheeks and nose: a nose is lit as a forehead is."""
+    nose = small.part(labels[..., PICTURE_LABELS.index("nose")]) > 200
+    # Its ridge, without nostrils and their shade.
+    nose &= small.part(small.down) < 0.45
+    return small.cheeks | nose
+
+
+def _unlike(small: SmallPicture, sample: Bools, where: Bools) -> tuple[Bools, Bools]:
+    """What has other colors than a sample of skin, and what of this is lighter, bool [h, w].
+
+    Skin has a painter's lights, shades and hues, so colors are compared with the nearest ones of
+    the sample, and these with each other. Looked at is ``where``.
+    """
+    from scipy.spatial import cKDTree
+    from skimage.color import rgb2lab
+
+    unlike = np.zeros(where.shape, bool)
+    if sample.sum() < FEW:
+        return unlike, unlike
+    lab = rgb2lab(np.clip(small.blurred(BLUR), 0, 1)) * [LIGHT, 1.0, 1.0]
+    skin = lab[sample][::max(1, int(sample.sum()) // MOST)]
+    tree, near = cKDTree(skin), [max(1, round(NEAR * len(skin)))]
+    own = np.quantile(tree.query(skin, k=near)[0], USUAL)
+    unlike[where] = tree.query(lab[where], k=near)[0][:, 0] > OTHER * own + LEAST_OTHER
+    return unlike, unlike & (lab[..., 0] > np.quantile(skin[:, 0], USUAL))
 
 
 def _from_above(cover: Bools, forehead: Bools, radius: int) -> Bools:

@@ -1,0 +1,143 @@
+"""Foreheads under linen and hats are bared; bare ones stay as they are."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import pytest
+
+from lfportrait.demo import demo_exemplar
+from lfportrait.example import Exemplar, bared
+from lfportrait.example.guides.face_frame import FaceFrame
+from lfportrait.example.painter.kept import known_shares
+from lfportrait.example.painter.picture_materials import FEATURES, GROUND, HAIR, SKIN
+
+LINEN = np.array([238, 236, 226], np.uint8)
+HAT = np.array([20, 90, 40], np.uint8)
+
+
+@lru_cache(maxsize=3)
+def painted(name):
+    return demo_exemplar(name)
+
+
+def places(exemplar):
+    """Right and down of all pixels in the face's frame, in half widths and heights."""
+    frame = FaceFrame.of(exemplar.landmarks)
+    right, down = frame.local(exemplar.image.shape)
+    return right / (0.5 * frame.width / frame.height), down
+
+
+def forehead(exemplar):
+    """The middle of the forehead."""
+    right, down = places(exemplar)
+    return (np.abs(right) < 0.5) & (down < -0.12) & (down > -0.35)
+
+
+def changed(exemplar, where, color):
+    image = exemplar.image.copy()
+    soft = cv2.GaussianBlur(where.astype(np.float32), (0, 0), 1.0)[..., None]
+    return replace(exemplar, image=(image + soft * (color - image.astype(float))).astype(np.uint8))
+
+
+def under_linen(exemplar):
+    """With a band of linen from above the brows to the crown."""
+    right, down = places(exemplar)
+    return changed(exemplar, (np.abs(right) < 1.05) & (down < -0.07) & (down > -0.75), LINEN)
+
+
+def away(exemplar, other, where):
+    """How far the mean colors of two paintings are from each other, grey levels."""
+    return np.abs(exemplar.image[where].mean(axis=0, dtype=float)
+                  - other.image[where].mean(axis=0, dtype=float)).max()
+
+
+@pytest.mark.parametrize("name", ["fauve", "charcoal", "impression"])
+def test_a_bare_forehead_is_left_alone(name):
+    assert bared(painted(name)) is painted(name)
+
+
+def test_linen_gives_way_to_skin_in_the_colors_of_the_face():
+    exemplar = painted("impression")
+    covered = under_linen(exemplar)
+    found = bared(covered)
+    where = forehead(exemplar)
+    assert away(covered, exemplar, where) > 40
+    assert away(found, exemplar, where) < 25
+    # Strokes, not a flat fill.
+    assert found.image[where].std(axis=0).mean() > 0.25 * exemplar.image[where].std(axis=0).mean()
+
+
+def test_the_rest_of_the_face_keeps_its_bytes():
+    covered = under_linen(painted("impression"))
+    found = bared(covered)
+    _, down = places(covered)
+    assert (found.image[down > 0.1] == covered.image[down > 0.1]).all()
+
+
+def test_what_was_linen_is_skin_to_the_painter_and_hair_above():
+    covered = under_linen(painted("impression"))
+    found = bared(covered)
+    shares = known_shares(found, found.regions(), found.regions().labels())
+    right, down = places(covered)
+    assert shares[forehead(covered)][:, SKIN].mean() > 0.9
+    crown = (np.abs(right) < 0.5) & (down < -0.62) & (down > -0.72)
+    assert shares[crown][:, HAIR].mean() > 0.8
+
+
+def test_a_hat_and_its_shade_give_way_too():
+    exemplar = painted("impression")
+    right, down = places(exemplar)
+    covered = changed(exemplar, (np.abs(right) < 1.6) & (down < -0.3) & (down > -0.9), HAT)
+    shade = (np.abs(right) < 1) & (down < -0.06) & (down >= -0.3)
+    covered.image[shade] = (covered.image[shade] * 0.35).astype(np.uint8)
+    found = bared(covered)
+    assert away(found, exemplar, forehead(exemplar)) < 0.4 * away(covered, exemplar,
+                                                                  forehead(exemplar))
+
+
+def test_a_fringe_is_taken_off_only_if_that_is_asked_for():
+    exemplar = painted("impression")
+    right, down = places(exemplar)
+    hair = exemplar.regions().hair
+    assert hair is not None
+    color = exemplar.image[hair > 0.9].mean(axis=0)
+    # One side of the forehead, down to the brow.
+    fringe = (right > -0.1) & (right < 1) & (down < -0.05) & (down > -0.6)
+    mask = np.ones(exemplar.image.shape[:2], np.float32) * exemplar.regions().person
+    covered = changed(replace(exemplar, mask=mask, hair=np.maximum(hair, fringe * mask)), fringe,
+                      color)
+    assert bared(covered) is covered
+    assert away(bared(covered, fringe=True), exemplar, forehead(exemplar)) < 25
+
+
+def test_a_hat_beyond_the_head_is_no_background():
+    exemplar = painted("impression")
+    right, down = places(exemplar)
+    hat = (np.abs(right) < 2.0) & (down < -0.55) & (down > -1.0)
+    covered = changed(exemplar, hat, HAT)
+    # A network that knows no hats.
+    covered = Exemplar(covered.image, covered.landmarks, "hat", exemplar.regions().person * ~hat)
+    shares = known_shares(covered, covered.regions(), covered.regions().labels())
+    beyond = hat & (exemplar.regions().person < 0.1)
+    assert beyond.sum() > 500
+    assert shares[beyond][:, GROUND].mean() < 0.15
+    assert shares[beyond][:, FEATURES].mean() > 0.6
+
+
+def test_a_ribbon_on_a_cap_is_no_hair():
+    exemplar = painted("impression")
+    hair = exemplar.regions().hair
+    assert hair is not None
+    right, down = places(exemplar)
+    cap = hair > 0.5
+    ribbon = cap & (down < -0.72)
+    image = exemplar.image.copy()
+    image[cap], image[ribbon] = (235, 232, 222), (30, 90, 190)
+    covered = replace(exemplar, image=image, mask=exemplar.regions().person, hair=hair)
+    shares = known_shares(covered, covered.regions(), covered.regions().labels())
+    inner = cv2.erode(ribbon.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    assert inner.sum() > 300
+    assert shares[inner][:, HAIR].mean() < 0.2
+    assert shares[cap & (down > -0.6) & (down < -0.5)][:, HAIR].mean() > 0.5
