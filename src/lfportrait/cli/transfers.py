@@ -16,11 +16,14 @@ from numpy.typing import NDArray
 from ..errors import UserError
 from ..example import (
     Exemplar,
+    Lids,
     MethodConfig,
     Transfer,
     TransferConfig,
     VideoTransfer,
+    closed_words,
     face_landmarks,
+    fitting,
     mix_regions,
     prepare,
     suited,
@@ -44,7 +47,8 @@ class _Painter:
         self.exemplar, self.config, self.choices = exemplar, config, choices
         self.others = {choice.style: Exemplar.load(choice.style)
                        for choice in choices if choice.style}
-        self.prepared: dict[tuple[str, bool], Any] = {}
+        self.prepared: dict[tuple[str, bool, Lids], Any] = {}
+        self.lids: Lids = (False, False)
         self._coming: Future[Any] | None = None
 
     def begin(self) -> None:
@@ -57,9 +61,11 @@ class _Painter:
     def _apply(self, style: str, photo: NDArray[np.uint8], points: NDArray[np.float64]) -> Any:
         exemplar = self.others[style] if style else self.exemplar
         # Other methods take a painting as it is.
-        chosen = suited(exemplar, points) if isinstance(self.config, TransferConfig) else exemplar
-        key = style, chosen is exemplar
-        if key == ("", True) and self._coming is not None:
+        chosen = (fitting(exemplar, points, photo, self.config.eyes)
+                  if isinstance(self.config, TransferConfig) else exemplar)
+        self.lids = chosen.lids
+        key = style, (chosen.opened or chosen) is exemplar, chosen.lids
+        if key == ("", True, (False, False)) and self._coming is not None:
             self.prepared[key], self._coming = self._coming.result(), None
         if key not in self.prepared:
             self.prepared[key] = prepare(chosen, self.config, own=[(photo, points)])
@@ -89,6 +95,10 @@ def transfer_photo(path: Path, out: Path, exemplar: Exemplar, config: MethodConf
     if turned > DOUBTFUL:
         print(f"note: the face in {path.name} is turned by {turned:.0f} degrees: landmarks of its "
               f"far side are guesses (reliable up to {DOUBTFUL:.0f} degrees)", file=sys.stderr)
+    if any(painter.lids) and not any(one.region in ("eyes", "features") for one in choices):
+        print(f"note: {closed_words(painter.lids)} closed, and painted so: --eyes painted opens "
+              f"{'them' if all(painter.lids) else 'it'}, --region eyes=off leaves the photo's",
+              file=sys.stderr)
     if dump is not None:
         result.dump(dump)
     return dict(result.seconds)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .guides.maps import Guides
     from .guides.position import position_guide
     from .guides.regions import Regions, find_regions
+    from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, fitting
     from .methods import Method, MethodConfig, PhotoMethod, paint, photo_method, prepare
     from .patches import PatchConfig
     from .providers import Sitting, provided_styles
@@ -34,6 +35,7 @@ __all__ = [
     "BlitConfig",
     "Exemplar",
     "Guides",
+    "Lids",
     "LookUpTable",
     "Method",
     "MethodConfig",
@@ -53,10 +55,15 @@ __all__ = [
     "TransferResult",
     "VideoTransfer",
     "appearance_guide",
+    "asked_lids",
     "build_table",
+    "closed_words",
+    "eye_opening",
+    "eye_openings",
     "face_landmarks",
     "face_size",
     "find_regions",
+    "fitting",
     "frontal_view",
     "head_mesh",
     "mix_regions",

@@ -48,6 +48,10 @@ class Exemplar:
         or None; then the transfer segments the picture itself.
     faces
         How many faces were found in the picture; 1 where its landmarks were given.
+    lids
+        Which of its eyes, on the picture's left and right, were shut (`lids.closed`).
+    opened
+        The exemplar as it was before, or None.
     """
 
     image: NDArray[np.uint8]
@@ -55,6 +59,8 @@ class Exemplar:
     name: str = "exemplar"
     mask: NDArray[np.float32] | None = field(default=None, repr=False)
     faces: int = 1
+    lids: tuple[bool, bool] = (False, False)
+    opened: Exemplar | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         self.image = np.ascontiguousarray(self.image[..., :3], np.uint8)
@@ -80,7 +86,7 @@ class Exemplar:
         def small(plane: NDArray[Any]) -> NDArray[Any]:
             return np.asarray(Image.fromarray(plane).resize(shape, Image.Resampling.BOX))
 
-        return replace(self, image=small(self.image),
+        return replace(self, image=small(self.image), opened=None,
                        mask=None if self.mask is None else small(self.mask),
                        landmarks=self.landmarks * np.divide(shape, (width, height)))
 
@@ -101,6 +107,9 @@ class Exemplar:
         What the segmentation networks see in a picture takes seconds to find, most of them to load
         the networks: it is kept in the user's cache.
         """
+        if self.opened is not None:
+            known = self.opened.regions()
+            return Regions(self.landmarks, known.person, known.hair)
         networks = models.in_use(["person-segmentation", "hair-segmentation"])
         if not networks:
             return find_regions(self.image, self.landmarks, self.mask)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
-from ..example import Exemplar, Painting, Skin, SkinPainter
+from ..example import Exemplar, Painting, Skin, SkinPainter, asked_lids
 from ..example.skin import canvas_of
 from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
@@ -53,7 +53,7 @@ def paint(skin: Skin, exemplar: Exemplar, config: StylizeConfig | None = None) -
         a `SkinPainter`.
     """
     config = config or StylizeConfig()
-    return Painters().of(exemplar, skin.face, config).paint(skin, PREVIEW if config.preview else 1)
+    return Painters().of(exemplar, skin, config).paint(skin, PREVIEW if config.preview else 1)
 
 
 def _fitting(exemplar: Exemplar, face: float) -> Exemplar:
@@ -116,13 +116,16 @@ class Painters:
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], tuple[Exemplar, SkinPainter]] = {}
 
-    def of(self, exemplar: Exemplar, face: float, config: StylizeConfig) -> SkinPainter:
-        """The painter of an exemplar for skins whose face has so many pixels."""
-        key = id(exemplar), face, config.painting, config.transfer, config.seed
+    def of(self, exemplar: Exemplar, skin: Skin, config: StylizeConfig) -> SkinPainter:
+        """The painter of an exemplar for skins of this size, whose eyes are as open."""
+        face = skin.face
+        lids = ((False, False) if config.eyes == "painted"
+                else asked_lids(exemplar, skin.plane.landmarks))
+        key = id(exemplar), face, lids, config.painting, config.transfer, config.seed
         found = self._known.pop(key, None)
         if found is None:
             painter = SkinPainter(_fitting(exemplar, face), config.painting, config.transfer,
-                                  config.seed)
+                                  config.seed, lids)
             # The exemplar is kept: its identity is not given to another.
             found = exemplar, painter
         self._known[key] = found
@@ -143,7 +146,7 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
         clock = time.perf_counter()
         if progress is not None:
             progress.update(progress.done, f"paint after {exemplar.name}")
-        painter = painters.of(exemplar, skin.face, config)
+        painter = painters.of(exemplar, skin, config)
         painting = painter.paint(skin, sitter.step)
         painted = time.perf_counter()
         sitter.wait()

@@ -26,6 +26,7 @@ from ..guides.labels import soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
+from ..lids import Lids, closed
 from ..painter.kept import known_shares
 from ..painter.materials import (
     LEAST,
@@ -126,11 +127,13 @@ class SkinPainter:
         Parameters; ``transfer`` those of the face.
     seed
         Of chunks and search.
+    lids
+        Which of its eyes are to be shut (`asked_lids`).
 
     Attributes
     ----------
     exemplar
-        As it is painted by: from the front.
+        As it is painted by: from the front, with its eyes as the sitter's.
     pose
         Of the face in the painting.
     turned
@@ -138,12 +141,14 @@ class SkinPainter:
     """
 
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
-                 transfer: TransferConfig | None = None, seed: int = 0) -> None:
+                 transfer: TransferConfig | None = None, seed: int = 0,
+                 lids: Lids = (False, False)) -> None:
         # Of a face that is turned, the frontal picture.
         self.pose = exemplar.pose()
         given, exemplar = exemplar, frontalised(exemplar, self.pose)
         self.turned = exemplar is not given
-        self.exemplar, self.seed = exemplar, seed
+        self.exemplar = exemplar = closed(exemplar, lids)
+        self.seed = seed
         self.config = config or SkinConfig()
         regions = exemplar.regions()
         with ThreadPoolExecutor(1) as aside:
