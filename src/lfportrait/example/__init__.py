@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .guides.maps import Guides
     from .guides.position import position_guide
     from .guides.regions import Regions, find_regions
-    from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, fitting
+    from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, fitting, shut_eyes
     from .methods import Method, MethodConfig, PhotoMethod, paint, photo_method, prepare
     from .patches import PatchConfig
     from .providers import Sitting, provided_styles
@@ -72,6 +72,7 @@ __all__ = [
     "position_guide",
     "prepare",
     "provided_styles",
+    "shut_eyes",
     "suited",
     "surface_position_guide",
     "synthesise",

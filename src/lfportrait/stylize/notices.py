@@ -11,7 +11,7 @@ from ..capture import Capture
 from ..example import Exemplar, asked_lids, closed_words, eye_opening
 from .config import StylizeConfig
 
-__all__ = ["eye_opening", "mouth_opening", "notices"]
+__all__ = ["PARTED", "eye_opening", "mouth_opening", "notices"]
 
 Points = NDArray[np.floating]
 
