@@ -152,7 +152,7 @@ def _half(yaw: float) -> Finding | None:
     if not HALF < abs(yaw) <= PROFILE:
         return None
     return Finding("half_mirrored", f"Turned by {abs(yaw):.0f} degrees: the far half of the face "
-                   "is made of the near one; a face that is turned less gives more of the painter's "
+                   "is made of the near one; one that is turned less gives more of the painter's "
                    "own", round(abs(yaw), 1))
 
 

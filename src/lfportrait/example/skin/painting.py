@@ -39,6 +39,7 @@ from ..painter.materials import (
 from ..painter.patch_painter import PainterConfig, PatchPainter, Wish, flesh
 from ..painter.picture_materials import HAIR, SKIN
 from ..painter.pieces import pieces
+from ..painter.plain import plain_skin
 from ..patches import (
     PatchTarget,
 )
@@ -164,7 +165,8 @@ class SkinPainter:
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
         # The mask, too: labels know no hair within the landmarks.
         shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
-        self._painter = PatchPainter(exemplar, shares, self.config, self.seed, sharp=False)
+        plain = plain_skin(shares, exemplar.landmarks)
+        self._painter = PatchPainter(exemplar, plain, self.config, self.seed, sharp=False)
         hair = shares[..., HAIR]
         if self.transfer.regions.hair is not None:
             hair = np.maximum(hair, self.transfer.regions.hair)
