@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 from ..errors import UserError
 from ..example import (
     Exemplar,
+    Lids,
     MethodConfig,
     Transfer,
     TransferConfig,
     VideoTransfer,
-    bared,
+    as_painted,
+    closed_words,
     face_landmarks,
+    fitting,
     mix_regions,
     prepare,
     suited,
@@ -45,27 +48,28 @@ class _Painter:
         self.exemplar, self.config, self.choices = exemplar, config, choices
         self.others = {choice.style: Exemplar.load(choice.style)
                        for choice in choices if choice.style}
-        self.prepared: dict[tuple[str, bool], Any] = {}
+        self.prepared: dict[tuple[str, bool, Lids], Any] = {}
+        self.lids: Lids = (False, False)
         self._coming: Future[Any] | None = None
 
     def begin(self) -> None:
         """Prepare the exemplar as it is in another thread, while a face is looked for."""
         if isinstance(self.config, TransferConfig):
             aside = ThreadPoolExecutor(1)
-            self._coming = aside.submit(lambda: prepare(bared(self.exemplar, fringe=True),
-                                                        self.config))
+            self._coming = aside.submit(lambda: prepare(as_painted(self.exemplar), self.config))
             aside.shutdown(wait=False)
 
     def _apply(self, style: str, photo: NDArray[np.uint8], points: NDArray[np.float64]) -> Any:
         exemplar = self.others[style] if style else self.exemplar
         # Other methods take a painting as it is.
-        chosen = suited(exemplar, points) if isinstance(self.config, TransferConfig) else exemplar
-        key = style, chosen is exemplar
-        if key == ("", True) and self._coming is not None:
+        chosen = (fitting(exemplar, points, photo, self.config.eyes)
+                  if isinstance(self.config, TransferConfig) else exemplar)
+        self.lids = chosen.lids
+        own = np.array_equal((chosen.opened or chosen).landmarks, exemplar.landmarks)
+        key = style, own, chosen.lids
+        if key == ("", True, (False, False)) and self._coming is not None:
             self.prepared[key], self._coming = self._coming.result(), None
         if key not in self.prepared:
-            if isinstance(self.config, TransferConfig):
-                chosen = bared(chosen, fringe=True)
             self.prepared[key] = prepare(chosen, self.config, own=[(photo, points)])
         return self.prepared[key].apply(photo, points)
 
@@ -93,6 +97,10 @@ def transfer_photo(path: Path, out: Path, exemplar: Exemplar, config: MethodConf
     if turned > DOUBTFUL:
         print(f"note: the face in {path.name} is turned by {turned:.0f} degrees: landmarks of its "
               f"far side are guesses (reliable up to {DOUBTFUL:.0f} degrees)", file=sys.stderr)
+    if any(painter.lids) and not any(one.region in ("eyes", "features") for one in choices):
+        print(f"note: {closed_words(painter.lids)} closed, and painted so: --eyes painted opens "
+              f"{'them' if all(painter.lids) else 'it'}, --region eyes=off leaves the photo's",
+              file=sys.stderr)
     if dump is not None:
         result.dump(dump)
     return dict(result.seconds)
@@ -141,7 +149,8 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
     rate, frames = video_frames(path)
     frames, points = _first_face(frames)
     if points is not None:
-        exemplar = bared(suited(exemplar, points), fringe=True)
+        # Eyes blink in a video: they are painted open.
+        exemplar = as_painted(suited(exemplar, points))
     video = VideoTransfer(Transfer(exemplar, config))
     start = time.perf_counter()
 

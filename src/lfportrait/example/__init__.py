@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .guides.maps import Guides
     from .guides.position import position_guide
     from .guides.regions import Regions, find_regions
+    from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, shut_eyes
     from .methods import Method, MethodConfig, PhotoMethod, paint, photo_method, prepare
     from .painter.picture_materials import painted_shares
     from .patches import PatchConfig
@@ -28,8 +29,9 @@ if TYPE_CHECKING:
     from .table import LookUpTable, TableConfig, build_table
     from .transfers import Transfer, TransferConfig, TransferResult, face_landmarks, transfer
     from .turned import FRONTAL, PROFILE, frontal_view, head_mesh, suited
+    from .versions import as_painted, fitting, from_the_front
     from .video import VideoTransfer
-    from .worn import bared
+    from .worn import bared, spectacles, without_spectacles
 
 __all__ = [
     "FRONTAL",
@@ -38,6 +40,7 @@ __all__ = [
     "Exemplar",
     "FaceFrame",
     "Guides",
+    "Lids",
     "LookUpTable",
     "Method",
     "MethodConfig",
@@ -57,12 +60,19 @@ __all__ = [
     "TransferResult",
     "VideoTransfer",
     "appearance_guide",
+    "as_painted",
+    "asked_lids",
     "bared",
     "build_table",
+    "closed_words",
+    "eye_opening",
+    "eye_openings",
     "face_landmarks",
     "face_size",
     "find_regions",
+    "fitting",
     "frontal_view",
+    "from_the_front",
     "head_mesh",
     "mix_regions",
     "paint",
@@ -71,10 +81,13 @@ __all__ = [
     "position_guide",
     "prepare",
     "provided_styles",
+    "shut_eyes",
+    "spectacles",
     "suited",
     "surface_position_guide",
     "synthesise",
     "transfer",
+    "without_spectacles",
 ]
 
 __getattr__, __dir__ = attach(__name__, __file__, dict.fromkeys(

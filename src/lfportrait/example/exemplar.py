@@ -53,6 +53,10 @@ class Exemplar:
     covered, bared
         The painting before its forehead was bared (`worn.filled`), and float32 [H, W] in [0, 1],
         where it was; or None.
+    lids
+        Which of its eyes, on the picture's left and right, were shut (`lids.closed`).
+    opened
+        The exemplar as it was before, or None.
     """
 
     image: NDArray[np.uint8]
@@ -63,6 +67,8 @@ class Exemplar:
     hair: NDArray[np.float32] | None = field(default=None, repr=False)
     covered: Exemplar | None = field(default=None, repr=False)
     bared: NDArray[np.float32] | None = field(default=None, repr=False)
+    lids: tuple[bool, bool] = (False, False)
+    opened: Exemplar | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         self.image = np.ascontiguousarray(self.image[..., :3], np.uint8)
@@ -88,7 +94,7 @@ class Exemplar:
         def small(plane: NDArray[Any]) -> NDArray[Any]:
             return np.asarray(Image.fromarray(plane).resize(shape, Image.Resampling.BOX))
 
-        return replace(self, image=small(self.image),
+        return replace(self, image=small(self.image), opened=None,
                        mask=None if self.mask is None else small(self.mask),
                        hair=None if self.hair is None else small(self.hair),
                        bared=None if self.bared is None else small(self.bared),
@@ -114,6 +120,9 @@ class Exemplar:
         """
         if self.hair is not None and self.mask is not None:
             return Regions(self.landmarks, self.mask, np.minimum(self.hair, self.mask))
+        if self.opened is not None:
+            known = self.opened.regions()
+            return Regions(self.landmarks, known.person, known.hair)
         networks = models.in_use(["person-segmentation", "hair-segmentation"])
         if not networks:
             return find_regions(self.image, self.landmarks, self.mask)

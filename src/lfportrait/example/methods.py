@@ -18,8 +18,7 @@ from ..plugins import Choice, chosen, offered
 from .exemplar import Exemplar
 from .providers import Sitting
 from .transfers import Transfer, TransferConfig, face_landmarks
-from .turned import suited
-from .worn import bared
+from .versions import fitting
 
 __all__ = ["GROUP", "OWN", "Method", "MethodConfig", "PhotoMethod", "paint", "photo_method",
            "prepare"]
@@ -117,5 +116,5 @@ def paint(image: NDArray[np.uint8], exemplar: Exemplar, config: MethodConfig,
     """
     points = np.asarray(face_landmarks(image) if landmarks is None else landmarks, np.float64)
     if isinstance(config, TransferConfig):
-        exemplar = bared(suited(exemplar, points), fringe=True)
+        exemplar = fitting(exemplar, points, image, config.eyes)
     return prepare(exemplar, config, own=[(image, points)]).apply(image, points)

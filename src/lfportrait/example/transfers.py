@@ -24,6 +24,7 @@ from .guides.regions import Regions
 from .guides.scalp import photo_regions
 from .kernels.labels import pixel_weights
 from .kernels.vote import blend
+from .lids import fitting, lids_together
 from .photo_guide import FlatGuide
 from .result import TransferResult
 from .styleblit import (
@@ -36,8 +37,8 @@ from .styleblit import (
     synthesise,
 )
 from .table import TableConfig, cached_table
-from .turned import face_aside, suited
-from .worn import bared
+from .turned import face_aside
+from .versions import fitting
 
 if TYPE_CHECKING:
     from .painter.photo import PhotoPatches
@@ -65,6 +66,9 @@ class TransferConfig:
     """Painted area: the whole picture, the head (person), or the face alone (as in the paper)."""
     strength: float = 1.0
     """0 leaves the photo, 1 gives the painting."""
+    eyes: Literal["auto", "painted"] = "auto"
+    """auto: eyes that are closed in a photo are painted closed; painted: open, as in the painting.
+    For photos only; a frame of a video that blinks is painted open."""
     blur: float = 0.06
     """Sigma of the appearance guide's Gaussian blur over the face's size (`face_size`)."""
     grid: int = 4
@@ -187,7 +191,7 @@ class Transfer:
         TransferResult; where ``position`` is NaN the image is the given one.
         """
         config = self.config
-        points = np.asarray(landmarks, np.float64)
+        points = lids_together(landmarks, self.exemplar.lids)
         photo = np.asarray(image[..., :3])
         start = time.perf_counter()
         flat = position is None
@@ -390,8 +394,9 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
         If no face is found.
     """
     points = face_landmarks(image) if landmarks is None else landmarks
-    fitting = bared(suited(exemplar, points), fringe=True)
-    return Transfer(fitting, config).apply(image, points, **options)
+    config = config or TransferConfig()
+    return Transfer(fitting(exemplar, points, image, config.eyes), config).apply(
+        image, points, **options)
 
 
 def face_landmarks(image: NDArray[np.generic]) -> NDArray[np.float64]:

@@ -24,6 +24,7 @@ from ..files import read_image
 from ..lightfield import Display, EncodeConfig
 from ..stylize import StylizeConfig, stylize_with_figures
 from .preview_head import preview_head
+from .style_findings import findings
 
 __all__ = ["StyleCheck", "check_style", "chosen_face"]
 
@@ -99,7 +100,8 @@ def chosen_face(path: Path, image: NDArray[np.uint8], face: int = 0,
         where = f"at {at[0]:g} {at[1]:g} in {path}" if at else f"in {path}"
         more = "" if at else "; give its position with --at X Y, or"
         raise UserError(f"no face found {where}{more or ';'} write its 68 landmarks into "
-                        f"{path.with_suffix('.landmarks.txt').name} beside it, one 'x y' a line")
+                        f"{path.with_suffix('.landmarks.txt').name} beside it, one 'x y' a line "
+                        "(a full profile can't be used: both eyes must show)")
     if face > len(faces):
         raise UserError(f"{path} shows {len(faces)} face{'s' if len(faces) > 1 else ''}; there is "
                         f"no face {face}")
@@ -138,9 +140,13 @@ def check_style(style: str | Path, face: int = 0, at: tuple[float, float] | None
     _turn(check)
     _size(check)
     if len(faces) > 1:
-        number = max(face, 1)
-        check.facts.append((FAIR, f"{len(faces)} faces: this is number {number}; --face N takes "
-                                  "another"))
+        number, other = max(face, 1), 1 if face > 1 else 2
+        which = f"number {number}, the largest" if number == 1 else f"number {number}"
+        check.facts.append((FAIR, f"{len(faces)} faces: this is {which}; `lfportrait styles add "
+                                  f"{path.name} --face {other}` takes another"))
+    found = findings(exemplar, check.pose.yaw, check.figures["rows_shown"]["generic-4k"])
+    check.facts += [(one.grade, one.text) for one in found]
+    check.figures["findings"] = {one.name: one.value for one in found}
     values = exemplar.image[::3, ::3].reshape(-1, 3).astype(np.float64)
     if np.sqrt(np.linalg.eigvalsh(np.cov(values.T))[:2].sum()) < PLAIN:
         check.facts.append((GOOD, "Drawn in one color: `restyle --keep-colors` gives a portrait "
@@ -163,8 +169,9 @@ def _turn(check: StyleCheck) -> None:
     bent = pose.residual / check.exemplar.size
     check.figures.update(pose=pose.angles, residual=round(bent, 4))
     if abs(pose.yaw) > PROFILE:
-        check.facts.append((BAD, f"The face is {', '.join(words)}: nearly a profile. Use one "
-                                 f"with both eyes, turned by {PROFILE:.0f} degrees at most"))
+        check.facts.append((BAD, f"The face is {', '.join(words)}: nearly a profile, which "
+                                 f"is refused. Use one with both eyes, turned by {PROFILE:.0f} "
+                                 "degrees at most"))
         return
     if abs(pose.yaw) < FRONTAL:
         check.facts.append((GOOD, f"The face is {', '.join(words)}: used unchanged"))

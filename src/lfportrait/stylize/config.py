@@ -72,6 +72,9 @@ class StylizeConfig:
     """0 leaves the real colors, 1 gives the style; `lfportrait restyle` changes it afterwards."""
     keep: tuple[str, ...] = ()
     """Regions that keep the photo's colors: eyes, lips, hair, ears, clothes, ..."""
+    eyes: Literal["auto", "painted"] = "auto"
+    """On the skin: eyes that are closed on the head are painted closed (auto), or open as in the
+    painting (painted)."""
     background: float = 1.0
     """Grey level behind the head while stylising."""
     skin: SkinConfig = field(default_factory=SkinConfig)

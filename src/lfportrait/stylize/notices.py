@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
-from ..example import Exemplar
+from ..example import Exemplar, asked_lids, closed_words, eye_opening
 from .config import StylizeConfig
 
-__all__ = ["eye_opening", "mouth_opening", "notices"]
+__all__ = ["PARTED", "eye_opening", "mouth_opening", "notices"]
 
 Points = NDArray[np.floating]
 
-SHUT, OPEN = 0.17, 0.23
-"""Height over width of eyes that are shut, and of eyes that are open."""
 PARTED = 0.14
 """Height of the gap between the lips over the mouth's width, of a mouth that is open."""
 COARSE = 100.0
@@ -28,12 +26,6 @@ def _opening(points: Points, pairs: Sequence[tuple[int, int]], ends: tuple[int, 
     width = float(np.linalg.norm(points[ends[0]] - points[ends[1]]))
     return float(np.mean([np.linalg.norm(points[a] - points[b]) for a, b in pairs])) / max(
         width, 1e-9)
-
-
-def eye_opening(points: Points) -> float:
-    """Mean height of the eyes over their width, from landmarks [68, 2] or [68, 3]."""
-    return 0.5 * (_opening(points, ((37, 41), (38, 40)), (36, 39))
-                  + _opening(points, ((43, 47), (44, 46)), (42, 45)))
 
 
 def mouth_opening(points: Points) -> float:
@@ -53,9 +45,14 @@ def notices(capture: Capture, exemplars: Sequence[Exemplar], config: StylizeConf
             out.append(f"{exemplar.name} shows {exemplar.faces} faces, the largest was taken: "
                        "`lfportrait styles add PICTURE --face 2` takes another")
         kept = set(config.keep)
-        if "eyes" not in kept and eye_opening(points) < SHUT and eye_opening(theirs) > OPEN:
-            out.append(f"the sitter's eyes are closed, those of {exemplar.name} are open: "
-                       "--keep eyes leaves the photo's")
+        lids = asked_lids(exemplar, points)
+        if any(lids) and "eyes" not in kept:
+            them = "them" if all(lids) else "it"
+            how = (f"and painted so: --eyes painted opens {them}"
+                   if config.on_skin and config.eyes == "auto" else
+                   f"but painted open, after {exemplar.name}"
+                   + (f": --eyes auto closes {them}" if config.on_skin else ""))
+            out.append(f"{closed_words(lids)} closed, {how}, --keep eyes leaves the photo's")
         mouths = mouth_opening(points), mouth_opening(theirs)
         if "lips" not in kept and (mouths[0] > PARTED) != (mouths[1] > PARTED):
             which = "open" if mouths[0] > PARTED else "closed"

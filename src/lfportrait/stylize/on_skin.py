@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
-from ..example import Exemplar, Painting, Skin, SkinPainter
+from ..example import Exemplar, Painting, Skin, SkinPainter, asked_lids
 from ..example.skin import canvas_of
 from ..field import SurfaceTexture, VoxelField
 from ..files import write_image
@@ -119,11 +119,13 @@ class Painters:
     def of(self, exemplar: Exemplar, skin: Skin, config: StylizeConfig) -> SkinPainter:
         """The painter of an exemplar for a skin, and for others like it."""
         face, fringe = skin.face, skin.hair is not None
-        key = id(exemplar), face, fringe, config.painting, config.transfer, config.seed
+        lids = ((False, False) if config.eyes == "painted"
+                else asked_lids(exemplar, skin.plane.landmarks))
+        key = id(exemplar), face, fringe, lids, config.painting, config.transfer, config.seed
         found = self._known.pop(key, None)
         if found is None:
             painter = SkinPainter(_fitting(exemplar, face), config.painting, config.transfer,
-                                  config.seed, fringe)
+                                  config.seed, fringe, lids)
             # The exemplar is kept: its identity is not given to another.
             found = exemplar, painter
         self._known[key] = found

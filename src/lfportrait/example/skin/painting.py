@@ -26,6 +26,7 @@ from ..guides.labels import soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
+from ..lids import Lids, closed
 from ..painter.kept import known_shares
 from ..painter.materials import (
     LEAST,
@@ -38,14 +39,15 @@ from ..painter.materials import (
 from ..painter.patch_painter import PainterConfig, PatchPainter, Wish, flesh
 from ..painter.picture_materials import HAIR, SKIN
 from ..painter.pieces import pieces
+from ..painter.plain import plain_skin
 from ..patches import (
     PatchTarget,
 )
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, Transfer, TransferConfig
-from ..turned import frontalised
-from ..worn import bared
+from ..turned import FRONTAL
+from ..versions import from_the_front
 from .canvas import Canvas, canvas_of
 from .ears import shade_ears
 from .light import carried_light
@@ -129,11 +131,13 @@ class SkinPainter:
         Of chunks and search.
     fringe
         Whether a painted fringe is taken off, for sitters whose own hair is known.
+    lids
+        Which of its eyes are to be shut (`asked_lids`).
 
     Attributes
     ----------
     exemplar
-        As it is painted by: from the front.
+        As it is painted by: from the front, with its eyes as the sitter's.
     pose
         Of the face in the painting.
     turned
@@ -142,13 +146,12 @@ class SkinPainter:
 
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
                  transfer: TransferConfig | None = None, seed: int = 0,
-                 fringe: bool = False) -> None:
+                 fringe: bool = False, lids: Lids = (False, False)) -> None:
         # Of a face that is turned, the frontal picture.
         self.pose = exemplar.pose()
-        given, exemplar = exemplar, frontalised(exemplar, self.pose)
-        self.turned = exemplar is not given
-        exemplar = bared(exemplar, fringe)
-        self.exemplar, self.seed = exemplar, seed
+        self.turned = abs(self.pose.yaw) >= FRONTAL
+        self.exemplar = exemplar = from_the_front(exemplar, self.pose, fringe, lids)
+        self.seed = seed
         self.config = config or SkinConfig()
         regions = exemplar.regions()
         with ThreadPoolExecutor(1) as aside:
@@ -164,7 +167,8 @@ class SkinPainter:
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
         # The mask, too: labels know no hair within the landmarks.
         shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
-        self._painter = PatchPainter(exemplar, shares, self.config, self.seed, sharp=False)
+        plain = plain_skin(shares, exemplar.landmarks)
+        self._painter = PatchPainter(exemplar, plain, self.config, self.seed, sharp=False)
         hair = shares[..., HAIR]
         if self.transfer.regions.hair is not None:
             hair = np.maximum(hair, self.transfer.regions.hair)

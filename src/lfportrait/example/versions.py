@@ -1,0 +1,80 @@
+"""What is painted from: the version of a painting that fits a sitter.
+
+Spectacles are taken off, a turned face is seen from the front where that is nearer to the sitter,
+the forehead is bared, and eyes are shut where the sitter's are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..face import FacePose
+from .exemplar import Exemplar
+from .lids import Lids, asked_lids, closed
+from .turned import frontalised, suited
+from .worn import bared, without_spectacles
+
+__all__ = ["as_painted", "fitting", "from_the_front"]
+
+Points = NDArray[np.floating]
+
+
+def as_painted(exemplar: Exemplar, wear: Sequence[str] = ()) -> Exemplar:
+    """The exemplar for photos whose face is turned as its own and has open eyes."""
+    return bared(_plain(exemplar, wear), fringe=True)
+
+
+def fitting(exemplar: Exemplar, points: Points, photo: NDArray[np.generic], eyes: str = "auto",
+            wear: Sequence[str] = ()) -> Exemplar:
+    """The exemplar's version that fits a photo.
+
+    Parameters
+    ----------
+    exemplar
+        The painting.
+    points
+        [68, 2] in pixels, of the photo's face.
+    photo
+        uint8 or float in [0, 1], [H, W, 3].
+    eyes
+        ``"painted"`` leaves the painting's eyes open.
+    wear
+        What is left on: ``"spectacles"``.
+
+    Raises
+    ------
+    UserError
+        As `suited`.
+    """
+    chosen = bared(suited(_plain(exemplar, wear), points), fringe=True)
+    return closed(chosen, asked_lids(chosen, points, photo)) if eyes == "auto" else chosen
+
+
+def from_the_front(exemplar: Exemplar, pose: FacePose, fringe: bool, lids: Lids,
+                   wear: Sequence[str] = ()) -> Exemplar:
+    """The exemplar's version for a head.
+
+    Parameters
+    ----------
+    exemplar, pose
+        The painting, and how its face is turned.
+    fringe
+        Whether a painted fringe is taken off (`bared`).
+    lids
+        Which eyes are shut.
+    wear
+        What is left on: ``"spectacles"``.
+
+    Raises
+    ------
+    UserError
+        As `frontalised`.
+    """
+    return closed(bared(frontalised(_plain(exemplar, wear), pose), fringe), lids)
+
+
+def _plain(exemplar: Exemplar, wear: Sequence[str]) -> Exemplar:
+    return exemplar if "spectacles" in wear else without_spectacles(exemplar)
