@@ -22,7 +22,7 @@ __all__ = ["Spectacles", "find_spectacles", "spectacles"]
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
-SURE = 0.42
+SURE = 0.46
 """Product of the three measures from which on a pair of rings is a pair of rims."""
 TRIED = 3
 """Pairs of curves that are followed, of each tone."""
@@ -103,7 +103,7 @@ def spectacles(image: NDArray[np.uint8], landmarks: NDArray[np.floating],
         places = np.round((curve - low) * 16).astype(np.int32)
         cv2.polylines(part, [places], number < 2, 255, thick, cv2.LINE_AA, 4)
     soft = cv2.GaussianBlur(part.astype(np.float32) / 255, (0, 0), max(0.3 * found.width, 0.5))
-    mask[low[1]:high[1], low[0]:high[0]] = soft
+    mask[low[1]:high[1], low[0]:high[0]] = np.minimum(soft, 1)  # sums of rounded weights
     return mask
 
 
