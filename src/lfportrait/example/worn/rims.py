@@ -1,0 +1,324 @@
+"""Pairs of rims: closed curves of like size around or below both eyes, and their exact course.
+
+A generalised Hough transform: every place votes for a curve around it by the lines that lie along
+the curve. Curves are round, oval, square with round corners, or half-moons, in the plane of the
+face; the pose foreshortens them. Both eyes must agree. The best curves are then followed by
+dynamic programming, as a painted rim wobbles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .ridges import DIRECTIONS, UNIT, UprightFace
+
+__all__ = ["Rim", "RimPair", "find_pairs", "followed", "followed_arc", "normals_of", "sampled"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Curve = tuple[float, float, float, float]
+"""Half width and half height in the head's units, exponent (2 an ellipse, 4 nearly a rectangle),
+and the height, of the half height, above which it is flat."""
+
+SIZES = 0.085 * 1.1 ** np.arange(9)
+"""Half widths: lenses are 0.5 to 1.0 times the distance of the eyes wide."""
+KINDS = ((1.2, 2.0, 1.0), (1.03, 2.0, 1.0), (0.78, 2.0, 1.0), (0.8, 4.0, 1.0), (0.85, 2.0, 0.1))
+"""Half height over half width, exponent and cut."""
+CURVES: list[Curve] = [(float(size), float(size * ratio), power, cut)
+                       for ratio, power, cut in KINDS for size in SIZES]
+EYE = 0.13, 0.1
+"""Half width and half height of what surrounds an eye: folds of its lids, and bags. A curve around
+an eye that is not larger is no rim."""
+TURNED = 12.0
+"""Yaw in degrees from which on the far rim may be narrower: lenses are bent round the face."""
+STRIDE = 2
+"""Votes are counted at every Nth pixel."""
+BOX = slice(38, 126), slice(46, 216)
+"""Rows and columns of the upright picture where a rim's middle may lie."""
+POINTS = 40
+"""Of a curve, for votes."""
+SECTORS = 8
+"""Of a curve: lines in all of them count more than many in one."""
+FINE = 96
+"""Points of a curve that is followed."""
+ROOM = np.linspace(0.84, 1.16, 21)
+"""How far a rim may be from the curve: times its distance from the middle."""
+NARROW = np.linspace(0.9, 1.1, 17)
+"""The same once it is known better."""
+STIFF = 0.15
+"""What a step of ``ROOM`` costs, against 1 for a full answer of a line."""
+
+
+@dataclass(frozen=True)
+class Rim:
+    """A rim that was followed, in upright pixels.
+
+    Attributes
+    ----------
+    points
+        float64 [FINE, 2], closed.
+    normals
+        float64 [FINE, 2].
+    answers
+        float64 [FINE] in [0, 1]: how much it is a line there.
+    known
+        bool [FINE]: what no lid hides.
+    """
+
+    points: Float64
+    normals: Float64
+    answers: Float64
+    known: NDArray[np.bool_]
+
+    @property
+    def middle(self) -> Float64:
+        """Its middle [2]."""
+        return np.asarray(self.points.mean(axis=0), np.float64)
+
+    @property
+    def clear(self) -> float:
+        """Mean answer of what is known, in [0, 1]; 0 where that is less than half of it."""
+        return float(self.answers[self.known].mean()) if self.known.mean() > 0.5 else 0.0
+
+
+@dataclass(frozen=True)
+class RimPair:
+    """Where two rims may be: votes in [0, 1], curves and middles [2] of the left and right one."""
+
+    votes: float
+    curves: tuple[Curve, Curve]
+    middles: tuple[Float64, Float64]
+
+
+def find_pairs(face: UprightFace, lines: Float32, count: int) -> list[RimPair]:
+    """The pairs of curves with the most votes, of all sizes and forms, best first.
+
+    ``lines`` are float32 [DIRECTIONS, h, w], `ridges` of one tone.
+    """
+    wide = np.stack([_widened(one) for one in lines])
+    votes = [_widened(_votes(face, wide, curve) * _no_lids(face, curve)) for curve in CURVES]
+    likely = _likely(face)
+    found = (_best(face, votes, number, likely) for number in range(len(CURVES)))
+    return sorted((one for one in found if one is not None), key=lambda one: -one.votes)[:count]
+
+
+def _widened(plane: Float32) -> Float32:
+    """The largest of a place and its eight neighbours."""
+    return np.asarray(cv2.dilate(plane, np.ones((3, 3), np.uint8)), np.float32)
+
+
+def _curve(curve: Curve, count: int) -> tuple[Float64, Float64]:
+    """Points [count, 2] at equal distances on a curve around 0, and unit tangents."""
+    wide, high, power, cut = curve
+    angle = np.linspace(0, 2 * np.pi, 361)
+    away = (np.abs(np.cos(angle)) ** power + np.abs(np.sin(angle)) ** power) ** (-1 / power)
+    line = np.stack([wide * away * np.cos(angle),
+                     np.minimum(high * away * np.sin(angle), cut * high)], axis=1)
+    length = np.r_[0, np.cumsum(np.hypot(*np.diff(line, axis=0).T))]
+
+    def at(places: Float64) -> Float64:
+        return np.stack([np.interp(places % length[-1], length, line[:, axis])
+                         for axis in (0, 1)], axis=1)
+
+    places = np.linspace(0, length[-1], count, endpoint=False)
+    step = length[-1] / count / 3
+    tangents = at(places + step) - at(places - step)
+    return at(places), tangents / np.linalg.norm(tangents, axis=1, keepdims=True)
+
+
+def _votes(face: UprightFace, lines: Float32, curve: Curve) -> Float32:
+    """Votes in [0, 1] for a curve around each place of `BOX`, every `STRIDE` pixels."""
+    points, tangents = _curve(curve, POINTS)
+    steps = np.round(face.seen(points)).astype(int)
+    seen = face.seen(tangents)
+    normals = np.stack([-seen[:, 1], seen[:, 0]], axis=1)
+    numbers = np.round(_directions(normals)).astype(int) % DIRECTIONS
+    rows, columns = BOX
+    _, height, width = lines.shape
+    shape = (len(range(rows.start, rows.stop, STRIDE)),
+             len(range(columns.start, columns.stop, STRIDE)))
+    sectors = np.zeros((SECTORS, *shape), np.float32)
+    for n, ((x, y), number) in enumerate(zip(steps, numbers)):
+        sector = sectors[n * SECTORS // POINTS]
+        if (min(rows.start + y, columns.start + x) >= 0 and rows.stop + y <= height
+                and columns.stop + x <= width):
+            sector += lines[number, rows.start + y:rows.stop + y:STRIDE,
+                            columns.start + x:columns.stop + x:STRIDE]
+        else:
+            down = np.clip(np.arange(rows.start, rows.stop, STRIDE) + y, 0, height - 1)
+            across = np.clip(np.arange(columns.start, columns.stop, STRIDE) + x, 0, width - 1)
+            sector += lines[number][np.ix_(down, across)]
+    return np.asarray(np.sqrt(sectors * (SECTORS / POINTS)).mean(axis=0) ** 2, np.float32)
+
+
+def _no_lids(face: UprightFace, curve: Curve) -> Float32:
+    """0 at the places of `BOX` around which a curve would be the surroundings of an eye, else 1."""
+    wide, high = curve[:2]
+    rows, columns = (np.arange(one.start, one.stop, STRIDE) for one in BOX)
+    free = np.ones((len(rows), len(columns)), np.float32)
+    if wide >= EYE[0] and high >= EYE[1]:
+        return free
+    across, down = np.abs(face.seen(np.array([[wide, 0], [0, high]]))).max(axis=0)
+    for x, y in face.eye_middles:
+        free[((columns - x) / across) ** 2 + ((rows[:, None] - y) / down) ** 2 < 0.9] = 0
+    return free
+
+
+def _likely(face: UprightFace) -> Float32:
+    """How likely the middle between two rims lies at each place of `BOX`, in [0, 1]: on the nose.
+
+    Spectacles stand further from the face the lower they are on the nose.
+    """
+    rows, columns = (np.arange(one.start, one.stop, STRIDE) for one in BOX)
+    down = np.linspace(-0.05, 0.24, 60)
+    places = face.places(np.stack([0 * down, -down, 0.555 + 0.6 * np.maximum(down, 0)], axis=1))
+    middle = np.interp(rows, places[:, 1], places[:, 0])
+    inside = (rows >= places[0, 1]) & (rows <= places[-1, 1])
+    away = np.abs(columns - middle[:, None]) / UNIT
+    return np.where(inside[:, None], np.clip((0.09 - away) / 0.04, 0, 1), 0).astype(np.float32)
+
+
+def _partners(number: int, yaw: float) -> list[int]:
+    """Curves that the rim on the other side may have."""
+    wide, high, *form = CURVES[number]
+    least = 0.77 if abs(yaw) > TURNED else 0.9
+    return [other for other, one in enumerate(CURVES)
+            if list(one[2:]) == form and abs(np.log(one[1] / high)) < 0.12
+            and least <= one[0] / wide <= 1.11]
+
+
+def _best(face: UprightFace, votes: list[Float32], number: int,
+          likely: Float32) -> RimPair | None:
+    """The best pair whose near rim has a curve, or None."""
+    wide = CURVES[number][0]
+    partners = _partners(number, face.pose.yaw)
+    near = votes[number]
+    far = np.max([votes[one] for one in partners], axis=0)
+    # The right one of a picture is far where the face is turned to the right.
+    swap = face.pose.yaw < 0
+    left, right = (far, near) if swap else (near, far)
+    best, found = 0.0, None
+    for apart in np.arange(2 * wide + 0.02, min(2 * wide + 0.21, 0.56), 0.03):
+        for tilt in np.radians((-6, -2, 2, 6)):
+            half = face.seen(apart / 2 * np.array([[np.cos(tilt), np.sin(tilt)]]))[0]
+            x, y = np.round(half / STRIDE).astype(int)
+            height, width = near.shape
+            if 2 * abs(x) >= width or 2 * abs(y) >= height:
+                continue
+            inner = slice(abs(y), height - abs(y)), slice(abs(x), width - abs(x))
+            both = likely[inner] * np.sqrt(
+                left[inner[0].start - y:inner[0].stop - y, inner[1].start - x:inner[1].stop - x]
+                * right[inner[0].start + y:inner[0].stop + y,
+                        inner[1].start + x:inner[1].stop + x])
+            place = int(both.argmax())
+            if both.flat[place] > best:
+                best = float(both.flat[place])
+                row, column = divmod(place, both.shape[1])
+                found = row + abs(y), column + abs(x), y, x
+    if found is None:
+        return None
+    row, column, y, x = found
+    side = -1 if swap else 1
+    partner = partners[int(np.argmax([votes[one][row + side * y, column + side * x]
+                                      for one in partners]))]
+    curves = CURVES[number], CURVES[partner]
+    middle = np.array([BOX[1].start, BOX[0].start]) + STRIDE * np.array([column, row])
+    half = STRIDE * np.array([x, y], np.float64)
+    return RimPair(best, curves[::-1] if swap else curves, (middle - half, middle + half))
+
+
+def followed(face: UprightFace, lines: Float32, curve: Curve, middle: Float64) -> Rim:
+    """The rim near a curve of the face's plane around a place, upright pixels [2]."""
+    points = face.seen(_curve(curve, FINE)[0])
+    away = _course(lines, middle, points, ROOM)
+    # What the course has in common with a smooth curve is where the rim is; it is followed anew
+    # from there, and less freely.
+    places = _smooth(points * away[:, None])
+    middle, points = middle + places.mean(axis=0), places - places.mean(axis=0)
+    normals = normals_of(points)
+    points = middle + points * _course(lines, middle, points, NARROW)[:, None]
+    row, column = (np.clip(np.round(points[:, axis]).astype(int), 0, size - 1)
+                   for axis, size in ((1, lines.shape[1]), (0, lines.shape[2])))
+    return Rim(points, normals, sampled(lines, points, normals), ~face.eyes[row, column])
+
+
+def followed_arc(lines: Float32, points: Float64, room: float) -> Float64:
+    """The line near an open curve [n, 2], at most ``room`` pixels beside it."""
+    normals = normals_of(points, closed=False)
+    aside = np.linspace(-room, room, 2 * round(2 * room) + 1)
+    places = points[:, None] + normals[:, None] * aside[:, None]
+    way = _way(sampled(lines, places, np.broadcast_to(normals[:, None], places.shape)))
+    return points + normals * aside[way, None]
+
+
+def normals_of(points: Float64, closed: bool = True) -> Float64:
+    """Unit normals [..., n, 2] of curves [..., n, 2]."""
+    if closed:
+        tangents = np.roll(points, -1, axis=-2) - np.roll(points, 1, axis=-2)
+    else:
+        tangents = np.gradient(points, axis=-2)
+    normals = np.stack([-tangents[..., 1], tangents[..., 0]], axis=-1)
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9))
+
+
+def sampled(lines: Float32, places: Float64, normals: Float64) -> Float64:
+    """Answers [...] of lines, [DIRECTIONS, h, w], at places and across normals, [..., 2]."""
+    _, height, width = lines.shape
+    x = np.clip(places[..., 0], 0, width - 1.001)
+    y = np.clip(places[..., 1], 0, height - 1.001)
+    directions = _directions(normals)
+    column, row, first = x.astype(int), y.astype(int), np.floor(directions).astype(int)
+    x, y, share = x - column, y - row, directions - first
+
+    def at(number: NDArray[np.int_]) -> Float64:
+        plane = number % DIRECTIONS
+        above = (1 - x) * lines[plane, row, column] + x * lines[plane, row, column + 1]
+        below = (1 - x) * lines[plane, row + 1, column] + x * lines[plane, row + 1, column + 1]
+        return np.asarray((1 - y) * above + y * below, np.float64)
+
+    return np.asarray((1 - share) * at(first) + share * at(first + 1), np.float64)
+
+
+def _directions(normals: Float64) -> Float64:
+    """Directions [...] of normals [..., 2], in steps of `ridges`."""
+    return np.asarray(np.arctan2(normals[..., 1], normals[..., 0]) / np.pi * DIRECTIONS)
+
+
+def _smooth(points: Float64) -> Float64:
+    """A closed curve [n, 2] without its short waves."""
+    waves = np.fft.fft(points[:, 0] + 1j * points[:, 1])
+    number = np.abs(np.fft.fftfreq(len(points), 1 / len(points)))
+    # A few waves make round corners; more are the painter's hand.
+    smooth = np.fft.ifft(waves * np.exp(-(number / 6) ** 4))
+    return np.stack([smooth.real, smooth.imag], axis=1)
+
+
+def _course(lines: Float32, middle: Float64, points: Float64, room: Float64) -> Float64:
+    """Where the best line runs along a closed curve: times its distance from the middle, [n]."""
+    places = middle + points[:, None] * room[None, :, None]
+    gain = sampled(lines, places, np.broadcast_to(normals_of(points)[:, None], places.shape))
+    count = len(gain)
+    # Twice round: the middle of the way is closed.
+    way = _way(np.concatenate([gain, gain]))
+    return np.asarray(room[np.r_[way[count:count + count // 2], way[count // 2:count]]])
+
+
+def _way(gain: Float64) -> NDArray[np.int_]:
+    """Numbers [n] of the columns with the most gain, [n, m], one step aside at most a row."""
+    width = gain.shape[1]
+    total = gain[0].copy()
+    came = np.zeros(gain.shape, int)
+    for row in range(1, len(gain)):
+        padded = np.r_[-np.inf, total, -np.inf]
+        choice = np.stack([padded[1:-1], padded[:-2] - STIFF, padded[2:] - STIFF])
+        which = choice.argmax(axis=0)
+        came[row] = np.arange(width) + np.array([0, -1, 1])[which]
+        total = choice.max(axis=0) + gain[row]
+    way = [int(total.argmax())]
+    for row in range(len(gain) - 1, 0, -1):
+        way.append(int(came[row, way[-1]]))
+    return np.array(way[::-1])
