@@ -24,7 +24,7 @@ from .guides.regions import Regions
 from .guides.scalp import photo_regions
 from .kernels.labels import pixel_weights
 from .kernels.vote import blend
-from .lids import fitting, lids_together
+from .lids import lids_together
 from .photo_guide import FlatGuide
 from .result import TransferResult
 from .styleblit import (

@@ -130,7 +130,7 @@ def test_a_ribbon_on_a_cap_is_no_hair():
     exemplar = painted("impression")
     hair = exemplar.regions().hair
     assert hair is not None
-    right, down = places(exemplar)
+    _, down = places(exemplar)
     cap = hair > 0.5
     ribbon = cap & (down < -0.72)
     image = exemplar.image.copy()

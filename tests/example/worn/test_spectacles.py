@@ -9,7 +9,7 @@ import pytest
 
 from lfportrait.demo import demo_exemplar, demo_styles
 from lfportrait.example import Exemplar
-from lfportrait.example.worn.spectacles import find_spectacles, spectacles
+from lfportrait.example.worn.glasses import find_spectacles, spectacles
 from lfportrait.face import face_pose
 from lfportrait.face.generic_head import MIRRORED
 from tests.example.worn.drawn_spectacles import KINDS, put_on

@@ -26,7 +26,7 @@ from ..guides.labels import soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
-from ..lids import Lids, closed
+from ..lids import Lids
 from ..painter.kept import known_shares
 from ..painter.materials import (
     LEAST,

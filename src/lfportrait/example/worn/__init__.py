@@ -8,6 +8,6 @@ with his strokes.
 """
 
 from .filled import bared, without_spectacles
-from .spectacles import spectacles
+from .glasses import spectacles
 
 __all__ = ["bared", "spectacles", "without_spectacles"]

@@ -1,4 +1,4 @@
-"""A painting without what covers the forehead.
+"""A painting without what covers the forehead, and without spectacles.
 
 The broad colors of bare skin go on over the hole; strokes come from the painter's own skin, as
 patches that agree with each other and with what is around.
@@ -18,6 +18,8 @@ from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.appearance import grey
 from ..guides.blurs import broad_blur
+from ..guides.face_frame import FaceFrame
+from ..guides.labels import polygon
 from ..guides.regions import Regions
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..painter.materials import ExemplarMaterials, into, mainly
@@ -25,8 +27,9 @@ from ..painter.patch_painter import PainterConfig, PatchPainter, Sheet, Wish
 from ..painter.picture_materials import FEATURES, SKIN
 from ..painter.pieces import pieces
 from .forehead import covered_forehead
+from .glasses import drawn, find_spectacles, lenses
 
-__all__ = ["bared"]
+__all__ = ["bared", "without_spectacles"]
 
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -51,6 +54,10 @@ SMALL = 4
 """They are computed every Nth pixel."""
 REACHES = 1.2, 0.6, 0.3, 0.15, 0.08
 """Skin is looked for as far away as this, from broad to narrow, over the face's height."""
+NEARLY = 20.0
+"""Foreheads of faces turned by more degrees are not looked at."""
+RIMS, BESIDE_RIMS = (0.2, 0.1, 0.05, 0.025), 0.02
+"""The same beside rims, and colors broader than this come from there."""
 
 
 def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
@@ -68,6 +75,9 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
     exemplar
         Itself, if its forehead is bare.
     """
+    if abs(exemplar.pose().yaw) > NEARLY:
+        return exemplar
+
     def find() -> dict[str, NDArray[Any]]:
         return _found(exemplar, fringe) or {}
 
@@ -79,6 +89,26 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
                           for name in ("person", "hair", "hole"))
     return replace(exemplar, image=found["image"], mask=person, hair=hair, covered=exemplar,
                    bared=hole)
+
+
+def without_spectacles(exemplar: Exemplar) -> Exemplar:
+    """A painting without the spectacles that its sitter wears; itself, if there are none."""
+    def find() -> dict[str, NDArray[Any]]:
+        shape, points = exemplar.image.shape[:2], exemplar.landmarks
+        worn = find_spectacles(exemplar.image, points)
+        if worn is None:
+            return {}
+        height = FaceFrame.of(points).height
+        nose = polygon(shape, np.concatenate([points[27:28], points[[31, 33, 35]]])) > 0
+        hole = (drawn(worn, shape) > 0.2) | (lenses(worn, shape, points) > 0) & ~nose
+        beside = np.asarray(1 - _grown(hole, EDGE * 0.5 * height), np.float32)
+        broad = _spread(exemplar.image, beside, height, RIMS)
+        bare = _grown(hole, 2 * AROUND * height) & (beside > 0.5)
+        return {"image": _filled(exemplar, bare, hole, broad, height, BESIDE_RIMS)}
+
+    key = key_of("example.worn.filled", "spectacles", exemplar.image, exemplar.landmarks)
+    found = kept_arrays("bared", key, find, most=30)
+    return replace(exemplar, image=found["image"]) if found else exemplar
 
 
 def _found(exemplar: Exemplar, fringe: bool) -> dict[str, NDArray[Any]] | None:
@@ -127,8 +157,11 @@ def _central(bare: Float32, regions: Regions) -> Float32:
 
 
 def _filled(exemplar: Exemplar, bare: Bools, hole: Bools, broad: Float32, height: float,
-            ) -> NDArray[np.uint8]:
-    """The picture with skin in the hole, uint8 [h, w, 3]; ``broad`` [h, w, 3] are its colors."""
+            beyond: float = BROAD) -> NDArray[np.uint8]:
+    """The picture with strokes of bare places in the hole, uint8 [h, w, 3].
+
+    ``broad`` [h, w, 3] are the colors there, broader than ``beyond`` over the face's height.
+    """
     rows, columns = (np.flatnonzero((hole | bare).any(axis=axis)) for axis in (1, 0))
     margin = round(AROUND * height) + 8
     part = tuple(slice(max(side[0] - margin, 0), side[-1] + margin + 1)
@@ -137,7 +170,7 @@ def _filled(exemplar: Exemplar, bare: Bools, hole: Bools, broad: Float32, height
     inside = hole[part]
     strokes = _strokes(replace(exemplar, image=exemplar.image[part], mask=None), inside,
                        bare[part] & ~inside, grey(broad[part]), height)
-    filled = strokes - _blurred_within(strokes, inside, BROAD * height) + broad[part]
+    filled = strokes - _blurred_within(strokes, inside, beyond * height) + broad[part]
     soft = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), max(0.5, SOFT * height))
     mixed = picture + np.maximum(2 * soft - 1, 0)[..., None] * (np.clip(filled, 0, 1) - picture)
     out = exemplar.image.copy()
@@ -145,7 +178,8 @@ def _filled(exemplar: Exemplar, bare: Bools, hole: Bools, broad: Float32, height
     return out
 
 
-def _spread(image: NDArray[np.uint8], weight: Float32, height: float) -> Float32:
+def _spread(image: NDArray[np.uint8], weight: Float32, height: float,
+            reaches: tuple[float, ...] = REACHES) -> Float32:
     """Broad colors in [0, 1] of a picture [h, w, 3] known by weights [h, w], carried on."""
     picture = image.astype(np.float32) / np.float32(255)
     size = tuple(max(side // SMALL, 8) for side in picture.shape[1::-1])
@@ -153,7 +187,7 @@ def _spread(image: NDArray[np.uint8], weight: Float32, height: float) -> Float32
     colors = cv2.resize(picture * weight[..., None], size, interpolation=cv2.INTER_AREA)
     mean = colors.sum(axis=(0, 1)) / max(float(known.sum()), 1e-6)
     out = np.broadcast_to(mean, colors.shape).astype(np.float32)
-    for reach in REACHES:
+    for reach in reaches:
         sigma = reach * height / SMALL
         total = cv2.GaussianBlur(known, (0, 0), sigma)[..., None]
         here = cv2.GaussianBlur(colors, (0, 0), sigma) / (total + 1e-4)

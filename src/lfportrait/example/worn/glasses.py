@@ -17,7 +17,7 @@ from ...face import FacePose, face_pose
 from .ridges import UNIT, UprightFace, ridges, upright
 from .rims import Rim, find_pairs, followed, followed_arc, normals_of, sampled
 
-__all__ = ["Spectacles", "find_spectacles", "spectacles"]
+__all__ = ["Spectacles", "drawn", "find_spectacles", "lenses", "spectacles"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -90,9 +90,13 @@ def spectacles(image: NDArray[np.uint8], landmarks: NDArray[np.floating],
     them; zero everywhere where none are worn.
     """
     found = find_spectacles(image, landmarks, pose)
-    mask = np.zeros(image.shape[:2], np.float32)
-    if found is None:
-        return mask
+    shape = image.shape[0], image.shape[1]
+    return np.zeros(shape, np.float32) if found is None else drawn(found, shape)
+
+
+def drawn(found: Spectacles, shape: tuple[int, int]) -> Float32:
+    """The lines of spectacles, with what lies right beside them; float32 [H, W] in [0, 1]."""
+    mask = np.zeros(shape, np.float32)
     points = np.concatenate(found.curves)
     room = 4 * found.width + 4
     low = np.maximum(np.floor(points.min(axis=0) - room).astype(int), 0)
@@ -105,6 +109,21 @@ def spectacles(image: NDArray[np.uint8], landmarks: NDArray[np.floating],
     soft = cv2.GaussianBlur(part.astype(np.float32) / 255, (0, 0), max(0.3 * found.width, 0.5))
     mask[low[1]:high[1], low[0]:high[0]] = np.minimum(soft, 1)  # sums of rounded weights
     return mask
+
+
+def lenses(found: Spectacles, shape: tuple[int, int], landmarks: NDArray[np.floating],
+           ) -> Float32:
+    """What lies behind lenses that are worn below the eyes, float32 [H, W], 0 or 1.
+
+    There they show a cheek, lighter or larger than it is.
+    """
+    mask = np.zeros(shape, np.uint8)
+    for rim in found.curves[:2]:
+        line = np.asarray(rim, np.float32)
+        eyes = [landmarks[first:first + 6].mean(axis=0) for first in (36, 42)]
+        if all(cv2.pointPolygonTest(line, (float(x), float(y)), False) < 0 for x, y in eyes):
+            cv2.fillPoly(mask, [np.round(line).astype(np.int32)], 1)
+    return mask.astype(np.float32)
 
 
 def find_spectacles(image: NDArray[np.uint8], landmarks: NDArray[np.floating],
