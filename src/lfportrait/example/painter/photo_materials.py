@@ -97,13 +97,13 @@ def _settle_body(shares: Float32, regions: Regions) -> None:
     """
     right, down = regions.frame.local(shares.shape[:2])
     step = max(1, int(regions.frame.height / SETTLED))
-    neck, worn, right, down = (plane[::step, ::step] for plane in (
-        shares[..., NECK], shares[..., CLOTHES], right, down))
+    right, down = right[::step, ::step], down[::step, ::step]
     half = 0.5 * regions.frame.width / regions.frame.height
     radius = max(1, round(PIECE * regions.frame.height / step))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
     around = np.ones((7, 7), np.uint8)
-    for own, other, here in ((NECK, CLOTHES, neck > 0.3), (CLOTHES, NECK, worn > 0.3)):
+    for own, other in ((NECK, CLOTHES), (CLOTHES, NECK)):
+        here = shares[::step, ::step, own] > 0.3
         if own == NECK:
             # Whatever begins right below the jaw is a neck.
             sure = cv2.erode(here.astype(np.uint8), kernel) > 0
