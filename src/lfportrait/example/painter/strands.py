@@ -23,7 +23,7 @@ __all__ = ["outline", "strands", "unpainted"]
 
 Float32 = NDArray[np.float32]
 
-FACE = 160.0
+FACE = 110.0
 """Size of the face in the picture that is looked at."""
 THIN = 0.03
 """Strands are no broader than twice this, over the face's size."""
@@ -63,23 +63,27 @@ def strands(exemplar: Exemplar, hair: Float32, labels: NDArray[np.uint8]) -> Flo
     size = max(round(shape[1] * ratio), 16), max(round(shape[0] * ratio), 16)
     face_size = exemplar.size * ratio
     points = exemplar.landmarks * ratio
-    parts_of_face = labels[..., [PICTURE_LABELS.index(name) for name in FACE_FEATURES]]
-    image, features = (
+    image, *parts_of_face = (
         np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.uint8)
-        for plane in (exemplar.image, parts_of_face.max(axis=-1)))
+        for plane in (exemplar.image, *(labels[..., PICTURE_LABELS.index(name)]
+                                        for name in FACE_FEATURES)))
+    features = np.maximum.reduce(parts_of_face)
     known = np.asarray(cv2.resize(np.asarray(hair, np.float32), size), np.float32)
     inside = (soft_face(size[::-1], points, 0.3) > 200) & (features < 20)
     skin = inside & (known < 0.3)
     lines = _long(_lines(image, face_size) & inside, LONG * face_size)
     if skin.sum() < 50 or lines.sum() > LINES * skin.sum():
         return np.zeros(shape, np.float32)
-    away = skin_distance(image / np.float32(255), skin & ~lines)
+    plain = skin & ~lines
+    away = np.zeros(size[::-1], np.float32)
+    away[inside] = skin_distance(image[inside] / np.float32(255), plain[inside])
     lines = _long(lines & (away > UNLIKE), LONG * face_size)
     bare = np.asarray(known < 0.5, np.uint8)
     from_hair = cv2.distanceTransform(bare, cv2.DIST_L2, 3) < NEAR * face_size
     _, parts = cv2.connectedComponents(lines.astype(np.uint8))
     out = np.isin(parts, np.setdiff1d(parts[from_hair], 0)).astype(np.float32)
-    radius = max(1, round(THIN * face_size))
+    # With its soft edge, and where it ends in a point.
+    radius = max(1, round(1.5 * THIN * face_size))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
     return np.asarray(cv2.resize(cv2.dilate(out, kernel), shape[::-1],
                                  interpolation=cv2.INTER_LINEAR), np.float32)
