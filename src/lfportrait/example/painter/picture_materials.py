@@ -333,8 +333,7 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     What is dark and unlike the cheeks around the face is hair: a fringe, a hat, locks at the
     temples that the networks overlook. Clothes of the colors of the background are background
     beside the neck, and clothes are of one cloth. For heads (``strict``), a beard is a feature of
-    the face, and ears are no skin. For photos neck and clothes are what they are for heads, too;
-    what else lies there is painted nowhere.
+    the face, and ears are no skin. For photos neck and clothes are as for heads; the rest is none.
     """
     small = _Small(exemplar, regions, labels)
     shares = _shares(small, regions, strict)
