@@ -60,6 +60,48 @@ def test_a_scalp_is_no_hair_of_a_photo(monkeypatch):
         assert (found.hair is None) == bare and np.array_equal(found.person, regions.person)
 
 
+def test_hair_that_only_colors_see_is_none_in_a_photo(monkeypatch):
+    # The shaded half of a shaven head is of another color than the lit half.
+    image, regions = photo(SKIN * 0.45, 0.01)
+    for seen, hair in ((0.0, False), (0.3, True)):
+        answer = np.where(regions.hair > 0.5, np.float32(seen), np.float32(0))
+        monkeypatch.setattr("lfportrait.example.guides.regions._networks",
+                            lambda *_, answer=answer: (regions.person, answer))
+        monkeypatch.setattr(scalp, "is_scalp", lambda *_: False)
+        assert (photo_regions(image, regions.landmarks).hair is not None) == hair
+        # Of paintings, which the network knows less of, colors say it alone.
+        assert find_regions(image, regions.landmarks).hair is not None
+
+
+def test_small_faces_are_seen_larger_by_the_network(monkeypatch):
+    image, regions = photo(SKIN * 0.2, 0.05)
+    asked = []
+
+    def find(picture, *_, size, **__):
+        asked.append(size)
+        return regions
+
+    monkeypatch.setattr(scalp, "find_regions", find)
+    photo_regions(image, regions.landmarks, regions.person)
+    photo_regions(np.pad(image, ((0, 900), (0, 0), (0, 0))), regions.landmarks, regions.person)
+    assert asked[0] < asked[1]
+
+
+@pytest.mark.parametrize(("bridge", "kept"), [(0, False), (12, False), (90, True)])
+def test_what_hangs_on_the_person_by_little_is_none_of_it(monkeypatch, bridge, kept):
+    image, regions = photo(SKIN * 0.2, 0.05)
+    person = regions.person.copy()
+    person[250:390, 330:] = 1
+    person[385 - bridge:385, 200:340] = 1
+    whole = Regions(regions.landmarks, person, regions.hair)
+    monkeypatch.setattr(scalp, "find_regions", lambda *_, **__: whole)
+    found = photo_regions(image, regions.landmarks)
+    assert (found.person[300, 370] > 0.5) == kept
+    assert (found.person[110:320, 190:210] == 1).all()
+    # A mask that is given is known.
+    assert photo_regions(image, regions.landmarks, person).person is person
+
+
 @pytest.mark.parametrize("yaw", [-65.0, 65.0])
 def test_a_head_seen_from_the_side_is_a_person(monkeypatch, yaw):
     # The back of the head is as far behind the face as a profile shows it.

@@ -245,7 +245,7 @@ def _networks(image: NDArray[np.uint8], size: int) -> tuple[Float32 | None, Floa
 
 def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
                  mask: Float32 | None = None, networks: bool = True,
-                 size: int = 512, by_color: bool = True) -> Regions:
+                 size: int = 512, by_color: bool = True, denied: float = 0.0) -> Regions:
     """Segment a portrait.
 
     Parameters
@@ -264,6 +264,9 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
         two thirds of the time, in videos 256 will do.
     by_color
         Segment hair by color where the network's result is not plausible; slow.
+    denied
+        What only colors take for hair is none if the network finds less than this there: the
+        shaded half of a shaven head. 0 for paintings, of which the network knows little.
     """
     points = np.asarray(landmarks, np.float64)
     frame = FaceFrame.of(points)
@@ -288,7 +291,11 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
         return Regions(points, person, np.asarray(hair, np.float32))
     if hair_net is not None and not by_color:
         return Regions(points, person, None)
-    return Regions(points, person, _hair_by_color(picture, person, frame, points))
+    by_colors = _hair_by_color(picture, person, frame, points)
+    if by_colors is not None and hair_net is not None and (
+            (by_colors * hair_net).sum() < denied * by_colors.sum()):
+        by_colors = None
+    return Regions(points, person, by_colors)
 
 
 def _unit_colors(image: NDArray[np.generic]) -> Float32:

@@ -1,7 +1,8 @@
-"""Remove false hair from a photo's regions.
+"""Regions of a photo: what is no hair, and what is not the person.
 
-The network of the hair takes the shaded half of a shaven head for hair, and the lit half for skin.
-Hair is rougher than skin, or of another color; a scalp is neither.
+The network of the hair takes the shaded half of a shaven head for hair, and the lit half for skin;
+and where it finds none, colors do so. Hair is rougher than skin, or of another color; a scalp is
+neither. The network of the person takes things in the room for a part of the person.
 """
 
 from __future__ import annotations
@@ -9,19 +10,27 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from ...labels import PICTURE_LABELS
 from .appearance import grey
 from .blurs import broad_blur
 from .color_segmentation import overlap
+from .face_frame import FaceFrame
 from .regions import Regions, find_regions
 
 __all__ = ["is_scalp", "photo_regions"]
 
 Float32 = NDArray[np.float32]
 
-SIZE = 384
-"""Side of the picture that the network of the hair sees."""
+SIZE, LARGE = 384, 512
+"""Side of the picture that the network of the hair sees, and where the face is small in it."""
+SMALL = 80.0
+"""Pixels from the brows to the chin, in the picture that the network sees, of a small face."""
+DENIED = 0.1
+"""Where the network finds less hair than this, there is none, whatever colors say."""
+NARROW = 0.11
+"""What hangs on the person by no more than twice this, over that height, is no part of it."""
 FACE = 100.0
 """Pixels from the brows to the chin in the picture that is looked at."""
 FINE = 0.02
@@ -42,6 +51,8 @@ def photo_regions(photo: NDArray[np.generic], landmarks: NDArray[np.floating],
                   mask: Float32 | None = None) -> Regions:
     """Segment a photo: `find_regions`, without hair where that is a bare scalp.
 
+    What the person's network finds beside the person is left out, too.
+
     Parameters
     ----------
     photo
@@ -51,10 +62,40 @@ def photo_regions(photo: NDArray[np.generic], landmarks: NDArray[np.floating],
     mask
         float32 [H, W], the person where it is known.
     """
-    found = find_regions(photo, landmarks, mask, size=SIZE)
-    if found.hair is None or not is_scalp(photo, found):
-        return found
-    return Regions(found.landmarks, found.person, None)
+    height = FaceFrame.of(np.asarray(landmarks, np.float64)).height
+    size = SIZE if height * SIZE >= SMALL * max(photo.shape[:2]) else LARGE
+    found = find_regions(photo, landmarks, mask, size=size, denied=DENIED)
+    hair = found.hair
+    if hair is not None and is_scalp(photo, found):
+        hair = None
+    if mask is not None:
+        return Regions(found.landmarks, found.person, hair)
+    person = _one_person(found)
+    return Regions(found.landmarks, person, None if hair is None else np.minimum(hair, person))
+
+
+def _one_person(regions: Regions) -> Float32:
+    """The person [H, W] without what is apart from it, or hangs on it by a narrow bridge."""
+    person = regions.person
+    step = max(1, int(NARROW * regions.frame.height / 4))
+    there = np.asarray(person[::step, ::step] > 0.5, np.uint8)
+    radius = max(1, round(NARROW * regions.frame.height / step))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    count, parts = cv2.connectedComponents(cv2.erode(there, kernel))
+    if count <= 2:
+        return person
+    inside = [parts[y, x] for x, y in (regions.landmarks[27:36] / step).astype(int)
+              if 0 <= y < parts.shape[0] and 0 <= x < parts.shape[1]]
+    own = np.bincount([part for part in inside if part], minlength=count)
+    if not own.any():
+        return person
+    # Of what is narrow itself, a strand or a finger, the wide part next to it decides.
+    ours, others = (distance_transform_edt(~part) for part in (
+        parts == own.argmax(), (parts > 0) & (parts != own.argmax())))
+    kept = np.asarray(ours <= others, np.float32)
+    if kept[there > 0].all():
+        return person
+    return person * cv2.resize(kept, person.shape[::-1], interpolation=cv2.INTER_LINEAR)
 
 
 def is_scalp(photo: NDArray[np.generic], regions: Regions) -> bool:

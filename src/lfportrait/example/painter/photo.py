@@ -33,6 +33,7 @@ from ..guides.regions import Regions
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..patches import PatchConfig, PatchSource
 from .cells import Cells
+from .folds import with_folds
 from .kept import known_shares
 from .light import BLUR, REACH
 from .light import CELL as CELL_OF_LIGHT
@@ -45,8 +46,9 @@ from .materials import (
 )
 from .patch_painter import PainterConfig, PatchPainter, Sheet, Wish, flesh
 from .photo_materials import has_plain_ground, photo_looks, photo_shares
-from .picture_materials import FEATURES, GROUND, HAIR, SKIN
+from .picture_materials import CLOTHES, FEATURES, GROUND, HAIR, SKIN
 from .pieces import pieces
+from .strands import outline, strands, unpainted
 
 if TYPE_CHECKING:
     from ..result import TransferResult
@@ -73,6 +75,8 @@ much over the face's size."""
 COVERED, SHADED = (0.15, 0.03), (0.05, 0.05)
 """Share of hair in the exemplar's face, blurred by so much over the face's size, from which on it
 is not copied onto a bare one; and from which on it shades a forehead."""
+UNDER = 0.02
+"""Trust in the photo's tones and detail under a strand that is left out."""
 EDGE = 0.03
 """Blur that finds the edge of what is painted so, over the face's size."""
 UTMOST = 0.2
@@ -111,15 +115,18 @@ class PhotoPatches:
                  config: PhotoPatchesConfig | None = None, seed: int = 0) -> None:
         self.exemplar, self.config = exemplar, config or PhotoPatchesConfig()
         shares = known_shares(exemplar, regions, labels, strict=False)
-        self._painter = PatchPainter(exemplar, shares, self.config, seed, sharp=True)
         self._coming: tuple[float, Future[tuple[PatchSource, ExemplarMaterials]]] | None = None
         hair = shares[..., HAIR]
         if regions.hair is not None:
             hair = np.maximum(hair, regions.hair)
         hair = np.ascontiguousarray(hair)
+        self._strand = strands(exemplar, hair, labels)
+        unpainted(shares, self._strand)
+        self._painter = PatchPainter(exemplar, shares, self.config, seed, sharp=True)
         # [2, h, w]: 1 where there is too much of it, on a face and above its brows.
         self._covered = np.stack([broad_blur(hair, blur * exemplar.size) / np.float32(most)
                                   for most, blur in (COVERED, SHADED)])
+        self._outline = outline(exemplar)
 
     def begin(self, shape: tuple[int, ...], scale: float) -> None:
         """Lay out the exemplar for a photo [H, W, 3] in another thread; `refine` waits for it."""
@@ -205,7 +212,10 @@ class PhotoPatches:
         core = covered & _core(work, soft, kept.reshape(soft.shape),
                                (shares[:, SKIN] + shares[:, FEATURES]).reshape(soft.shape))
         # Eyes and brows stay: patches of features would take those of others.
-        core = _round(work, core & self._bare(work)) | core & (planes[..., FEATURES] > 0.5)
+        bare, clear = self._bare(work)
+        core = _round(work, core & bare & clear) | core & (planes[..., FEATURES] > 0.5)
+        # Under a strand is plain skin: a fold there would be painted with what is left of it.
+        trust = np.where(clear, trust, np.minimum(trust, np.float32(UNDER)))
         tone = tone + flesh(planes) * _carried_light(work, core, tone)
         # Where StyleBlit's chunks are of the right material and not stretched, they stay.
         wanted = np.where(kept[:, None], begin, wanted)
@@ -222,10 +232,12 @@ class PhotoPatches:
                     weight.astype(np.float32), np.stack([trusted, trusted], axis=1), state,
                     work.painted, often)
         target = painter.target(Sheet((soft.shape[0], soft.shape[1])), theirs, size, wish)
-        return painter.lay(target, source), core.astype(np.float32)
+        color = with_folds(painter.lay(target, source), grey(work.photo), planes[..., CLOTHES],
+                           face_size(work.landmarks))
+        return color, core.astype(np.float32)
 
-    def _bare(self, work: _Work) -> Bools:
-        """Where StyleBlit has not laid the exemplar's hair over a face, bool [H, W].
+    def _bare(self, work: _Work) -> tuple[Bools, Bools]:
+        """Where StyleBlit has not laid the exemplar's hair over a face, nor a strand, bool [H, W].
 
         A fringe, a curl, the shade at its hairline: on a higher forehead they would be stains.
         """
@@ -233,13 +245,15 @@ class PhotoPatches:
         x, y = (np.clip(np.nan_to_num(work.place[..., axis]), 0, size - 1).astype(np.int64)
                 for axis, size in ((0, width), (1, height)))
         _, down = work.regions.frame.local(work.painted.shape[:2])
-        hair = self._covered[(down < 0).astype(np.int64), y, x]
+        hair, strand = self._covered[(down < 0).astype(np.int64), y, x], self._strand[y, x]
         if work.regions.hair is not None:
-            hair = hair * (1 - work.regions.hair)
-        # No crumbs, and no edges of chunks.
-        bare = gaussian_blur(np.asarray(hair < 1, np.float32),
-                             max(1.0, EDGE * face_size(work.landmarks)))
-        return np.asarray(bare > 0.8)
+            hair, strand = (plane * (1 - work.regions.hair) for plane in (hair, strand))
+        # No crumbs, and no edges of chunks; a strand is narrow, though, and its end no crumb.
+        edge = max(1.0, EDGE * face_size(work.landmarks))
+        bare, inside = (gaussian_blur(np.asarray(plane, np.float32), edge) for plane in (
+            hair < 1, ~self._outline[y, x]))
+        clear = gaussian_blur(np.asarray(strand, np.float32), edge / 2) < 0.1
+        return np.asarray((bare > 0.8) & (inside > 0.95)), np.asarray(clear)
 
     def _begin(self, work: _Work, material: NDArray[np.int64], theirs: ExemplarMaterials,
                behind: Bools, wanted: Float32, tone: Float32, rigid: Bools, size: float,

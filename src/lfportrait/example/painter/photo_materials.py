@@ -6,6 +6,7 @@ is painted with what comes nearest.
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +16,7 @@ from ..guides.blurs import broad_blur, gaussian_blur
 from ..guides.regions import Regions
 from .looks import BLUR, contours
 from .materials import STAND_INS, ExemplarMaterials, matched_looks
-from .picture_materials import CLOTHES, GROUND, HAIR, PLAIN, SKIN, picture_shares
+from .picture_materials import CLOTHES, GROUND, HAIR, NECK, PLAIN, SKIN, picture_shares
 
 __all__ = ["has_plain_ground", "photo_looks", "photo_shares"]
 
@@ -24,10 +25,20 @@ Float64 = NDArray[np.float64]
 
 ODD = 3.5
 """On the head above the brows, what is no hair and further from the skin's color is worn."""
+SETTLED = 60.0
+"""Pixels from the brows to the chin in the picture in which pieces of a body are found."""
+PIECE = 0.18
+"""Bare pieces that are nowhere wider than twice this, over the face's height, are none."""
+THROAT, CHEST = 1.15, 1.4
+"""What reaches above the one is a neck, and below the other clothes (brows 0, chin 1)."""
+EARS_FROM = 0.9, 0.06
+"""A bare head's ears lie this far from the middle, over half the width, and below the brows."""
 GROUND_TRUST = 4.0, 0.05
 """Weight of the tone in a plain background (paper), and in others, against 1 on edges."""
 LEAST_TRUST = 0.5
 """The same where the photo is plain: borders of paint follow its shading."""
+DARKEST = 0.05
+"""Skin and neck are not darker than all but this share of the exemplar's: crumbs of its outline."""
 HAIR_TRUST = 0.4
 """The same of tone and detail in the hair: its strokes are the exemplar's."""
 
@@ -52,12 +63,13 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
     float32 [H, W, 7].
     """
     shares = picture_shares(Exemplar(photo, regions.landmarks), regions, labels, strict=False)
+    _settle_body(shares, regions)
     if regions.hair is None:
         # A shaven head, or a statue's hair: there is hair where the exemplar has it.
         height, width = painted.shape[:2]
         x = np.clip(position[..., 0], 0, width - 1).astype(np.int64)
         y = np.clip(position[..., 1], 0, height - 1).astype(np.int64)
-        hair = painted[y, x, HAIR] * shares[..., SKIN]
+        hair = painted[y, x, HAIR] * shares[..., SKIN] * (1 - _ears(regions, photo.shape[:2]))
         shares[..., HAIR] += hair
         shares[..., SKIN] -= hair
     else:
@@ -68,6 +80,44 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
             shares[..., stand_in] += shares[..., material]
             shares[..., material] = 0
     return shares
+
+
+def _ears(regions: Regions, shape: tuple[int, int]) -> Float32:
+    """Where a bare head's ears are, float32 [H, W] in [0, 1]: no hair lies over them."""
+    right, down = regions.frame.local(shape)
+    aside = np.abs(right) / (0.5 * regions.frame.width / regions.frame.height) - EARS_FROM[0]
+    return np.asarray(np.clip(aside / 0.05 + 0.5, 0, 1)
+                      * np.clip((down - EARS_FROM[1]) / 0.1 + 0.5, 0, 1), np.float32)
+
+
+def _settle_body(shares: Float32, regions: Regions) -> None:
+    """Let small pieces of a body be what is around them; in place.
+
+    A zip as light as skin is no neck, and the chin's shade on a bare throat is no shirt.
+    """
+    right, down = regions.frame.local(shares.shape[:2])
+    step = max(1, int(regions.frame.height / SETTLED))
+    right, down = right[::step, ::step], down[::step, ::step]
+    half = 0.5 * regions.frame.width / regions.frame.height
+    radius = max(1, round(PIECE * regions.frame.height / step))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    around = np.ones((7, 7), np.uint8)
+    for own, other in ((NECK, CLOTHES), (CLOTHES, NECK)):
+        here = shares[::step, ::step, own] > 0.3
+        if own == NECK:
+            # Whatever begins right below the jaw is a neck.
+            sure = cv2.erode(here.astype(np.uint8), kernel) > 0
+            sure |= here & (down < THROAT)
+        else:
+            # Clothes may be narrow, as straps are, but not lie below the chin only.
+            sure = here & ((down > CHEST) | (np.abs(right) > half))
+        _, parts = cv2.connectedComponents(here.astype(np.uint8), connectivity=4)
+        # A little around, for what is soft at its edge.
+        kept = cv2.dilate(np.isin(parts, np.setdiff1d(parts[sure], 0)).astype(np.float32), around)
+        kept = cv2.resize(kept, shares.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+        moved = shares[..., own] * (1 - kept)
+        shares[..., own] -= moved
+        shares[..., other] += moved
 
 
 def _set_apart(photo: NDArray[np.uint8], shares: Float32, down: Float32) -> None:
@@ -117,7 +167,7 @@ def photo_looks(photo: NDArray[np.uint8], landmarks: Float64, shares: Float32,
     fine = luma - broad_blur(luma, BLUR * face)
     tone, detail = (plane.reshape(shape) for plane in matched_looks(
         luma.reshape(-1), fine.reshape(-1), shares.reshape(-1, shares.shape[-1]), theirs,
-        theirs.luma))
+        theirs.luma, darkest=DARKEST))
     ground = shares[..., GROUND]
     behind = theirs.shares[..., GROUND] > 0.9
     if behind.any():

@@ -236,13 +236,13 @@ def _shares(small: SmallPicture, regions: Regions, strict: bool) -> Float32:
     shares[..., GROUND] += ground * (other if strict else other + bare)
     other *= 1 - ground
     shadow = np.asarray(np.clip((BARE - down) / 0.15, 0, 1), np.float32)
+    # Not beside the chin: there a collar's edge is as dark.
+    half = 0.5 * regions.frame.width / regions.frame.height
+    shadow *= np.clip(((0.85 if strict else 1.05) * half - np.abs(right)) / 0.1, 0, 1)
     if strict:
         if regions.hair is not None:
             shares[..., HAIR] += other * regions.hair
             other *= 1 - regions.hair
-        # Not beside the chin: there a collar's edge is as dark.
-        half = 0.5 * regions.frame.width / regions.frame.height
-        shadow *= np.clip((0.85 * half - np.abs(right)) / 0.1, 0, 1)
         shadow *= small.whole(small.darker(plain, 0.25))
         shadow *= 1 - pure
     else:
@@ -335,15 +335,18 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
     What is dark and unlike the cheeks around the face is hair: a fringe, a hat, locks at the
     temples that the networks overlook. Clothes of the colors of the background are background
     beside the neck, and clothes are of one cloth. For heads (``strict``), a beard is a feature of
-    the face, and ears are no skin. For photos a neck is what it is for heads, too; but what else
-    lies there, a collar or a bust's chest in the light, is painted nowhere.
+    the face, and ears are no skin. For photos neck and clothes are as for heads; the rest is none.
     """
     small = SmallPicture(exemplar, regions, labels)
     shares = _shares(small, regions, strict)
     if not strict:
-        collar = np.maximum(shares[..., NECK] - _shares(small, regions, True)[..., NECK], 0)
+        known = _shares(small, regions, True)
+        collar = np.maximum(shares[..., NECK] - known[..., NECK], 0)
+        # A brown coat has a shaded cheek's colors, but is worn all the same.
+        coat = np.minimum(collar, np.maximum(known[..., CLOTHES] - shares[..., CLOTHES], 0))
         shares[..., NECK] -= collar
-        shares[..., FEATURES] += collar
+        shares[..., CLOTHES] += coat
+        shares[..., FEATURES] += collar - coat
     covered = _overlooked(small, shares[..., SKIN])
     shares[..., HAIR] += covered
     shares[..., SKIN] -= covered

@@ -21,7 +21,7 @@ from ...labels import MATERIALS, PICTURE_LABELS
 from ...renamed import accepts_old_names
 from ..exemplar import Exemplar
 from ..guides.appearance import match_histogram
-from ..guides.blurs import broad_blur
+from ..guides.blurs import broad_blur, gaussian_blur
 from ..guides.labels import soft_face
 from ..guides.maps import Guides, sample_labels
 from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
@@ -40,6 +40,7 @@ from ..painter.patch_painter import PainterConfig, PatchPainter, Wish, flesh
 from ..painter.picture_materials import HAIR, SKIN
 from ..painter.pieces import pieces
 from ..painter.plain import plain_skin
+from ..painter.strands import strands, unpainted
 from ..patches import (
     PatchTarget,
 )
@@ -167,17 +168,22 @@ class SkinPainter:
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
         # The mask, too: labels know no hair within the landmarks.
         shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
-        plain = plain_skin(shares, exemplar.landmarks)
-        self._painter = PatchPainter(exemplar, plain, self.config, self.seed, sharp=False)
         hair = shares[..., HAIR]
         if self.transfer.regions.hair is not None:
             hair = np.maximum(hair, self.transfer.regions.hair)
+        strand = strands(exemplar, hair, self.transfer.labels)
+        unpainted(shares, strand)
+        plain = plain_skin(shares, exemplar.landmarks)
+        self._painter = PatchPainter(exemplar, plain, self.config, self.seed, sharp=False)
         covered = gaussian_filter(hair[::4, ::4], 0.04 * exemplar.size / 4)
         near, covered = (np.repeat(np.repeat(one, 4, 0), 4, 1)[:soft.shape[0], :soft.shape[1]]
                          for one in (near, covered))
         # Above the brows it may end in a bare forehead: there is no outline.
         sides = soft_face(soft.shape, exemplar.landmarks, FOREHEAD) > 255 * INSIDE
         inside = sides & ((soft > INSIDE) | (soft > 0.5) & (covered < FRINGE))
+        # A strand is too thin for the blur, and ends in a rim of its own.
+        rim = gaussian_blur(np.ascontiguousarray(strand), max(0.5, STEADY * exemplar.size))
+        covered = np.maximum(covered, rim * np.float32(2))
         self._face = np.stack([inside.astype(np.float32), near, covered], axis=-1)
         # No piece of the face comes from outside of it: dark strokes of the outline as crumbs.
         # Votes look a pixel beyond a piece.
