@@ -218,3 +218,25 @@ def test_what_a_painter_saw_is_what_rays_reach(yaw):
     head = ((x / 0.42) ** 2 + ((y + 0.02) / 0.58) ** 2 < 1) & ~grazing
     assert abs(yaw) < 30 or 0.05 < (~reached[head]).mean() < 0.6
     assert (seen == reached)[head].mean() > 0.99
+
+
+@pytest.mark.parametrize("yaw", [-30.0, 30.0])
+def test_what_lies_beyond_the_far_cheek_is_not_drawn_into_the_face(yaw):
+    # A bonnet, which the person's mask does not tell from the face, of a head narrower than most.
+    exemplar = portrait(posed(yaw))
+    points, side = exemplar.landmarks.copy(), np.sign(yaw)
+    far = np.arange(9, 17) if yaw > 0 else np.arange(7, -1, -1)
+    points[far, 0] -= side * 0.09 * SCALE * np.clip(np.arange(8) / 3, 0, 1)
+    line = [*points[far], points[far[-1]] - [0, 200], [points[far[-1], 0] + side * 200, -90],
+            [points[8, 0] + side * 200, 240], points[8]]
+    image = exemplar.image.copy()
+    cv2.fillPoly(image, [np.round(line).astype(np.int32)], (255, 255, 255))
+    dressed = Exemplar(image, points, "bonnet", np.ones_like(exemplar.mask))
+    found = frontal_view(dressed, face_pose(exemplar.landmarks))
+    rows, columns = np.mgrid[:SIZE, :SIZE] + 0.5
+    marks = found.landmarks
+    half = (marks[:17, 0].max() - marks[:17, 0].min()) / 2
+    below = rows - marks[36:48, 1].mean()
+    inside = np.hypot((columns - marks[8, 0]) / half, below / (marks[8, 1] - marks[36, 1])) < 0.9
+    white = (found.image > 240).all(axis=-1)
+    assert white[inside & (below > 0)].mean() < 0.002

@@ -6,15 +6,17 @@ from functools import lru_cache
 import cv2
 import numpy as np
 import pytest
+from skimage.color import rgb2lab
 
 from lfportrait.demo import demo_exemplar
 from lfportrait.example import Exemplar, bared
+from lfportrait.example.guides.appearance import grey
 from lfportrait.example.guides.face_frame import FaceFrame
 from lfportrait.example.painter.kept import known_shares
 from lfportrait.example.painter.picture_materials import FEATURES, GROUND, HAIR, SKIN
 
 LINEN = np.array([238, 236, 226], np.uint8)
-HAT = np.array([20, 90, 40], np.uint8)
+HAT = np.array([25, 35, 110], np.uint8)
 
 
 @lru_cache(maxsize=3)
@@ -53,6 +55,14 @@ def away(exemplar, other, where):
                   - other.image[where].mean(axis=0, dtype=float)).max()
 
 
+def hue(exemplar, where):
+    """How far the mean hue is from that of the cheeks, in a and b of Lab."""
+    right, down = places(exemplar)
+    cheeks = (np.abs(right) > 0.25) & (np.abs(right) < 0.6) & (down > 0.3) & (down < 0.55)
+    colors = [rgb2lab(exemplar.image[part][None]).mean(axis=1)[0, 1:] for part in (cheeks, where)]
+    return float(np.linalg.norm(colors[0] - colors[1]))
+
+
 @pytest.mark.parametrize("name", ["fauve", "charcoal", "impression"])
 def test_a_bare_forehead_is_left_alone(name):
     assert bared(painted(name)) is painted(name)
@@ -63,8 +73,13 @@ def test_linen_gives_way_to_skin_in_the_colors_of_the_face():
     covered = under_linen(exemplar)
     found = bared(covered)
     where = forehead(exemplar)
-    assert away(covered, exemplar, where) > 40
-    assert away(found, exemplar, where) < 25
+    assert away(covered, exemplar, where) > 20
+    # Nobody knows how light it was under the linen: it is of the face's hue, lit as the face is.
+    assert hue(found, where) < 0.35 * hue(covered, where)
+    _, down = places(exemplar)
+    face = exemplar.regions().person * (down > 0.1) * (down < 0.55) > 0.9
+    low, high = np.quantile(grey(exemplar.image)[face], (0.4, 0.99))
+    assert low < grey(found.image)[where].mean() < high
     # Strokes, not a flat fill.
     assert found.image[where].std(axis=0).mean() > 0.25 * exemplar.image[where].std(axis=0).mean()
 
@@ -109,13 +124,16 @@ def test_a_fringe_is_taken_off_only_if_that_is_asked_for():
     covered = changed(replace(exemplar, mask=mask, hair=np.maximum(hair, fringe * mask)), fringe,
                       color)
     assert bared(covered) is covered
-    assert away(bared(covered, fringe=True), exemplar, forehead(exemplar)) < 25
+    found = bared(covered, fringe=True)
+    assert away(found, exemplar, fringe & forehead(exemplar)) < 0.4 * away(covered, exemplar, fringe
+                                                                           & forehead(exemplar))
 
 
 def test_a_hat_beyond_the_head_is_no_background():
     exemplar = painted("impression")
     right, down = places(exemplar)
-    hat = (np.abs(right) < 2.0) & (down < -0.55) & (down > -1.0)
+    hat = (np.abs(right) < 1.4) & (down < -0.2) & (down > -0.95)
+    hat &= (exemplar.regions().person < 0.1) | (down < -0.5)
     covered = changed(exemplar, hat, HAT)
     # A network that knows no hats.
     covered = Exemplar(covered.image, covered.landmarks, "hat", exemplar.regions().person * ~hat)

@@ -49,7 +49,7 @@ FEATURE = 0.22
 """The same for eyes, brows and mouth, which would else look like a mirror's."""
 SURE = 0.15
 """The same for telling its light from that of its mirror image."""
-OUTLINE = 0.02
+OUTLINE = 0.015
 """Paint so near to a cheek's outline, in units of the head, is mixed with what lies behind."""
 COARSE = 6
 """The maps are computed every Nth pixel."""

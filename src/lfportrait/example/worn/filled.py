@@ -121,7 +121,7 @@ def _found(exemplar: Exemplar, fringe: bool) -> dict[str, NDArray[Any]] | None:
     height = regions.frame.height
     hole = _grown(forehead.covered > 0.5, GROWN * height)
     bare = forehead.bare * ~hole
-    broad = _spread(exemplar.image, _central(bare, regions), height)
+    broad = _spread(exemplar.image, _central(forehead.lit * ~hole, regions), height)
     # Brows stay, as dark as they are; linen at their edge goes, with its shade.
     brows = labels[..., PICTURE_LABELS.index("brows")] > 100
     dark = grey(exemplar.image) < grey(broad) - BROW

@@ -56,7 +56,9 @@ class Forehead:
     covered
         float32 [h, w] in [0, 1], where it is not bare.
     bare
-        float32 [h, w] in [0, 1], skin of the face whose light goes on there.
+        float32 [h, w] in [0, 1], skin of the face.
+    lit
+        The same with the nose: its light goes on there.
     crown
         float32 [h, w] in [0, 1], where the head is above the forehead and beside it.
     share
@@ -67,6 +69,7 @@ class Forehead:
 
     covered: Float32
     bare: Float32
+    lit: Float32
     crown: Float32
     share: float
     other: float
@@ -87,7 +90,8 @@ def covered_forehead(exemplar: Exemplar, regions: Regions, labels: NDArray[np.ui
     features = _features(small, labels)
     oval = (around < 1) & (down < 0)
     flesh = (small.part(small.face) > 0.7) | oval
-    unlike, light = _unlike(small, _sample(small, labels), flesh)
+    sample = _sample(small, labels)
+    unlike, light = _unlike(small, sample, flesh)
     # Linen on the brows themselves is lighter than skin.
     forehead = oval & (down < np.where(light, 0, -BROWS)) & (~features | light)
     hair = small.part(labels[..., PICTURE_LABELS.index("hair")]) > 100
@@ -98,8 +102,9 @@ def covered_forehead(exemplar: Exemplar, regions: Regions, labels: NDArray[np.ui
     bare = flesh & ~features & ~unlike & ~cover & ~hair
     high = np.maximum(-down, 0) / CROWN[1]
     crown = (np.hypot(right / (CROWN[0] * half), high) < 1) & (down < CROWN[2]) & (around > 1)
-    covered, skin, head = (small.whole(plane.astype(np.float32)) for plane in (cover, bare, crown))
-    return Forehead(covered, skin, head, share, other)
+    covered, skin, lit, head = (small.whole(plane.astype(np.float32)) for plane in (
+        cover, bare, bare | sample & flesh & ~unlike, crown))
+    return Forehead(covered, skin, lit, head, share, other)
 
 
 def _features(small: SmallPicture, labels: NDArray[np.uint8]) -> Bools:
