@@ -34,7 +34,7 @@ def shares_of(face, image, hair=True, painted=None):
     regions = find_regions(image, face.landmarks, face.mask, networks=False)
     if not hair:
         regions = Regions(regions.landmarks, regions.person, None)
-    painted = np.zeros((4, 4, 7), np.float32) if painted is None else painted
+    painted = np.zeros((4, 4), np.float32) if painted is None else painted
     return photo_shares(image, regions, regions.labels(), np.zeros((HEIGHT, WIDTH, 2), np.float32),
                         painted, np.ones(7, bool))
 
@@ -60,7 +60,7 @@ def test_shade_on_a_bare_throat_is_no_shirt(face):
 
 
 def test_no_hair_lies_over_a_bare_heads_ears(face):
-    painted = np.zeros((4, 4, 7), np.float32)
+    painted = np.zeros((4, 4), np.float32)
     painted[..., HAIR] = 1
     shares = shares_of(face, face.image, hair=False, painted=painted)
     frame = find_regions(face.image, face.landmarks, face.mask, networks=False).frame

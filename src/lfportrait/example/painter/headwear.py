@@ -32,6 +32,8 @@ TWO_HUES = 26.0
 BESIDE, LITTLE = 0.2, 0.2
 """The cap's color is what lies so near to the face, over its size; the other has so little there,
 over what that has."""
+EDGED = 1.3
+"""A cap's paint is no further from its color than this times what is usual."""
 COLORS, APART = (2, 3), 15.0
 """A background is divided into so many colors; a hat before it differs by this from the others."""
 TOUCHING, BORDER, RARE = 0.25, 0.06, 0.01
@@ -64,14 +66,18 @@ def _part_cap(small: SmallPicture, shares: Float32) -> None:
     hair = small.part(shares[..., HAIR]) > 0.6
     if hair.sum() < FEW:
         return
-    found, middles = _clusters(small, hair, 2)
+    colors = _colors(small, hair)
+    found, middles = _clusters(colors, 2)
     if np.linalg.norm(np.diff(middles, axis=0)[0, 1:]) < TWO_HUES:
         return
     beside = np.bincount(found[_grown(small.part(small.face) > 0.02, BESIDE * small.size)[hair]],
                          minlength=2)
     if beside.min() <= LITTLE * beside.max():
+        own = int(beside.argmax())
+        # Nor is its edge, where skin and shade are mixed with it.
+        away = np.linalg.norm(colors - middles[own], axis=1)
         other = np.zeros(hair.shape, bool)
-        other[hair] = found != int(beside.argmax())
+        other[hair] = (found != own) | (away > EDGED * np.sqrt(np.mean(away[found == own] ** 2)))
         _nowhere(small, shares, HAIR, other)
 
 
@@ -89,8 +95,9 @@ def _part_hat(small: SmallPicture, shares: Float32) -> None:
     border &= ground & above
     if min(meeting.sum(), border.sum()) < FEW:
         return
+    colors = _colors(small, ground)
     for count in COLORS:
-        found, middles = _clusters(small, ground, count)
+        found, middles = _clusters(colors, count)
         number = np.full(ground.shape, -1)
         number[ground] = found
         for one in range(count):
@@ -108,12 +115,16 @@ def _hanging(part: Bools, meeting: Bools) -> Bools:
     return np.isin(pieces, known[known > 0])
 
 
-def _clusters(small: SmallPicture, where: Bools, count: int) -> tuple[NDArray[np.int32], Float32]:
-    """Which of the most frequent colors pixels have, int32 [N], and these, Lab [count, 3]."""
+def _colors(small: SmallPicture, where: Bools) -> Float32:
+    """Blurred colors of some pixels, Lab with half the lightness, float32 [N, 3]."""
     from skimage.color import rgb2lab
 
-    colors = rgb2lab(np.clip(small.blurred(BLUR)[where], 0, 1)).astype(np.float32)
-    colors[:, 0] *= 0.5
+    colors = rgb2lab(np.clip(small.blurred(BLUR)[where], 0, 1)) * [0.5, 1.0, 1.0]
+    return np.asarray(colors, np.float32)
+
+
+def _clusters(colors: Float32, count: int) -> tuple[NDArray[np.int32], Float32]:
+    """Which of the most frequent colors each has, int32 [N], and these, float32 [count, 3]."""
     stop = cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.1
     cv2.setRNGSeed(0)
     _, found, middles = cv2.kmeans(colors, count, np.empty(0, np.int32), stop, 3,

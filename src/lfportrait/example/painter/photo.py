@@ -120,6 +120,8 @@ class PhotoPatches:
         if regions.hair is not None:
             hair = np.maximum(hair, regions.hair)
         hair = np.ascontiguousarray(hair)
+        # With a cap's ribbon, which is hair in its place but no paint for it.
+        self._hair = hair
         self._strand = strands(exemplar, hair, labels)
         unpainted(shares, self._strand)
         self._painter = PatchPainter(exemplar, shares, self.config, seed, sharp=True)
@@ -193,7 +195,7 @@ class PhotoPatches:
         covered = np.isfinite(work.position[..., 0])
         position = np.nan_to_num(work.position)
         labels = work.regions.labels()
-        planes = photo_shares(work.photo, work.regions, labels, position, painter.shares,
+        planes = photo_shares(work.photo, work.regions, labels, position, self._hair,
                               theirs.present)
         light_neck(planes.reshape(-1, len(MATERIALS)), grey(work.photo).reshape(-1), theirs)
         tone, detail, trust = photo_looks(work.photo, work.landmarks, planes, theirs)

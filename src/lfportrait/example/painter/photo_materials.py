@@ -44,7 +44,8 @@ HAIR_TRUST = 0.4
 
 
 def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.uint8],
-                 position: Float32, painted: Float32, present: NDArray[np.bool_]) -> Float32:
+                 position: Float32, painted_hair: Float32,
+                 present: NDArray[np.bool_]) -> Float32:
     """Shares of `MATERIALS` of a photo, of those that the exemplar has.
 
     Parameters
@@ -53,8 +54,8 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
         uint8 [H, W, 3], and its regions and labels (uint8 [H, W, len(PICTURE_LABELS)]).
     position
         float32 [H, W, 2], exemplar pixels; no NaN.
-    painted
-        float32 [h, w, 7], `painted_shares`.
+    painted_hair
+        float32 [h, w] in [0, 1], the exemplar's hair, or what it wears instead.
     present
         bool [7], what the exemplar shows enough of; others stand in for the rest.
 
@@ -66,10 +67,10 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
     _settle_body(shares, regions)
     if regions.hair is None:
         # A shaven head, or a statue's hair: there is hair where the exemplar has it.
-        height, width = painted.shape[:2]
+        height, width = painted_hair.shape
         x = np.clip(position[..., 0], 0, width - 1).astype(np.int64)
         y = np.clip(position[..., 1], 0, height - 1).astype(np.int64)
-        hair = painted[y, x, HAIR] * shares[..., SKIN] * (1 - _ears(regions, photo.shape[:2]))
+        hair = painted_hair[y, x] * shares[..., SKIN] * (1 - _ears(regions, photo.shape[:2]))
         shares[..., HAIR] += hair
         shares[..., SKIN] -= hair
     else:

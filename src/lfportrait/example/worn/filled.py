@@ -56,8 +56,10 @@ REACHES = 1.2, 0.6, 0.3, 0.15, 0.08
 """Skin is looked for as far away as this, from broad to narrow, over the face's height."""
 NEARLY = 20.0
 """Foreheads of faces turned by more degrees are not looked at."""
-RIMS, BESIDE_RIMS = (0.2, 0.1, 0.05, 0.025), 0.02
+RIMS, BESIDE_RIMS = (0.2, 0.1, 0.05, 0.03), 0.02
 """The same beside rims, and colors broader than this come from there."""
+SHADE, THROUGH = 0.015, np.float32(0.1)
+"""Breadth of the shade of rims; and the weight of what is seen through a lens."""
 
 
 def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
@@ -99,11 +101,15 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
         if worn is None:
             return {}
         height = FaceFrame.of(points).height
+        lines = drawn(worn, shape) > 0.15
+        behind = lenses(worn, shape, points) > 0
         nose = polygon(shape, np.concatenate([points[27:28], points[[31, 33, 35]]])) > 0
-        hole = (drawn(worn, shape) > 0.2) | (lenses(worn, shape, points) > 0) & ~nose
-        beside = np.asarray(1 - _grown(hole, EDGE * 0.5 * height), np.float32)
-        broad = _spread(exemplar.image, beside, height, RIMS)
-        bare = _grown(hole, 2 * AROUND * height) & (beside > 0.5)
+        hole = lines | (behind & ~nose)
+        # Rims have a shade; and what is seen through a lens counts less than what lies around it.
+        beside = np.where(_grown(lines, SHADE * height), np.float32(0), np.float32(1))
+        broad = _spread(exemplar.image, beside * np.where(behind & ~nose, THROUGH, np.float32(1)),
+                        height, RIMS)
+        bare = _grown(hole, 2 * AROUND * height) & (beside > 0) & ~behind
         return {"image": _filled(exemplar, bare, hole, broad, height, BESIDE_RIMS)}
 
     key = key_of("example.worn.filled", "spectacles", exemplar.image, exemplar.landmarks)
