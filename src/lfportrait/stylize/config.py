@@ -10,6 +10,7 @@ import tyro
 from ..errors import UserError
 from ..example import SkinConfig, TransferConfig
 from ..example.skin import PIXELS
+from ..example.worn import Wear
 from ..plugins import Choice, offered
 from .methods import GROUP, OWN, FieldMethod, field_method
 
@@ -72,6 +73,8 @@ class StylizeConfig:
     """0 leaves the real colors, 1 gives the style; `lfportrait restyle` changes it afterwards."""
     keep: tuple[str, ...] = ()
     """Regions that keep the photo's colors: eyes, lips, hair, ears, clothes, ..."""
+    wear: tuple[Wear, ...] = ()
+    """On the skin: put on the sitter what the painting's wears: hat, spectacles."""
     background: float = 1.0
     """Grey level behind the head while stylising."""
     skin: SkinConfig = field(default_factory=SkinConfig)

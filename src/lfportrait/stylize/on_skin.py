@@ -119,11 +119,11 @@ class Painters:
     def of(self, exemplar: Exemplar, skin: Skin, config: StylizeConfig) -> SkinPainter:
         """The painter of an exemplar for a skin, and for others like it."""
         face, fringe = skin.face, skin.hair is not None
-        key = id(exemplar), face, fringe, config.painting, config.transfer, config.seed
+        key = id(exemplar), face, fringe, config.painting, config.transfer, config.seed, config.wear
         found = self._known.pop(key, None)
         if found is None:
             painter = SkinPainter(_fitting(exemplar, face), config.painting, config.transfer,
-                                  config.seed, fringe)
+                                  config.seed, fringe, config.wear)
             # The exemplar is kept: its identity is not given to another.
             found = exemplar, painter
         self._known[key] = found

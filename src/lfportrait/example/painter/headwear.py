@@ -17,7 +17,7 @@ from ..guides.blurs import gaussian_blur
 if TYPE_CHECKING:
     from .picture_materials import SmallPicture
 
-__all__ = ["part_headwear"]
+__all__ = ["has_two_hues", "part_headwear"]
 
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -56,22 +56,34 @@ def part_headwear(small: SmallPicture, shares: Float32) -> None:
     _part_hat(small, shares)
 
 
-def _part_cap(small: SmallPicture, shares: Float32) -> None:
-    """Hair has lights and shades, but one hue; a cap with a ribbon has two.
+def has_two_hues(small: SmallPicture, hair: Bools) -> bool:
+    """Whether what is taken for hair, bool [h, w] of a small picture, is a cap with a ribbon.
 
-    As hair it would become stripes. The color next to the face stays.
+    Hair has lights and shades, but one hue.
     """
-    hair = small.part(shares[..., HAIR]) > 0.6
+    return _second_hue(small, hair) is not None
+
+
+def _second_hue(small: SmallPicture, hair: Bools) -> Bools | None:
+    """Where a cap has the hue that is not next to the face, bool [h, w]; None if it is hair."""
     if hair.sum() < FEW:
-        return
+        return None
     found, middles = _clusters(small, hair, 2)
     if np.linalg.norm(np.diff(middles, axis=0)[0, 1:]) < TWO_HUES:
-        return
+        return None
     beside = np.bincount(found[_grown(small.part(small.face) > 0.02, BESIDE * small.size)[hair]],
                          minlength=2)
-    if beside.min() <= LITTLE * beside.max():
-        other = np.zeros(hair.shape, bool)
-        other[hair] = found != int(beside.argmax())
+    if beside.min() > LITTLE * beside.max():
+        return None
+    other = np.zeros(hair.shape, bool)
+    other[hair] = found != int(beside.argmax())
+    return other
+
+
+def _part_cap(small: SmallPicture, shares: Float32) -> None:
+    """A cap with a ribbon would become stripes of hair; the color next to the face stays."""
+    other = _second_hue(small, small.part(shares[..., HAIR]) > 0.6)
+    if other is not None:
         _nowhere(small, shares, HAIR, other)
 
 

@@ -45,9 +45,10 @@ from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, Transfer, TransferConfig
 from ..turned import frontalised
-from ..worn import bared
+from ..worn import Wear, bared
 from .canvas import Canvas, canvas_of
 from .ears import shade_ears
+from .hat import HatPainter
 from .light import carried_light
 from .materials import SHOWN, sitter_looks, sitter_shares
 from .sitter import Skin
@@ -129,6 +130,8 @@ class SkinPainter:
         Of chunks and search.
     fringe
         Whether a painted fringe is taken off, for sitters whose own hair is known.
+    wear
+        What of the painting's sitter is put on: its hat.
 
     Attributes
     ----------
@@ -142,7 +145,7 @@ class SkinPainter:
 
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
                  transfer: TransferConfig | None = None, seed: int = 0,
-                 fringe: bool = False) -> None:
+                 fringe: bool = False, wear: tuple[Wear, ...] = ()) -> None:
         # Of a face that is turned, the frontal picture.
         self.pose = exemplar.pose()
         given, exemplar = exemplar, frontalised(exemplar, self.pose)
@@ -155,6 +158,8 @@ class SkinPainter:
             aside.submit(lambda: regions.nearest)
             self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed),
                                      regions=regions)
+            self._hat = HatPainter.of(exemplar, regions, self.config, seed) if (
+                "hat" in wear) else None
             self._prepare()
 
     def _prepare(self) -> None:
@@ -164,6 +169,8 @@ class SkinPainter:
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
         # The mask, too: labels know no hair within the landmarks.
         shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
+        if self._hat is not None:
+            self._hat.take_from(shares)
         self._painter = PatchPainter(exemplar, shares, self.config, self.seed, sharp=False)
         hair = shares[..., HAIR]
         if self.transfer.regions.hair is not None:
@@ -229,6 +236,8 @@ class SkinPainter:
         clock.lap("face, targets")
         color = self._painter.lay(target, pictures)
         shade_ears(places, canvas, color)
+        if self._hat is not None:
+            self._hat.paint(places, canvas, position, anchor, size, color)
         exchange(canvas.owner, color)
         clock.lap("patches")
         return Painting(skin, color, step, clock.seconds)

@@ -3,9 +3,12 @@
 Hats and bonnets shade or cover a forehead, spectacles lie across nose and cheeks. Copied onto a
 sitter who wears none, they are patches of another color. So a painting is bared first: `forehead`
 finds what is no bare skin above the brows, and `filled` fills it as the painter might have, in his
-light and with his strokes.
+light and with his strokes. Where it is asked for, `hat` finds the hat as a thing, and `put_on` lays
+it over the picture of a photo's sitter; on a head it is painted on the surface (`skin.hat`).
 """
 
 from .filled import bared
+from .hat import Wear, headwear, not_worn
+from .put_on import Hat, Layer
 
-__all__ = ["bared"]
+__all__ = ["Hat", "Layer", "Wear", "bared", "headwear", "not_worn"]
