@@ -133,8 +133,10 @@ class HatPainter:
         """
         places = self._places(skin, position)
         if not self._beside_hair:
-            # Under a bonnet whose painter shows no hair there is none.
-            places = replace(places, cover=np.maximum(places.cover, _hair(skin) * (1 - skin.ears)))
+            # Under a bonnet whose painter shows no hair there is none but what hangs down.
+            high = np.clip((-skin.flat[:, 1] / skin.plane.height - LOWEST) / SHADE, 0, 1)
+            hair = np.asarray(_hair(skin) * (1 - skin.ears) * high, np.float32)
+            places = replace(places, cover=np.maximum(places.cover, hair))
         paint = self._laid(canvas, places, position, anchor, size, color)
         shown = canvas.spread(np.stack([places.cover, places.light], axis=1))
         own = canvas.own

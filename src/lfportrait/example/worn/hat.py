@@ -2,7 +2,8 @@
 
 The networks know no hats: to them one is hair, cloth or background. Where a forehead is covered and
 what covers it reaches far beyond a head or is unlike the hair below it, or where what is taken for
-hair has two hues, there is one. Its outline is a cut by colors (GrabCut: Rother et al. 2004) that begins at the crown.
+hair has two hues, there is one. Its outline is a cut by colors (GrabCut: Rother et al. 2004) that
+begins at the crown.
 """
 
 from __future__ import annotations
@@ -228,12 +229,12 @@ def _cut(small: _Small) -> Bools | None:
     cut &= (small.down < -0.02) | _veil(colors, cheeks, core) | (
         (beside > BRIM[0]) & (small.down < BRIM[1]))
     # Hair below its edge is of other colors than its crown.
-    cut &= ~((skin_distance(colors, core) > UNLIKE_CROWN) & (beside < BRIM[0])
-             & (small.down > -BROW))
+    alike = skin_distance(colors, core) < UNLIKE_CROWN
+    cut &= alike | (beside > BRIM[0]) | (small.down < -BROW)
     cut &= ~((away < SURELY) & (beside < BESIDE) & (small.down > -BROW))
     # A cloth around the neck is no part of what is worn on the head.
     cut &= (small.down < CHIN) | (beside > 1)
-    return _one_thing(small, cut, core)
+    return _one_thing(small, cut, alike, core)
 
 
 def _seeds(small: _Small, colors: Float32, core: Bools, like_skin: Bools) -> NDArray[np.uint8]:
@@ -274,10 +275,12 @@ def _veil(colors: Float32, cheeks: Bools, core: Bools) -> Bools:
     return np.asarray((light > most + HAIRY) | (lab[..., 2] < -GREY))
 
 
-def _one_thing(small: _Small, cut: Bools, core: Bools) -> Bools | None:
-    """The piece that sits on the head, closed and without crumbs and holes."""
+def _one_thing(small: _Small, cut: Bools, alike: Bools, core: Bools) -> Bools | None:
+    """The piece that sits on the head, without crumbs and holes, closed where it is ``alike``."""
     whole = cv2.morphologyEx(cut.astype(np.uint8), cv2.MORPH_OPEN, small.kernel(CRUMB))
-    whole = cv2.morphologyEx(whole, cv2.MORPH_CLOSE, small.kernel(GAP))
+    closed = cv2.morphologyEx(whole, cv2.MORPH_CLOSE, small.kernel(GAP))
+    # What shows between two folds is background.
+    whole = np.where(alike, closed, whole)
     _, pieces = cv2.connectedComponents(whole)
     counts = np.bincount(pieces[core & (pieces > 0)], minlength=1)
     if not counts.any():
