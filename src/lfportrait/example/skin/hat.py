@@ -55,6 +55,8 @@ COPIED, GONE_ON = 8.0, 0.15
 """Weight of the place where it is as the painter saw it, and where it goes on around the back."""
 PERIOD = np.radians(100.0)
 """There its middle part, so broad, is repeated."""
+NAPE = -1.0
+"""Hair that grows on a head ends above this, over the face's height (brows 0); below it hangs."""
 OWN_HAIR, BESIDE = 0.05, 0.12
 """A painter's sitter shows hair of her own if this much, over the face's squared height, lies
 further from the hat than this over the height."""
@@ -134,7 +136,7 @@ class HatPainter:
         places = self._places(skin, position)
         if not self._beside_hair:
             # Under a bonnet whose painter shows no hair there is none but what hangs down.
-            high = np.clip((-skin.flat[:, 1] / skin.plane.height - LOWEST) / SHADE, 0, 1)
+            high = np.clip((-skin.flat[:, 1] / skin.plane.height - NAPE) / SHADE, 0, 1)
             hair = np.asarray(_hair(skin) * (1 - skin.ears) * high, np.float32)
             places = replace(places, cover=np.maximum(places.cover, hair))
         paint = self._laid(canvas, places, position, anchor, size, color)
