@@ -60,9 +60,7 @@ def test_shade_on_a_bare_throat_is_no_shirt(face):
 
 
 def test_no_hair_lies_over_a_bare_heads_ears(face):
-    painted = np.zeros((4, 4), np.float32)
-    painted[..., HAIR] = 1
-    shares = shares_of(face, face.image, hair=False, painted=painted)
+    shares = shares_of(face, face.image, hair=False, painted=np.ones((4, 4), np.float32))
     frame = find_regions(face.image, face.landmarks, face.mask, networks=False).frame
     right, down = frame.local((HEIGHT, WIDTH))
     half = 0.5 * frame.width / frame.height

@@ -29,6 +29,7 @@ from ..example import (
     prepare,
     suited,
 )
+from ..example.worn import not_worn
 from ..face import detect_landmarks, face_pose
 from ..files import picture_format, read_image, write_image
 from ..labels import RegionStyle
@@ -55,14 +56,16 @@ class _Painter:
     def begin(self) -> None:
         """Prepare the exemplar as it is in another thread, while a face is looked for."""
         if isinstance(self.config, TransferConfig):
+            _note_missing(self.exemplar, self.config)
             aside = ThreadPoolExecutor(1)
-            self._coming = aside.submit(lambda: prepare(as_painted(self.exemplar), self.config))
+            self._coming = aside.submit(lambda: prepare(
+                as_painted(self.exemplar, self.config.wear), self.config))
             aside.shutdown(wait=False)
 
     def _apply(self, style: str, photo: NDArray[np.uint8], points: NDArray[np.float64]) -> Any:
         exemplar = self.others[style] if style else self.exemplar
         # Other methods take a painting as it is.
-        chosen = (fitting(exemplar, points, photo, self.config.eyes)
+        chosen = (fitting(exemplar, points, photo, self.config.eyes, self.config.wear)
                   if isinstance(self.config, TransferConfig) else exemplar)
         self.lids = chosen.lids
         own = np.array_equal((chosen.opened or chosen).landmarks, exemplar.landmarks)
@@ -81,6 +84,11 @@ class _Painter:
             return result.image, result
         others = {style: self._apply(style, photo, points).image for style in self.others}
         return mix_regions(photo, points, result.image, self.choices, others), result
+
+
+def _note_missing(exemplar: Exemplar, config: TransferConfig) -> None:
+    for note in not_worn(exemplar, config.wear):
+        print(f"note: {note}", file=sys.stderr)
 
 
 def transfer_photo(path: Path, out: Path, exemplar: Exemplar, config: MethodConfig,
@@ -146,6 +154,8 @@ def transfer_video(path: Path, out: Path, exemplar: Exemplar, config: TransferCo
 
     if out.suffix.lower() not in (".mp4", ".mov", ".mkv"):
         raise UserError(f"{path} is a video: name one with --out, for example out.mp4")
+    if config.wear:
+        raise UserError(f"{path} is a video: --wear is for photos, leave it out")
     rate, frames = video_frames(path)
     frames, points = _first_face(frames)
     if points is not None:

@@ -116,5 +116,5 @@ def paint(image: NDArray[np.uint8], exemplar: Exemplar, config: MethodConfig,
     """
     points = np.asarray(face_landmarks(image) if landmarks is None else landmarks, np.float64)
     if isinstance(config, TransferConfig):
-        exemplar = fitting(exemplar, points, image, config.eyes)
+        exemplar = fitting(exemplar, points, image, config.eyes, config.wear)
     return prepare(exemplar, config, own=[(image, points)]).apply(image, points)

@@ -39,6 +39,7 @@ from .styleblit import (
 from .table import TableConfig, cached_table
 from .turned import face_aside
 from .versions import fitting
+from .worn import Hat, Layer, Wear
 
 if TYPE_CHECKING:
     from .painter.photo import PhotoPatches
@@ -69,6 +70,8 @@ class TransferConfig:
     eyes: Literal["auto", "painted"] = "auto"
     """auto: eyes that are closed in a photo are painted closed; painted: open, as in the painting.
     For photos only; a frame of a video that blinks is painted open."""
+    wear: tuple[Wear, ...] = ()
+    """Put on the sitter of a photo what the painting's wears: hat, spectacles."""
     blur: float = 0.06
     """Sigma of the appearance guide's Gaussian blur over the face's size (`face_size`)."""
     grid: int = 4
@@ -144,6 +147,7 @@ class Transfer:
         self._picture = exemplar.image.astype(np.float32) / np.float32(255)
         self._filtered = {1.0: pack_colors(self._picture)}
         self._patches: PhotoPatches | None = None
+        self._hat = Hat.of(exemplar, self.regions) if "hat" in self.config.wear else None
 
     @functools.cached_property
     def _steady(self) -> Float32:
@@ -201,6 +205,9 @@ class Transfer:
         if aside is not None and regions is not None:
             points = aside.landmarks
             regions = Regions(points, regions.person, regions.hair)
+        worn: Layer | None = None
+        if self._hat is not None and regions is not None and seeds_anchor is None:
+            photo, regions, worn = self._hat.put_on(photo, regions)
         guided = time.perf_counter()
         if config.quality == "best" and flat and seeds_anchor is None:
             self._painter().begin(photo.shape, self.scale(points))
@@ -256,9 +263,12 @@ class Transfer:
         if config.quality == "best" and flat and seeds is not None:
             assert regions is not None
             made.image = self._refined(photo, points, regions, made, aside is not None)
+        if worn is not None:
+            made.image = worn.over(made.image)
+            made.mask = np.maximum(made.mask, worn.cover * np.float32(config.strength))
         if not (flat and self.covers_all):
             painted, made.image = made.image, np.empty(photo.shape, np.float32)
-            blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), painted, cover,
+            blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), painted, made.mask,
                   made.image)
         return made
 
@@ -395,7 +405,7 @@ def transfer(image: NDArray[np.generic], exemplar: Exemplar, config: TransferCon
     """
     points = face_landmarks(image) if landmarks is None else landmarks
     config = config or TransferConfig()
-    return Transfer(fitting(exemplar, points, image, config.eyes), config).apply(
+    return Transfer(fitting(exemplar, points, image, config.eyes, config.wear), config).apply(
         image, points, **options)
 
 

@@ -10,6 +10,7 @@ import tyro
 from ..errors import UserError
 from ..example import SkinConfig, TransferConfig
 from ..example.skin import PIXELS
+from ..example.worn import Wear
 from ..plugins import Choice, offered
 from .methods import GROUP, OWN, FieldMethod, field_method
 
@@ -75,6 +76,8 @@ class StylizeConfig:
     eyes: Literal["auto", "painted"] = "auto"
     """On the skin: eyes that are closed on the head are painted closed (auto), or open as in the
     painting (painted)."""
+    wear: tuple[Wear, ...] = ()
+    """On the skin: put on the sitter what the painting's wears: hat, spectacles."""
     background: float = 1.0
     """Grey level behind the head while stylising."""
     skin: SkinConfig = field(default_factory=SkinConfig)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..capture import Capture
 from ..example import Exemplar, asked_lids, closed_words, eye_opening
+from ..example.worn import not_worn
 from .config import StylizeConfig
 
 __all__ = ["PARTED", "eye_opening", "mouth_opening", "notices"]
@@ -59,6 +60,8 @@ def notices(capture: Capture, exemplars: Sequence[Exemplar], config: StylizeConf
             other = "closed" if mouths[0] > PARTED else "open"
             out.append(f"the sitter's mouth is {which}, that of {exemplar.name} is {other}: "
                        "--keep lips leaves the photo's")
+        if config.on_skin:
+            out += not_worn(exemplar, config.wear)
         if exemplar.size < COARSE:
             out.append(f"the face of {exemplar.name} is only about {3.2 * exemplar.size:.0f} "
                        "pixels wide: its strokes will be coarse on a large display; use a larger "

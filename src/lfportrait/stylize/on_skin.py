@@ -121,11 +121,12 @@ class Painters:
         face, fringe = skin.face, skin.hair is not None
         lids = ((False, False) if config.eyes == "painted"
                 else asked_lids(exemplar, skin.plane.landmarks))
-        key = id(exemplar), face, fringe, lids, config.painting, config.transfer, config.seed
+        key = (id(exemplar), face, fringe, lids, config.painting, config.transfer, config.seed,
+               config.wear)
         found = self._known.pop(key, None)
         if found is None:
             painter = SkinPainter(_fitting(exemplar, face), config.painting, config.transfer,
-                                  config.seed, fringe, lids)
+                                  config.seed, fringe, lids, config.wear)
             # The exemplar is kept: its identity is not given to another.
             found = exemplar, painter
         self._known[key] = found

@@ -6,23 +6,18 @@ with a brim that hovers behind the head.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..guides.blurs import gaussian_blur
+from .small_picture import FEATURES, GROUND, HAIR, SmallPicture
 
-if TYPE_CHECKING:
-    from .picture_materials import SmallPicture
-
-__all__ = ["part_headwear"]
+__all__ = ["has_two_hues", "part_headwear"]
 
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
-HAIR, GROUND, FEATURES = 1, 4, 5
 FEW = 60
 """Fewer pixels than this have no color."""
 BLUR = 0.03
@@ -58,26 +53,38 @@ def part_headwear(small: SmallPicture, shares: Float32) -> None:
     _part_hat(small, shares)
 
 
-def _part_cap(small: SmallPicture, shares: Float32) -> None:
-    """Hair has lights and shades, but one hue; a cap with a ribbon has two.
+def has_two_hues(small: SmallPicture, hair: Bools) -> bool:
+    """Whether what is taken for hair, bool [h, w] of a small picture, is a cap with a ribbon.
 
-    As hair it would become stripes. The color next to the face stays.
+    Hair has lights and shades, but one hue.
     """
-    hair = small.part(shares[..., HAIR]) > 0.6
+    return _second_hue(small, hair) is not None
+
+
+def _second_hue(small: SmallPicture, hair: Bools) -> Bools | None:
+    """Where a cap has the hue that is not next to the face, bool [h, w]; None if it is hair."""
     if hair.sum() < FEW:
-        return
+        return None
     colors = _colors(small, hair)
     found, middles = _clusters(colors, 2)
     if np.linalg.norm(np.diff(middles, axis=0)[0, 1:]) < TWO_HUES:
-        return
+        return None
     beside = np.bincount(found[_grown(small.part(small.face) > 0.02, BESIDE * small.size)[hair]],
                          minlength=2)
-    if beside.min() <= LITTLE * beside.max():
-        own = int(beside.argmax())
-        # Nor is its edge, where skin and shade are mixed with it.
-        away = np.linalg.norm(colors - middles[own], axis=1)
-        other = np.zeros(hair.shape, bool)
-        other[hair] = (found != own) | (away > EDGED * np.sqrt(np.mean(away[found == own] ** 2)))
+    if beside.min() > LITTLE * beside.max():
+        return None
+    own = int(beside.argmax())
+    # Nor is its edge, where skin and shade are mixed with it.
+    away = np.linalg.norm(colors - middles[own], axis=1)
+    other = np.zeros(hair.shape, bool)
+    other[hair] = (found != own) | (away > EDGED * np.sqrt(np.mean(away[found == own] ** 2)))
+    return other
+
+
+def _part_cap(small: SmallPicture, shares: Float32) -> None:
+    """A cap with a ribbon would become stripes of hair; the color next to the face stays."""
+    other = _second_hue(small, small.part(shares[..., HAIR]) > 0.6)
+    if other is not None:
         _nowhere(small, shares, HAIR, other)
 
 

@@ -49,8 +49,10 @@ from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, Transfer, TransferConfig
 from ..turned import FRONTAL
 from ..versions import from_the_front
+from ..worn import Wear
 from .canvas import Canvas, canvas_of
 from .ears import shade_ears
+from .hat import HatPainter
 from .light import carried_light
 from .materials import SHOWN, sitter_looks, sitter_shares
 from .sitter import Skin
@@ -134,6 +136,8 @@ class SkinPainter:
         Whether a painted fringe is taken off, for sitters whose own hair is known.
     lids
         Which of its eyes are to be shut (`asked_lids`).
+    wear
+        What of the painting's sitter is put on: its hat; its spectacles are left on.
 
     Attributes
     ----------
@@ -147,11 +151,12 @@ class SkinPainter:
 
     def __init__(self, exemplar: Exemplar, config: SkinConfig | None = None,
                  transfer: TransferConfig | None = None, seed: int = 0,
-                 fringe: bool = False, lids: Lids = (False, False)) -> None:
+                 fringe: bool = False, lids: Lids = (False, False),
+                 wear: tuple[Wear, ...] = ()) -> None:
         # Of a face that is turned, the frontal picture.
         self.pose = exemplar.pose()
         self.turned = abs(self.pose.yaw) >= FRONTAL
-        self.exemplar = exemplar = from_the_front(exemplar, self.pose, fringe, lids)
+        self.exemplar = exemplar = from_the_front(exemplar, self.pose, fringe, lids, wear)
         self.seed = seed
         self.config = config or SkinConfig()
         regions = exemplar.regions()
@@ -159,6 +164,8 @@ class SkinPainter:
             aside.submit(lambda: regions.nearest)
             self.transfer = Transfer(exemplar, replace(transfer or TransferConfig(), seed=seed),
                                      regions=regions)
+            self._hat = HatPainter.of(exemplar, regions, self.config, seed) if (
+                "hat" in wear) else None
             self._prepare()
 
     def _prepare(self) -> None:
@@ -168,6 +175,8 @@ class SkinPainter:
         near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
         # The mask, too: labels know no hair within the landmarks.
         shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
+        if self._hat is not None:
+            self._hat.take_from(shares)
         hair = shares[..., HAIR]
         if self.transfer.regions.hair is not None:
             hair = np.maximum(hair, self.transfer.regions.hair)
@@ -239,6 +248,8 @@ class SkinPainter:
         clock.lap("face, targets")
         color = self._painter.lay(target, pictures)
         shade_ears(places, canvas, color)
+        if self._hat is not None:
+            self._hat.paint(places, canvas, position, anchor, size, color)
         exchange(canvas.owner, color)
         clock.lap("patches")
         return Painting(skin, color, step, clock.seconds)

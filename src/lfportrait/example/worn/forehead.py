@@ -17,7 +17,7 @@ from scipy import ndimage
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.regions import Regions
-from ..painter.picture_materials import SmallPicture
+from ..painter.small_picture import SmallPicture
 
 __all__ = ["Forehead", "covered_forehead"]
 
