@@ -37,6 +37,7 @@ _PLAYING, _PLAYLIST = "currentlyPlaying.json", "lfportrait.m3u"
 _CALIBRATION = Path("LKG_calibration") / "visual.json"
 _PLAYED = {"PNG": ".png", "JPEG": ".jpg"}
 """What a frame that stands alone plays, by Pillow's names."""
+_EVERYBODYS = ("styled", "field", "quilt")
 _FAT_FILE = (4 << 30) - 1
 """Bytes of the largest file that FAT holds."""
 _SPARE = 1 << 20
@@ -129,7 +130,9 @@ def _layout(source: Path) -> tuple[str, QuiltLayout]:
 
 
 def _title(source: Path) -> str:
-    return source.stem.split("_qs")[0]
+    """Whose portrait it is: what every job calls the same has its name from the job's folder."""
+    stem = source.stem.split("_qs")[0]
+    return source.resolve().parent.name or stem if stem in _EVERYBODYS else stem
 
 
 def _prepared(plan: DrivePlan, place: Path, step: Callable[[int, int], None],

@@ -16,6 +16,7 @@ from ...field import VoxelField
 from ...lightfield import EncodeConfig
 from .config import FrameConfig
 from .eyes import TwoEyes, anaglyph_of
+from .framing import Margins, framed
 from .hop import write_hop
 from .metadata import quilt_exif
 from .moving import Flat, codec_for, write_moving
@@ -119,6 +120,10 @@ def _flat(field: VoxelField, path: Path, config: FrameConfig, encode: EncodeConf
 def _two_eyes(field: VoxelField, path: Path, config: FrameConfig, encode: EncodeConfig, step: Step,
               kind: Kind) -> dict[str, Any]:
     eyes = TwoEyes.of(config)
+    moving = path.suffix.lower() in VIDEOS
+    encode = framed(field, eyes.window, encode, Margins(),
+                    turns=(-config.sway, 0.0, config.sway) if moving else (0.0,),
+                    eyes=(-eyes.baseline / 2, eyes.baseline / 2))
     size = eyes.window.width, eyes.window.height
     if kind != "anaglyph":
         size = 2 * size[0], size[1]
@@ -129,7 +134,7 @@ def _two_eyes(field: VoxelField, path: Path, config: FrameConfig, encode: Encode
         seen.append(parallax)
         return anaglyph_of(left, right) if kind == "anaglyph" else np.hstack([left, right])
 
-    if path.suffix.lower() in VIDEOS:
+    if moving:
         if kind == "rgbd":
             raise UserError("color and depth are written as a picture: end the name in _rgbd.png")
         figures = write_moving(path, picture, size, encode, config, step=step)

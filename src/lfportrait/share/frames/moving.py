@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from ...errors import UserError
 from ...field import VoxelField
 from ...lightfield import Display, EncodeConfig, view_camera
-from ..paths import head_extent
 from ..video import ENCODERS, Codec, has_encoder, write_video
 from .config import FrameConfig
+from .framing import Margins, framed
 
 __all__ = ["FLAT", "Flat", "codec_for", "write_moving"]
 
 FLAT = (2160, 3840)
-_SAFE = (355 / 3840, 100 / 3840, 108 / 2160)
-"""Margins that the maker asks to leave at the top and bottom, and at either side."""
+_SAFE = Margins(355 / 3840, 100 / 3840, 108 / 2160, stands=True)
+"""What the maker asks to leave free. The head stands, as things stand in the panel's box."""
 _LARGEST_H264 = 4096
 _FRAMES = 120
 _QUALITY = {"h264": 18, "hevc": 20, "vp9": 24}
@@ -137,20 +137,8 @@ class Flat:
         """The placement whose head is as large as the safe areas allow."""
         width, height = config.pixels if config.pixels[0] else FLAT
         window = Display(width, height, views=1, pitch=3.0)
-        reach, low, high = head_extent(field)
-        top, bottom, side = _SAFE
-        across = window.aspect * (1 - 2 * side)
-        upper, lower = 1 - 2 * top, -1 + 2 * bottom
-        # A point at the head's near side, reach in front of the axis, looks larger by d / (d - z).
-        distance = window.distance
-        scale = min(half * distance / (extent * distance + half * reach) for half, extent in (
-            (across, reach), ((upper - lower) / 2, (high - low) / 2)))
-        larger = distance / (distance - scale * reach)
-        # It stands on the lower margin, as things stand in the panel's box.
-        shift = lower / larger - scale * low
-        return Flat(window, dataclasses.replace(
-            encode, size=scale / min(1.0, window.aspect * 1.15), shift_x=0.0, shift_y=shift),
-            config.media_player)
+        placed = framed(field, window, encode, _SAFE, turns=(-config.sway, 0.0, config.sway))
+        return Flat(window, placed, config.media_player)
 
     @property
     def size(self) -> tuple[int, int]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,8 @@ _LARGEST = {".webp": 16383, ".jpg": 65500, ".jpeg": 65500}
 """Pixels a side. JPEG's format has 35 more; libjpeg, which all use, does not write them."""
 _MOST = 2 << 30
 """Bytes of a decoded picture: what is larger, most programs refuse to open."""
+_PNG_HEAD = 33
+"""Bytes of a PNG file's signature and its first chunk."""
 _OPTIONS: dict[str, dict[str, int]] = {
     ".png": {"compress_level": 4}, ".webp": {"quality": 92, "method": 4},
     # Colors at full size: a quilt's tiles are small, and anaglyphs and depth live in colors.
@@ -50,10 +54,18 @@ def picture_bytes(suffix: str, image: NDArray[np.uint8], exif: Image.Exif | None
     """A picture [H, W, 3] as the contents of a file with this suffix."""
     suffix = suffix.lower()
     buffer = io.BytesIO()
-    more = {} if exif is None else {"exif": exif}
+    more = {} if exif is None or suffix == ".png" else {"exif": exif}
     Image.fromarray(image).save(buffer, format=Image.registered_extensions()[suffix],
                                 **_OPTIONS[suffix], **more)
-    return buffer.getvalue()
+    contents = buffer.getvalue()
+    return contents if exif is None or suffix != ".png" else _with_exif(contents, exif)
+
+
+def _with_exif(png: bytes, exif: Image.Exif) -> bytes:
+    """A PNG file with EXIF before the pixels; Pillow puts it behind them, where few look."""
+    chunk = b"eXIf" + exif.tobytes().removeprefix(b"Exif\0\0")
+    whole = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    return png[:_PNG_HEAD] + whole + png[_PNG_HEAD:]
 
 
 def write_picture(path: Path, image: NDArray[np.uint8], exif: Image.Exif | None = None) -> None:

@@ -94,7 +94,9 @@ def _fitting(asked: QuiltName) -> Display:
     if not fits:
         raise UserError(f"no Looking Glass shows views of the aspect {asked.aspect:g}: name your "
                         "display with --display")
-    return min(fits, key=lambda panel: panel.quilt != (asked.columns, asked.rows))
+    # The smallest of them: frames at home are small.
+    return min(fits, key=lambda panel: (panel.quilt != (asked.columns, asked.rows),
+                                        panel.panel_height))
 
 
 def _size(display: Display, layout: QuiltLayout) -> tuple[int, int]:
