@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import warnings
 from dataclasses import dataclass
 from dataclasses import field as option
@@ -37,7 +39,7 @@ class Cast(Common):
     """With --drive: the frame, a preset or a file; by default the calibration on the drive, else
     lookingglass-go."""
     picture: Literal["png", "jpg"] = "png"
-    """With --drive: format of the fields' quilts; jpg takes a tenth of the room."""
+    """With --drive: format of the fields' quilts; jpg takes less than half the room."""
     title: str = "lfportrait"
     """With --drive: title of the playlist."""
     seconds: float = SECONDS
@@ -111,6 +113,8 @@ class Cast(Common):
         if self.list or self.save_display or self.hide or self.rgbd or self.views:
             raise UserError("--drive needs no Bridge: leave out --list, --save-display, --hide, "
                             "--rgbd and --views")
+        if os.name == "nt" and re.fullmatch("[A-Za-z]:", str(drive)):
+            drive = Path(f"{drive}\\")  # E: alone is whatever folder was last open there
         plan = DrivePlan(drive, [Path(source) for source in self.sources], self.title,
                          self.display, self.picture, self.seconds, self.config)
         with self.progress("cast", len(plan.sources)) as progress:

@@ -175,6 +175,8 @@ def test_quilts_move(tmp_path, name, codec):
     assert figures["frames"] == 4 and figures["codec"] == codec
     facts, frames = decoded(tmp_path / name)
     assert facts["codec"] == codec and facts["pixels"] == "yuv420p" and len(frames) == 4
+    side = json.loads((tmp_path / f"{name}.json").read_text())
+    assert side["movie"] is True and side["quilt_settings"]["viewTotal"] == 6
     places = [[ball_x(tile) for tile in tiles_of(frame, 3, 2)] for frame in frames]
     assert all(row[0] > row[-1] for row in places)
     assert places[1][0] > places[0][0] > places[3][0]  # it sways to the right, then to the left
@@ -213,3 +215,14 @@ def test_without_hevc_vp9_takes_its_place(tmp_path, monkeypatch):
         warnings.simplefilter("error")
         export_frame(marked_field(), tmp_path / "flat.mp4", config)
     assert not (tmp_path / "flat.mp4").exists()
+
+
+def test_encodes_quilt_has_its_layout_in_the_file_too(tmp_path):
+    marked_field(16).save(tmp_path / "head.npz")
+    Display(96, 64, views=6, pitch=5.3, quilt=(3, 2), quilt_size=(96, 64)).save(
+        tmp_path / "panel.toml")
+    assert main(["encode", str(tmp_path / "head.npz"), "--display", str(tmp_path / "panel.toml"),
+                 "--out", str(tmp_path / "coded.png"), "--quiet",
+                 "--quilt", str(tmp_path / "x_qs3x2a1.5.webp")]) == 0
+    assert user_comment(tmp_path / "x_qs3x2a1.5.webp")["LKGNumViews"] == 6
+    assert (tmp_path / "x_qs3x2a1.5.webp.json").is_file()

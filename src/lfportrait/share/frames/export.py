@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from ...errors import UserError
 from ...field import VoxelField
+from ...files import write_json
 from ...lightfield import EncodeConfig
 from .config import FrameConfig
 from .eyes import TwoEyes, anaglyph_of
 from .framing import Margins, framed
 from .hop import write_hop
-from .metadata import quilt_exif
+from .metadata import quilt_exif, quilt_settings
 from .moving import Flat, codec_for, write_moving
 from .names import VIDEOS, Kind, QuiltName, kind_of, safe_names
 from .pictures import check_picture, picture_bytes, write_picture
@@ -87,8 +88,10 @@ def _quilt(field: VoxelField, path: Path, config: FrameConfig, encode: EncodeCon
     figures = {"size": plan.size, "views": plan.layout.count, "display": plan.display.name,
                "out": out}
     if path.suffix.lower() in VIDEOS:
-        return figures | write_moving(out, lambda place: plan.picture(field, place), plan.size,
-                                      encode, config, step=step)
+        figures |= write_moving(out, lambda place: plan.picture(field, place), plan.size, encode,
+                                config, step=step)
+        write_json(out.with_name(f"{out.name}.json"), quilt_settings(plan.layout, movie=True))
+        return figures
     check_picture(out, *plan.size)
     return figures | write_quilt(out, plan.picture(field, encode), plan.layout)
 
