@@ -26,7 +26,7 @@ from lfportrait.field import ReconstructConfig
 from lfportrait.job import MakeConfig
 from lfportrait.job.batch import BatchConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
-from lfportrait.share import ExportConfig, PageConfig, SequenceConfig
+from lfportrait.share import ExportConfig, FrameConfig, PageConfig, SequenceConfig
 from lfportrait.stylize import MixConfig, StylizeConfig
 from lfportrait_eval.baselines.field import ArfConfig, RefNprConfig, StylizedNerfConfig
 from lfportrait_eval.baselines.transfer import FaceBlitConfig, FaceStyleConfig, NetworkConfig
@@ -56,6 +56,8 @@ SECTIONS = [
     ("FaceStyle", FaceStyleConfig, "`lfportrait transfer --method facestyle`: `--facestyle.NAME`."),
     ("Network", NetworkConfig, "`lfportrait transfer --method network`: `--network.NAME`."),
     ("Export", ExportConfig, "`lfportrait export`."),
+    ("Export for frames", FrameConfig,
+     "`lfportrait export` to quilts, packages, pairs, videos ([frames](frames.md))."),
     ("Page", PageConfig,
      "`lfportrait export FIELD --out portrait.html`, `lfportrait view`; in `make`: `--page.NAME`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),

@@ -148,6 +148,25 @@ def test_every_cast_has_a_playlist_of_its_own(server, quilt):
     assert all(len(entries) == 1 for entries in server.playlists.values())
 
 
+def test_several_portraits_are_one_playlist(server, quilt, tmp_path):
+    other = tmp_path / "other_qs2x2a1.5.png"
+    write_image(other, np.zeros((16, 18, 3), np.uint8))
+    assert run("cast", quilt, other, quilt, "--url", server.url, "--seconds", 4.5, "--quiet") == 0
+    entries = server.playlists[server.showing[0]]
+    assert [entry["uri"] for entry in entries] == [str(path) for path in (quilt, other, quilt)]
+    assert [entry["index"] for entry in entries] == [0, 1, 2]
+    assert [(entry["cols"], entry["aspect"]) for entry in entries] == [
+        (3, 0.75), (2, 1.5), (3, 0.75)]
+    assert {entry["durationMS"] for entry in entries} == {4500}
+    assert len(server.playlists) == 1
+
+
+def test_nothing_is_cast_if_one_of_several_is_missing(server, quilt, tmp_path, capsys):
+    assert run("cast", quilt, tmp_path / "none_qs3x2a1.png", "--url", server.url) == 2
+    assert "no such file" in error_of(capsys)
+    assert server.showing is None
+
+
 def test_views_focus_and_depth_reach_bridge(server, quilt):
     assert run("cast", quilt, "--url", server.url, "--views", 5, "--shift", 0.25, "--quiet") == 0
     assert (server.entry()["view_count"], server.entry()["focus"]) == (5, 0.25)

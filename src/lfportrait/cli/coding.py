@@ -15,11 +15,12 @@ from ..files import write_image
 from ..lightfield import (
     Display,
     EncodeConfig,
+    QuiltLayout,
     lossless,
     read_coded,
     write_coded,
 )
-from ..share import SequenceConfig, write_sequence
+from ..share import SequenceConfig, write_quilt, write_sequence
 from .common import Common
 
 __all__ = ["Encode", "Simulate"]
@@ -64,8 +65,10 @@ class Encode(Common):
                                                  device=self.device)
         write_coded(self.out, image, panel)
         if self.quilt is not None:
-            picture, _ = quilt_of(voxels, panel, self.config, name=self.quilt.name)
-            write_image(self.quilt, picture)
+            picture, name = quilt_of(voxels, panel, self.config, name=self.quilt.name)
+            layout = QuiltLayout.of_name(self.quilt.name) or QuiltLayout.of_name(name)
+            assert layout is not None
+            write_quilt(self.quilt, picture, layout)
         return figures
 
     def _moving(self) -> dict[str, Any]:

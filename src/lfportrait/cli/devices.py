@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import re
 import warnings
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
 from ..errors import UserError
-from ..files import write_image
 from ..lightfield import Display, EncodeConfig, QuiltLayout, quilt_of, read_coded
-from ..lightfield.screens import URL, Bridge, DepthPicture, Device
+from ..lightfield.screens import URL, Bridge, DepthPicture, Device, Entry
+from ..share import SECONDS, DrivePlan, fill_drive, layout_of_file, write_quilt
 from .common import Common
 
 __all__ = ["Cast", "Show"]
@@ -21,11 +23,27 @@ __all__ = ["Cast", "Show"]
 
 @dataclass
 class Cast(Common):
-    """Show a quilt, or a field, on a Looking Glass through a running Looking Glass Bridge."""
+    """Show quilts, or fields, on a Looking Glass, several in turn.
 
-    source: tyro.conf.Positional[str] = ""
-    """Quilt (picture or video; its name gives columns, rows and aspect), or a field (.npz): its
-    quilt is rendered for this display and written beside the field."""
+    Through a running Looking Glass Bridge, or, with --drive, by filling the drive of a frame that
+    stands alone.
+    """
+
+    sources: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Quilts (pictures or videos; the name gives columns, rows and aspect), or fields (.npz): their
+    quilts are rendered for this display and written beside the fields."""
+    drive: Path | None = None
+    """Folder or letter of the drive as which a frame appears when it is plugged in: the quilts are
+    written there, with a playlist that the frame plays without a computer."""
+    display: str = ""
+    """With --drive: the frame, a preset or a file; by default the calibration on the drive, else
+    lookingglass-go."""
+    picture: Literal["png", "jpg"] = "png"
+    """With --drive: format of the fields' quilts; jpg takes less than half the room."""
+    title: str = "lfportrait"
+    """With --drive: title of the playlist."""
+    seconds: float = SECONDS
+    """How long each of several is shown."""
     screen: int = -1
     """Bridge's number of the display (see --list); by default the first Looking Glass."""
     list: bool = False
@@ -55,16 +73,20 @@ class Cast(Common):
 
     def run(self) -> dict[str, Any]:
         """Connect and show."""
-        if not (self.source or self.list or self.save_display or self.hide):
+        if not (self.sources or self.list or self.save_display or self.hide or self.drive):
             raise UserError("name the quilt or the field to cast: lfportrait cast "
                             "portrait_qs8x6a0.75.png")
+        if not 0.1 <= self.seconds <= 86400:
+            raise UserError(f"--seconds must be 0.1 to 86400, not {self.seconds:g}")
+        if self.drive is not None:
+            return self._filled(self.drive)
         if not 0 < self.timeout <= 3600:
             raise UserError(f"--timeout must be 0 to 3600 seconds, not {self.timeout:g}")
         if not (0 <= self.depth_side <= 3 and 0 <= self.depthiness <= 3 and -1 <= self.shift <= 1):
             raise UserError("--depth-side must be 0 to 3, --depthiness 0 to 3, --shift -1 to 1")
-        address = "://" in self.source
-        if self.source and not address and not Path(self.source).is_file():
-            raise UserError(f"no such file: {self.source}")
+        for source in self.sources:
+            if "://" not in source and not Path(source).is_file():
+                raise UserError(f"no such file: {source}")
         with Bridge(self.url, self.timeout) as bridge:
             figures: dict[str, Any] = {"bridge": bridge.version()}
             devices = bridge.devices()
@@ -82,8 +104,27 @@ class Cast(Common):
                 print(f"{self.save_display}: {panel.summary()}")
             if self.hide:
                 bridge.hide(self.screen)
-            if self.source:
-                figures |= self._cast(bridge, address)
+            if self.sources:
+                figures |= self._cast(bridge)
+        return figures
+
+    def _filled(self, drive: Path) -> dict[str, Any]:
+        """Fill a frame's drive."""
+        if self.list or self.save_display or self.hide or self.rgbd or self.views:
+            raise UserError("--drive needs no Bridge: leave out --list, --save-display, --hide, "
+                            "--rgbd and --views")
+        if os.name == "nt" and re.fullmatch("[A-Za-z]:", str(drive)):
+            drive = Path(f"{drive}\\")  # E: alone is whatever folder was last open there
+        plan = DrivePlan(drive, [Path(source) for source in self.sources], self.title,
+                         self.display, self.picture, self.seconds, self.config)
+        with self.progress("cast", len(plan.sources)) as progress:
+            figures = fill_drive(plan, lambda number, _: progress.update(
+                number, plan.sources[number].name))
+        if not self.quiet:
+            for quilt in figures["quilts"]:
+                print(f"{drive / quilt['name']}: {quilt['views']} views")
+            print(f"{drive}: {len(figures['quilts'])} quilts for {figures['display']}, "
+                  f"{figures['bytes'] / 1e6:.1f} MB; eject the drive before you unplug it")
         return figures
 
     def _glass(self, bridge: Bridge) -> Device:
@@ -92,44 +133,54 @@ class Cast(Common):
             raise UserError(f"screen {device.index} ({device.name}) is not a Looking Glass")
         return device
 
-    def _cast(self, bridge: Bridge, address: bool) -> dict[str, Any]:
+    def _cast(self, bridge: Bridge) -> dict[str, Any]:
         device = bridge.device(self.screen)
-        picture = self.source if address else str(Path(self.source).resolve())
-        layout = QuiltLayout.of_name(Path(self.source).name)
-        if self.source.lower().endswith(".npz"):
-            picture, layout = self._rendered(device)
+        entries = [self._entry(source, device) for source in self.sources]
+        playlist = bridge.cast_all(entries, screen=device.index)
+        if not self.quiet:
+            for entry in entries:
+                print(f"{entry.picture}: {entry.layout.columns} x {entry.layout.rows} views on "
+                      f"{device.name}")
+        return {"playlist": playlist, "picture": entries[0].picture, "screen": device.index,
+                "views": entries[0].views or entries[0].layout.count,
+                "pictures": [entry.picture for entry in entries]}
+
+    def _entry(self, source: str, device: Device) -> Entry:
+        """What Bridge is to show of one source."""
+        address = "://" in source
+        picture = source if address else str(Path(source).resolve())
+        if source.lower().endswith(".npz"):
+            picture, layout = self._rendered(source, device)
+        else:
+            layout = (QuiltLayout.of_name(Path(source).name) if address
+                      else layout_of_file(Path(source)))
         if layout is None:
             if not device.calibration:
-                raise UserError(f"the name of {self.source} must give the quilt's layout, as in "
+                raise UserError(f"the name of {source} must give the quilt's layout, as in "
                                 "portrait_qs8x6a0.75.png")
             layout = QuiltLayout.of_display(device.display())
         if not 0 <= self.views <= layout.count:
             raise UserError(f"the quilt has {layout.count} views, not {self.views}")
         depth = (DepthPicture(self.depth_side, self.depthiness, self.depth_inverted)
                  if self.rgbd else None)
-        playlist = bridge.cast(picture, layout, views=self.views, screen=device.index,
-                               focus=self.shift, depth=depth)
-        if not self.quiet:
-            print(f"{picture}: {layout.columns} x {layout.rows} views on {device.name}")
-        return {"playlist": playlist, "picture": picture, "screen": device.index,
-                "views": self.views or layout.count}
+        return Entry(picture, layout, self.views, self.shift, depth, self.seconds)
 
-    def _rendered(self, device: Device) -> tuple[str, QuiltLayout]:
-        """A quilt of the field for this display, written beside the field."""
+    def _rendered(self, source: str, device: Device) -> tuple[str, QuiltLayout | None]:
+        """A quilt of a field for this display, written beside the field."""
         from ..field import VoxelField
 
         if not device.calibration:
             raise UserError(f"screen {device.index} ({device.name}) is not a Looking Glass: make a "
                             "quilt with `lfportrait encode --quilt` and cast that")
         panel = device.display()
-        field = VoxelField.load(Path(self.source))
+        field = VoxelField.load(Path(source))
         with self.progress("quilt"):
             quilt, name = quilt_of(field, panel, self.config)
         layout = QuiltLayout.of_name(name)
         assert layout is not None
-        out = Path(self.source).with_suffix("")
+        out = Path(source).with_suffix("")
         out = out.with_name(f"{out.name}{layout.suffix()}.png").resolve()
-        write_image(out, quilt)
+        write_quilt(out, quilt, layout)
         return str(out), layout
 
 

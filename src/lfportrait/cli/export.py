@@ -1,4 +1,4 @@
-"""The commands ``export`` (page, points, mesh, checkpoint) and ``view`` (in the browser)."""
+"""The commands ``export`` (page, 3D files, frames) and ``view`` (in the browser)."""
 
 from __future__ import annotations
 
@@ -6,13 +6,23 @@ import tempfile
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
 from ..errors import UserError
 from ..field import VoxelField
-from ..share import ExportConfig, PageConfig, export_field, serve_page, write_page
+from ..lightfield import EncodeConfig
+from ..share import (
+    ExportConfig,
+    FrameConfig,
+    PageConfig,
+    export_field,
+    export_frame,
+    kind_of,
+    serve_page,
+    write_page,
+)
 from ..stylize import load_styled
 from .common import Common
 
@@ -21,20 +31,34 @@ __all__ = ["Export", "View"]
 
 @dataclass
 class Export(Common):
-    """Export a field as an HTML page, a point cloud, a colored mesh or a svox2 checkpoint."""
+    """Export a field as a page, a 3D file, or a picture or video for a frame.
+
+    For frames: quilts, packages, stereo pairs, color and depth, anaglyphs, flat videos.
+    """
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""
     out: Path
-    """File: .html (a self-contained page), .ply (points or a mesh), .obj, .glb (a mesh) or .npz
-    (svox2 checkpoint)."""
+    """File: .html (a self-contained page), .ply (points or a mesh), .obj, .glb (a mesh), .npz
+    (svox2 checkpoint), .hop (Looking Glass Studio), .mp4 (flat video); a picture's name says what
+    it holds: NAME_qs8x6a0.75.webp (quilt), NAME_2x1.jpg (stereo pair), NAME_rgbd.png,
+    NAME_anaglyph.png."""
+    usual: ClassVar[tuple[str, ...]] = (
+        "kind", "title", "artist", "date", "display", "pixels", "eye-distance", "backdrop",
+        "frames", "sway", "media-player")
     config: Annotated[ExportConfig, tyro.conf.arg(name="")] = option(default_factory=ExportConfig)
     """Export."""
     page: Annotated[PageConfig, tyro.conf.arg(name="")] = option(default_factory=PageConfig)
     """Page."""
+    frame: Annotated[FrameConfig, tyro.conf.arg(name="")] = option(default_factory=FrameConfig)
+    """Frames."""
+    encode: EncodeConfig = option(default_factory=EncodeConfig)
+    """Placement of the head for frames."""
 
     def run(self) -> dict[str, Any]:
         """Convert and write."""
+        if kind_of(self.out) is not None:
+            return self._for_a_frame()
         with self.progress("export") as progress:
             progress.update(0, self.out.name)
             if self.out.suffix.lower() in (".html", ".htm"):
@@ -43,6 +67,28 @@ class Export(Common):
         if not self.quiet:
             counts = ", ".join(f"{figures[name]:,} {name}" for name in figures if name != "bytes")
             print(f"{self.out}: {counts}, {figures['bytes'] / 1e6:.1f} MB")
+        return figures
+
+    def _for_a_frame(self) -> dict[str, Any]:
+        """Write a quilt, a pair, a video; say what it is."""
+        with self.progress("export") as progress:
+            progress.update(0, self.out.name)
+
+            def step(number: int, count: int) -> None:
+                progress.update(number, f"frame {number + 1} of {count}")
+
+            figures = export_frame(VoxelField.load(self.field), self.out, self.frame, self.encode,
+                                   step=step)
+        if not self.quiet:
+            far, near = figures.get("parallax_percent", (0, 0))
+            said = [f"{figures['size'][0]} x {figures['size'][1]}",
+                    *([f"{figures['views']} views for {figures['display']}"]
+                      if "views" in figures else []),
+                    *([f"{figures['frames']} frames, {figures['codec']}"]
+                      if "frames" in figures else []),
+                    *([f"parallax {near:g} % of the width in front, {-far:g} % behind"]
+                      if "parallax_percent" in figures else [])]
+            print(f"{figures['out']}: {', '.join(said)}, {figures['bytes'] / 1e6:.1f} MB")
         return figures
 
     def _written(self, figures: dict[str, Any]) -> dict[str, Any]:

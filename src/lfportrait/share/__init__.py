@@ -1,13 +1,24 @@
 """Outputs to view and share: page, videos, moving light fields, 3D files, report."""
 
 from .export import ExportConfig, export_field
+from .frames import (
+    SECONDS,
+    DrivePlan,
+    FrameConfig,
+    export_frame,
+    fill_drive,
+    kind_of,
+    layout_of_file,
+    write_quilt,
+)
 from .page import PageConfig, page_script, serve_page, write_page
 from .paths import orbit_cameras, path_cameras, sweep_cameras, sweep_degrees, sweep_frames
 from .report import Picture, Report, Section, Table, write_report
 from .sequence import SequenceConfig, each_frame, write_sequence
 from .video import write_video
 
-__all__ = ["ExportConfig", "PageConfig", "Picture", "Report", "Section", "SequenceConfig", "Table",
-           "each_frame", "export_field", "orbit_cameras", "page_script", "path_cameras",
-           "serve_page", "sweep_cameras", "sweep_degrees", "sweep_frames", "write_page",
-           "write_report", "write_sequence", "write_video"]
+__all__ = ["SECONDS", "DrivePlan", "ExportConfig", "FrameConfig", "PageConfig", "Picture", "Report",
+           "Section", "SequenceConfig", "Table", "each_frame", "export_field", "export_frame",
+           "fill_drive", "kind_of", "layout_of_file", "orbit_cameras", "page_script",
+           "path_cameras", "serve_page", "sweep_cameras", "sweep_degrees", "sweep_frames",
+           "write_page", "write_quilt", "write_report", "write_sequence", "write_video"]

@@ -14,6 +14,7 @@ import urllib.error
 import urllib.parse
 import urllib.request
 import uuid
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from ...errors import UserError
 from ..display import Display
 from ..interlacing import QuiltLayout
 
-__all__ = ["URL", "Bridge", "DepthPicture", "Device"]
+__all__ = ["URL", "Bridge", "DepthPicture", "Device", "Entry"]
 
 URL = "http://localhost:33334"
 """Where Bridge listens."""
@@ -76,6 +77,48 @@ class DepthPicture:
     side: int = 2
     strength: float = 1.0
     inverted: bool = False
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A picture of a playlist.
+
+    Attributes
+    ----------
+    picture
+        A picture or a video, by its path on the machine that Bridge runs on, or an address.
+    layout
+        The quilt's layout; for a picture with depth, that of the quilt that Bridge makes of it.
+    views
+        Number of views; all tiles by default.
+    focus
+        Bridge's focus: shift between the views, from -1 to 1.
+    depth
+        Where a picture with depth has it.
+    seconds
+        How long it is shown, where the playlist has several.
+    """
+
+    picture: str | Path
+    layout: QuiltLayout
+    views: int = 0
+    focus: float = 0.0
+    depth: DepthPicture | None = None
+    seconds: float = 20.0
+
+    def arguments(self, index: int) -> dict[str, Any]:
+        """What Bridge is told of it, as entry ``index`` of a playlist."""
+        layout, depth = self.layout, self.depth
+        told: dict[str, Any] = {
+            "id": index, "index": index, "uri": str(self.picture), "rows": layout.rows,
+            "cols": layout.columns, "aspect": layout.aspect,
+            "view_count": self.views or layout.count, "focus": self.focus, "crop_pos_x": 0,
+            "crop_pos_y": 0, "zoom": 1, "isRGBD": int(depth is not None),
+            "durationMS": round(1000 * self.seconds), "tag": ""}
+        if depth is not None:
+            told |= {"depth_loc": depth.side, "depthiness": depth.strength,
+                     "depth_inversion": int(depth.inverted), "chroma_depth": 0}
+        return told
 
 
 def _value(entry: Any, *path: str) -> Any:
@@ -223,41 +266,43 @@ class Bridge:
 
     def cast(self, picture: str | Path, layout: QuiltLayout, *, views: int = 0, screen: int = -1,
              focus: float = 0.0, depth: DepthPicture | None = None) -> str:
-        """Show a quilt, or a picture with depth, until something else is cast.
+        """Show one quilt, or a picture with depth, until something else is cast.
 
         Parameters
         ----------
-        picture
-            A picture or a video, by its path on the machine that Bridge runs on, or an address.
-        layout
-            The quilt's layout; for a picture with depth, that of the quilt that Bridge makes of it.
-        views
-            Number of views; all tiles by default.
+        picture, layout, views, focus, depth
+            As in `Entry`.
         screen
             Bridge's number of the display; -1 = where Bridge wants.
-        focus
-            Bridge's focus: shift between the views, from -1 to 1.
-        depth
-            Where a picture with depth has it.
 
         Returns
         -------
         playlist
             Name of the playlist that plays it.
         """
+        return self.cast_all([Entry(picture, layout, views, focus, depth)], screen=screen)
+
+    def cast_all(self, entries: Sequence[Entry], *, screen: int = -1) -> str:
+        """Show pictures one after the other, again and again, until something else is cast.
+
+        Parameters
+        ----------
+        entries
+            The pictures, in their order.
+        screen
+            Bridge's number of the display; -1 = where Bridge wants.
+
+        Returns
+        -------
+        playlist
+            Name of the playlist that plays them.
+        """
         # A name that Bridge knows already would go on with what it shows: each cast has its own.
         name = f"lfportrait-{uuid.uuid4().hex[:8]}"
         self.call("show_window", show_window=True, head_index=screen)
         self.call("instance_playlist", name=name, loop=True)
-        entry: dict[str, Any] = {
-            "id": 0, "index": 0, "uri": str(picture), "rows": layout.rows, "cols": layout.columns,
-            "aspect": layout.aspect, "view_count": views or layout.count, "focus": focus,
-            "crop_pos_x": 0, "crop_pos_y": 0, "zoom": 1, "isRGBD": int(depth is not None),
-            "durationMS": 20000, "tag": ""}
-        if depth is not None:
-            entry |= {"depth_loc": depth.side, "depthiness": depth.strength,
-                      "depth_inversion": int(depth.inverted), "chroma_depth": 0}
-        self.call("insert_playlist_entry", name=name, **entry)
+        for index, entry in enumerate(entries):
+            self.call("insert_playlist_entry", name=name, **entry.arguments(index))
         self.call("play_playlist", name=name, head_index=screen)
         return name
 

@@ -1,0 +1,122 @@
+"""What a file's name asks for, and names that any drive takes."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ...errors import UserError
+from ...lightfield import QuiltLayout
+
+__all__ = ["PICTURES", "VIDEOS", "Kind", "QuiltName", "kind_of", "safe_names"]
+
+Kind = Literal["quilt", "hop", "pair", "rgbd", "anaglyph", "flat"]
+PICTURES = (".png", ".jpg", ".jpeg", ".webp")
+VIDEOS = (".mp4", ".mov", ".mkv", ".webm")
+_QUILT = re.compile(r"_qs(?:(\d+)x(\d+)(?:a(\d+(?:\.\d+)?))?|(?![a-z0-9]))", re.IGNORECASE)
+_ENDINGS: dict[str, Kind] = {"_2x1": "pair", "_rgbd": "rgbd", "_anaglyph": "anaglyph"}
+_MOST_VIEWS, _MOST_TILES = 108, 50
+_RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt")
+                                         for number in range(1, 10))}
+_LONGEST = 100
+"""Letters of a name on a drive, without what is put behind it."""
+
+
+def kind_of(path: Path) -> Kind | None:
+    """What the name of a file asks for; None for what is no matter of frames.
+
+    Raises
+    ------
+    UserError
+        If it is a picture's name that does not say of which kind.
+    """
+    suffix, stem = path.suffix.lower(), path.stem.lower()
+    if suffix == ".hop":
+        return "hop"
+    if suffix not in PICTURES + VIDEOS:
+        return None
+    if _QUILT.search(stem):
+        return "quilt"
+    for ending, kind in _ENDINGS.items():
+        if stem.endswith(ending):
+            return kind
+    if suffix in VIDEOS:
+        return "flat"
+    raise UserError(f"can't tell what {path.name} is to hold: end the name in _qs8x6a0.75 (a quilt "
+                    "and its columns, rows and aspect), _2x1 (a stereo pair), _rgbd or _anaglyph")
+
+
+@dataclass(frozen=True)
+class QuiltName:
+    """The layout that a quilt's name asks for, in part or whole.
+
+    Attributes
+    ----------
+    columns, rows
+        0 where the name leaves them to the display.
+    aspect
+        Width over height of the views; 0 where the name leaves it to the display.
+    """
+
+    columns: int = 0
+    rows: int = 0
+    aspect: float = 0.0
+
+    @staticmethod
+    def of(name: str) -> QuiltName:
+        """What ``NAME_qs``, ``NAME_qs8x13`` or ``NAME_qs8x6a0.75`` ask for.
+
+        Raises
+        ------
+        UserError
+            If the layout is impossible, or has more views than a frame shows.
+        """
+        found = _QUILT.search(name)
+        if found is None or found[1] is None:
+            return QuiltName()
+        columns, rows, aspect = int(found[1]), int(found[2]), float(found[3] or 0)
+        good = (1 <= columns <= _MOST_TILES and 1 <= rows <= _MOST_TILES
+                and 2 <= columns * rows <= _MOST_VIEWS)
+        if not good:
+            raise UserError(f"a quilt has 2 to {_MOST_VIEWS} views, in at most {_MOST_TILES} "
+                            f"columns and rows, not {columns} x {rows}")
+        if found[3] and not 0.1 <= aspect <= 10:
+            raise UserError(f"the aspect of a quilt's views must be 0.1 to 10, not {found[3]}")
+        return QuiltName(columns, rows, aspect)
+
+    @staticmethod
+    def completed(path: Path, layout: QuiltLayout) -> Path:
+        """The path with a layout in its name; a name that has one already is left as it is."""
+        found = _QUILT.search(path.name)
+        if found is None:
+            return path.with_name(f"{path.stem}{layout.suffix()}{path.suffix}")
+        if found[3] is not None:
+            return path
+        name = path.name
+        return path.with_name(f"{name[:found.start()]}{layout.suffix()}{name[found.end():]}")
+
+
+def safe_names(titles: Iterable[str]) -> list[str]:
+    """Names for files on any drive: FAT's forbidden characters and Unicode are left out.
+
+    A frame's playlist has no stated encoding, so that only ASCII is safe. FAT does not tell
+    capitals from small letters: names that differ in nothing else get a number.
+    """
+    taken: set[str] = set()
+    names = []
+    for title in titles:
+        plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
+        base = re.sub(r"[^A-Za-z0-9._-]+", "-", plain).strip("-. ")[:_LONGEST].rstrip("-. ")
+        base = base or "portrait"
+        if base.split(".")[0].lower() in _RESERVED:
+            base = f"portrait-{base}"
+        name, number = base, 2
+        while name.lower() in taken:
+            name, number = f"{base}-{number}", number + 1
+        taken.add(name.lower())
+        names.append(name)
+    return names
