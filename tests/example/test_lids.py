@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.example import Exemplar, TransferConfig, transfer
+from lfportrait.example import Exemplar, TransferConfig, fitting, transfer
 from lfportrait.example.lids import (
     asked_lids,
     closed,
     eye_openings,
-    fitting,
     lids_together,
     shut_eyes,
 )

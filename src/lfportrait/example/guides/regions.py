@@ -343,6 +343,6 @@ class _Plausibility:
         return bool(crown.any() and mask[crown].mean() > 0.35 and mask[face].mean() < 0.4)
 
     def drawn(self, hair: Float32) -> bool:
-        """Whether there is hair on the face."""
-        face = self.prior >= 1.0
+        """Whether there is hair on the face; locks hang beside it."""
+        face = (self.prior >= 1.0) & (np.abs(self.right) < 0.3) & (self.down > -0.1)
         return bool(face.any() and hair[self.every][face].mean() > 0.1)

@@ -67,6 +67,8 @@ FOREHEAD, FRINGE = 0.4, 0.02
 """A forehead, so high over the face's height, has no outline, nor a fringe if less is hair."""
 COVERED = 0.3
 """Share of hair in the exemplar's face from which on it is not copied onto a bare one."""
+HAIRY = 0.6
+"""Share of hair on a sitter's face from which on the exemplar's bare one is not copied onto it."""
 NODES = 0.03
 """Nodes of the guide are so far apart, over the exemplar's face size."""
 DRAWN_OUT = 0.28
@@ -275,6 +277,9 @@ class SkinPainter:
         bare = 1 if skin.hair is None else 1 - skin.hair
         steady = self._calm(canvas, np.minimum(ratio, 1), STEADY, size)
         core = (face[:, 0] > 0.5) & skin.outwards & (face[:, 2] * bare < COVERED)
+        if skin.hair is not None:
+            # Nor is a bare forehead or chin for a fringe or a beard.
+            core &= skin.hair * (1 - face[:, 2]) < HAIRY
         core &= steady > DRAWN_OUT
         # No crumbs of the exemplar's outline.
         return np.asarray(self._calm(canvas, core.astype(np.float32), EDGE, size) > 0.5)

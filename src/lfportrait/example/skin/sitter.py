@@ -54,6 +54,11 @@ AGREED = 0.35
 A real head's: 0.72; statues and shaven heads: 0.1 at most."""
 LOWEST = -0.75
 """Hair hangs at least this far below the brows (up, in the face's heights)."""
+BESIDE_NECK, HANGS, LONGEST = (-1.15, -0.85), 0.5, -1.6
+"""Where long hair hangs beside the neck (up, in the face's heights), if this share of it there is
+of the crown's color; and how far down it is looked for then."""
+BEARD = -0.45, -1.5
+"""A beard lies between these (up, in the face's heights)."""
 OTHER = 2.3
 """A crown of hair is further than this from the face's colors, in standard deviations."""
 
@@ -288,23 +293,57 @@ def _hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32,
                    seen: Float32) -> Float32 | None:
     """Hair as what lies around the face, above the chin, in another color, [N]; None if alike."""
     up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
-    face = (angle < 0.7) & (up < 0.3) & (up > -0.9) & (seen > 0.5)
     crown = (up > 0.7) & (seen > 0.5)
+    face, bearded = _bare_face(colors, up, (angle < 0.7) & (seen > 0.5), crown)
     if crown.sum() < 100 or face.sum() < 100:
         return None
     if np.median(skin_distance(colors[crown | face], face[crown | face], 1.0)[
             crown[crown | face]]) < OTHER:
         return None
-    return _told_apart(plane, colors, flat, seen, crown, face, LOWEST)
+    lowest = LOWEST
+    # Long hair: beside the neck is its color, too.
+    beside = (angle > 0.9) & (up > BESIDE_NECK[0]) & (up < BESIDE_NECK[1]) & (seen > 0.5)
+    if beside.sum() >= 100:
+        chosen = beside | crown | face
+        hairy, bare = (skin_distance(colors[chosen], part[chosen], 1.0)[beside[chosen]]
+                       for part in (crown, face))
+        if np.mean((hairy < bare) & (hairy < OTHER)) > HANGS:
+            lowest = LONGEST
+    return _told_apart(plane, colors, flat, seen, crown, face, lowest, bearded)
+
+
+def _bare_face(colors: Float32, up: Float32, front: NDArray[np.bool_], crown: NDArray[np.bool_],
+               ) -> tuple[NDArray[np.bool_], bool]:
+    """Skin of the face among places in ``front``, bool [N], and whether there is a beard.
+
+    A forehead under a fringe and a bearded chin are more like the crown than like the cheeks.
+    ``up`` [N] is 0 at the brows and -1 at the chin.
+    """
+    out = front & (up < 0.3) & (up > -0.9)
+    cheeks = front & (up < -0.1) & (up > -0.45)
+    hairy = []
+    for part in (front & (up > 0) & (up < 0.3), front & (up < -0.6) & (up > -0.9)):
+        away = [np.median(skin_distance(colors[part | other], other[part | other], 1.0)[
+            part[part | other]]) if min(part.sum(), other.sum()) > 100 else 0.0
+            for other in (cheeks, crown)]
+        hairy.append(bool(away[1] < away[0]))
+        if hairy[-1]:
+            out &= ~part
+    return out, hairy[1]
 
 
 def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
-                hairy: NDArray[np.bool_], bare: NDArray[np.bool_], lowest: float) -> Float32:
+                hairy: NDArray[np.bool_], bare: NDArray[np.bool_], lowest: float,
+                bearded: bool = False) -> Float32:
     """Hair around the face by its color, [N], from samples [N] of hair and of skin.
 
-    ``lowest`` is how far it hangs below the brows, in units of the face's height upwards.
+    ``lowest`` is how far it hangs below the brows, in units of the face's height upwards;
+    ``bearded`` lets it be on chin and upper lip, too.
     """
     around = around_face(plane, flat, lowest)
+    if bearded:
+        up = -flat[:, 1] / plane.height
+        around |= (up < BEARD[0]) & (up > BEARD[1])
     chosen = (around | hairy | bare) & (seen > 0.5)
     # A neck in the shade is not of the face's color, but of the hair's even less.
     from_face = skin_distance(colors[chosen], bare[chosen], 1.0)
