@@ -59,6 +59,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "export": ("export", "Export", "field -> HTML page, point cloud, mesh or checkpoint"),
     "view": ("export", "View", "show a field in the browser"),
     "encode": ("coding", "Encode", "field -> coded light-field picture for a display"),
+    "print": ("prints", "Print", "field -> lenticular print, one ray per printed pixel"),
     "interlace": ("panel", "Interlace", "quilt or folder of views -> coded picture for a display"),
     "deinterlace": ("panel", "Deinterlace", "coded picture -> quilt or folder of views"),
     "simulate": ("coding", "Simulate", "simulate the view of an eye in front of the display"),
