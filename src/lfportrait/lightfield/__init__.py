@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 __all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
            "ViewMask", "assemble_quilt", "customary_views", "deinterlace", "depth_budget",
            "each_view", "encode", "encode_rows", "encode_with_figures", "interlace", "lossless",
-           "pattern", "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "simulate",
-           "view_camera", "write_coded"]
+           "pattern", "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view",
+           "simulate", "view_camera", "write_coded"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -1,8 +1,8 @@
 """Loops over the sub-pixels of a panel: which view each has, coding views, taking them apart.
 
 Every kernel takes the panel as ``steps`` float64 [4, 2, 3] and ``lens`` float64 [7]: pitch, shift,
-offset, views, inverted, width over height, breadth (`Display.steps`, `lens_of`). All of them stand in one
-file, so that Numba's cache notices when the shared function changes.
+offset, views, inverted, width over height, breadth (`Display.steps`, `lens_of`). All of them stand
+in one file, so that Numba's cache notices when the shared function changes.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ def write_lenses(sheet: PrintSheet, path: Path, profile: Profile = "arc") -> dic
         for start, count in bands(display):
             heights = (first if display.alike
                        else lens_heights(sheet, profile, np.arange(start, start + count)))
-            values = np.uint16(np.rint(heights / sheet.thickness * 65535))
-            values = np.broadcast_to(values, (count, display.width))
+            values = np.broadcast_to(np.rint(heights / sheet.thickness * 65535).astype(np.uint16),
+                                     (count, display.width))
             out.write(values[:, ::-1] if config.mirror else values)
     return {"height_mm": sheet.thickness, "lens_mm": float(np.ptp(first)), "profile": profile}

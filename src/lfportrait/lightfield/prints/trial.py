@@ -128,10 +128,10 @@ def _layout(config: PrintConfig, sheet: PrintSheet, pitches: tuple[float, ...],
         "1. Print this page at 100 %, as it is. Lay the sheet on it, lenses upright.",
         f"2. One eye, straight in front of the middle, {sheet.distance:.0f} mm away.",
         "3. Turn the sheet until no row has slanted bars.",
-        "4. One row is black furthest to both sides, or white: its number is --lpi.")
+        "4. The row that has one color all along has the right pitch: its number is --lpi.")
     below = (
-        f"5. With the pitch found, print again. Here all rows have {config.lpi:g} lpi:",
-        "the row that is black, and turns white alike to the left and the right, is --phase.")
+        f"5. Print again with the pitch found. These rows have {config.lpi:g} lpi.",
+        "The one that is black, and turns white alike as you move left or right, is --phase.")
     text = min(_TEXT, 0.3 * high / (len(above) + len(below)))
     band = (high - 2 * _EDGE - text * (len(above) + len(below)) - 3.0) / (_PITCHES + _PHASES)
     place = _EDGE
