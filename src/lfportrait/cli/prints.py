@@ -37,8 +37,9 @@ class Print(Common):
     pitch_test: bool = False
     """Instead, write a test page for the sheet's pitch and phase; how to read it is printed on
     it."""
-    pitch_range: float = 1.0
-    """Per cent by which the test page's pitches differ from --lpi at most."""
+    pitch_range: float = 0.0
+    """Per cent by which the test page's pitches differ from --lpi at most; 0: as finely as the
+    page's width can tell."""
     preview: bool = False
     """Also write what an eye sees through the sheet: NAME-seen.png, and NAME-seen.mp4, in which it
     moves from side to side."""
@@ -79,13 +80,14 @@ class Print(Common):
             check_file(self.lenses, sheet.display.width, sheet.display.height, grey=True)
         voxels = VoxelField.load(path)
         with self.progress("print", sheet.display.height) as progress:
-            placed = fitted(voxels, sheet)
-            figures = write_print(voxels, sheet, self.out, progress, placed=placed)
-        self._say("\n".join([sheet.summary(), *placed[1].lines()]))
-        if warning := placed[1].warning():
+            coding, depth = fitted(voxels, sheet)
+            figures = write_print(voxels, sheet, self.out, progress, coding=coding)
+        figures["depth_mm"] = depth.figures()
+        self._say("\n".join([sheet.summary(), *depth.lines()]))
+        if warning := depth.warning():
             warnings.warn(warning, stacklevel=1)
         if self.preview:
-            figures["preview"] = self._preview(SheetView.of(voxels, sheet, placed[0],
+            figures["preview"] = self._preview(SheetView.of(voxels, sheet, coding,
                                                             self.preview_height))
         if self.lenses is not None:
             figures["lenses"] = write_lenses(sheet, self.lenses, self.lens_profile)

@@ -45,7 +45,8 @@ def coded_bands(field: VoxelField, display: Display, config: EncodeConfig,
 
 
 def write_print(field: VoxelField, sheet: PrintSheet, path: Path,
-                progress: Progress | None = None, *, placed: Any = None) -> dict[str, Any]:
+                progress: Progress | None = None, *, coding: EncodeConfig | None = None,
+                ) -> dict[str, Any]:
     """Code a field for a lens sheet and write the page.
 
     Parameters
@@ -58,13 +59,13 @@ def write_print(field: VoxelField, sheet: PrintSheet, path: Path,
         ``.tiff`` or ``.png``; it appears when it is complete.
     progress
         Progress line.
-    placed
-        `fitted`'s result, where the caller has it.
+    coding
+        How to place and code the head (`fitted`).
 
     Returns
     -------
     figures
-        Sizes, depths and seconds for ``--json``.
+        Sizes and seconds for ``--json``.
 
     Raises
     ------
@@ -74,8 +75,7 @@ def write_print(field: VoxelField, sheet: PrintSheet, path: Path,
     display, config = sheet.display, sheet.config
     check_file(path, display.width, display.height)
     start = time.perf_counter()
-    coding, depth = placed or fitted(field, sheet)
-    fitted_at = time.perf_counter()
+    coding = coding or fitted(field, sheet)[0]
     marks = Marks(sheet, f"{config.lpi:g} lpi, {config.dpi:g} dpi, seen from "
                   f"{sheet.distance:.0f} mm. Print at 100 %. Lenses upright, their middles on the "
                   "black stripes.")
@@ -93,7 +93,5 @@ def write_print(field: VoxelField, sheet: PrintSheet, path: Path,
     return {"width": display.width, "height": display.height, "dpi": config.dpi,
             "pitch_subpixels": display.pitch, "pixels_per_lens": sheet.pixels_per_lens,
             "distance_mm": sheet.distance, "angle": display.cone,
-            "thickness_mm": sheet.thickness, "depth_mm": depth.figures(),
-            "bytes": path.stat().st_size,
-            "seconds": {"placement": round(fitted_at - start, 4), "coding": round(coded, 4),
-                        "total": round(time.perf_counter() - start, 4)}}
+            "thickness_mm": sheet.thickness, "bytes": path.stat().st_size,
+            "seconds": {"coding": round(coded, 4), "page": round(time.perf_counter() - start, 4)}}

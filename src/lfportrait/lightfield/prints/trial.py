@@ -22,10 +22,13 @@ from .files import check_file, row_file
 from .marks import lettering, stripes
 from .pages import bands
 from .sheet import PrintSheet
+from .sizes import INCH, paper_size
 
 __all__ = ["TrialPage", "write_pitch_test"]
 
 _PITCHES, _PHASES = 21, 10
+_DRIFT = 0.6
+"""Lenses by which neighbouring rows drift apart from end to end; half a lens is black."""
 _LEAST = 100.0
 """Millimetres of a test page's sides at least."""
 _TEXT = 5.5
@@ -66,22 +69,27 @@ class TrialPage:
     lines: tuple[_Line, ...]
 
     @staticmethod
-    def of(config: PrintConfig, spread: float = 1.0) -> TrialPage:
+    def of(config: PrintConfig, spread: float = 0.0) -> TrialPage:
         """The page of a configuration; rows differ by up to ``spread`` per cent in pitch.
+
+        0: so that a row whose pitch is that of the next one is white at both ends.
 
         Raises
         ------
         UserError
             If the page is smaller than 100 mm.
         """
-        if not 0.05 <= spread <= 10:
-            raise UserError(f"--pitch-range must lie between 0.05 and 10 per cent, not {spread:g}")
+        if not (spread == 0 or 0.05 <= spread <= 10):
+            raise UserError("--pitch-range must be 0, or lie between 0.05 and 10 per cent, not "
+                            f"{spread:g}")
         sheet = PrintSheet.of(config, bare=True)
-        wide, high = (side / config.dpi * 25.4 for side in (sheet.display.width,
-                                                            sheet.display.height))
+        wide, high = paper_size(config.size)
         if min(wide, high) < _LEAST:
             raise UserError(f"a test page must be at least {_LEAST:g} x {_LEAST:g} mm large, not "
                             f"{wide:.0f} x {high:.0f}: choose a larger --size")
+        if not spread:
+            lenses = (wide - _LABEL - 2 * _EDGE) / INCH * config.lpi
+            spread = 100 * _DRIFT / lenses * (_PITCHES // 2)
         pitches = tuple(config.lpi * (1 + spread / 100 * step)
                         for step in np.linspace(-1, 1, _PITCHES))
         phases = tuple(round(float(step), 2) for step in np.arange(-5, 5) / _PHASES)
@@ -156,7 +164,7 @@ def _layout(config: PrintConfig, sheet: PrintSheet, pitches: tuple[float, ...],
         yield line(band, f"{phase:+.1f}", replace(config, phase=phase))
 
 
-def write_pitch_test(config: PrintConfig, path: Path, spread: float = 1.0) -> dict[str, Any]:
+def write_pitch_test(config: PrintConfig, path: Path, spread: float = 0.0) -> dict[str, Any]:
     """Write a test page for pitch and phase.
 
     Parameters
@@ -166,7 +174,7 @@ def write_pitch_test(config: PrintConfig, path: Path, spread: float = 1.0) -> di
     path
         ``.tiff`` or ``.png``.
     spread
-        Per cent by which the rows' pitches differ from it at most.
+        Per cent by which the rows' pitches differ from it at most; 0: as the page's width needs.
 
     Returns
     -------
