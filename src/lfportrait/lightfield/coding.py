@@ -61,8 +61,8 @@ def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
     return figures
 
 
-def _panel(display: Display, config: EncodeConfig, placement: Placement, first: int,
-           apart: int) -> NDArray[np.float64]:
+def _panel(display: Display, config: EncodeConfig, placement: Placement, first: int = 0,
+           apart: int = 1) -> NDArray[np.float64]:
     """The numbers of a panel as the kernels take them (see `encode_kernel`)."""
     # Cells move sub-pixels; their height within a row is left out, so that a row stays a plane.
     thirds = np.arange(3) + 0.5

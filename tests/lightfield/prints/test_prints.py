@@ -64,7 +64,7 @@ def test_the_eye_sees_the_right_view_at_nine_places(lpi, dpi, size):
         lenses = through_lenses(image, display, display.eyes()[view])[:, 1:-1]
         target = through_lenses((255 * rendered[number] + 0.5).astype(np.uint8), display,
                                 display.eyes()[view])[:, 1:-1]
-        assert psnr(lenses, target) > 32
+        assert psnr(lenses, target) > 28
 
 
 def test_every_pixel_is_a_ray_of_its_own_direction():
