@@ -1,6 +1,6 @@
 """Draw docs/images/prints.jpg: a lenticular print, what an eye sees of it, and its test page.
 
-    .venv/bin/python scripts/draw_prints.py demo-out/styled.npz
+.venv/bin/python scripts/draw_prints.py demo-out/styled.npz
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from ..lightfield.prints import (
     PrintConfig,
     PrintSheet,
     SheetView,
+    check_file,
     fitted,
     write_lenses,
     write_pitch_test,
@@ -72,7 +73,6 @@ class Print(Common):
     def _printed(self, path: Path) -> dict[str, Any]:
         """The print and what goes with it."""
         from ..field import VoxelField
-        from ..lightfield.prints.files import check_file
 
         sheet = PrintSheet.of(self.config)
         check_file(self.out, sheet.display.width, sheet.display.height)

@@ -101,6 +101,15 @@ def test_phase_and_slant_move_the_lenses(phase, slant, lpi, dpi):
     assert min(away, 1 - away) < 1e-6
 
 
+def test_slanted_lenses_lean_as_is_said():
+    display = PrintSheet.of(PrintConfig(lpi=40, dpi=600, size="60x80mm", slant=10)).display
+    row, column = display.height // 2, display.width // 2
+    # The same place under the same lens, 100 rows further up: to the right.
+    moved = round(100 * math.tan(math.radians(10)))
+    away = (display.phase(row - 100, column + moved, 0) - display.phase(row, column, 0))
+    assert abs(away) < 2
+
+
 def test_the_viewing_distance_changes_the_pitch_by_the_sheets_thickness():
     near = PrintConfig(lpi=60.12, distance=300, judged_at=2000, thickness=0.8)
     sheet = PrintSheet.of(near)

@@ -261,6 +261,19 @@ def test_lenses_are_sharp_on_the_ink(lpi, profile):
     assert np.all(heights[np.abs(phase - 0.5) < 0.1] > heights[np.abs(phase - 0.5) > 0.4].max())
 
 
+@pytest.mark.parametrize("size", ["100x100mm", "a5-landscape", "8x10in"])
+def test_words_fit_on_every_test_page(size):
+    page = TrialPage.of(PrintConfig(lpi=60.12, dpi=300, size=size))
+    edge = page.sheet.pixels(5.0)
+    ink = page.rows(0, page.sheet.display.height) < 255
+    for line in page.lines:
+        part = ink[line.top:line.top + line.height]
+        assert not part[:, :edge - 1].any() and not part[:, -edge + 1:].any()
+        if line.sheet is None:
+            # The last letter is whole: there is white behind it, and some ink before.
+            assert part.any() and not part[:, -edge - 2:].any()
+
+
 def test_the_height_map_has_sixteen_bits(tmp_path):
     sheet = PrintSheet.of(PrintConfig(lpi=40, dpi=1440, size="20x20mm"))
     figures = write_lenses(sheet, tmp_path / "l.png")

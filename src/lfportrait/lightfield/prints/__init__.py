@@ -10,6 +10,7 @@ these, too. `SheetView` is what an eye sees through the lenses.
 
 from .config import PrintConfig
 from .depth import PrintDepth, fitted
+from .files import check_file
 from .lenses import write_lenses
 from .pages import write_print
 from .sheet import PrintSheet
@@ -17,5 +18,5 @@ from .sizes import paper_size
 from .trial import write_pitch_test
 from .view import SheetView, through_lenses
 
-__all__ = ["PrintConfig", "PrintDepth", "PrintSheet", "SheetView", "fitted", "paper_size",
-           "through_lenses", "write_lenses", "write_pitch_test", "write_print"]
+__all__ = ["PrintConfig", "PrintDepth", "PrintSheet", "SheetView", "check_file", "fitted",
+           "paper_size", "through_lenses", "write_lenses", "write_pitch_test", "write_print"]

@@ -50,7 +50,7 @@ class PrintConfig:
     index: float = 1.56
     """Refractive index of the sheet: PET 1.57, acrylic 1.49, varnish about 1.5."""
     slant: float = 0.0
-    """Angle of the lenses against the vertical in degrees: positive where they lean to the left
+    """Angle of the lenses against the vertical in degrees: positive where they lean to the right
     at the top."""
     phase: float = 0.0
     """Moves the picture under the lenses, in lenses to the right, as found with --pitch-test."""

@@ -158,7 +158,9 @@ def _visible(field: VoxelField, sheet: PrintSheet) -> _Visible:
         raise UserError("nothing of the head is seen on the print: check --head, --shift-x and "
                         "--shift-y")
     low, high = np.percentile(seen, (_STRAYS, 100 - _STRAYS))
-    return _Visible(float(low), max(float(high), float(low) + 1e-3), rims)
+    # What touches an edge is no stray: it must not come forward.
+    high = max(float(high), float(low) + 1e-3, *rims.values())
+    return _Visible(float(low), high, rims)
 
 
 def fitted(field: VoxelField, sheet: PrintSheet) -> tuple[EncodeConfig, PrintDepth]:
@@ -185,7 +187,7 @@ def fitted(field: VoxelField, sheet: PrintSheet) -> tuple[EncodeConfig, PrintDep
     # The paper's place in the head: so that front and back use up their budgets alike, but not
     # behind what touches an edge.
     plane = (front * seen.low - back * seen.high) / (front - back)
-    plane = min(max(plane, *seen.rims.values()), seen.high)
+    plane = max(plane, *seen.rims.values())
     if config.depth_scale is not None:
         depth_scale = config.depth_scale
     else:

@@ -37,9 +37,10 @@ def lettering(text: str, height: int, width: int, size: int, align: str = "cente
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default(max(6, size))
-    long = font.getlength(text)
+    # Lengths do not quite grow with the size: leave a little room.
+    long = font.getlength(text) * 1.03
     if long > width:
-        font = ImageFont.load_default(max(6, size * width / long))
+        font = ImageFont.load_default(max(6, int(size * width / long)))
     picture = Image.new("L", (width, height), 255)
     place, anchor = ((width / 2, "mm") if align == "center" else (0, "lm"))
     ImageDraw.Draw(picture).text((place, height / 2), text, 0, font, anchor=anchor)
