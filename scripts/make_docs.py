@@ -26,6 +26,7 @@ from lfportrait.field import ReconstructConfig
 from lfportrait.job import MakeConfig
 from lfportrait.job.batch import BatchConfig
 from lfportrait.lightfield import Display, EncodeConfig, InterlaceConfig
+from lfportrait.lightfield.prints import PrintConfig
 from lfportrait.share import ExportConfig, FrameConfig, PageConfig, SequenceConfig
 from lfportrait.stylize import MixConfig, StylizeConfig
 from lfportrait_eval.baselines.field import ArfConfig, RefNprConfig, StylizedNerfConfig
@@ -62,6 +63,7 @@ SECTIONS = [
      "`lfportrait export FIELD --out portrait.html`, `lfportrait view`; in `make`: `--page.NAME`."),
     ("Encode", EncodeConfig, "`lfportrait encode`; in `make`: `--encode.NAME`."),
     ("Encode with motion", SequenceConfig, "`lfportrait encode --frames N`."),
+    ("Print", PrintConfig, "`lfportrait print` ([how](prints.md))."),
     ("Interlace", InterlaceConfig, "`lfportrait interlace`."),
     ("Tables", TablesConfig, "`lfportrait evaluate tables` ([what and how](comparisons.md))."),
     ("User study", StudyConfig, "`lfportrait study` ([how](user-study.md))."),

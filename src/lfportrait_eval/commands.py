@@ -97,10 +97,12 @@ class Tables(Common):
 class Bench(Common):
     """Measure speed; methods are compared within one run."""
 
-    what: tyro.conf.Positional[Literal["encode", "reconstruct", "transfer", "stylize", "all"]]
+    what: tyro.conf.Positional[Literal["encode", "print", "reconstruct", "transfer", "stylize",
+                                       "all"]]
     """Stage to measure."""
     field: Path | None = None
-    """Field file to encode and render; by default the embedded head is reconstructed first."""
+    """Field file to encode, print and render; by default the embedded head is reconstructed
+    first."""
     capture: Path | None = None
     """Capture to reconstruct and stylise; the embedded one by default."""
     full: bool = False

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .coding import (
         depth_budget,
         encode,
+        encode_rows,
         encode_with_figures,
         render_view,
         view_camera,
@@ -38,8 +39,8 @@ if TYPE_CHECKING:
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
            "ViewMask", "assemble_quilt", "customary_views", "deinterlace", "depth_budget",
-           "each_view", "encode", "encode_with_figures", "interlace", "lossless", "pattern",
-           "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "simulate",
-           "view_camera", "write_coded"]
+           "each_view", "encode", "encode_rows", "encode_with_figures", "interlace", "lossless",
+           "pattern", "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view",
+           "simulate", "view_camera", "write_coded"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -57,11 +57,15 @@ class DepthReport:
     millimetres: float
 
     @staticmethod
-    def of(display: Display, config: EncodeConfig | None = None) -> DepthReport:
-        """The report for a head placed as ``config`` says."""
+    def of(display: Display, config: EncodeConfig | None = None,
+           views: float = 0.0) -> DepthReport:
+        """The report for a head placed as ``config`` says.
+
+        ``views``: how many views the lenses tell apart, where that is not the display's number.
+        """
         config = config or EncodeConfig()
         placement = Placement.of(display, config)
-        step = 2.0 * display.eye_reach / display.views
+        step = 2.0 * display.eye_reach / (views or display.views)
         lens = 2.0 * display.pitch / (3.0 * display.height)
         front = lens * display.distance / (step + lens)
         back = -lens * display.distance / (step - lens) if step > lens else -math.inf

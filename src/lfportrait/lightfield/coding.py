@@ -24,10 +24,10 @@ from .display import Display
 from .kernels.encode import encode_kernel
 from .kernels.panel import mix_light
 from .kernels.slices import slice_kernel
-from .mask import ViewMask
+from .mask import ViewMask, row_views
 from .placement import EncodeConfig, Placement
 
-__all__ = ["encode", "encode_with_figures", "render_view", "view_camera"]
+__all__ = ["encode", "encode_rows", "encode_with_figures", "render_view", "view_camera"]
 
 
 _FAINTEST = 1e-3
@@ -61,14 +61,16 @@ def depth_budget(display: Display, placement: Placement) -> dict[str, float]:
     return figures
 
 
-def _panel(display: Display, config: EncodeConfig, placement: Placement) -> NDArray[np.float64]:
+def _panel(display: Display, config: EncodeConfig, placement: Placement, first: int = 0,
+           apart: int = 1) -> NDArray[np.float64]:
     """The numbers of a panel as the kernels take them (see `encode_kernel`)."""
     # Cells move sub-pixels; their height within a row is left out, so that a row stays a plane.
     thirds = np.arange(3) + 0.5
     moved = 3.0 * display.places()[..., 0] - thirds if display.cells else np.zeros((4, 2, 3))
     return np.concatenate([
         [display.aspect, display.eye_height, placement.deep_distance(display), placement.scale,
-         0.0, 0.0, float(config.blend != "nearest"), 0.0, float(display.subpixels == "BGR"),
+         first, display.height, float(config.blend != "nearest"), apart,
+        float(display.subpixels == "BGR"),
          display.pitch, display.shift, display.offset, float(display.inverted)],
         display.steps().ravel(), moved.ravel()])
 
@@ -103,17 +105,20 @@ def _method(field: VoxelField, display: Display, config: EncodeConfig) -> str:
 
 
 def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any],
-          fixed: int) -> NDArray[np.uint8]:
+          fixed: int, first: int = 0, apart: int = 1) -> NDArray[np.uint8]:
+    """Code the rows of a mask [h, W, 3]: of the panel from ``first`` on, ``apart`` apart."""
     bricks = field.bricks
     placement = Placement.of(display, config)
-    panel = _panel(display, config, placement)
+    panel = _panel(display, config, placement, first, apart)
     rays = _RAYS if config.blend == "filtered" else 1
-    # Under its lens a sub-pixel takes up one in L_n of the cone: its eyes spread over that.
-    spread = 2.0 * display.eye_reach / display.pitch * ((np.arange(rays) + 0.5) / rays - 0.5)
-    pictures = np.empty((rays, display.height, display.width * 3), np.uint8)
+    # Under its lens a sub-pixel takes up one in L_n of the cone, or where a pixel's colors lie in
+    # one place, three: its eyes spread over that.
+    spread = (2.0 * display.eye_reach * display.breadth / display.pitch
+              * ((np.arange(rays) + 0.5) / rays - 0.5))
+    pictures = np.empty((rays, len(mask), display.width * 3), np.uint8)
     eyes = [display.eyes() + away for away in spread]
     matrix, axes = placement.to_lattice(field.lattice), placement.to_world[:, [0, 2]].T.copy()
-    views = mask.reshape(display.height, display.width * 3).view()
+    views = mask.reshape(len(mask), display.width * 3).view()
     # Masks from the cache can't be written to; for all others kernels would be compiled once more.
     views.flags.writeable = False
     texture = field.texture_rows(_footprint(display, placement), whole=True)
@@ -135,7 +140,7 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     if rays > 1:
         mix_light(pictures, ((np.arange(256) / 255.0) ** display.gamma), display.gamma)
     out = pictures[0] if rays == 1 else pictures[0].copy()
-    image = out.reshape(display.height, display.width, 3)
+    image = out.reshape(len(mask), display.width, 3)
     return image[..., ::-1].copy() if display.subpixels == "BGR" else image
 
 
@@ -188,6 +193,35 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
         uint8 [H, W, 3]: show it on the panel pixel for pixel, unscaled.
     """
     return encode_with_figures(field, display, config, mask=mask, device=device)[0]
+
+
+def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None, first: int,
+                count: int, apart: int = 1, *,
+                views: NDArray[np.unsignedinteger] | None = None) -> NDArray[np.uint8]:
+    """Code some rows of a panel: the same as these rows of `encode`.
+
+    So a picture that is too large for the memory is coded from the top down, and a small copy of it
+    from every n-th row.
+
+    Parameters
+    ----------
+    field, display, config
+        As for `encode`.
+    first, count, apart
+        The first row, how many, and how far apart they are.
+    views
+        Their views (`row_views`), where the caller has them.
+
+    Returns
+    -------
+    rows
+        uint8 [count, W, 3].
+    """
+    if first < 0 or count < 1 or apart < 1 or first + (count - 1) * apart >= display.height:
+        raise ValueError("these rows are not the panel's")
+    if views is None:
+        views = row_views(display, first, count, apart)
+    return _cast(field, display, config or EncodeConfig(), views, -1, first, apart)
 
 
 def render_view(field: VoxelField, display: Display, view: int,

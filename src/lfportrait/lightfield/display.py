@@ -199,6 +199,17 @@ class Display:
         place = self.places() - 0.5
         return 3.0 * place[..., 0] + self.shift * place[..., 1]
 
+    @property
+    def breadth(self) -> float:
+        """Sub-pixels of a row that one takes up: 3 where a pixel's colors lie in one place."""
+        across = self.places()[..., 0]
+        return 3.0 if np.ptp(across, axis=-1).max() < 1e-6 else 1.0
+
+    @property
+    def alike(self) -> bool:
+        """Whether all rows have the same views."""
+        return self.shift == 0 and np.ptp(self.steps(), axis=0).max() == 0
+
     def phase(self, rows: Any, columns: Any, channels: Any) -> NDArray[np.float64]:
         """Phase u in [0, L_n), in sub-pixels, of places (row, column, sub-pixel).
 

@@ -18,7 +18,24 @@ from ..files import atomic_write
 from .display import Display
 from .kernels.panel import lens_of, mask_views
 
-__all__ = ["ViewMask"]
+__all__ = ["ViewMask", "row_views"]
+
+
+def row_views(display: Display, first: int, count: int, apart: int = 1,
+              ) -> NDArray[np.unsignedinteger]:
+    """The nearest view of the sub-pixels of some rows, as `ViewMask` holds all of them.
+
+    Parameters
+    ----------
+    display
+        The panel.
+    first, count, apart
+        The first row, how many, and how far apart they are.
+    """
+    kind = np.dtype(np.uint8 if display.views <= 256 else np.uint16)
+    views = np.empty((count, display.width, 3), kind)
+    mask_views(views, display.steps(), lens_of(display), first, apart)
+    return views
 
 
 @dataclass(frozen=True)
@@ -66,8 +83,7 @@ class ViewMask:
                     return ViewMask(stored, display.hash(), time.perf_counter() - start, True)
             except (OSError, ValueError, EOFError):
                 pass
-        views = np.empty(shape, kind)
-        mask_views(views, display.steps(), lens_of(display))
+        views = row_views(display, 0, display.height)
         if file is not None:
             try:
                 with atomic_write(file) as stream:

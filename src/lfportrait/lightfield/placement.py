@@ -82,8 +82,8 @@ class Placement:
         scale = min(config.size, config.size * display.aspect * 1.15)
         if not -180 <= config.turn <= 180:
             raise UserError(f"the head can be turned by -180 to 180 degrees, not {config.turn}")
-        if not 0.05 <= config.depth_scale <= 4:
-            raise UserError(f"the depth scale must lie between 0.05 and 4, not "
+        if not 0.01 <= config.depth_scale <= 4:
+            raise UserError(f"the depth scale must lie between 0.01 and 4, not "
                             f"{config.depth_scale}")
         return Placement(scale, (config.shift_x, config.shift_y, config.focus),
                          math.radians(config.turn), config.depth_scale)

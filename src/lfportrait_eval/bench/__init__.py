@@ -1,6 +1,7 @@
-"""Speed benchmarks, with baselines and quality: encode, reconstruct, transfer, stylize."""
+"""Speed benchmarks, with baselines and quality: encode, print, reconstruct, transfer, stylize."""
 
 from .encode import bench_masks
+from .print import bench_print
 from .run import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize
 from .transfer import METHODS, bench_transfer, transfer_table
 
@@ -10,6 +11,7 @@ __all__ = [
            "bench",
            "bench_encode",
            "bench_masks",
+           "bench_print",
            "bench_reconstruct",
            "bench_stylize",
            "bench_transfer",

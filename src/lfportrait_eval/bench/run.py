@@ -24,10 +24,11 @@ from lfportrait.progress import Progress
 from .encode import bench_encode
 from .floor import machine_rates, training_floor
 from .plot import line_plot
+from .print import bench_print
 from .transfer import bench_transfer, say, timed
 
-__all__ = ["BENCHES", "bench", "bench_encode", "bench_reconstruct", "bench_stylize",
-           "bench_transfer"]
+__all__ = ["BENCHES", "bench", "bench_encode", "bench_print", "bench_reconstruct",
+           "bench_stylize", "bench_transfer"]
 
 SHORT = ReconstructConfig(resolutions=(64, 128), rays=(0.5, 1.0), batch=(16384,))
 """A reconstruction that takes seconds, for a field to measure on."""
@@ -192,7 +193,7 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
             "peak_memory_bytes": peak_memory_bytes()}
 
 
-BENCHES = ("encode", "reconstruct", "transfer", "stylize")
+BENCHES = ("encode", "print", "reconstruct", "transfer", "stylize")
 
 
 def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
@@ -203,7 +204,7 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
     Parameters
     ----------
     what
-        ``"encode"``, ``"reconstruct"``, ``"transfer"``, ``"stylize"`` or ``"all"``.
+        ``"encode"``, ``"print"``, ``"reconstruct"``, ``"transfer"``, ``"stylize"`` or ``"all"``.
     field
         Field file; without it, the embedded head is reconstructed first.
     capture
@@ -224,6 +225,8 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
     def run(name: str) -> dict[str, Any]:
         if name == "encode":
             return bench_encode(_field(field, progress), progress=progress)
+        if name == "print":
+            return bench_print(_field(field, progress), progress=progress)
         if name == "transfer":
             return bench_transfer(progress=progress)
         photos = Capture.load(capture) if capture is not None else _embedded_capture()

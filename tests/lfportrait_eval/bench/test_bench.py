@@ -13,11 +13,13 @@ from lfportrait.demo import SITTER, demo_exemplar, landmarks, photograph
 from lfportrait.field import ReconstructConfig
 from lfportrait.files import read_image
 from lfportrait.lightfield import Display
+from lfportrait.lightfield.prints import PrintConfig
 from lfportrait_eval.baselines.transfer import NetworkConfig
 from lfportrait_eval.bench import (
     METHODS,
     bench,
     bench_encode,
+    bench_print,
     bench_reconstruct,
     bench_stylize,
     bench_transfer,
@@ -155,6 +157,19 @@ def test_transfer_reports_preparation_and_synthesis_apart():
     assert figures["network"]["pairs"] == 2 and figures["network"]["steps"] == 1
     table = transfer_table(figures).splitlines()
     assert [line.split()[0] for line in table[1:-1] if line[0] != " "] == list(METHODS)
+
+
+def test_print_reports_both_ways():
+    config = PrintConfig(lpi=40, dpi=300, size="50x60mm", bleed=0.0, margin=0.0)
+    figures = bench_print(shell_field(size=32, basis=1, density=60.0), config, repeats=1)
+    assert figures["pixels"] == round(50 / 25.4 * 300) * round(60 / 25.4 * 300)
+    for way in ("rays", "usual"):
+        row = figures[way]
+        assert row["seconds"] > 0 and row["cpu_seconds"] > 0 and row["memory_bytes"] >= 0
+        assert 20 < row["worst"] <= row["psnr"] < 99
+    # Columns of finished pictures, resampled, never come nearer than rays.
+    assert figures["rays"]["psnr"] > figures["usual"]["psnr"]
+    assert figures["usual"]["times_slower"] > 0
 
 
 def test_stylize_reports_its_parts():

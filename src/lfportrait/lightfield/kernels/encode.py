@@ -65,9 +65,11 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
         a sub-pixel phase instead
         (``panel[6]`` > 0), the view is continuous. ``panel`` float64 [61]: half width over half
         height, eye height, distance and placement scale, packed as [aspect, eye_y, distance, scale,
-        0, 0, continuous, 0, bgr, pitch, shift, offset, inverted]; then, for each row mod 4, column
-        mod 2 and sub-pixel, its phase in its pixel (`Display.steps`), and how far it lies to the
-        right of its usual third of the pixel, in sub-pixels. ``out`` uint8 [H, W * 3].
+        first, rows, continuous, apart, bgr, pitch, shift, offset, inverted]; then, for each row mod
+        4, column mod 2 and sub-pixel, its phase in its pixel (`Display.steps`), and how far it lies
+        to the right of its usual third of the pixel, in sub-pixels. ``out`` uint8 [H, W * 3]. Its
+        rows are those of the panel from ``first`` on, ``apart`` from each other; the panel has
+        ``rows`` of them.
     """
     march = make_march(LANES, make_channel_shade(width, count))
     look_up, texture_share = make_detail(LANES, False), make_texture_share(LANES)
@@ -79,7 +81,7 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
     @kernel
     def encode(since, until, table, links, density, rows, cells, charts, texels, lattice, matrix,
                axes, mask, fixed, eyes, panel, step, threshold, stop, background, out):
-        height, across = mask.shape
+        across = mask.shape[1]
         nx, ny, nz = np.int32(lattice[0]), np.int32(lattice[1]), np.int32(lattice[2])
         eye_y, distance, size = panel[1], panel[2], panel[3]
         continuous, bgr = panel[6] > 0.5, panel[8] > 0.5
@@ -88,17 +90,18 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
             scratch = np.zeros(16, np.float32)
             ray = np.zeros((10, 16), np.float32)
             flat = ray.reshape(160)
-            py = 1.0 - 2.0 * (y + 0.5) / height
+            line = int(panel[4]) + y * int(panel[7])
+            py = 1.0 - 2.0 * (line + 0.5) / panel[5]
             for first in range(0, across, 16):
                 for i in range(16):
                     place = min(first + i, across - 1)
                     if fixed >= 0:
                         ex = eyes[fixed]
                     elif continuous:
-                        ex = eye_of(place, y, eyes, panel)
+                        ex = eye_of(place, line, eyes, panel)
                     else:
                         ex = eyes[mask[y, place]]
-                    px = side_of(place, y, across, panel)
+                    px = side_of(place, line, across, panel)
                     wx, wy, wz = px - ex, py - eye_y, -distance
                     scale = 1.0 / np.sqrt(wx * wx + wy * wy + wz * wz)
                     wx, wy, wz = wx * scale, wy * scale, wz * scale

@@ -1,8 +1,8 @@
 """Loops over the sub-pixels of a panel: which view each has, coding views, taking them apart.
 
-Every kernel takes the panel as ``steps`` float64 [4, 2, 3] and ``lens`` float64 [6]: pitch, shift,
-offset, views, inverted, width over height (`Display.steps`, `lens_of`). All of them stand in one
-file, so that Numba's cache notices when the shared function changes.
+Every kernel takes the panel as ``steps`` float64 [4, 2, 3] and ``lens`` float64 [7]: pitch, shift,
+offset, views, inverted, width over height, breadth (`Display.steps`, `lens_of`). All of them stand
+in one file, so that Numba's cache notices when the shared function changes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["gather_views", "interlace_views", "lens_of", "mask_views", "mix_ligh
 def lens_of(display: Any) -> NDArray[np.float64]:
     """The numbers of a `Display` that the kernels take as ``lens``."""
     return np.array([display.pitch, display.shift, display.offset, display.views,
-                     display.inverted, display.aspect], np.float64)
+                     display.inverted, display.aspect, display.breadth], np.float64)
 
 
 @lean
@@ -38,14 +38,17 @@ def _view(y, x, k, steps, lens):
 
 @shared("mask")
 @lean_kernel
-def mask_views(since, until, mask, steps, lens):
-    """Fill ``mask`` [H, W, 3] with the nearest view of every sub-pixel."""
+def mask_views(since, until, mask, steps, lens, first, apart):
+    """Fill ``mask`` [H, W, 3] with the nearest view of every sub-pixel.
+
+    Its rows are those of the panel from ``first`` on, ``apart`` from each other.
+    """
     width, _ = mask.shape[1:]
     last = int(lens[3]) - 1
     for y in range(since, until):
         for x in range(width):
             for k in range(3):
-                mask[y, x, k] = min(int(_view(y, x, k, steps, lens)), last)
+                mask[y, x, k] = min(int(_view(first + y * apart, x, k, steps, lens)), last)
 
 
 def mix_light(pictures, light, gamma):
@@ -217,7 +220,7 @@ def see_panel(since, until, light, wanted, order, steps, lens, crosstalk, out):
         float32 [H, W, 3].
     """
     width, _ = light.shape[1:]
-    pitch, aperture = lens[0], lens[3] / lens[0]
+    pitch, aperture = lens[0], lens[3] / lens[0] * lens[6]
     reach = max(1, int(np.ceil(pitch / 1.5)))
     sigma = np.hypot(crosstalk, 0.5 * aperture)
     window = np.empty(2 * reach + 1)

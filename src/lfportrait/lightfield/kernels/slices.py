@@ -257,7 +257,8 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
             for y in range(worker, height, workers):
                 row = out[y]
                 row[:] = blank
-                py = 1.0 - 2.0 * (y + 0.5) / height
+                line = int(panel[4]) + y * int(panel[7])
+                py = 1.0 - 2.0 * (line + 0.5) / panel[5]
                 rise = eye_y - py
                 # The plane cuts (i, k) at lattice row plane[0] + plane[1] i + plane[2] k.
                 lift = matrix[1, 1] * rise / distance
@@ -293,7 +294,7 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
                 for turn in range(first // 3 * 3, last, window):
                     for third in range(3):
                         many = _order(mask[y], turn + third, min(turn + window, last), fixed, eyes,
-                                      y, panel, tally, place_at, eye_at, x_at)
+                                      line, panel, tally, place_at, eye_at, x_at)
                         channel = 2 - third if bgr else third
                         for entry in range(0, many, 16):
                             px, ex = load(x_at, np.uintp(entry)), load(eye_at, np.uintp(entry))
