@@ -27,6 +27,8 @@ Bools = NDArray[np.bool_]
 HAIRLINE, TEMPLE, ROUND = 0.54, 0.86, 2.0
 """A forehead ends this far above the brows (chin -1), and this far from its middle over half the
 face's width, in a superellipse of this power."""
+HIGH, HIDES = 0.64, 0.3
+"""The same of a forehead of which more than the second number is hidden by what is no hair."""
 CROWN = 1.15, 0.95, 0.0
 """A head ends this far from its middle over half the face's width, and this far above the brows;
 hair that a hat covers begins above this."""
@@ -86,7 +88,8 @@ def covered_forehead(exemplar: Exemplar, regions: Regions, labels: NDArray[np.ui
     small = SmallPicture(exemplar, regions, labels)
     right, down = small.part(small.right), small.part(small.down)
     half = 0.5 * regions.frame.width / regions.frame.height
-    around = (np.abs(right) / (TEMPLE * half)) ** ROUND + (np.maximum(-down, 0) / HAIRLINE) ** ROUND
+    around, high = (((np.abs(right) / (TEMPLE * half)) ** ROUND
+                     + (np.maximum(-down, 0) / top) ** ROUND) for top in (HAIRLINE, HIGH))
     features = _features(small, labels)
     oval = (around < 1) & (down < 0)
     flesh = (small.part(small.face) > 0.7) | oval
@@ -100,8 +103,11 @@ def covered_forehead(exemplar: Exemplar, regions: Regions, labels: NDArray[np.ui
     whole = max(float(forehead.sum()), 1.0)
     share, other = float(cover.sum()) / whole, float((cover & ~hair).sum()) / whole
     bare = flesh & ~features & ~unlike & ~cover & ~hair
-    high = np.maximum(-down, 0) / CROWN[1]
-    crown = (np.hypot(right / (CROWN[0] * half), high) < 1) & (down < CROWN[2]) & (around > 1)
+    if other > HIDES:
+        # Where hair begins under a hat nobody knows: as high as on most heads.
+        cover |= (high < 1) & (down < 0) & ~oval
+    crown = np.hypot(right / (CROWN[0] * half), np.maximum(-down, 0) / CROWN[1]) < 1
+    crown &= (down < CROWN[2]) & (around > 1) & ~cover
     covered, skin, lit, head = (small.whole(plane.astype(np.float32)) for plane in (
         cover, bare, bare | sample & flesh & ~unlike, crown))
     return Forehead(covered, skin, lit, head, share, other)
