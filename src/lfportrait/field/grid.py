@@ -19,6 +19,7 @@ from .background import Background, cube_rays
 from .kernels.bricks import Bricks, build_bricks
 from .kernels.march import lattice_of_world
 from .kernels.render import render_kernel
+from .kernels.stretches import Stretches, build_stretches
 from .kernels.texture import add_texture
 from .kernels.weights import CAPACITY, pixel_weights
 from .storage import load_field, save_field
@@ -118,6 +119,7 @@ class VoxelField:
     background: Background | None = None
     texture: SurfaceTexture | None = None
     _bricks: Bricks | None = field(default=None, init=False, repr=False, compare=False)
+    _stretches: Stretches | None = field(default=None, init=False, repr=False, compare=False)
     _cells: NDArray[np.int32] | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -151,6 +153,13 @@ class VoxelField:
         if self._bricks is None:
             self._bricks = build_bricks(self.links, self.density, self.sh)
         return self._bricks
+
+    @property
+    def stretches(self) -> Stretches:
+        """The layout for slices, built on first use."""
+        if self._stretches is None:
+            self._stretches = build_stretches(self.links, self.density, self.sh)
+        return self._stretches
 
     @property
     def lattice(self) -> NDArray[np.float64]:
@@ -215,21 +224,39 @@ class VoxelField:
         render_kernel(bricks.width)(
             bricks.table, bricks.links, bricks.density, bricks.rows, self.lattice, bricks.basis,
             camera_row(cameras, view), (width, height), step, threshold, stop, color, alpha, depth)
+        cast = Rendering(color.reshape(height, width, 3), alpha.reshape(height, width),
+                         depth.reshape(height, width))
+        return self.finished(cameras, view, cast, background=background, anisotropic=anisotropic)
+
+    def finished(self, cameras: Camera, view: int, cast: Rendering, *,
+                 background: float | Any = 1.0, anisotropic: bool = True) -> Rendering:
+        """A view from what the lattice alone gives of it: with the texture, and a background.
+
+        Parameters
+        ----------
+        cameras, view, background, anisotropic
+            As for `render`.
+        cast
+            Color without a background, opacity and depth, in contiguous arrays; its color is
+            changed in place.
+        """
+        image, opacity = cast.color, cast.alpha
+        height, width = opacity.shape
         if self.texture is not None:
             away = float(np.linalg.norm(cameras.pose[view, :3, 3] - self.center))
             footprint = TEXEL * away / float(cameras.focal[view].mean())
             covered = self.texture.width(footprint) / TEXEL if anisotropic else np.inf
-            add_texture(bricks.table, *self.texture_rows(footprint), covered, self.lattice,
-                        camera_row(cameras, view), (width, height), alpha, depth, color)
-        image = color.reshape(height, width, 3)
-        opacity = alpha.reshape(height, width)
+            add_texture(self.bricks.table, *self.texture_rows(footprint), covered, self.lattice,
+                        camera_row(cameras, view), (width, height), opacity.reshape(-1),
+                        cast.depth.reshape(-1), image.reshape(-1))
         behind = np.asarray(background, np.float32)
         if self.background is not None:
             rays = cube_rays(cameras, view, self.center, self.radius)
             grey = float(behind.mean())
             behind = self.background.color(rays, grey).reshape(image.shape)
-        image += (1.0 - opacity[..., None]) * behind
-        return Rendering(image, opacity, depth.reshape(height, width))
+        if behind.any():
+            image += (1.0 - opacity[..., None]) * behind
+        return cast
 
     def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,
                        step: float = 0.5, inside: NDArray[np.bool_] | None = None,
