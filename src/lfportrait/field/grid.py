@@ -25,7 +25,7 @@ from .kernels.weights import CAPACITY, pixel_weights
 from .storage import load_field, save_field
 from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
 
-__all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row"]
+__all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row", "surface_points"]
 
 TEXEL = 1.6
 """Width in pixels of the texture's detail in a view. A picture of the head that is filtered ideally
@@ -53,12 +53,17 @@ class Rendering:
 
     def points(self, cameras: Camera, view: int) -> NDArray[np.float64]:
         """World point of the surface under each pixel, float64 [H, W, 3], NaN without one."""
-        height, width = self.depth.shape
-        origins, directions = cameras.rays(view)
-        forward = cameras.pose[view, :3, 2]
-        along = self.depth.reshape(-1, 1) / (directions @ forward)[:, None]
-        points = origins + np.where(np.isfinite(along), along, np.nan) * directions
-        return points.reshape(height, width, 3)
+        return surface_points(cameras, view, self.depth)
+
+
+def surface_points(cameras: Camera, view: int, depth: NDArray[np.float32]) -> NDArray[np.float64]:
+    """World points [H, W, 3] at depths [H, W] along a view's optical axis; NaN where infinite."""
+    height, width = depth.shape
+    origins, directions = cameras.rays(view)
+    forward = cameras.pose[view, :3, 2]
+    along = depth.reshape(-1, 1) / (directions @ forward)[:, None]
+    points = origins + np.where(np.isfinite(along), along, np.nan) * directions
+    return points.reshape(height, width, 3)
 
 
 @dataclass(frozen=True)
@@ -227,6 +232,18 @@ class VoxelField:
         cast = Rendering(color.reshape(height, width, 3), alpha.reshape(height, width),
                          depth.reshape(height, width))
         return self.finished(cameras, view, cast, background=background, anisotropic=anisotropic)
+
+    def depth(self, cameras: Camera, view: int = 0,
+              ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Opacity and depth [H, W] of one view as `render` gives them, in less time."""
+        size = int(cameras.width[view]), int(cameras.height[view])
+        alpha, depth = (np.empty(size[0] * size[1], np.float32) for _ in range(2))
+        bricks = self.bricks
+        render_kernel(0)(
+            bricks.table, bricks.links, bricks.density, np.zeros(0, np.uint16), self.lattice, 0,
+            camera_row(cameras, view), size, 0.5, 1e-2, 1e-3, np.zeros(0, np.float32), alpha,
+            depth)
+        return alpha.reshape(size[::-1]), depth.reshape(size[::-1])
 
     def finished(self, cameras: Camera, view: int, cast: Rendering, *,
                  background: float | Any = 1.0, anisotropic: bool = True) -> Rendering:

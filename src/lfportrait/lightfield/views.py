@@ -22,8 +22,8 @@ _STOP = 4e-3
 """Transmittance at which a ray ends; the rest, a level of 8 bits, is taken to have its color."""
 _TOGETHER = 64 << 20
 """Bytes of pictures that are rendered at once."""
-_STEEPEST = 60.0
-"""Degrees between a ray and the normal of the planes, at most."""
+_STEEPEST = 50.0
+"""Degrees between a ray and the normal of the planes, at most: there is one sample a plane."""
 _LEVEL = 1e-9
 """What a camera's axes may lie off the horizon, as a sine."""
 
