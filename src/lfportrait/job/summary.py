@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
@@ -42,6 +43,8 @@ from .steps import MakeConfig
 __all__ = ["share_job"]
 
 _ANGLES = (-45, 0, 45)
+_COLUMN = 448
+"""The same in one of three columns."""
 _SHOWN = 640
 """Width in pixels, about, at which the report shows a picture."""
 _FEW = np.array([(0.9, 0.2, 0.1), (1.0, 0.6, 0.1), (1.0, 0.75, 0.3), (0.3, 0.6, 1.0)])
@@ -102,7 +105,7 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
         film = threads.submit(
             write_video, folder / "sweep.mp4",
             sweep_frames(styled, display.cone, frames, config.sweep_size,
-                         background=config.encode.background))
+                         background=config.encode.background), preset="veryfast")
         report, share = _report(folder, display, config, exemplar, figures, capture, field, styled)
         film.result()
         say("report")
@@ -263,15 +266,24 @@ def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exem
     for angle in _ANGLES:
         chart = int(np.argmin(np.where(level, np.abs(yaw - angle), np.inf)))
         x0, y0, x1, y1, dx, dy = (int(value) for value in atlas.boxes[chart])
-        part = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
+        # Of a chart that is larger than it is shown, every so many pixels.
+        step = -(-(x1 - x0) // _COLUMN)
+        part = slice(y0 + dy, y1 + dy, step), slice(x0 + dx, x1 + dx, step)
         there = np.isfinite(atlas.depth[part])[..., None]
-        painted = np.clip(styled.render(atlas.cameras, chart, background=1.0).color, 0, 1)
+        height, width = there.shape[:2]
+        whole = atlas.cameras[chart]
+        camera = Camera(whole.pose, whole.focal / step,
+                        0.5 - (np.array([x0, y0]) + 0.5 - whole.center) / step,
+                        np.array([width]), np.array([height]))
+        painted = np.clip(next(render_views(styled, camera, background=1.0)).color, 0, 1)
         slots = skin.slots[part]
+        photo = cv2.resize(atlas.color[y0 + dy:y1 + dy, x0 + dx:x1 + dx], (width, height),
+                           interpolation=cv2.INTER_AREA)
         for picture, words in (
-                (atlas.color[part], f"from {round(float(yaw[chart]))} degrees, photographed"),
-                (np.where((slots >= 0)[..., None], shown[slots], atlas.color[part].mean(
+                (photo, f"from {round(float(yaw[chart]))} degrees, photographed"),
+                (np.where((slots >= 0)[..., None], shown[slots], photo.mean(
                     axis=-1, keepdims=True)), "its regions"),
-                (painted[y0:y1, x0:x1], "painted")):
+                (painted, "painted")):
             pictures.append(Picture(np.where(there, picture, 1.0).astype(np.float32), words))
     return Section("Painted on the surface", "The head's surface is laid out in charts and painted "
                    "once for all views: the face by guides, look-up table and StyleBlit, the rest "
