@@ -50,10 +50,11 @@ def soft_field(basis, size=96):
 
 @pytest.fixture
 def no_fallback(monkeypatch):
-    """All views go through slices, or the test fails."""
+    """All views go through slices, steep ones too, or the test fails."""
     def refuse(*_, **__):
         raise AssertionError("rendered one by one")
     monkeypatch.setattr(VoxelField, "render", refuse)
+    monkeypatch.setattr(views, "_STEEPEST", 60.0)
 
 
 @pytest.mark.parametrize(("field", "options", "size"), [
