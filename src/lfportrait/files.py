@@ -12,6 +12,7 @@ import struct
 import tempfile
 import threading
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -26,7 +27,7 @@ from .errors import UserError
 from .measure import usable_cores
 
 __all__ = [
-    "RAW", "atomic_path", "atomic_write", "map_arrays", "open_picture", "picture_format",
+    "RAW", "RUNS", "atomic_path", "atomic_write", "map_arrays", "open_picture", "picture_format",
     "read_image", "read_images", "read_json", "temporary_home", "write_exr", "write_image",
     "write_json", "write_mappable",
 ]
@@ -153,6 +154,9 @@ _HEIC = {".heic", ".heif", ".hif"}
 RAW = {".3fr", ".arw", ".cr2", ".cr3", ".crw", ".dng", ".erf", ".iiq", ".nef", ".nrw", ".orf",
        ".pef", ".raf", ".raw", ".rw2", ".srw", ".x3f"}
 """Endings of raw photos, which are not read."""
+RUNS = {"compress_type": zlib.Z_RLE}
+"""Options of `write_image` for large PNGs: of a picture's filtered rows only runs are worth looking
+for. It takes two thirds of the time of the usual search, for files of about the same size."""
 _LARGEST = 2 << 30
 """Bytes of a decoded picture beyond which a file is taken for a decompression bomb."""
 

@@ -550,3 +550,14 @@ def test_bricks_that_became_clear_are_leapt_over():
     for place in np.argwhere(bright < 0):
         assert -bright[tuple(place)] <= np.abs(kept - place).max(axis=1).min()
     assert (bright_table(table, brick_links, density, 2.0) < 0).all()
+
+
+def test_depths_without_colors_are_those_of_a_rendering():
+    field = shell_field(size=20)
+    cameras = Camera.arc([-30.0, 70.0], distance=3.0, width=33, height=26, focal=30.0, pitch=15.0)
+    for view in range(2):
+        shot = field.render(cameras, view)
+        alpha, depth = field.depth(cameras, view)
+        assert np.isfinite(depth).any() and not np.isfinite(depth).all()
+        assert np.array_equal(alpha, shot.alpha)
+        assert np.array_equal(depth, shot.depth)

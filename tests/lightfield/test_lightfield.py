@@ -263,6 +263,19 @@ def test_crosstalk_blurs():
     assert np.abs(np.diff(soft, axis=1)).max() < np.abs(np.diff(sharp, axis=1)).max()
 
 
+@pytest.mark.parametrize("crosstalk", [0.0, 2.0])
+def test_blocks_show_the_mean_light_of_their_pixels(crosstalk):
+    display = Display(301, 122, views=24, pitch=9.4, cone=40)
+    image = np.random.default_rng(0).integers(0, 256, (122, 301, 3)).astype(np.uint8)
+    whole = simulate(image, display, (0.2,), crosstalk=crosstalk)
+    small = simulate(image, display, (0.2,), crosstalk=crosstalk, block=3)
+    assert small.shape == (40, 100, 3)
+    light = whole[:120, :300].astype(float) ** display.gamma
+    mean = light.reshape(40, 3, 100, 3, 3).mean((1, 3))
+    assert np.abs(small - mean ** (1 / display.gamma)).max() < 1e-4
+    assert small.std() > 0.05
+
+
 def test_continuous_views_lie_between_the_nearest_ones(field):
     nearest = encode(field, SMALL, mask=ViewMask.build(SMALL, cache=False))
     smooth = encode(field, SMALL, EncodeConfig(blend="continuous"),

@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 
 from lfportrait.errors import UserError
-from lfportrait.field.kernels.bricks import build_bricks
+from lfportrait.field.kernels.stretches import build_stretches
 from lfportrait.lanes import shuffles
 from lfportrait.lanes import vectors as lanes
 from lfportrait.lightfield import (
@@ -157,7 +157,7 @@ def test_masks_that_were_built_or_read_need_one_compilation(tmp_path):
     render_view(field, SMALL, 3, EncodeConfig(method="slices"))
     # Of each width of the mask's numbers there is one kernel: Numba tells arrays that can't be
     # written to from others.
-    kinds = [signature[13].dtype for signature in slice_kernel(16, 4).kernel.signatures]
+    kinds = [signature[12].dtype for signature in slice_kernel(4).kernel.signatures]
     assert len(kinds) == len(set(kinds))
 
 
@@ -222,33 +222,25 @@ def test_neighbours_are_looked_up(permutes):
         assert np.array_equal(out, values[start + np.concatenate([places, places + 1])])
 
 
-@pytest.mark.parametrize("count", [12, 16])
-def test_columns_are_stored_as_rows(count):
-    store_columns = shuffles.make_store_columns(count)
-
-    @njit
-    def turn(target, source):
-        store_columns(target, np.uintp(3), np.uintp(21), source)
-    source = np.arange(1, 257).astype(np.uint16)
-    target = np.zeros(3 + 21 * 16, np.uint16)
-    turn(target, source)
-    wanted = np.zeros_like(target)
-    wanted[3:].reshape(16, 21)[:count, :16] = source.reshape(16, 16).T[:count]
-    assert np.array_equal(target, wanted)
-
-
-@pytest.mark.parametrize(("wide", "columns"), [(17, []), (33, [0, 16, 32]), (129, [3, 70, 128])])
-def test_blocks_tell_which_columns_have_bricks(wide, columns):
-    links = np.full((9, 9, wide), -1, np.int32)
-    links[4, 4, columns] = np.arange(len(columns))
-    bricks = build_bricks(links, np.ones(len(columns), np.float32),
-                          np.zeros((len(columns), 3, 1), np.float32))
-    for bz, by in np.ndindex(bricks.table.shape[:2]):
-        for column in range(wide):
-            brick = bricks.table[bz, by, min(column // 4, bricks.table.shape[2] - 1)]
-            if brick >= 0:
-                assert bricks.blocks[bz, by] >> np.uint64(column // 16) & np.uint64(1)
-    assert bricks.blocks.any() == bool(columns)
+@pytest.mark.parametrize(("wide", "basis"), [(9, 1), (17, 4), (33, 9), (1030, 1)])
+def test_stretches_hold_every_lattice_point(wide, basis):
+    field = shell_field(shape=(5, 4, wide), basis=basis)
+    kept = build_stretches(field.links, field.density, field.sh)
+    lines = 1 + 3 * basis
+    values = kept.values.view(np.float16).astype(np.float32).reshape(-1, lines, 16)
+    assert not values[-1].any()
+    there = np.moveaxis(values[kept.places], -1, 3).reshape(4, 5, -1, lines)
+    assert not there[:, :, wide:].any()
+    there = there[:, :, :wide].transpose(1, 0, 2, 3)
+    filled = field.links >= 0
+    assert filled.any() and not filled.all()
+    assert np.array_equal(there[filled][:, 0], field.density[field.links[filled]])
+    assert np.array_equal(there[filled][:, 1:].reshape(-1, 3, basis), field.sh[field.links[filled]])
+    assert not there[~filled].any()
+    blocks = np.minimum(np.arange(kept.places.shape[2]), 63).astype(np.uint64)
+    marked = (kept.occupied[..., None] >> blocks & np.uint64(1)).astype(bool)
+    assert marked[kept.places < len(values) - 1].all()
+    assert np.array_equal(marked[..., :63], (kept.places < len(values) - 1)[..., :63])
 
 
 @njit
@@ -266,23 +258,3 @@ def test_lanes_are_stored_as_halves_and_their_extremes_found():
     assert np.array_equal(halves[3:19], values.astype(np.float16))
     assert not halves[:3].any() and not halves[19:].any()
     assert extremes.tolist() == [-1e4, 3e4]
-
-
-@pytest.mark.parametrize("count", [1, 4, 9])
-def test_a_row_through_a_matrix(count):
-    random = np.random.default_rng(count)
-    row = np.zeros(32, np.float32)
-    row[:3 * count] = random.standard_normal(3 * count)
-    matrix = random.standard_normal((count, 16)).astype(np.float32)
-    restrict = shuffles.make_restrict(count)
-    second = 16 if 3 * count > 16 else 0
-
-    @njit
-    def apply(row, matrix, out):
-        lanes.store(out, 0, restrict(lanes.load(row, 0), lanes.load(row, second), matrix))
-    out = np.zeros(16, np.float32)
-    apply(row, matrix.ravel(), out)
-    for channel in range(3):
-        parts = row[count * channel:count * (channel + 1)]
-        wanted = parts @ matrix[:, 4 * channel:4 * channel + 4]
-        assert np.allclose(out[4 * channel:4 * channel + 4], wanted, atol=1e-5)

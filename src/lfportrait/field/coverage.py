@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from ..capture import Camera, Capture
 from .closing.photos import Photos
-from .grid import VoxelField
+from .grid import VoxelField, surface_points
 
 __all__ = ["Coverage"]
 
@@ -60,9 +60,9 @@ class Coverage:
 
     def _seen(self, cameras: Camera, view: int) -> tuple[NDArray[np.int32], Float64]:
         """The same, and the points that the pixels show, float64 [H, W, 3]."""
-        shot = self.field.render(cameras, view)
-        points = np.asarray(shot.points(cameras, view), np.float64)
-        solid = (shot.alpha > 0.5) & np.isfinite(points).all(axis=-1)
+        alpha, depth = self.field.depth(cameras, view)
+        points = np.asarray(surface_points(cameras, view, depth), np.float64)
+        solid = (alpha > 0.5) & np.isfinite(points).all(axis=-1)
         normal = _normals(points, cameras.position[view])
         seen = np.zeros((self._direction.max() + 1, int(solid.sum())), bool)
         votes = self._photos.each(points[solid], normal[solid], _LEAST)

@@ -19,12 +19,13 @@ from .background import Background, cube_rays
 from .kernels.bricks import Bricks, build_bricks
 from .kernels.march import lattice_of_world
 from .kernels.render import render_kernel
+from .kernels.stretches import Stretches, build_stretches
 from .kernels.texture import add_texture
 from .kernels.weights import CAPACITY, pixel_weights
 from .storage import load_field, save_field
 from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
 
-__all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row"]
+__all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row", "surface_points"]
 
 TEXEL = 1.6
 """Width in pixels of the texture's detail in a view. A picture of the head that is filtered ideally
@@ -52,12 +53,17 @@ class Rendering:
 
     def points(self, cameras: Camera, view: int) -> NDArray[np.float64]:
         """World point of the surface under each pixel, float64 [H, W, 3], NaN without one."""
-        height, width = self.depth.shape
-        origins, directions = cameras.rays(view)
-        forward = cameras.pose[view, :3, 2]
-        along = self.depth.reshape(-1, 1) / (directions @ forward)[:, None]
-        points = origins + np.where(np.isfinite(along), along, np.nan) * directions
-        return points.reshape(height, width, 3)
+        return surface_points(cameras, view, self.depth)
+
+
+def surface_points(cameras: Camera, view: int, depth: NDArray[np.float32]) -> NDArray[np.float64]:
+    """World points [H, W, 3] at depths [H, W] along a view's optical axis; NaN where infinite."""
+    height, width = depth.shape
+    origins, directions = cameras.rays(view)
+    forward = cameras.pose[view, :3, 2]
+    along = depth.reshape(-1, 1) / (directions @ forward)[:, None]
+    points = origins + np.where(np.isfinite(along), along, np.nan) * directions
+    return points.reshape(height, width, 3)
 
 
 @dataclass(frozen=True)
@@ -118,6 +124,7 @@ class VoxelField:
     background: Background | None = None
     texture: SurfaceTexture | None = None
     _bricks: Bricks | None = field(default=None, init=False, repr=False, compare=False)
+    _stretches: Stretches | None = field(default=None, init=False, repr=False, compare=False)
     _cells: NDArray[np.int32] | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -151,6 +158,13 @@ class VoxelField:
         if self._bricks is None:
             self._bricks = build_bricks(self.links, self.density, self.sh)
         return self._bricks
+
+    @property
+    def stretches(self) -> Stretches:
+        """The layout for slices, built on first use."""
+        if self._stretches is None:
+            self._stretches = build_stretches(self.links, self.density, self.sh)
+        return self._stretches
 
     @property
     def lattice(self) -> NDArray[np.float64]:
@@ -215,21 +229,51 @@ class VoxelField:
         render_kernel(bricks.width)(
             bricks.table, bricks.links, bricks.density, bricks.rows, self.lattice, bricks.basis,
             camera_row(cameras, view), (width, height), step, threshold, stop, color, alpha, depth)
+        cast = Rendering(color.reshape(height, width, 3), alpha.reshape(height, width),
+                         depth.reshape(height, width))
+        return self.finished(cameras, view, cast, background=background, anisotropic=anisotropic)
+
+    def depth(self, cameras: Camera, view: int = 0,
+              ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Opacity and depth [H, W] of one view as `render` gives them, in less time."""
+        size = int(cameras.width[view]), int(cameras.height[view])
+        alpha, depth = (np.empty(size[0] * size[1], np.float32) for _ in range(2))
+        bricks = self.bricks
+        render_kernel(0)(
+            bricks.table, bricks.links, bricks.density, np.zeros(0, np.uint16), self.lattice, 0,
+            camera_row(cameras, view), size, 0.5, 1e-2, 1e-3, np.zeros(0, np.float32), alpha,
+            depth)
+        return alpha.reshape(size[::-1]), depth.reshape(size[::-1])
+
+    def finished(self, cameras: Camera, view: int, cast: Rendering, *,
+                 background: float | Any = 1.0, anisotropic: bool = True) -> Rendering:
+        """A view from what the lattice alone gives of it: with the texture, and a background.
+
+        Parameters
+        ----------
+        cameras, view, background, anisotropic
+            As for `render`.
+        cast
+            Color without a background, opacity and depth, in contiguous arrays; its color is
+            changed in place.
+        """
+        image, opacity = cast.color, cast.alpha
+        height, width = opacity.shape
         if self.texture is not None:
             away = float(np.linalg.norm(cameras.pose[view, :3, 3] - self.center))
             footprint = TEXEL * away / float(cameras.focal[view].mean())
             covered = self.texture.width(footprint) / TEXEL if anisotropic else np.inf
-            add_texture(bricks.table, *self.texture_rows(footprint), covered, self.lattice,
-                        camera_row(cameras, view), (width, height), alpha, depth, color)
-        image = color.reshape(height, width, 3)
-        opacity = alpha.reshape(height, width)
+            add_texture(self.bricks.table, *self.texture_rows(footprint), covered, self.lattice,
+                        camera_row(cameras, view), (width, height), opacity.reshape(-1),
+                        cast.depth.reshape(-1), image.reshape(-1))
         behind = np.asarray(background, np.float32)
         if self.background is not None:
             rays = cube_rays(cameras, view, self.center, self.radius)
             grey = float(behind.mean())
             behind = self.background.color(rays, grey).reshape(image.shape)
-        image += (1.0 - opacity[..., None]) * behind
-        return Rendering(image, opacity, depth.reshape(height, width))
+        if behind.any():
+            image += (1.0 - opacity[..., None]) * behind
+        return cast
 
     def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,
                        step: float = 0.5, inside: NDArray[np.bool_] | None = None,

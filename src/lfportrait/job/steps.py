@@ -10,6 +10,7 @@ import hashlib
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
-from ..files import write_image
+from ..files import RUNS, write_image
 from ..lightfield import (
     Display,
     EncodeConfig,
@@ -162,9 +163,11 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
     """
     image, figures = encode_with_figures(styled, display, config.encode,
                                          mask=ViewMask.build(display), device=device)
-    write_coded(folder / name, image, display)
-    picture, quilt = quilt_of(styled, display, config.encode)
+    with ThreadPoolExecutor(1) as beside:  # compressing lets go of Python's lock
+        written = beside.submit(write_coded, folder / name, image, display)
+        picture, quilt = quilt_of(styled, display, config.encode)
+        written.result()
     for old in folder.glob(f"{prefix}quilt_*.png"):
         old.unlink()
-    write_image(folder / f"{prefix}{quilt}", picture)
+    write_image(folder / f"{prefix}{quilt}", picture, **RUNS)
     return {**figures, "quilt": f"{prefix}{quilt}"}

@@ -8,9 +8,11 @@ what the eyes see of it, and the figures of all stages.
 from __future__ import annotations
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
@@ -19,7 +21,7 @@ from ..capture import Camera, Capture
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from ..field import Coverage, VoxelField
 from ..files import write_image
-from ..lightfield import Display, ViewMask, read_coded, simulate
+from ..lightfield import Display, ViewMask, read_coded, render_views, simulate
 from ..measure import machine
 from ..progress import Progress
 from ..share import (
@@ -41,6 +43,10 @@ from .steps import MakeConfig
 __all__ = ["share_job"]
 
 _ANGLES = (-45, 0, 45)
+_COLUMN = 448
+"""The same in one of three columns."""
+_SHOWN = 640
+"""Width in pixels, about, at which the report shows a picture."""
 _FEW = np.array([(0.9, 0.2, 0.1), (1.0, 0.6, 0.1), (1.0, 0.75, 0.3), (0.3, 0.6, 1.0)])
 """Colors of places seen from none, one, two and more directions, which people with color
 blindness can distinguish."""
@@ -86,21 +92,39 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
 
     folder, display, config = results / task.folder, task.display, task.config
     assert display is not None
-    capture = Capture.load(folder / "capture")
-    field, styled = VoxelField.load(folder / "field.npz"), load_styled(folder / "styled.npz")
-    say("page")
-    written = write_page(styled, folder / "portrait.html", config.page)
-    say("sweep")
-    write_video(folder / "sweep.mp4", sweep_frames(styled, display.cone, frames, config.sweep_size,
-                                                   background=config.encode.background))
-    say("pictures of the report")
+    say("page, sweep and report")
+    # Much of the work leaves a core idle: packing, coding the video, NumPy's loops.
+    with ThreadPoolExecutor(2) as threads:
+        loaded = threads.submit(load_styled, folder / "styled.npz")
+        taken = threads.submit(Capture.load, folder / "capture")
+        field = VoxelField.load(folder / "field.npz")
+        styled, capture = loaded.result(), taken.result()
+        # Laid out once, before several threads ask for it.
+        styled.bricks, styled.stretches  # noqa: B018
+        page = threads.submit(write_page, styled, folder / "portrait.html", config.page)
+        film = threads.submit(
+            write_video, folder / "sweep.mp4",
+            sweep_frames(styled, display.cone, frames, config.sweep_size,
+                         background=config.encode.background), preset="veryfast")
+        report, share = _report(folder, display, config, exemplar, figures, capture, field, styled)
+        film.result()
+        say("report")
+        write_report(folder / "report.html", report)
+        return {"frames": frames, "size": config.sweep_size, "page": page.result(),
+                "head_covered": round(share, 3)}
+
+
+def _report(folder: Path, display: Display, config: MakeConfig, exemplar: Exemplar,
+            figures: dict[str, Any], capture: Capture, field: VoxelField, styled: VoxelField,
+            ) -> tuple[Report, float]:
+    """The report, and the share of the head that photos show well; writes ``hero.png``."""
     cameras = sweep_cameras(90.0, 1, 480, styled)
     strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)
     covered, share = _coverage_section(field, capture)
     hero = np.concatenate(strip[1:4], axis=1)
     write_image(folder / "hero.png", hero)
     coded = read_coded(folder / "lightfield.png", display)
-    report = Report(
+    return Report(
         title="A stylised portrait for a light-field display",
         subtitle=f"Exemplar {exemplar.name}, display {display.name}",
         hero=Picture(hero, "The stylised head from the left, the middle and the right"),
@@ -117,11 +141,7 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
             _lightfield(coded, display),
             _figures(figures),
             Section("Parameters", "", tables=[Table(_parameters(config),
-                                                    ("parameter", "value"))])])
-    say("report")
-    write_report(folder / "report.html", report)
-    return {"frames": frames, "size": config.sweep_size, "page": written,
-            "head_covered": round(share, 3)}
+                                                    ("parameter", "value"))])]), share
 
 
 def _strip(field: VoxelField, cameras: Camera, angles: tuple[int, ...], background: float,
@@ -133,8 +153,8 @@ def _strip(field: VoxelField, cameras: Camera, angles: tuple[int, ...], backgrou
     views = Camera.arc(np.array(angles, float), distance=float(
         np.linalg.norm(first.position[0] - target)), width=int(first.width[0]),
         height=int(first.height[0]), focal=float(first.focal[0, 0]), target=tuple(target))
-    return [np.clip(field.render(views, view, background=background).color, 0, 1)
-            for view in range(len(views))]
+    return [np.clip(seen.color, 0, 1) for seen in render_views(field, views,
+                                                               background=background)]
 
 
 def _key_figures(figures: dict[str, Any], display: Display) -> list[tuple[str, str]]:
@@ -207,7 +227,7 @@ def _field_section(field: VoxelField, capture: Capture) -> Section:
 def _coverage_section(field: VoxelField, capture: Capture) -> tuple[Section, float]:
     """Where the head is seen from how many directions, and the share that is seen well."""
     coverage = Coverage(field, capture)
-    views = _turned(field)
+    views = _turned(field, 360)
     pictures = []
     for view, angle in enumerate(_ANGLES):
         found = coverage.directions(views, view)
@@ -223,11 +243,11 @@ def _coverage_section(field: VoxelField, capture: Capture) -> tuple[Section, flo
                    pictures), share
 
 
-def _turned(field: VoxelField) -> Camera:
+def _turned(field: VoxelField, size: int = 448) -> Camera:
     """Views of a head from the left, the front and the right."""
-    first = sweep_cameras(90.0, 1, 448, field)[0]
+    first = sweep_cameras(90.0, 1, size, field)[0]
     return Camera.arc(np.array(_ANGLES, float), distance=float(np.linalg.norm(first.position[0])),
-                      width=448, height=448, focal=float(first.focal[0, 0]))
+                      width=size, height=size, focal=float(first.focal[0, 0]))
 
 
 def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exemplar: Exemplar,
@@ -246,15 +266,24 @@ def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exem
     for angle in _ANGLES:
         chart = int(np.argmin(np.where(level, np.abs(yaw - angle), np.inf)))
         x0, y0, x1, y1, dx, dy = (int(value) for value in atlas.boxes[chart])
-        part = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
+        # Of a chart that is larger than it is shown, every so many pixels.
+        step = -(-(x1 - x0) // _COLUMN)
+        part = slice(y0 + dy, y1 + dy, step), slice(x0 + dx, x1 + dx, step)
         there = np.isfinite(atlas.depth[part])[..., None]
-        painted = np.clip(styled.render(atlas.cameras, chart, background=1.0).color, 0, 1)
+        height, width = there.shape[:2]
+        whole = atlas.cameras[chart]
+        camera = Camera(whole.pose, whole.focal / step,
+                        0.5 - (np.array([x0, y0]) + 0.5 - whole.center) / step,
+                        np.array([width]), np.array([height]))
+        painted = np.clip(next(render_views(styled, camera, background=1.0)).color, 0, 1)
         slots = skin.slots[part]
+        photo = cv2.resize(atlas.color[y0 + dy:y1 + dy, x0 + dx:x1 + dx], (width, height),
+                           interpolation=cv2.INTER_AREA)
         for picture, words in (
-                (atlas.color[part], f"from {round(float(yaw[chart]))} degrees, photographed"),
-                (np.where((slots >= 0)[..., None], shown[slots], atlas.color[part].mean(
+                (photo, f"from {round(float(yaw[chart]))} degrees, photographed"),
+                (np.where((slots >= 0)[..., None], shown[slots], photo.mean(
                     axis=-1, keepdims=True)), "its regions"),
-                (painted[y0:y1, x0:x1], "painted")):
+                (painted, "painted")):
             pictures.append(Picture(np.where(there, picture, 1.0).astype(np.float32), words))
     return Section("Painted on the surface", "The head's surface is laid out in charts and painted "
                    "once for all views: the face by guides, look-up table and StyleBlit, the rest "
@@ -301,7 +330,7 @@ def _lightfield(coded: NDArray[np.uint8], display: Display) -> Section:
                 Picture(views / max(1, display.views - 1), "mask guide: view of each sub-pixel",
                         exact=True, width=0)]
     for index, name in ((0, "left"), (display.views // 2, "middle"), (display.views - 1, "right")):
-        seen = simulate(coded, display, (float(eyes[index]),))
+        seen = simulate(coded, display, (float(eyes[index]),), block=max(1, width // _SHOWN))
         pictures.append(Picture(seen, f"what the {name}most eye sees" if name != "middle"
                                 else "what an eye in the middle sees"))
     return Section("Light field", f"{display.width} x {display.height} pixels, {display.views} "

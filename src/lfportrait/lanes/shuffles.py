@@ -1,8 +1,7 @@
-"""More operations on lanes: half precision, extremes, columns, and short rows read at random."""
+"""More operations on lanes: half precision, extremes, and short rows read at random."""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -18,8 +17,7 @@ from .processor import features, narrowed, widened
 from .types import WIDTH, F, I
 from .vectors import gather_pair
 
-__all__ = ["largest", "make_look_up", "make_restrict", "make_store_columns", "smallest",
-           "store_half"]
+__all__ = ["largest", "make_look_up", "smallest", "store_half"]
 
 _VF = ir.VectorType(ir.FloatType(), WIDTH)
 _VI = ir.VectorType(ir.IntType(32), WIDTH)
@@ -114,56 +112,6 @@ def make_look_up(permutes: bool | None = None) -> Callable[..., Any]:
     return look_up
 
 
-def make_store_columns(count: int) -> Callable[..., Any]:
-    """Sixteen vectors of 16 float16 values as columns of a table.
-
-    Parameters
-    ----------
-    count
-        Number of rows that are kept of the 16.
-
-    Returns
-    -------
-    store_columns
-        ``store_columns(target, start, pitch, source)``: target[start + pitch * row + column] =
-        source[16 * column + row] for each column and row < ``count``; both are C-contiguous uint16.
-    """
-    @identified("store columns", count)
-    @intrinsic
-    def store_columns(typing, target, start, pitch, source):  # type: ignore[no-untyped-def]
-        for array in (target, source):
-            if not isinstance(array, types.Array) or array.dtype != types.uint16:
-                return None
-
-        def code(context, builder, sig, args):  # type: ignore[no-untyped-def]
-            vector = ir.VectorType(ir.IntType(16), WIDTH)
-            columns = []
-            for column in range(WIDTH):
-                address = _address(context, builder, sig.args[3], args[3],
-                                   ir.Constant(ir.IntType(64), WIDTH * column), types.uintp, vector)
-                columns.append(builder.load(address, align=2))
-            # Four rounds: interleaving the first half with the second turns rows to columns.
-            half = WIDTH // 2
-            for _ in range(4):
-                mixed = []
-                for i in range(half):
-                    for first in (0, half):
-                        order = [first + j // 2 + WIDTH * (j % 2) for j in range(WIDTH)]
-                        mixed.append(builder.shuffle_vector(
-                            columns[i], columns[i + half], ir.Constant(_VI, order)))
-                columns = mixed
-            start = context.cast(builder, args[1], sig.args[1], types.uintp)
-            pitch = context.cast(builder, args[2], sig.args[2], types.uintp)
-            for row in range(count):
-                place = builder.add(start, builder.mul(pitch, ir.Constant(pitch.type, row)))
-                address = _address(context, builder, sig.args[0], args[0], place, types.uintp,
-                                   vector)
-                builder.store(columns[row], address, align=2)
-            return context.get_dummy_value()
-        return types.none(target, start, pitch, source), code
-    return store_columns
-
-
 def _extreme(less: str) -> Callable[..., Any]:
     @intrinsic
     def function(typing, value):  # type: ignore[no-untyped-def]
@@ -186,45 +134,3 @@ smallest = identified("lanes", "smallest")(_extreme("<"))
 """The least of float lanes, none of them NaN, as a number."""
 largest = identified("lanes", "largest")(_extreme(">"))
 """The greatest of float lanes, none of them NaN, as a number."""
-
-
-@functools.cache
-def make_restrict(count: int) -> Callable[..., Any]:
-    """Coefficients of each channel through a matrix, all channels at once.
-
-    Parameters
-    ----------
-    count
-        Coefficients a channel in a row: the row is [3, count], zero-padded to 16 or 32 values.
-
-    Returns
-    -------
-    restrict
-        ``restrict(first, rest, matrix)``: lanes of a row's first and next 16 values (the same
-        lanes twice for rows of 16); ``matrix`` float32 [count * 16], for each of the row's
-        coefficients its weight in the results [3, 4], lane
-        ``4 * channel + term``; the last four lanes do not count.
-    """
-    @identified("restrict", count)
-    @intrinsic
-    def restrict(typing, first, rest, matrix):  # type: ignore[no-untyped-def]
-        if first is not F or rest is not F or not isinstance(matrix, types.Array):
-            return None
-
-        def code(context, builder, sig, args):  # type: ignore[no-untyped-def]
-            fma = cgutils.get_or_insert_function(
-                builder.module, ir.FunctionType(_VF, [_VF] * 3), "llvm.fma.v16f32")
-            result = ir.Constant(_VF, [0.0] * WIDTH)
-            for part in range(count):
-                # Lane 4 * channel + term takes the row's value count * channel + part.
-                chosen = [min(lane // 4, 2) * count + part for lane in range(WIDTH)]
-                order = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), chosen)
-                values = builder.shuffle_vector(args[0], args[1], order)
-                place = ir.Constant(ir.IntType(64), WIDTH * part)
-                address = _address(context, builder, sig.args[2], args[2], place, types.uintp,
-                                   _VF)
-                weights = builder.load(address, align=4)
-                result = builder.call(fma, [values, weights, result])
-            return result
-        return F(first, rest, matrix), code
-    return restrict

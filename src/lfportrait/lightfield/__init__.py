@@ -36,11 +36,12 @@ if TYPE_CHECKING:
     from .placement import EncodeConfig, Placement
     from .quilt import quilt_of
     from .simulation import simulate
+    from .views import eight_bit, render_views
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
            "ViewMask", "assemble_quilt", "customary_views", "deinterlace", "depth_budget",
-           "each_view", "encode", "encode_rows", "encode_with_figures", "interlace", "lossless",
-           "pattern", "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view",
-           "simulate", "view_camera", "write_coded"]
+           "each_view", "eight_bit", "encode", "encode_rows", "encode_with_figures", "interlace",
+           "lossless", "pattern", "quilt_of", "quilt_tiles", "read_coded", "read_views",
+           "render_view", "render_views", "simulate", "view_camera", "write_coded"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -123,10 +123,10 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     views.flags.writeable = False
     texture = field.texture_rows(_footprint(display, placement), whole=True)
     if _method(field, display, config) == "slices":
-        stride = 2 if config.draft else 1
+        stride, stretches = 2 if config.draft else 1, field.stretches
         for own, out in zip(eyes, pictures, strict=True):
-            slice_kernel(bricks.width, bricks.basis)(
-                bricks.table, bricks.links, bricks.density, bricks.rows, bricks.blocks,
+            slice_kernel(field.basis)(
+                stretches.places, stretches.occupied, stretches.values, bricks.table,
                 *texture, field.lattice, matrix, axes, views, fixed, own, panel, stride,
                 _FAINTEST * field.lattice[5] / stride, _STOP,
                 np.float32(config.background), numba.get_num_threads(), out)

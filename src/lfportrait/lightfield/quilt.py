@@ -1,15 +1,21 @@
-"""Quilts rendered from a field: all views as tiles of one picture."""
+"""Quilts rendered from a field: all views as tiles of one picture.
+
+The views' eyes lie on one level line, and their pictures in one plane: rows of the same height are
+seen through one slice of the field (`views`).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..capture import Camera
 from ..field import VoxelField
 from .coding import view_camera
 from .display import Display
 from .interlacing import QuiltLayout
 from .placement import EncodeConfig
+from .views import eight_bit, render_views
 
 __all__ = ["quilt_of"]
 
@@ -38,11 +44,11 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     width, height = full_width // layout.columns, full_height // layout.rows
     quilt = np.zeros((full_height, full_width, 3), np.uint8)
     count = layout.columns * layout.rows
-    for view in range(count):
-        eye = display.eye_reach * (2.0 * (view + 0.5) / count - 1.0)
-        camera = view_camera(display, config, eye, width=width, height=height)
-        picture = np.clip(field.render(camera, 0, background=config.background).color, 0, 1)
+    eyes = display.eye_reach * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
+    cameras = Camera.concatenate([view_camera(display, config, float(eye), width=width,
+                                              height=height) for eye in eyes])
+    for view, seen in enumerate(render_views(field, cameras, background=config.background)):
         row, column = divmod(view, layout.columns)
         top = full_height - (row + 1) * height
-        quilt[top:top + height, column * width:(column + 1) * width] = picture * 255 + 0.5
+        quilt[top:top + height, column * width:(column + 1) * width] = eight_bit(seen.color)
     return quilt, f"quilt{layout.suffix()}.png"

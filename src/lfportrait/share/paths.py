@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..capture import Camera
 from ..errors import UserError
 from ..field import VoxelField
+from ..lightfield import eight_bit, render_views
 
 __all__ = ["DISTANCE", "head_extent", "orbit_cameras", "path_cameras", "sweep_cameras",
            "sweep_degrees", "sweep_frames"]
@@ -124,10 +125,13 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
     """
     cameras = sweep_cameras(cone, frames, size, field)
     # There and back pass the same places: each is rendered once.
-    rendered: dict[float, NDArray[np.uint8]] = {}
-    for view, yaw in enumerate(np.round(sweep_degrees(frames, cone), 9)):
-        key = float(yaw)
-        if key not in rendered:
-            color = field.render(cameras, view, background=background, device=device).color
-            rendered[key] = (np.clip(color, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-        yield rendered[key]
+    yaw, first, places = np.unique(np.round(sweep_degrees(frames, cone), 9), return_index=True,
+                                   return_inverse=True)
+    last = np.array([np.flatnonzero(places == place)[-1] for place in range(len(yaw))])
+    fresh = render_views(field, cameras, np.sort(first).tolist(), background=background,
+                         device=device)
+    kept: dict[int, NDArray[np.uint8]] = {}
+    for frame, place in enumerate(places.ravel().tolist()):
+        if frame == first[place]:
+            kept[place] = eight_bit(next(fresh).color)
+        yield kept[place] if frame < last[place] else kept.pop(place)

@@ -43,8 +43,8 @@ class Photos:
             float(np.clip(capture.cameras.pixel / self.voxel, 0.1, 1.0)))
         self._depths = []
         for view in range(len(views)):
-            shot = field.render(self.cameras, view)
-            self._depths.append(np.where(shot.alpha > 0.5, shot.depth, np.inf))
+            alpha, depth = field.depth(self.cameras, view)
+            self._depths.append(np.where(alpha > 0.5, depth, np.inf))
         # Next to an outline the surface goes back steeply, and then there is none.
         self._first = [ndimage.minimum_filter(depth, 3) for depth in self._depths]
         self._last = [ndimage.maximum_filter(depth, 3) for depth in self._depths]
@@ -68,12 +68,13 @@ class Photos:
         for view, shown, place, depth in self._shown(points):
             sees = ((depth > self._first[view][place] - 2.5 * self.voxel)
                     & (depth < self._matter[view][place] + 2.5 * self.voxel))
-            if outwards is not None:
-                away = self.cameras.position[view] - points[shown]
-                away /= np.linalg.norm(away, axis=1, keepdims=True)
-                sees &= (away * outwards[shown]).sum(axis=1) > least
             found = np.zeros(len(points), bool)
             found[shown] = sees
+            if outwards is not None:
+                near = np.flatnonzero(found)
+                away = self.cameras.position[view] - points[near]
+                away /= np.linalg.norm(away, axis=1, keepdims=True)
+                found[near] = (away * outwards[near]).sum(axis=1) > least
             yield found
 
     def past(self, points: Float64, nearly: bool = True) -> Bools:

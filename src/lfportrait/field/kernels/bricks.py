@@ -85,22 +85,6 @@ class Bricks:
             view[part, :columns] = np.clip(values[part], -60000, 60000)
         return rows.view(np.uint16)
 
-    @functools.cached_property
-    def blocks(self) -> NDArray[np.uint64]:
-        """Where sixteen columns on end have a brick: uint64 [BZ, BY], bit b for columns from 16 b.
-
-        Columns from 1008 on share bit 63.
-        """
-        deep, high, wide = self.table.shape
-        count = -(-self.shape[2] // 16)
-        occupied = np.zeros((deep, high, 4 * count), np.bool_)
-        occupied[..., :wide] = self.table >= 0
-        # A column beyond the last brick belongs to that brick.
-        occupied[..., wide:] = occupied[..., wide - 1:wide]
-        bits = np.uint64(1) << np.minimum(np.arange(count), 63).astype(np.uint64)
-        found = occupied.reshape(deep, high, count, 4).any(-1)
-        return np.bitwise_or.reduce(np.where(found, bits, np.uint64(0)), axis=-1)
-
     @property
     def nbytes(self) -> int:
         """Memory taken, in bytes."""

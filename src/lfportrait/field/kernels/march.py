@@ -179,8 +179,9 @@ def make_locate(lanes: SimpleNamespace) -> Callable[..., Any]:
     return locate
 
 
-def make_march(lanes: SimpleNamespace, shade: Callable[..., Any]) -> Callable[..., Any]:
-    """The marching loop over one packet.
+def make_march(lanes: SimpleNamespace, shade: Callable[..., Any], shaded: bool = True,
+               ) -> Callable[..., Any]:
+    """The marching loop over one packet; unless ``shaded``, for opacity and depth alone.
 
     Returns
     -------
@@ -197,7 +198,7 @@ def make_march(lanes: SimpleNamespace, shade: Callable[..., Any]) -> Callable[..
     locate = make_locate(lanes)
     one, zero, half = np.float32(1.0), np.float32(0.0), np.float32(0.5)
 
-    @identified("march", lanes.width, identity(shade))
+    @identified("march", lanes.width, identity(shade), shaded)
     @lanes.jit
     def march(table, links, density, rows, nx, ny, nz, ox, oy, oz, dx, dy, dz, start, end, step,
               delta, threshold, stop, basis, channel):
@@ -233,7 +234,7 @@ def make_march(lanes: SimpleNamespace, shade: Callable[..., Any]) -> Callable[..
                     fade = where(shown, exp(-(sigma * delta)), one)
                     weight = through * (one - fade)
                     r, g, b = floats(zero), floats(zero), floats(zero)
-                    while word != 0:
+                    while shaded and word != 0:
                         lane = lowest(word)
                         word &= word - np.uint32(1)
                         x, y, z = lane_of(fx, lane), lane_of(fy, lane), lane_of(fz, lane)

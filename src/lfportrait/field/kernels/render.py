@@ -20,7 +20,7 @@ __all__ = ["render_kernel", "render_kernel_one_lane"]
 
 @functools.cache
 def render_kernel(width: int) -> Callable[..., Any]:
-    """The kernel for color rows of 16 or 32.
+    """The kernel for color rows of 16 or 32; of 0: it leaves colors alone, and needs no rows.
 
     Returns
     -------
@@ -31,7 +31,7 @@ def render_kernel(width: int) -> Callable[..., Any]:
         principal point x, y), ``size`` (width, height); it fills ``color`` float32 [H W 3] without
         background, ``alpha`` [H W] and ``depth`` [H W] (along the optical axis).
     """
-    march = make_march(LANES, make_rgb_shade(width))
+    march = make_march(LANES, make_rgb_shade(width), width > 0)
     fill_basis = make_basis(width)
     load, store, floats = LANES.load, LANES.store, LANES.floats
 
@@ -55,8 +55,9 @@ def render_kernel(width: int) -> Callable[..., Any]:
                     wx = (camera[0] * cx + camera[1] * cy + camera[2]) * scale
                     wy = (camera[4] * cx + camera[5] * cy + camera[6]) * scale
                     wz = (camera[8] * cx + camera[9] * cy + camera[10]) * scale
-                    fill_basis(np.float32(wx), np.float32(wy), np.float32(wz), count, basis,
-                               64 * i, scratch)
+                    if width > 0:
+                        fill_basis(np.float32(wx), np.float32(wy), np.float32(wz), count, basis,
+                                   64 * i, scratch)
                     gx, gy, gz = wx * lattice[3], wy * lattice[4], wz * lattice[5]
                     norm = np.sqrt(gx * gx + gy * gy + gz * gz)
                     ox = np.float32(camera[3] * lattice[3] + lattice[6])
@@ -85,9 +86,10 @@ def render_kernel(width: int) -> Callable[..., Any]:
                     x, y = 4 * column + (i & 3), 4 * line + (i >> 2)
                     if x < size[0] and y < size[1]:
                         pixel = y * size[0] + x
-                        color[3 * pixel] = ray[0, i]
-                        color[3 * pixel + 1] = ray[1, i]
-                        color[3 * pixel + 2] = ray[2, i]
+                        if width > 0:
+                            color[3 * pixel] = ray[0, i]
+                            color[3 * pixel + 1] = ray[1, i]
+                            color[3 * pixel + 2] = ray[2, i]
                         alpha[pixel] = np.float32(1.0) - ray[3, i]
                         depth[pixel] = ray[4, i]
 

@@ -201,51 +201,77 @@ def _gather_rows(since, until, image, steps, places, order, lens, count, first, 
                         weight[view - first, row, column, channel] += share
 
 
+@lean
+def _aim(image, light, y, place, channel, wanted, steps, lens, crosstalk, sigma, reach, weight,
+         value):
+    """How nearly a row's sub-pixels are aimed at the eye, and that times their light."""
+    aperture = lens[3] / lens[0]
+    for x in range(image.shape[1]):
+        # A sub-pixel shows its nearest view, seen as if from the middle of that view.
+        view = min(np.floor(_view(y, x, place, steps, lens)), lens[3] - 1) + 0.5
+        away = abs(view - wanted[3 * x + place])
+        if crosstalk <= 0:
+            sharp = max(0.0, 1.0 - away / (1.5 * aperture))
+            # Next to nothing, so that a place without any near sub-pixel is not black.
+            far = 1.0 + (away / aperture) ** 2
+            share = sharp * sharp + 1e-6 / (far * far)
+        else:
+            away = min(away, lens[3] - away)
+            share = np.exp(-0.5 * (away / sigma) ** 2)
+        weight[x + reach] = share
+        value[x + reach] = share * light[image[y, x, channel]]
+
+
 @shared("out")
 @kernel
-def see_panel(since, until, light, wanted, order, steps, lens, crosstalk, out):
+def see_panel(since, until, image, light, wanted, order, steps, lens, crosstalk, block, out):
     """An eye's view: sub-pixels weighted by how nearly they are aimed at it, filled in by rows.
 
     Parameters
     ----------
+    image
+        uint8 [H, W, 3], the coded picture.
     light
-        float32 [H, W, 3], light of every sub-pixel.
+        float32 [256], light of each stored value.
     wanted
         float64 [W * 3]: the view that the eye receives at each place of a row.
     order, steps, lens
         The panel.
     crosstalk
         Sigma in views of the lobe with which other views leak in; 0 = none.
+    block
+        Side of the blocks of pixels whose mean is taken.
     out
-        float32 [H, W, 3].
+        float32 [H // block, W // block, 3].
     """
-    width, _ = light.shape[1:]
+    width = image.shape[1]
     pitch, aperture = lens[0], lens[3] / lens[0] * lens[6]
     reach = max(1, int(np.ceil(pitch / 1.5)))
     sigma = np.hypot(crosstalk, 0.5 * aperture)
-    window = np.empty(2 * reach + 1)
+    window = np.empty(2 * reach + 1, np.float32)
     for i in range(2 * reach + 1):
         window[i] = np.exp(-0.5 * ((i - reach) / (pitch / 6.0)) ** 2)
-    for y in range(since, until):
-        weight, value = np.empty(width), np.empty(width)
-        for place in range(3):
-            channel = order[place]
-            for x in range(width):
-                # A sub-pixel shows its nearest view, seen as if from the middle of that view.
-                view = min(np.floor(_view(y, x, place, steps, lens)), lens[3] - 1) + 0.5
-                away = abs(view - wanted[3 * x + place])
-                if crosstalk <= 0:
-                    sharp = max(0.0, 1.0 - away / (1.5 * aperture))
-                    # Next to nothing, so that a place without any near sub-pixel is not black.
-                    weight[x] = sharp * sharp + 1e-6 * np.exp(-0.5 * (away / aperture) ** 2)
-                else:
-                    away = min(away, lens[3] - away)
-                    weight[x] = np.exp(-0.5 * (away / sigma) ** 2)
-                value[x] = weight[x] * light[y, x, channel]
-            for x in range(width):
-                top, mass = 0.0, 1e-30
-                for i in range(max(0, x - reach), min(width, x + reach + 1)):
-                    share = window[i - x + reach]
-                    top += share * value[i]
-                    mass += share * weight[i]
-                out[y, x, channel] = top / mass
+    share = np.float32(1.0 / (block * block))
+    # Beyond the ends of a row there is nothing.
+    weight = np.zeros(width + 2 * reach, np.float32)
+    value = np.zeros(width + 2 * reach, np.float32)
+    top, mass = np.empty(width, np.float32), np.empty(width, np.float32)
+    for line in range(since, until):
+        out[line] = np.float32(0.0)
+        for y in range(line * block, line * block + block):
+            for place in range(3):
+                channel = order[place]
+                _aim(image, light, y, place, channel, wanted, steps, lens, crosstalk, sigma, reach,
+                     weight, value)
+                top[:] = np.float32(0.0)
+                mass[:] = np.float32(1e-30)
+                for i in range(2 * reach + 1):
+                    near = window[i]
+                    for x in range(width):
+                        top[x] += near * value[x + i]
+                        mass[x] += near * weight[x + i]
+                for column in range(out.shape[1]):
+                    total = np.float32(0.0)
+                    for x in range(column * block, column * block + block):
+                        total += top[x] / mass[x]
+                    out[line, column, channel] += share * total

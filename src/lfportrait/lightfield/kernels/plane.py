@@ -22,7 +22,8 @@ def plane_matrix(across, along, count, least, matrix, scratch):
     """Spherical harmonics in the plane of two unit vectors, as coefficients of its angle.
 
     A direction is ``cos(phi) along + sin(phi) across``, with cosines of ``least`` to 1.
-    ``matrix`` float32 [count * 16] is filled as `make_restrict` wants it; ``scratch`` float32
+    ``matrix`` float32 [count * 16] is filled: for each coefficient its weights in the four terms of
+    a channel, in lanes ``4 * channel + term``, the same for all three channels. ``scratch`` float32
     [5 * 16].
     """
     # The straight line nearest to cos(2 phi) = 2 cos(phi)^2 - 1 over the cosines that occur.

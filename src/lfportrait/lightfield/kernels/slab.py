@@ -14,7 +14,8 @@ import numpy as np
 
 from ...lanes.cache_keys import identified
 from ...lanes.decorators import lean
-from ...lanes.shuffles import make_restrict, make_store_columns, store_half
+from ...lanes.interleaved import prefetch
+from ...lanes.shuffles import store_half
 from ...lanes.vectors import LANES
 
 __all__ = ["AHEAD", "LINES", "make_build", "pitch_of"]
@@ -32,37 +33,37 @@ def pitch_of(nx):
     return nx + 66 + AHEAD
 
 
-def make_build(width: int, count: int) -> Callable[..., Any]:
+def make_build(count: int) -> Callable[..., Any]:
     """The function that fills a slice.
 
     Parameters
     ----------
-    width, count
-        Width of the field's color rows, and coefficients a channel in them.
+    count
+        Coefficients a channel of the field's colors.
 
     Returns
     -------
     build
-        ``build(table, links, density, rows, blocks, shape, plane, empty, matrix, threshold, shift,
-        stride, slab, low, high, marks, columns)``: the field's bricks, the lattice points along
-        x, y, z and the plane, lattice row plane[0] + plane[1] i + plane[2] k at column i of plane
-        k; ``matrix`` as `plane_matrix` makes it. It fills every ``stride``-th plane of ``slab``
-        uint16 [nz * LINES * pitch], the first and last filled column ``low`` and ``high`` int64
-        [nz], and ``marks`` uint64 [nz]: bit b where densities over ``threshold`` reach into columns
-        b << shift to (b + 1) << shift. ``columns`` uint16 [256] is scratch.
+        ``build(places, occupied, values, shape, plane, matrix, threshold, shift, stride, slab, low,
+        high, marks)``: the field's `Stretches`, the lattice points along x, y, z and the plane,
+        lattice row plane[0] + plane[1] i + plane[2] k at column i of plane k; ``matrix`` as
+        `plane_matrix` makes it. It fills every ``stride``-th plane of ``slab`` uint16
+        [nz * LINES * pitch], the first and last filled column ``low`` and ``high`` int64 [nz], and
+        ``marks`` uint64 [nz]: bit b where densities over ``threshold`` reach into columns
+        b << shift to (b + 1) << shift.
     """
     floats, ints, iota, where = LANES.floats, LANES.ints, LANES.iota, LANES.where
-    gather, gather_pair, bits, lowest = LANES.gather, LANES.gather_pair, LANES.bits, LANES.lowest
-    load_half, lane_of = LANES.load_half, LANES.lane
+    bits, lowest, lane_of, load_half = LANES.bits, LANES.lowest, LANES.lane, LANES.load_half
     minimum, maximum = LANES.minimum, LANES.maximum
-    restrict, store_columns = make_restrict(count), make_store_columns(LINES - 1)
-    two = width == 32
+    lines = 1 + 3 * count
+    # A channel's terms that a direction needs: with one coefficient the first, with four no sin 2.
+    terms = {1: 1, 4: 3}.get(count, 4)
     one, zero = np.float32(1.0), np.float32(0.0)
 
-    @identified("slab build", width, count)
+    @identified("slab build", count)
     @lean
-    def build(table, links, density, rows, blocks, shape, plane, empty, matrix, threshold, shift,
-              stride, slab, low, high, marks, columns):
+    def build(places, occupied, values, shape, plane, matrix, threshold, shift, stride, slab, low,
+              high, marks):
         nx, ny, nz = shape[0], shape[1], shape[2]
         pitch = pitch_of(nx)
         for k in range(nz - 1, -1, -stride):
@@ -71,73 +72,75 @@ def make_build(width: int, count: int) -> Callable[..., Any]:
             for i in range(low[k], high[k] + 1):
                 slab[base + i] = 0
             low[k], high[k], marks[k] = nx, -1, np.uint64(0)
-            bz = min(k >> 2, table.shape[0] - 1)
             start_y, step_y = plane[0] + plane[2] * k, plane[1]
             j0 = int(np.floor(min(start_y, start_y + step_y * nx)))
             j1 = int(np.floor(max(start_y, start_y + step_y * nx)))
             if j1 < 0 or j0 > ny - 2:
                 continue
             somewhere = np.uint64(0)
-            for by in range(max(j0, 0) >> 2, (min(j1, ny - 2) >> 2) + 1):
-                somewhere |= blocks[bz, by]
-            inner_z = np.int32((k - 4 * bz) * 25)
-            for x in range(0, nx, 16):
-                if (somewhere >> np.uint64(min(x >> 4, 63))) & np.uint64(1) == 0:
+            for j in range(max(j0, 0), min(j1 + 2, ny)):
+                somewhere |= occupied[j, k]
+            for block in range(places.shape[2]):
+                if (somewhere >> np.uint64(min(block, 63))) & np.uint64(1) == 0:
                     continue
-                i = iota() + np.int32(x)
-                y = floats(i) * np.float32(step_y) + np.float32(start_y)
-                fits = ((i < np.int32(nx)) & (y >= zero)
-                        & (y <= np.float32(ny - 1)))
-                i = minimum(i, np.int32(nx - 1))
+                x = 16 * block
+                y = floats(iota() + np.int32(x)) * np.float32(step_y) + np.float32(start_y)
+                fits = (y >= zero) & (y <= np.float32(ny - 1))
                 y = maximum(minimum(y, np.float32(ny - 1)), zero)
-                j = minimum(ints(y), np.int32(ny - 2))
-                part = y - floats(j)
-                bx = minimum(i >> np.int32(2), np.int32(table.shape[2] - 1))
-                by = j >> np.int32(2)
-                brick = gather(table, (by + np.int32(bz * table.shape[1]))
-                               * np.int32(table.shape[2]) + bx)
-                fits = fits & (brick >= np.int32(0))
-                if bits(fits) == 0:
-                    continue
-                slot = (maximum(brick, np.int32(0)) * np.int32(128) + inner_z
-                        + (j - (by << np.int32(2))) * np.int32(5) + (i - (bx << np.int32(2))))
-                row0, row1 = gather(links, slot), gather(links, slot + np.int32(5))
-                found = fits & ((row0 != np.int32(empty)) | (row1 != np.int32(empty)))
-                word = bits(found)
-                if word == 0:
-                    continue
-                d0, _ = gather_pair(density, slot)
-                d1, _ = gather_pair(density, slot + np.int32(5))
-                sigma = d0 + part * (d1 - d0)
-                store_half(slab, np.uintp(base + x), where(found, sigma, zero))
-                # A stretch begins and ends with an empty point.
-                if word & np.uint32(1) and high[k] < x - 1:
-                    for line in range(1, LINES):
-                        slab[base + line * pitch + x - 1] = 0
-                if word >> np.uint32(15):
-                    for line in range(1, LINES):
-                        slab[base + line * pitch + x + 16] = 0
-                low[k], high[k] = min(low[k], x), x + 15
-                dense = bits(found & (sigma > threshold))
+                row = minimum(ints(y), np.int32(ny - 2))
+                part = y - floats(row)
+                first, last = lane_of(row, 0), lane_of(row, 15)
+                since, until = min(first, last), max(first, last) + 1
+                # The slices after this one lie lower: ask for what they will need first.
+                below = np.uintp(places[max(since - 1, 0), k, block]) * np.uintp(lines * 16)
+                for ahead in range(0, lines * 16, 32):
+                    prefetch(values, below + np.uintp(ahead))
+                sigma = floats(zero)
+                for j in range(since, until):
+                    here = fits & (row == np.int32(j))
+                    place0 = np.uintp(places[j, k, block]) * np.uintp(lines * 16)
+                    place1 = np.uintp(places[j + 1, k, block]) * np.uintp(lines * 16)
+                    sigma = (sigma + where(here, one - part, zero) * load_half(values, place0)
+                             + where(here, part, zero) * load_half(values, place1))
+                store_half(slab, np.uintp(base + x), sigma)
+                dense = bits(sigma > threshold)
                 while dense != 0:
                     at = x + np.int64(lowest(dense))
                     dense &= dense - np.uint32(1)
                     marks[k] |= ((np.uint64(1) << np.uint64(max(at - 1, 0) >> shift))
                                  | (np.uint64(1) << np.uint64(at >> shift)))
-                columns[:] = 0
-                while word != 0:
-                    lane = lowest(word)
-                    word &= word - np.uint32(1)
-                    share = lane_of(part, lane)
-                    place0 = np.uintp(lane_of(row0, lane)) * np.uintp(width)
-                    place1 = np.uintp(lane_of(row1, lane)) * np.uintp(width)
-                    head = ((one - share) * load_half(rows, place0)
-                            + share * load_half(rows, place1))
-                    rest = head
-                    if two:
-                        rest = ((one - share) * load_half(rows, place0 + np.uintp(16))
-                                + share * load_half(rows, place1 + np.uintp(16)))
-                    store_half(columns, np.uintp(lane) * np.uintp(16),
-                               restrict(head, rest, matrix))
-                store_columns(slab, np.uintp(base + pitch + x), np.uintp(pitch), columns)
+                # What is next to a stretch is empty, unless another one follows.
+                for channel in range(3):
+                    for term in range(terms):
+                        line = base + (1 + 4 * channel + term) * pitch
+                        if high[k] < x - 1:
+                            slab[line + x - 1] = 0
+                        slab[line + x + 16] = 0
+                low[k], high[k] = min(low[k], x), x + 15
+                for channel in range(3):
+                    level, cosine, sine, mixed = floats(zero), floats(zero), floats(zero), floats(
+                        zero)
+                    for j in range(since, until):
+                        here = fits & (row == np.int32(j))
+                        share0, share1 = where(here, one - part, zero), where(here, part, zero)
+                        place0 = np.uintp(places[j, k, block]) * np.uintp(lines * 16)
+                        place1 = np.uintp(places[j + 1, k, block]) * np.uintp(lines * 16)
+                        for coefficient in range(count):
+                            away = np.uintp(16 * (1 + channel * count + coefficient))
+                            value = (share0 * load_half(values, place0 + away)
+                                     + share1 * load_half(values, place1 + away))
+                            at = 16 * coefficient + 4 * channel
+                            level = level + matrix[at] * value
+                            if terms > 1:
+                                cosine = cosine + matrix[at + 1] * value
+                                sine = sine + matrix[at + 2] * value
+                            if terms > 3:
+                                mixed = mixed + matrix[at + 3] * value
+                    line = np.uintp(base + (1 + 4 * channel) * pitch + x)
+                    store_half(slab, line, level)
+                    if terms > 1:
+                        store_half(slab, line + np.uintp(pitch), cosine)
+                        store_half(slab, line + np.uintp(2 * pitch), sine)
+                    if terms > 3:
+                        store_half(slab, line + np.uintp(3 * pitch), mixed)
     return build

@@ -27,164 +27,42 @@ import numpy as np
 from ...field.marching import make_detail, make_texture_share
 from ...lanes.cache_keys import identified
 from ...lanes.decorators import kernel, lean
-from ...lanes.shuffles import largest, make_look_up, smallest
 from ...lanes.threads import shared
 from ...lanes.vectors import LANES
+from .cast import GROUP, make_cast
 from .encode import eye_of, side_of
 from .plane import least_cosine, plane_matrix
-from .slab import AHEAD, LINES, make_build, pitch_of
+from .slab import LINES, make_build, pitch_of
 
 __all__ = ["slice_kernel"]
 
-_GROUP = 8
-"""Planes that are skipped together where nothing of a packet's way lies in them."""
 _WINDOW = 768
 """Most neighbouring sub-pixels that are ordered by view."""
 
 
-@identified("slice bounded")
-@lean
-def bounded(x, nx):
-    """The column at or before a place, from -1 to nx."""
-    return np.int64(np.floor(min(max(x, np.float32(-1.0)), np.float32(nx))))
-
-
-@identified("slice stripes")
-@lean
-def stripes(left, right, shift):
-    """The marks of columns from ``left`` to ``right`` (see `make_build`)."""
-    most = np.uint64(max(right, 0) >> shift)
-    return ((np.uint64(2) << most) - np.uint64(1)) & ~(
-        (np.uint64(1) << np.uint64(max(left, 0) >> shift)) - np.uint64(1))
-
-
-def _make_cast(count: int, permutes: bool | None) -> Callable[..., Any]:
-    """The function that sends one packet through a slice.
-
-    It returns color, transmittance, and the plane (a fraction) on which half the light is gone.
-    """
-    floats, ints, where, exp, bits = LANES.floats, LANES.ints, LANES.where, LANES.exp, LANES.bits
-    minimum, maximum = LANES.minimum, LANES.maximum
-    look_up = make_look_up(permutes)
-    one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
-
-    @identified("slice point", permutes)
-    @lean
-    def point(slab, place, offset, part):
-        """A row's values at the rays' places."""
-        before, after = look_up(slab, np.uintp(place), offset)
-        return before + part * (after - before)
-
-    @identified("slice cast", count, permutes)
-    @lean
-    def cast(slab, marks, group_marks, nx, planes, shift, stride, start, slope, delta, cosine, sine,
-             line, threshold, stop):
-        pitch = pitch_of(nx)
-        value, through, end_plane = floats(zero), floats(one), floats(zero)
-        alive = through > zero
-        mixed = np.float32(2.0) * sine * cosine
-        low = high = low_slope = high_slope = zero
-        begin = 0
-        for group in range(len(group_marks)):
-            front = planes - 1 - group * _GROUP * stride
-            back = max(front - (_GROUP - 1) * stride, 0)
-            # Bounds of the packet's way, found once for eight groups: between two planes the
-            # outermost rays lie within the straight lines between their places there.
-            if group % 8 == 0:
-                begin, end = front, max(front - 8 * _GROUP * stride, 0)
-                at_begin = start + slope * np.float32(begin)
-                at_end = start + slope * np.float32(end)
-                low, low_end = smallest(at_begin), smallest(at_end)
-                high, high_end = largest(at_begin), largest(at_end)
-                run = np.float32(1.0) / np.float32(max(begin - end, 1))
-                low_slope, high_slope = (low_end - low) * run, (high_end - high) * run
-            ahead, behind = np.float32(begin - front), np.float32(begin - back)
-            base = bounded(min(low + low_slope * ahead, low + low_slope * behind), nx)
-            most = max(high + high_slope * ahead, high + high_slope * behind)
-            todo = alive
-            whole = min(most, np.float32(nx)) < np.float32(base + 62)
-            if group_marks[group] & stripes(base, bounded(most, nx), shift) == 0:
-                continue
-            while bits(todo) != 0:
-                active = todo
-                if not whole:
-                    # Those rays that stay within 63 columns from the leftmost one's on go together.
-                    at_front = start + slope * np.float32(front)
-                    at_back = start + slope * np.float32(back)
-                    near, far = minimum(at_front, at_back), maximum(at_front, at_back)
-                    far = minimum(far, np.float32(nx))
-                    base = bounded(smallest(where(todo, near, np.float32(nx))), nx)
-                    active = todo & (far < np.float32(base + 62))
-                    most = largest(where(active, far, -one))
-                todo = todo & ~active
-                way = stripes(base, bounded(most, nx), shift)
-                for k in range(front, back - 1, -stride):
-                    if marks[k] & way == 0:
-                        continue
-                    x = minimum(maximum(start + slope * np.float32(k), -one), np.float32(nx))
-                    x = minimum(maximum(x - np.float32(base), zero), np.float32(62.0))
-                    offset = ints(x)
-                    part = x - floats(offset)
-                    place = k * LINES * pitch + AHEAD + base
-                    sigma = point(slab, place, offset, part)
-                    shown = active & (sigma > threshold)
-                    if bits(shown) == 0:
-                        continue
-                    fade = where(shown, exp(-(sigma * delta)), one)
-                    place += line * pitch
-                    color = point(slab, place, offset, part)
-                    if count > 1:
-                        color = color + cosine * point(slab, place + pitch, offset, part)
-                        color = color + sine * point(slab, place + 2 * pitch, offset, part)
-                    if count > 4:
-                        color = color + mixed * point(slab, place + 3 * pitch, offset, part)
-                    weight = through * (one - fade)
-                    value = value + weight * maximum(color + np.float32(0.5), zero)
-                    after = through * fade
-                    crossed = shown & (through >= half) & (after < half)
-                    if bits(crossed) != 0:
-                        # A plane stands for what lies half a step before and behind it.
-                        part = (through - half) / maximum(through - after, np.float32(1e-12)) - half
-                        end_plane = where(crossed, np.float32(k) - part * np.float32(stride),
-                                          end_plane)
-                    through = after
-                    active = active & (through > stop)
-                    if bits(active) == 0:
-                        break
-            alive = through > stop
-            if bits(alive) == 0:
-                break
-        # Behind the stop lies more of the same surface: its color is taken to go on.
-        ended = through <= stop
-        return (where(ended, value / (one - through), value), where(ended, zero, through),
-                end_plane)
-
-    return cast
-
-
 @functools.cache
-def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callable[..., Any]:
-    """The kernel for color rows of 16 or 32 with ``count`` coefficients a channel.
+def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]:
+    """The kernel for colors of ``count`` coefficients a channel.
 
     ``permutes`` chooses between two ways to read a slice (see `make_look_up`).
 
     Returns
     -------
     encode
-        ``encode(table, links, density, rows, blocks, cells, charts, texels, lattice, matrix, axes,
+        ``encode(places, occupied, values, table, cells, charts, texels, lattice, matrix, axes,
         mask, fixed, eyes, panel, stride, threshold, stop, background, workers, out)``: as
-        `encode_kernel` has it, but ``blocks`` uint64 [BZ, BY] marks which columns of ``table``
-        have bricks (`Bricks`), ``matrix`` float64 [3, 4] takes the display frame to lattice
-        coordinates (only its second row may depend on y, and that on nothing else),
-        ``axes`` float64 [2, 3] the display's x and z axes in the field's world, ``stride`` is the
-        number of lattice planes to a sample and ``workers`` the number of threads.
+        `encode_kernel` has it, but the field's values come as `Stretches`, ``matrix`` float64
+        [3, 4] takes the display frame to lattice coordinates (only its second row may depend on
+        y, and that on nothing else), ``axes`` float64 [2, 3] the display's x and z axes in the
+        field's world, ``stride`` is the number of lattice planes to a sample and ``workers`` the
+        number of threads.
     """
-    build, cast = make_build(width, count), _make_cast(count, permutes)
+    build, cast = make_build(count), make_cast(count, permutes)
     load, store, floats = LANES.load, LANES.store, LANES.floats
     sqrt, bits = LANES.sqrt, LANES.bits
     look_up, texture_share = make_detail(LANES, False), make_texture_share(LANES)
 
-    @identified("slice order", width, count)
+    @identified("slice order", count)
     @lean
     def _order(mask, begin, end, fixed, eyes, y, panel, tally, place_at, eye_at, x_at):
         """Every third sub-pixel of a window in the order of their views; returns their number."""
@@ -210,14 +88,13 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
         return many
 
     @shared("workers")
-    @identified("slice encode", width, count, permutes)
+    @identified("slice encode", count, permutes)
     @kernel
-    def encode(since, until, table, links, density, rows, blocks, cells, charts, texels, lattice,
+    def encode(since, until, places, occupied, values, table, cells, charts, texels, lattice,
                matrix, axes, mask, fixed, eyes, panel, stride, threshold, stop, background,
                workers, out):
         height, across = mask.shape
         nx, ny, nz = np.int64(lattice[0]), np.int64(lattice[1]), np.int64(lattice[2])
-        empty = len(rows) // width - 1 - 32 // width
         aspect, eye_y, distance, size = panel[0], panel[1], panel[2], panel[3]
         bgr, textured = panel[8] > 0.5, len(cells) > 0
         pitch = pitch_of(nx)
@@ -241,11 +118,11 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
         shape = np.array([nx, ny, nz])
         least = least_cosine(nx, nz, (side_i, side_k, side_0), (depth_i, depth_k, depth_0), eyes,
                               aspect, distance)
-        groups = (nz + _GROUP * stride - 1) // (_GROUP * stride)
+        groups = (nz + GROUP * stride - 1) // (GROUP * stride)
         blank = np.uint8(min(max(background, np.float32(0.0)), np.float32(1.0))
                          * np.float32(255.0) + np.float32(0.5))
         for worker in range(since, until):
-            slab, columns = np.zeros(nz * LINES * pitch, np.uint16), np.empty(256, np.uint16)
+            slab = np.zeros(nz * LINES * pitch, np.uint16)
             low, high = np.full(nz, nx), np.full(nz, -1)
             marks, group_marks = np.zeros(nz, np.uint64), np.zeros(groups, np.uint64)
             basis, scratch = np.zeros(count * 16, np.float32), np.zeros(80, np.float32)
@@ -269,14 +146,14 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
                     up = 1.0 if axis == 1 else 0.0
                     along[axis] = np.float32((-rise * up - distance * axes[1, axis]) / norm)
                 plane_matrix(side, along, count, least, basis, scratch)
-                build(table, links, density, rows, blocks, shape, plane, empty, basis,
-                      np.float32(threshold), shift, stride, slab, low, high, marks, columns)
+                build(places, occupied, values, shape, plane, basis, np.float32(threshold), shift,
+                      stride, slab, low, high, marks)
                 # Where the panel shows any of it: between the outermost rays of all eyes.
                 left, right = 1e9, -1e9
                 for group in range(groups):
                     group_marks[group] = 0
-                    front = nz - 1 - group * _GROUP * stride
-                    for k in range(front, max(front - _GROUP * stride, -1), -stride):
+                    front = nz - 1 - group * GROUP * stride
+                    for k in range(front, max(front - GROUP * stride, -1), -stride):
                         if low[k] > high[k]:
                             continue
                         group_marks[group] |= marks[k]
@@ -308,7 +185,7 @@ def slice_kernel(width: int, count: int, permutes: bool | None = None) -> Callab
                             start = (np.float32(matrix[0, 0]) * px + np.float32(matrix[0, 3])
                                      - slope * at_panel)
                             delta = length * np.float32(stride / size) / deep
-                            value, through, depth_plane = cast(
+                            value, _, _, through, depth_plane = cast(
                                 slab, marks, group_marks, nx, nz, shift, stride, start, slope,
                                 delta, np.float32(norm) / length,
                                 floats(np.float32(0.0)) - sideways / length, 1 + 4 * channel,

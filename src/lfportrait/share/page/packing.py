@@ -157,7 +157,7 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
     filled = lattice.filled
     top = float(min(lattice.density.max(), _OPAQUE / lattice.voxel))
     code, zero = _density_codes(lattice.density, top, _HOLLOW / lattice.voxel)
-    streams = {"mask": zlib.compress(np.packbits(filled).tobytes(), 9)}
+    streams = {"mask": zlib.compress(np.packbits(filled).tobytes(), 6)}
     # What is empty stays empty, and what is not does not become it: the edges of the head, which
     # what is below zero moves most.
     exact = np.where(code <= zero + tolerance, 0, tolerance).astype(np.uint8)
@@ -169,7 +169,7 @@ def pack(lattice: Lattice, tolerance: int) -> Packed:
     loose = (tolerance + 0.5) * np.clip(_CLEAR / np.maximum(taken, 1e-6), 1.0, None)
     slack = np.minimum(loose, _LOOSEST).astype(np.uint8)
     if lattice.charts is not None:
-        streams["charts"] = zlib.compress(lattice.charts.tobytes(), 9)
+        streams["charts"] = zlib.compress(lattice.charts.tobytes(), 6)
     heads, shown = [], []
     for number, colors in enumerate(lattice.sets):
         bands: list[dict[str, float]] = []

@@ -10,6 +10,7 @@ from PIL import Image
 
 from ...capture import Camera
 from ...field import VoxelField
+from ...lightfield import render_views
 from ..paths import DISTANCE, head_extent
 
 __all__ = ["poster", "start_view"]
@@ -40,7 +41,7 @@ def poster(voxels: VoxelField, start: dict[str, Any]) -> bytes:
     size = max(_HEIGHT, width)
     camera = Camera.arc(np.zeros(1), distance=start["distance"], width=size, height=size,
                         focal=focal, target=tuple(start["target"]))
-    seen = voxels.render(camera, 0, background=0.0)
+    seen = next(render_views(voxels, camera, background=0.0))
     alpha = np.clip(seen.alpha, 0.0, 1.0)[..., None]
     color = np.clip(seen.color / np.maximum(alpha, 1e-6), 0.0, 1.0)
     picture = (np.concatenate([color, alpha], axis=2) * 255.0 + 0.5).astype(np.uint8)

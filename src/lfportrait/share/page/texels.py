@@ -127,7 +127,7 @@ def pack_texels(texture: PageTexture, tolerance: int) -> PackedTexels:
     kept = _blocks(some)
     rows = int(kept.sum())
     slack = np.full(rows, tolerance, np.uint8)
-    streams = {"texels": zlib.compress(np.packbits(kept).tobytes(), 9)}
+    streams = {"texels": zlib.compress(np.packbits(kept).tobytes(), 6)}
     shown: list[NDArray[np.int8] | None] = []
     for number, each in enumerate(texture.texels):
         if each is None:

@@ -9,12 +9,13 @@ starts from what the reader will see, so errors do not add up.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from ....lanes.decorators import kernel
 
 __all__ = ["code_rows"]
 
 
-@njit(cache=True)
+@kernel
 def code_rows(filled, values, tolerance, residual, decoded):
     """Code the rows of a lattice.
 
