@@ -97,7 +97,7 @@ def test_what_was_linen_is_skin_to_the_painter_and_hair_above():
     shares = known_shares(found, found.regions(), found.regions().labels())
     right, down = places(covered)
     assert shares[forehead(covered)][:, SKIN].mean() > 0.9
-    crown = (np.abs(right) < 0.5) & (down < -0.62) & (down > -0.72)
+    crown = (np.abs(right) < 0.3) & (down < -0.7) & (down > -0.74)
     assert shares[crown][:, HAIR].mean() > 0.8
 
 

@@ -285,7 +285,8 @@ def find_regions(image: NDArray[np.generic], landmarks: NDArray[np.floating],
         person = separate(_unit_colors(picture), _person_prior(frame, picture.shape, points))
     if hair_net is not None and check.hair(hair_net, person):
         hair = np.minimum(hair_net, person)
-        if check.drawn(hair_net):
+        # A photo has no hatching, but locks beside the face.
+        if check.drawn(hair_net, inner=denied > 0):
             # In drawings the network takes hatching on the face for hair.
             hair = hair * np.clip(_hair_prior(frame, person, points) * 10, 0, 1)
         return Regions(points, person, np.asarray(hair, np.float32))
@@ -342,7 +343,9 @@ class _Plausibility:
         face = (np.abs(self.right) < 0.3) & (self.down > 0.1) & (self.down < 0.8)
         return bool(crown.any() and mask[crown].mean() > 0.35 and mask[face].mean() < 0.4)
 
-    def drawn(self, hair: Float32) -> bool:
-        """Whether there is hair on the face; locks hang beside it."""
-        face = (self.prior >= 1.0) & (np.abs(self.right) < 0.3) & (self.down > -0.1)
+    def drawn(self, hair: Float32, inner: bool) -> bool:
+        """Whether there is hair on the face, or in its middle alone."""
+        face = self.prior >= 1.0
+        if inner:
+            face &= (np.abs(self.right) < 0.3) & (self.down > -0.1)
         return bool(face.any() and hair[self.every][face].mean() > 0.1)

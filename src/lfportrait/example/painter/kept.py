@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from ...cache import kept_arrays, key_of
 from ..exemplar import Exemplar
 from ..guides.regions import Regions
-from .picture_materials import HAIR, MATERIALS, SKIN, painted_shares
+from .picture_materials import FEATURES, HAIR, MATERIALS, SKIN, painted_shares
 
 __all__ = ["known_shares"]
 
 MOST = 30
 """Paintings that are kept: six megabytes for one of 768 x 1024."""
+FEW, APART = 500, 10.0
+"""Two parts of the hair, of more pixels than this, differ if their colors do by this in Lab."""
 STEPS = np.float32(255)
 """Shares are kept in so many steps: the labels that they come from have no more."""
 
@@ -49,6 +51,25 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]
     return kept.astype(np.float32) / STEPS
 
 
+def _one_cloth(image: NDArray[np.uint8], shares: NDArray[np.float32], own: NDArray[np.bool_],
+               above: NDArray[np.bool_]) -> None:
+    """Let the smaller of two parts of the hair be painted nowhere if their colors differ; in place.
+
+    ``own`` [h, w] was taken for hair, ``above`` is the hat or linen over the forehead: hair of both
+    would have patches.
+    """
+    from skimage.color import rgb2lab
+
+    if min(own.sum(), above.sum()) < FEW:
+        return
+    middles = [np.median(rgb2lab(image[part][::max(1, int(part.sum()) // FEW)][None])[0], axis=0)
+               for part in (own, above)]
+    if np.linalg.norm(middles[0] - middles[1]) > APART:
+        less = own if own.sum() < above.sum() else above
+        shares[..., FEATURES] += shares[..., HAIR] * less
+        shares[..., HAIR] *= ~less
+
+
 def _bared_shares(exemplar: Exemplar, regions: Regions, covered: Exemplar,
                   bared: NDArray[np.float32], strict: bool) -> NDArray[np.float32]:
     """Shares of a painting whose forehead was bared: skin there, hair above, else as before.
@@ -58,7 +79,9 @@ def _bared_shares(exemplar: Exemplar, regions: Regions, covered: Exemplar,
     before = covered.regions()
     shares = known_shares(covered, before, before.labels(), strict)
     if regions.hair is not None:
-        more = np.clip(regions.hair - shares[..., HAIR], 0, 1)[..., None]
+        own = shares[..., HAIR].copy()
+        more = np.clip(regions.hair - own, 0, 1)[..., None]
         shares += more * (np.eye(len(MATERIALS), dtype=np.float32)[HAIR] - shares)
+        _one_cloth(exemplar.image, shares, own > 0.5, more[..., 0] > 0.5)
     shares += bared[..., None] * (np.eye(len(MATERIALS), dtype=np.float32)[SKIN] - shares)
     return shares
