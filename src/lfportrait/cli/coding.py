@@ -39,8 +39,8 @@ class Encode(Common):
     """
     quilt: Path | None = None
     """Also write a quilt; a name such as portrait_qs8x6a0.75.png sets columns, rows and aspect."""
-    usual: ClassVar[tuple[str, ...]] = ("size", "focus", "view-cone", "background", "draft",
-                                        "frames", "fps")
+    usual: ClassVar[tuple[str, ...]] = ("compose", "size", "focus", "ground", "background",
+                                        "draft", "frames", "fps")
     config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
     """Coding."""
     sequence: Annotated[SequenceConfig, tyro.conf.arg(name="")] = option(

@@ -50,7 +50,7 @@ class MakeConfig:
     """Radiance field."""
     stylize: StylizeConfig = field(default_factory=StylizeConfig)
     """Style transfer and the optimisation of the field."""
-    encode: EncodeConfig = field(default_factory=EncodeConfig)
+    encode: EncodeConfig = field(default_factory=lambda: EncodeConfig(compose=True))
     """Light-field coding."""
     page: PageConfig = field(default_factory=PageConfig)
     """The page of the portrait, ``portrait.html``."""

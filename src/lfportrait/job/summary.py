@@ -92,7 +92,8 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
     written = write_page(styled, folder / "portrait.html", config.page)
     say("sweep")
     write_video(folder / "sweep.mp4", sweep_frames(styled, display.cone, frames, config.sweep_size,
-                                                   background=config.encode.background))
+                                                   background=config.encode.background,
+                                                   ground=config.encode))
     say("pictures of the report")
     cameras = sweep_cameras(90.0, 1, 480, styled)
     strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)

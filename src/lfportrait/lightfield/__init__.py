@@ -19,8 +19,10 @@ if TYPE_CHECKING:
         render_view,
         view_camera,
     )
+    from .composition import composed
     from .deinterlacing import deinterlace, each_view
     from .display import Display
+    from .ground import Ground, ground_of, world_ground
     from .interlacing import (
         InterlaceConfig,
         QuiltLayout,
@@ -36,10 +38,11 @@ if TYPE_CHECKING:
     from .quilt import quilt_of
     from .simulation import simulate
 
-__all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
-           "ViewMask", "assemble_quilt", "customary_views", "deinterlace", "depth_budget",
-           "each_view", "encode", "encode_with_figures", "interlace", "lossless", "pattern",
-           "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "simulate",
-           "view_camera", "write_coded"]
+__all__ = ["DepthReport", "Display", "EncodeConfig", "Ground", "InterlaceConfig", "Placement",
+           "QuiltLayout", "ViewMask", "assemble_quilt", "composed", "customary_views",
+           "deinterlace", "depth_budget", "each_view", "encode", "encode_with_figures",
+           "ground_of", "interlace", "lossless", "pattern", "quilt_of", "quilt_tiles",
+           "read_coded", "read_views", "render_view", "simulate", "view_camera", "world_ground",
+           "write_coded"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from ..field import VoxelField
 from .coding import view_camera
+from .composition import composed
 from .display import Display
+from .ground import ground_of
 from .interlacing import QuiltLayout
 from .placement import EncodeConfig
 
@@ -30,7 +32,8 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     quilt, name
         uint8 [H, W, 3], and a file name ``quilt_qsCxRaA.png``.
     """
-    config = config or EncodeConfig()
+    config = composed(field, display, config or EncodeConfig())
+    ground = ground_of(field, display, config)
     layout = QuiltLayout.of_name(name) if name else None
     if layout is None:
         layout = QuiltLayout.of_display(display)
@@ -41,7 +44,8 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     for view in range(count):
         eye = display.eye_reach * (2.0 * (view + 0.5) / count - 1.0)
         camera = view_camera(display, config, eye, width=width, height=height)
-        picture = np.clip(field.render(camera, 0, background=config.background).color, 0, 1)
+        behind = config.background if ground is None else ground.seen(camera)
+        picture = np.clip(field.render(camera, 0, background=behind).color, 0, 1)
         row, column = divmod(view, layout.columns)
         top = full_height - (row + 1) * height
         quilt[top:top + height, column * width:(column + 1) * width] = picture * 255 + 0.5

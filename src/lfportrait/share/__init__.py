@@ -2,12 +2,20 @@
 
 from .export import ExportConfig, export_field
 from .page import PageConfig, page_script, serve_page, write_page
-from .paths import orbit_cameras, path_cameras, sweep_cameras, sweep_degrees, sweep_frames
+from .paths import (
+    orbit_cameras,
+    path_cameras,
+    sweep_cameras,
+    sweep_degrees,
+    sweep_frames,
+    sweep_ground,
+)
 from .report import Picture, Report, Section, Table, write_report
 from .sequence import SequenceConfig, each_frame, write_sequence
 from .video import write_video
 
 __all__ = ["ExportConfig", "PageConfig", "Picture", "Report", "Section", "SequenceConfig", "Table",
            "each_frame", "export_field", "orbit_cameras", "page_script", "path_cameras",
-           "serve_page", "sweep_cameras", "sweep_degrees", "sweep_frames", "write_page",
+           "serve_page", "sweep_cameras", "sweep_degrees", "sweep_frames", "sweep_ground",
+           "write_page",
            "write_report", "write_sequence", "write_video"]

@@ -77,6 +77,9 @@ class StylizeConfig:
     painting (painted)."""
     background: float = 1.0
     """Grey level behind the head while stylising."""
+    ground: bool = True
+    """Paint a ground, too, from the painting's own background: panels show it behind the head
+    (`--ground` of `lfportrait encode`). Previews have none."""
     skin: SkinConfig = field(default_factory=SkinConfig)
     """Painting on the skin."""
     transfer: TransferConfig = field(default_factory=TransferConfig)
