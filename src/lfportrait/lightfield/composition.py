@@ -27,7 +27,7 @@ _EYES = 0.2
 """Half the distance of the eyes' outer corners, rounded up."""
 _TOP = 0.86
 """Place of the crown in half panel heights, where all else allows it."""
-_LOW = -1.03
+_LOW = -1.06
 """The bust ends here or below, in half panel heights: just beneath the lower edge."""
 _HIGHEST = 0.24
 """Eyes are at most so high or low, in half panel heights: well within the middle third."""

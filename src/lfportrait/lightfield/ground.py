@@ -56,7 +56,7 @@ class Ground:
     left, top
         Where the first texel's middle lies in the display frame.
     texel
-        Width of a texel in half panel heights.
+        Width and height of a texel in half panel heights.
     placement
         Of the head that it lies behind.
     """
@@ -65,7 +65,7 @@ class Ground:
     depth: float
     left: float
     top: float
-    texel: float
+    texel: tuple[float, float]
     placement: Placement
 
     def fill(self, display: Display, panel: NDArray[np.float64], views: NDArray[Any], fixed: int,
@@ -79,11 +79,11 @@ class Ground:
         for row in range(4):
             moved = panel[37 + 6 * row + 3 * (place // 3 % 2) + place % 3]
             side = display.aspect * (2.0 * (place + 0.5 + moved) / across - 1.0)
-            base[row] = (((1 + share) * side - self.left) / self.texel
+            base[row] = (((1 + share) * side - self.left) / self.texel[0]
                          + self.planes.shape[2] * channel)
         height = 1.0 - 2.0 * (np.arange(display.height) + 0.5) / display.height
-        line = (self.top - ((1 + share) * height - share * display.eye_height)) / self.texel
-        fill_ground(self.planes, line, base, share / self.texel, views, fixed, eyes, panel, out)
+        line = (self.top - ((1 + share) * height - share * display.eye_height)) / self.texel[1]
+        fill_ground(self.planes, line, base, share / self.texel[0], views, fixed, eyes, panel, out)
 
     def seen(self, cameras: Camera, view: int = 0) -> Float32:
         """What a camera in the field's world sees of it, float32 [H, W, 3] in [0, 1]."""
@@ -92,7 +92,7 @@ class Ground:
         # The deep frame: x and y of the ground are the same before and after the flattening.
         turn = placement.to_world.T @ pose[:3, :3]
         place = placement.scale * (placement.to_world.T @ pose[:3, 3]) + placement.deep_shift
-        to_texels = np.array([1.0, -1.0, 1.0]) / self.texel
+        to_texels = np.array([1.0 / self.texel[0], -1.0 / self.texel[1], 1.0])
         origin = (place - [self.left, self.top, -self.depth / placement.depth]) * to_texels
         focal, center = cameras.focal[view], cameras.center[view]
         across = turn[:, 0] / focal[0] * to_texels
@@ -190,33 +190,36 @@ def _ground(drop: Backdrop, placement: Placement, depth: float,
             reach: tuple[float, float, float, float], strength: float, apart: float) -> Ground:
     """The part of a backdrop within ``reach`` (left, right, low, high), in its shadow."""
     picture: NDArray[Any] = drop.picture
-    texel = placement.scale / drop.pixels
-    if apart > 1.25 * texel:
+    size = np.array(picture.shape[1::-1])
+    texel = np.full(2, placement.scale / drop.pixels)
+    if apart > 1.25 * texel[0]:
         # Coarser rays would see single texels.
-        size = np.maximum(np.rint(np.array(picture.shape[1::-1]) * texel / apart), 2).astype(int)
-        texel *= picture.shape[0] / size[1]
+        texel, size = texel * size, np.maximum(np.rint(size * texel / apart), 2).astype(int)
+        texel /= size
         picture = cv2.resize(picture, tuple(map(int, size)), interpolation=cv2.INTER_AREA)
     left, right, low, high = reach
     # Its middle lies behind the eyes, as they are seen from the middle.
-    middle = np.array(placement.shift[:2])
-    first = np.floor([(left - middle[0]) / texel, (middle[1] - high) / texel]).astype(int) - 1
-    last = np.ceil([(right - middle[0]) / texel, (middle[1] - low) / texel]).astype(int) + 2
+    x0 = placement.shift[0] - (size[0] - 1) / 2 * texel[0]
+    y0 = placement.shift[1] + (size[1] - 1) / 2 * texel[1]
+    first = np.floor(np.array([left - x0, y0 - high]) / texel).astype(int) - 1
+    last = np.ceil(np.array([right - x0, y0 - low]) / texel).astype(int) + 2
     columns, rows = (np.arange(begin, end) for begin, end in zip(first, last, strict=True))
-    x0, y0 = middle[0] + first[0] * texel, middle[1] - first[1] * texel
-    shade, cell = _shade(drop, placement, depth, (x0, y0, len(columns) * texel, len(rows) * texel),
-                         strength)
+    x0, y0 = x0 + first[0] * texel[0], y0 - first[1] * texel[1]
+    window = x0, y0, len(columns) * texel[0], len(rows) * texel[1]
+    shade, cell = _shade(drop, placement, depth, window, strength)
     planes = np.empty((3, len(rows), len(columns)), np.float32)
     steps = texel / cell
     shade_ground(np.ascontiguousarray(picture), _folded(rows, picture.shape[0]),
                  _folded(columns, picture.shape[1]), shade,
-                 (np.arange(len(rows)) * steps).astype(np.float32),
-                 (np.arange(len(columns)) * steps).astype(np.float32), planes)
-    return Ground(planes, depth, float(x0), float(y0), float(texel), placement)
+                 (np.arange(len(rows)) * steps[1]).astype(np.float32),
+                 (np.arange(len(columns)) * steps[0]).astype(np.float32), planes)
+    across, down = texel.tolist()
+    return Ground(planes, depth, float(x0), float(y0), (across, down), placement)
 
 
 def _folded(places: NDArray[np.int64], size: int) -> NDArray[np.int64]:
-    """Texels of a picture whose mirror images lie side by side; 0 is its middle."""
-    turned = (places + size // 2) % (2 * size)
+    """Texels of a picture of ``size`` whose mirror images lie side by side."""
+    turned = places % (2 * size)
     return np.asarray(np.minimum(turned, 2 * size - 1 - turned), np.int64)
 
 

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.ndimage import gaussian_filter
 
 from ... import models
 from ...cache import kept_arrays, key_of
@@ -27,6 +27,7 @@ from ..guides.appearance import grey
 from ..kernels.patch_levels import finer_places
 from ..kernels.patches import ACTIVE, MARGIN, vote_patches
 from ..patches import SCALE, PatchConfig, PatchSource, PatchTarget, halved, synthesise_patches
+from .ground_pieces import first_places
 from .kept import known_shares
 from .picture_materials import EARS, GROUND, SKIN
 
@@ -57,8 +58,6 @@ FACE = 0.3
 """Size of a usual face (`face_size`) in world units: all sitters get one ground."""
 BLOCK = 0.4
 """Side in world units of the pieces that the search begins from."""
-PART = 4
-"""Above and below a background goes on as this part of its height does."""
 TURN = 1.5
 """Slope of the light per share by which one side of a face is lighter than the other."""
 
@@ -111,7 +110,7 @@ def painted_ground(exemplar: Exemplar, config: GroundConfig | None = None, seed:
         return _plain(whole, (2 * shape[0], 2 * shape[1]), seed), pixels
     rng = np.random.Generator(np.random.Philox(key=[seed, 45]))
     side = max(int(BLOCK * pixels / 2), 8)
-    start, level = _places(source, shape, side, rng)
+    start, level = first_places(source.there, source.inside, source.middle, shape, side, rng)
     tones = _asked(source, shape, level, side)
     guides = source.guides(config)
     target = PatchTarget(source.asked(config, tones, level), start, start, even=source.even(shape))
@@ -300,84 +299,6 @@ def _finer(places: NDArray[np.int32], source: _Source, whole: _Source) -> Float3
     out = np.zeros((*shape, 3), np.float32)
     vote_patches(finer, np.zeros(shape, np.float32), state, strokes, 1, np.float32(1), out)
     return out
-
-
-def _places(source: _Source, shape: tuple[int, int], side: int, rng: np.random.Generator,
-            ) -> tuple[Float32, NDArray[np.int64]]:
-    """Places of the exemplar where the search begins, and each row's own height in it.
-
-    Where the exemplar has background it stays where it is. Beyond, whole pieces of it lie side by
-    side, each from about its own height; what is not background in them comes from smaller pieces.
-
-    Returns
-    -------
-    start
-        float32 [H, W, 2].
-    level
-        int64 [H], row of the exemplar that is as high.
-    """
-    rows, columns = np.nonzero(source.inside if source.inside.any() else source.there)
-    left, top = (round(float(v)) for v in source.middle - np.array(shape[::-1]) / 2)
-    level = _folded(np.arange(shape[0]) + top, int(rows.min()), int(rows.max()))
-    y, x = np.indices(shape)
-    u, v = x + left, y + top
-    order = np.argsort(rows, kind="stable")
-    for piece in (side, max(side // 3, 6), 6):
-        missing = ~_within(source.there, u, v)
-        moved = _pieces(rows[order], columns[order], level, piece, shape, rng)
-        u, v = np.where(missing, moved[0], u), np.where(missing, moved[1], v)
-    missing = ~_within(source.there, u, v)
-    _, nearest = distance_transform_edt(~source.there, return_indices=True)
-    at = np.clip(v, 0, len(nearest[0]) - 1), np.clip(u, 0, nearest.shape[2] - 1)
-    u, v = np.where(missing, nearest[1][at], u), np.where(missing, nearest[0][at], v)
-    return np.asarray(np.stack([u, v], axis=-1) + 0.5, np.float32), level
-
-
-def _folded(rows: NDArray[np.int64], first: int, last: int) -> NDArray[np.int64]:
-    """Rows of the picture that stand for rows above and below its background, int64 [H].
-
-    There the nearest part of it is gone up and down: one row again and again would be stripes.
-    """
-    part = max((last - first) // PART, 1)
-
-    def fold(beyond: NDArray[np.int64]) -> NDArray[np.int64]:
-        turned = beyond % (2 * part)
-        return np.minimum(turned, 2 * part - turned)
-
-    out = np.where(rows < first, first + fold(first - rows), rows)
-    return np.asarray(np.where(rows > last, last - fold(rows - last), out), np.int64)
-
-
-def _within(there: Bools, u: NDArray[np.int64], v: NDArray[np.int64]) -> Bools:
-    """Whether places (column u, row v) lie in the picture and in a mask."""
-    height, width = there.shape
-    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
-    inside[inside] = there[v[inside], u[inside]]
-    return inside
-
-
-def _pieces(rows: NDArray[np.int64], columns: NDArray[np.int64], level: NDArray[np.int64],
-            side: int, shape: tuple[int, int], rng: np.random.Generator,
-            ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Columns and rows [H, W] of a ground of square pieces, each from about its height.
-
-    ``rows`` and ``columns`` are the places that pieces may have their middles at, from above; every
-    second line of pieces is half a piece aside.
-    """
-    y, x = np.indices(shape)
-    line = y // side
-    count = int(line.max()) + 1, -(-shape[1] // side) + 1
-    middle = level[np.minimum(np.arange(count[0]) * side + side // 2, shape[0] - 1)]
-    # One of those that are at most half a piece, or a twentieth of them all, above or below.
-    few = len(rows) // 20
-    at = np.searchsorted(rows, middle)
-    first = np.minimum(np.searchsorted(rows, middle - side // 2), np.maximum(at - few, 0))
-    last = np.maximum(np.searchsorted(rows, middle + side // 2), np.minimum(at + few, len(rows)))
-    chosen = first[:, None] + (rng.random(count) * (last - first)[:, None]).astype(np.int64)
-    chosen = np.minimum(chosen, len(rows) - 1)
-    aside = x + line % 2 * (side // 2)
-    one = chosen[line, aside // side]
-    return (columns[one] + aside % side - side // 2, rows[one] + y % side - side // 2)
 
 
 def _guides(config: GroundConfig, tones: Float32, height: Float32) -> Float32:
