@@ -29,7 +29,7 @@ from tests.fields import head_field, shell_field
 PANEL = Display(240, 135, views=9, pitch=5.3, slant=math.radians(9), offset=2.1, cone=40,
                 distance=4, name="panel")
 CELLED = dataclasses.replace(PANEL, cells=((-0.3, 0.1, 0.0, -0.2, 0.35, 0.1),))
-PLAIN = EncodeConfig(shadow=0.0)
+PLAIN = EncodeConfig(shadow=0.0, ground_blur=0.0)
 PERIOD = 1.1
 
 
@@ -216,6 +216,25 @@ def test_the_shadow_lies_opposite_to_the_light_and_darkens_as_asked():
     assert np.allclose(lit(0.8, 0.0), 1.0, atol=1e-3)
     # Soft: no step of its edge is more than a few hundredths.
     assert np.abs(np.diff(left, axis=1)).max() < 0.08
+
+
+def test_what_a_panel_can_not_tell_apart_is_blurred():
+    """Rows of a lens see the ground aside of each other: without the blur an eye sees a comb."""
+    field = nothing()
+    random = np.random.default_rng(5)
+    dots = (random.random((400, 700, 1)) < 0.1) * np.full(3, 255)
+    field = dataclasses.replace(field, backdrop=Backdrop(
+        dots.astype(np.uint8), 90.0, np.array([0.0, 0.5, 1.0]), head_points(field)))
+
+    def comb(blur):
+        image = encode(field, PANEL, EncodeConfig(shadow=0.0, ground_blur=blur))
+        seen = simulate(image, PANEL)
+        return float(np.square(np.diff(seen, axis=0)).mean() ** 0.5)
+
+    sharp, half, none = comb(0.0), comb(0.5), comb(1.0)
+    assert half < 0.6 * sharp and none < 0.6 * half
+    with pytest.raises(UserError, match="must lie between"):
+        EncodeConfig(ground_blur=-1.0)
 
 
 def test_white_and_pictures_are_grounds_for_any_field(tmp_path):

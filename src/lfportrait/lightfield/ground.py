@@ -8,6 +8,7 @@ keeps from it is its shadow, blurred as that of a large window.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from ..capture import Camera
 from ..errors import UserError
@@ -33,12 +33,14 @@ _LIGHT = np.array([-0.5, 0.55, 1.0])
 """Where the light comes from, where no painting says so."""
 _HIGH = 3.6
 """Height of a picture that is taken for the ground, in world units: all that most panels see."""
-_CELL = 0.03
+_CELL = 0.04
 """Width of a cell of the shadow in half panel heights."""
 _CLOSED = 0.05
 """Sigma of the blur that joins the places of the head, in half panel heights."""
 _PENUMBRA = 0.22
 """Width of a shadow's soft edge over the distance of what throws it."""
+_PART = 0.8
+"""Width of a blurred ground's texels over the sigma of its blur."""
 _BACK = 0.005
 """So few of the head's places lie farther back than its back."""
 
@@ -148,7 +150,11 @@ def ground_of(field: VoxelField, display: Display, config: EncodeConfig) -> Grou
     row = 2.0 / display.height
     # A view's rays are a row apart downwards and a lens across.
     apart = row * np.sqrt(max(display.pitch / 3.0, 1.0)) * (1 + depth / display.distance)
-    return _ground(drop, placement, depth, (-wide, wide, low, high), config.shadow, float(apart))
+    # Under its lens a sub-pixel takes up one in L_n of the cone: so far apart do rays look that an
+    # eye can't tell from each other.
+    blur = config.ground_blur * 2.0 * display.eye_reach / display.pitch * depth / display.distance
+    return _ground(drop, placement, depth, (-wide, wide, low, high), config.shadow, float(apart),
+                   blur / math.sqrt(12.0))
 
 
 def world_ground(field: VoxelField, config: EncodeConfig, pixel: float) -> Ground | None:
@@ -187,22 +193,32 @@ def _placed(points: NDArray[np.floating], placement: Placement) -> NDArray[np.fl
 
 
 def _ground(drop: Backdrop, placement: Placement, depth: float,
-            reach: tuple[float, float, float, float], strength: float, apart: float) -> Ground:
-    """The part of a backdrop within ``reach`` (left, right, low, high), in its shadow."""
+            reach: tuple[float, float, float, float], strength: float, apart: float,
+            blur: float = 0.0) -> Ground:
+    """The part of a backdrop within ``reach`` (left, right, low, high), in its shadow.
+
+    Rays are ``apart`` on it, ``blur`` is the sigma of its blur, both in half panel heights.
+    """
     picture: NDArray[Any] = drop.picture
     size = np.array(picture.shape[1::-1])
     texel = np.full(2, placement.scale / drop.pixels)
+    # Texels that are a little finer than the blur, and their interpolation, are a part of it.
+    apart = max(apart, _PART * blur)
     if apart > 1.25 * texel[0]:
         # Coarser rays would see single texels.
         texel, size = texel * size, np.maximum(np.rint(size * texel / apart), 2).astype(int)
         texel /= size
         picture = cv2.resize(picture, tuple(map(int, size)), interpolation=cv2.INTER_AREA)
-    left, right, low, high = reach
+    left = blur ** 2 - (texel.max() / 2) ** 2
+    if left > 0:
+        picture = cv2.GaussianBlur(picture, (0, 0), math.sqrt(left) / float(texel.max()),
+                                   borderType=cv2.BORDER_REFLECT)
+    west, east, low, high = reach
     # Its middle lies behind the eyes, as they are seen from the middle.
     x0 = placement.shift[0] - (size[0] - 1) / 2 * texel[0]
     y0 = placement.shift[1] + (size[1] - 1) / 2 * texel[1]
-    first = np.floor(np.array([left - x0, y0 - high]) / texel).astype(int) - 1
-    last = np.ceil(np.array([right - x0, y0 - low]) / texel).astype(int) + 2
+    first = np.floor(np.array([west - x0, y0 - high]) / texel).astype(int) - 1
+    last = np.ceil(np.array([east - x0, y0 - low]) / texel).astype(int) + 2
     columns, rows = (np.arange(begin, end) for begin, end in zip(first, last, strict=True))
     x0, y0 = x0 + first[0] * texel[0], y0 - first[1] * texel[1]
     window = x0, y0, len(columns) * texel[0], len(rows) * texel[1]
@@ -257,8 +273,8 @@ def _shade(drop: Backdrop, placement: Placement, depth: float,
     inside = (row >= 0) & (row < framed[0]) & (column >= 0) & (column < framed[1])
     count = np.bincount(row[inside] * framed[1] + column[inside],
                         minlength=framed[0] * framed[1]).reshape(framed)
-    covered = gaussian_filter((count > 0).astype(np.float32), _CLOSED / _CELL)
-    soft = gaussian_filter(np.minimum(3.0 * covered, 1.0),
-                           _PENUMBRA * max(float(np.mean(away)), 0.1) / _CELL)
+    covered = cv2.GaussianBlur((count > 0).astype(np.float32), (0, 0), _CLOSED / _CELL)
+    soft = cv2.GaussianBlur(np.minimum(np.float32(3.0) * covered, np.float32(1.0)), (0, 0),
+                            _PENUMBRA * max(float(np.mean(away)), 0.1) / _CELL)
     dark = soft[edge:edge + shape[0], edge:edge + shape[1]]
     return np.asarray(1.0 - strength * dark, np.float32), _CELL
