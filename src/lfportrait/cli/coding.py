@@ -50,21 +50,22 @@ class Encode(Common):
     def run(self) -> dict[str, Any]:
         """Code and write."""
         from ..field import VoxelField
-        from ..lightfield import ViewMask, encode_with_figures, quilt_of
+        from ..lightfield import ViewMask, composed, encode_with_figures, quilt_of
 
         if self.sequence.frames:
             return self._moving()
         lossless(self.out)
         panel = Display.resolve(self.display)
         voxels = VoxelField.load(self.field)
+        config = composed(voxels, panel, self.config)
         with self.progress("encode") as progress:
             mask = ViewMask.build(panel)
             progress.update(0, f"{panel.width} x {panel.height}, {panel.views} views")
-            image, figures = encode_with_figures(voxels, panel, self.config, mask=mask,
+            image, figures = encode_with_figures(voxels, panel, config, mask=mask,
                                                  device=self.device)
         write_coded(self.out, image, panel)
         if self.quilt is not None:
-            picture, _ = quilt_of(voxels, panel, self.config, name=self.quilt.name)
+            picture, _ = quilt_of(voxels, panel, config, name=self.quilt.name)
             write_image(self.quilt, picture)
         return figures
 

@@ -27,6 +27,7 @@ from ..lightfield import (
     EncodeConfig,
     Placement,
     ViewMask,
+    composed,
     encode_with_figures,
     quilt_of,
     write_coded,
@@ -160,10 +161,11 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
     figures
         Of the coding; ``quilt`` is the quilt's file name.
     """
-    image, figures = encode_with_figures(styled, display, config.encode,
+    encode = composed(styled, display, config.encode)
+    image, figures = encode_with_figures(styled, display, encode,
                                          mask=ViewMask.build(display), device=device)
     write_coded(folder / name, image, display)
-    picture, quilt = quilt_of(styled, display, config.encode)
+    picture, quilt = quilt_of(styled, display, encode)
     for old in folder.glob(f"{prefix}quilt_*.png"):
         old.unlink()
     write_image(folder / f"{prefix}{quilt}", picture)
