@@ -40,8 +40,8 @@ class Encode(Common):
     """
     quilt: Path | None = None
     """Also write a quilt; a name such as portrait_qs8x6a0.75.png sets columns, rows and aspect."""
-    usual: ClassVar[tuple[str, ...]] = ("size", "focus", "view-cone", "background", "draft",
-                                        "frames", "fps")
+    usual: ClassVar[tuple[str, ...]] = ("compose", "size", "focus", "ground", "background",
+                                        "draft", "frames", "fps")
     config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
     """Coding."""
     sequence: Annotated[SequenceConfig, tyro.conf.arg(name="")] = option(
@@ -51,21 +51,22 @@ class Encode(Common):
     def run(self) -> dict[str, Any]:
         """Code and write."""
         from ..field import VoxelField
-        from ..lightfield import ViewMask, encode_with_figures, quilt_of
+        from ..lightfield import ViewMask, composed, encode_with_figures, quilt_of
 
         if self.sequence.frames:
             return self._moving()
         lossless(self.out)
         panel = Display.resolve(self.display)
         voxels = VoxelField.load(self.field)
+        config = composed(voxels, panel, self.config)
         with self.progress("encode") as progress:
             mask = ViewMask.build(panel)
             progress.update(0, f"{panel.width} x {panel.height}, {panel.views} views")
-            image, figures = encode_with_figures(voxels, panel, self.config, mask=mask,
+            image, figures = encode_with_figures(voxels, panel, config, mask=mask,
                                                  device=self.device)
         write_coded(self.out, image, panel)
         if self.quilt is not None:
-            picture, name = quilt_of(voxels, panel, self.config, name=self.quilt.name)
+            picture, name = quilt_of(voxels, panel, config, name=self.quilt.name)
             layout = QuiltLayout.of_name(self.quilt.name) or QuiltLayout.of_name(name)
             assert layout is not None
             write_quilt(self.quilt, picture, layout)

@@ -89,8 +89,8 @@ class Make(Common):
     """Parameters of the stages."""
 
     groups: ClassVar[dict[str, str]] = {"stylize.": "lfportrait.field_methods"}
-    usual: ClassVar[tuple[str, ...]] = ("stylize.method", "stylize.strength", "encode.size",
-                                        "page.title")
+    usual: ClassVar[tuple[str, ...]] = ("stylize.method", "stylize.strength", "encode.compose",
+                                        "encode.size", "encode.ground", "page.title")
 
     def run(self) -> dict[str, Any]:
         """Run the job."""

@@ -150,12 +150,16 @@ class Render(Common):
     """Frames per second of a video."""
     background: float = 1.0
     """Grey level behind the head, 0 (black) to 1 (white)."""
+    ground: str = "black"
+    """Behind the head of a sweep, as in `lfportrait encode`: painted, white or a picture's file;
+    black: the grey level of --background."""
     depth: bool = False
     """Also write depth (EXR) and opacity."""
 
     def run(self) -> dict[str, Any]:
         """Render and write."""
-        from ..share import path_cameras, write_video
+        from ..lightfield import EncodeConfig
+        from ..share import path_cameras, sweep_ground, write_video
 
         voxels = VoxelField.load(self.field)
         if self.cameras is not None:
@@ -165,12 +169,18 @@ class Render(Common):
                 raise UserError("--frames must be at least 1")
             views = path_cameras(self.path, frames=self.frames, cone=self.cone, size=self.size,
                                  field=voxels)
+        plane = None
+        if self.ground != "black":
+            if self.cameras is not None or self.path != "sweep":
+                raise UserError("--ground is for a sweep, whose cameras stay in front of it")
+            plane = sweep_ground(voxels, EncodeConfig(ground=self.ground), views)
         start = time.perf_counter()
         video = self.out.suffix.lower() in (".mp4", ".mov", ".mkv")
         frames: list[np.ndarray] = []
         with self.progress("render", len(views)) as progress:
             for view in range(len(views)):
-                rendering = voxels.render(views, view, background=self.background,
+                behind = self.background if plane is None else plane.seen(views, view)
+                rendering = voxels.render(views, view, background=behind,
                                           device=self.device)
                 if video:
                     frames.append((np.clip(rendering.color, 0, 1) * 255 + 0.5).astype(np.uint8))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .guides.regions import Regions, find_regions
     from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, shut_eyes
     from .methods import Method, MethodConfig, PhotoMethod, paint, photo_method, prepare
+    from .painter.ground import GroundConfig, known_ground
     from .painter.picture_materials import painted_shares
     from .patches import PatchConfig
     from .providers import Sitting, provided_styles
@@ -39,6 +40,7 @@ __all__ = [
     "BlitConfig",
     "Exemplar",
     "FaceFrame",
+    "GroundConfig",
     "Guides",
     "Lids",
     "LookUpTable",
@@ -74,6 +76,7 @@ __all__ = [
     "from_the_front",
     "frontal_view",
     "head_mesh",
+    "known_ground",
     "mix_regions",
     "paint",
     "painted_shares",

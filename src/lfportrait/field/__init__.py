@@ -8,6 +8,7 @@ trains is imported when it is asked for.
 from typing import TYPE_CHECKING
 
 from ..lazy import attach
+from .backdrop import Backdrop, head_points
 from .grid import Rendering, SampleWeights, VoxelField, camera_row
 from .harmonics import C0
 from .storage import check_field_path, read_arrays, save_checkpoint, save_field
@@ -20,9 +21,10 @@ if TYPE_CHECKING:
     from .reconstruction import reconstruct, reconstruct_with_figures
     from .surface import Mesh, PointCloud, field_mesh, field_points
 
-__all__ = ["C0", "Coverage", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
+__all__ = ["C0", "Backdrop", "Coverage", "Mesh", "PointCloud", "ReconstructConfig", "Rendering",
            "SampleWeights", "SurfaceTexture", "VoxelField", "camera_row", "check_field_path",
-           "field_mesh", "field_points", "held_out_quality", "lattice_points", "read_arrays",
-           "reconstruct", "reconstruct_with_figures", "save_checkpoint", "save_field"]
+           "field_mesh", "field_points", "head_points", "held_out_quality", "lattice_points",
+           "read_arrays", "reconstruct", "reconstruct_with_figures", "save_checkpoint",
+           "save_field"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

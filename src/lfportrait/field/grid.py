@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..capture import Camera
 from ..device import computing_device
+from .backdrop import Backdrop
 from .background import Background, cube_rays
 from .kernels.bricks import Bricks, build_bricks
 from .kernels.march import lattice_of_world
@@ -113,6 +114,8 @@ class VoxelField:
         Spheres behind the lattice that hold the room, or None.
     texture
         Detail of the surface that the lattice is too coarse for, or None.
+    backdrop
+        The painted ground that panels show behind the head, or None.
     """
 
     links: NDArray[np.int32]
@@ -123,6 +126,7 @@ class VoxelField:
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     background: Background | None = None
     texture: SurfaceTexture | None = None
+    backdrop: Backdrop | None = None
     _bricks: Bricks | None = field(default=None, init=False, repr=False, compare=False)
     _stretches: Stretches | None = field(default=None, init=False, repr=False, compare=False)
     _cells: NDArray[np.int32] | None = field(default=None, init=False, repr=False, compare=False)

@@ -3,7 +3,8 @@
 svox2 keeps ``radius``, ``center``, ``links`` [X, Y, Z], ``density_data`` [N, 1], ``sh_data``
 float16 [N, 3 B], ``basis_type`` (1 = spherical harmonics); ours has the links transposed to
 [Z, Y, X] in memory and adds ``frame``, ``lfportrait_version`` and, where a field has a texture,
-its arrays (``texture_...``, see `SurfaceTexture`) to the file. Other stages may add
+its arrays (``texture_...``, see `SurfaceTexture`), and those of a painted ground (``backdrop_...``,
+see `Backdrop`), to the file. Other stages may add
 arrays of their own (`save_field`, `read_arrays`); those that read a field alone leave them be.
 
 An ``.npz`` is a zip archive of arrays. The tables of links are nearly empty and are deflated (that
@@ -28,6 +29,7 @@ from ..files import atomic_write
 from ..measure import usable_cores
 from ..stages import check_writable
 from ..version import __version__
+from .backdrop import Backdrop
 from .background import Background
 from .texture import SurfaceTexture
 
@@ -46,19 +48,23 @@ class FieldData(Protocol):
     frame: NDArray[np.float64]
     background: Background | None
     texture: SurfaceTexture | None
+    backdrop: Backdrop | None
 
 
 Loaded = tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float64],
-               NDArray[np.float64], NDArray[np.float64], Background | None, SurfaceTexture | None]
+               NDArray[np.float64], NDArray[np.float64], Background | None, SurfaceTexture | None,
+               Backdrop | None]
 """The same in that order, as `VoxelField` takes it."""
 
-_DEFLATED = ("links", "background_links", "texture_texels", "texture_charts")
+_DEFLATED = ("links", "background_links", "texture_texels", "texture_charts",
+             "backdrop_picture")
 """The arrays of a file that are worth compressing."""
 
 _NEEDED = ("links", "density_data", "sh_data")
 _READ = (*_NEEDED, "data", "radius", "center", "frame", "basis_type", "basis_data",
          "background_links", "background_data")
 _TEXTURE = ("texture_texels", "texture_projections", "texture_charts", "texture_pixels")
+_BACKDROP = ("backdrop_picture", "backdrop_pixels", "backdrop_light", "backdrop_points")
 
 
 def check_field_path(path: Any) -> None:
@@ -90,8 +96,11 @@ def save_field(field: FieldData, path: Any, *, deflated: Collection[str] = (), *
     texture = field.texture
     values = () if texture is None else (texture.texels, texture.projections, texture.charts,
                                          np.float64(texture.pixels))
+    drop = field.backdrop
+    behind = () if drop is None else (drop.picture, np.float64(drop.pixels), drop.light,
+                                      drop.points)
     more = {"frame": field.frame, "lfportrait_version": np.str_(__version__),
-            **dict(zip(_TEXTURE, values)), **more}
+            **dict(zip(_TEXTURE, values)), **dict(zip(_BACKDROP, behind)), **more}
     _write(field, path, deflated, more)
 
 
@@ -159,7 +168,7 @@ def load_field(path: Any) -> Loaded:
         If the file is missing, damaged, or not a field.
     """
     path = Path(path)
-    arrays = read_arrays(path, (*_READ, *_TEXTURE))
+    arrays = read_arrays(path, (*_READ, *_TEXTURE, *_BACKDROP))
     if "data" in arrays and "density_data" not in arrays:  # svox2's old form
         arrays["density_data"], arrays["sh_data"] = arrays["data"][:, :1], arrays["data"][:, 1:]
     missing = [name for name in _NEEDED if name not in arrays]
@@ -196,7 +205,7 @@ def load_field(path: Any) -> Loaded:
             np.broadcast_to(center.ravel(), (3,)).astype(np.float64),
             np.broadcast_to(radius.ravel(), (3,)).astype(np.float64),
             frame.astype(np.float64), _background(arrays, path),
-            _texture(arrays, len(density), path))
+            _texture(arrays, len(density), path), _backdrop(arrays, path))
 
 
 def _turned(links: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -223,6 +232,18 @@ def _texture(arrays: dict[str, NDArray[Any]], rows: int, path: Path) -> SurfaceT
     except (KeyError, TypeError, ValueError) as error:
         raise UserError(f"{path} is damaged: its texture is invalid ({error})") from error
     return texture
+
+
+def _backdrop(arrays: dict[str, NDArray[Any]], path: Path) -> Backdrop | None:
+    """The painted ground, if the file has one."""
+    if not any(name in arrays for name in _BACKDROP):
+        return None
+    try:
+        picture, pixels, light, points = (arrays[name] for name in _BACKDROP)
+        return Backdrop(np.ascontiguousarray(picture), float(pixels), light.astype(np.float64),
+                        points.astype(np.float32))
+    except (KeyError, TypeError, ValueError) as error:
+        raise UserError(f"{path} is damaged: its backdrop is invalid ({error})") from error
 
 
 def _background(arrays: dict[str, NDArray[Any]], path: Path) -> Background | None:

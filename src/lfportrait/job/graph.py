@@ -121,7 +121,8 @@ def page_key(style: str, config: MakeConfig) -> str:
 def sweep_key(style: str, config: MakeConfig, display: Display | None) -> str:
     """Key of its sweep over a display's cone."""
     return stage_key("sweep", style, config.sweep_size, display and display.cone,
-                     config.encode.background)
+                     config.encode.background, config.encode.ground, config.encode.ground_depth,
+                     config.encode.shadow)
 
 
 def share_key(code: str, config: MakeConfig) -> str:

@@ -28,6 +28,7 @@ from ..lightfield import (
     EncodeConfig,
     Placement,
     ViewMask,
+    composed,
     encode_with_figures,
     quilt_of,
     write_coded,
@@ -51,7 +52,7 @@ class MakeConfig:
     """Radiance field."""
     stylize: StylizeConfig = field(default_factory=StylizeConfig)
     """Style transfer and the optimisation of the field."""
-    encode: EncodeConfig = field(default_factory=EncodeConfig)
+    encode: EncodeConfig = field(default_factory=lambda: EncodeConfig(compose=True))
     """Light-field coding."""
     page: PageConfig = field(default_factory=PageConfig)
     """The page of the portrait, ``portrait.html``."""
@@ -161,11 +162,12 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
     figures
         Of the coding; ``quilt`` is the quilt's file name.
     """
-    image, figures = encode_with_figures(styled, display, config.encode,
+    encode = composed(styled, display, config.encode)
+    image, figures = encode_with_figures(styled, display, encode,
                                          mask=ViewMask.build(display), device=device)
     with ThreadPoolExecutor(1) as beside:  # compressing lets go of Python's lock
         written = beside.submit(write_coded, folder / name, image, display)
-        picture, quilt = quilt_of(styled, display, config.encode)
+        picture, quilt = quilt_of(styled, display, encode)
         written.result()
     for old in folder.glob(f"{prefix}quilt_*.png"):
         old.unlink()

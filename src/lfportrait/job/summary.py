@@ -105,7 +105,8 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
         film = threads.submit(
             write_video, folder / "sweep.mp4",
             sweep_frames(styled, display.cone, frames, config.sweep_size,
-                         background=config.encode.background), preset="veryfast")
+                         background=config.encode.background, ground=config.encode),
+            preset="veryfast")
         report, share = _report(folder, display, config, exemplar, figures, capture, field, styled)
         film.result()
         say("report")

@@ -184,7 +184,8 @@ def _sweep(task: Task, results: Path, folder: StageFolder, tools: Tools,
     cone = task.display.cone if task.display is not None else 40.0
     write_video(results / task.folder / task.outputs[0],
                 sweep_frames(styled, cone, 90, task.config.sweep_size,
-                             background=task.config.encode.background))
+                             background=task.config.encode.background,
+                             ground=task.config.encode))
     return {}
 
 

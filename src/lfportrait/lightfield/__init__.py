@@ -20,8 +20,10 @@ if TYPE_CHECKING:
         render_view,
         view_camera,
     )
+    from .composition import composed
     from .deinterlacing import deinterlace, each_view
     from .display import Display
+    from .ground import Ground, ground_of, world_ground
     from .interlacing import (
         InterlaceConfig,
         QuiltLayout,
@@ -38,10 +40,11 @@ if TYPE_CHECKING:
     from .simulation import simulate
     from .views import eight_bit, render_views
 
-__all__ = ["DepthReport", "Display", "EncodeConfig", "InterlaceConfig", "Placement", "QuiltLayout",
-           "ViewMask", "assemble_quilt", "customary_views", "deinterlace", "depth_budget",
-           "each_view", "eight_bit", "encode", "encode_rows", "encode_with_figures", "interlace",
-           "lossless", "pattern", "quilt_of", "quilt_tiles", "read_coded", "read_views",
-           "render_view", "render_views", "simulate", "view_camera", "write_coded"]
+__all__ = ["DepthReport", "Display", "EncodeConfig", "Ground", "InterlaceConfig", "Placement",
+           "QuiltLayout", "ViewMask", "assemble_quilt", "composed", "customary_views",
+           "deinterlace", "depth_budget", "each_view", "eight_bit", "encode", "encode_rows",
+           "encode_with_figures", "ground_of", "interlace", "lossless", "pattern", "quilt_of",
+           "quilt_tiles", "read_coded", "read_views", "render_view", "render_views", "simulate",
+           "view_camera", "world_ground", "write_coded"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

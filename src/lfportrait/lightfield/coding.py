@@ -20,7 +20,9 @@ from ..capture import Camera
 from ..device import computing_device
 from ..errors import UserError
 from ..field import VoxelField
+from .composition import composed
 from .display import Display
+from .ground import ground_of
 from .kernels.encode import encode_kernel
 from .kernels.panel import mix_light
 from .kernels.slices import slice_kernel
@@ -104,6 +106,11 @@ def _method(field: VoxelField, display: Display, config: EncodeConfig) -> str:
     return "slices" if fits else "direct"
 
 
+def _grey(config: EncodeConfig) -> float:
+    """Grey level behind the head where there is no ground."""
+    return max(config.background, 0.0)
+
+
 def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any],
           fixed: int, first: int = 0, apart: int = 1) -> NDArray[np.uint8]:
     """Code the rows of a mask [h, W, 3]: of the panel from ``first`` on, ``apart`` apart."""
@@ -122,6 +129,12 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     # Masks from the cache can't be written to; for all others kernels would be compiled once more.
     views.flags.writeable = False
     texture = field.texture_rows(_footprint(display, placement), whole=True)
+    background, ground = np.float32(_grey(config)), ground_of(field, display, config)
+    if ground is not None:
+        # Below 0: the picture holds what is behind the field already.
+        background = np.float32(-1.0)
+        for own, out in zip(eyes, pictures, strict=True):
+            ground.fill(display, panel, views, fixed, own, out)
     if _method(field, display, config) == "slices":
         stride, stretches = 2 if config.draft else 1, field.stretches
         for own, out in zip(eyes, pictures, strict=True):
@@ -129,14 +142,14 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
                 stretches.places, stretches.occupied, stretches.values, bricks.table,
                 *texture, field.lattice, matrix, axes, views, fixed, own, panel, stride,
                 _FAINTEST * field.lattice[5] / stride, _STOP,
-                np.float32(config.background), numba.get_num_threads(), out)
+                background, numba.get_num_threads(), out)
     else:
         step = max(config.step_size, 1.0) if config.draft else config.step_size
         for own, out in zip(eyes, pictures, strict=True):
             encode_kernel(bricks.width, bricks.basis)(
                 bricks.table, bricks.links, bricks.density, bricks.rows, *texture, field.lattice,
                 matrix, axes, views, fixed, own, panel, step, 1e-2, 1e-3,
-                np.float32(config.background), out)
+                background, out)
     if rays > 1:
         mix_light(pictures, ((np.arange(256) / 255.0) ** display.gamma), display.gamma)
     out = pictures[0] if rays == 1 else pictures[0].copy()
@@ -148,7 +161,7 @@ def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfi
                         mask: ViewMask | None = None, device: str = "auto",
                         ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
     """`encode`, and the figures of the run for ``--json``."""
-    config = config or EncodeConfig()
+    config = composed(field, display, config or EncodeConfig())
     computes_on = computing_device(device)
     start = time.perf_counter()
     if mask is None:
@@ -221,7 +234,8 @@ def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None
         raise ValueError("these rows are not the panel's")
     if views is None:
         views = row_views(display, first, count, apart)
-    return _cast(field, display, config or EncodeConfig(), views, -1, first, apart)
+    config = composed(field, display, config or EncodeConfig())
+    return _cast(field, display, config, views, -1, first, apart)
 
 
 def render_view(field: VoxelField, display: Display, view: int,
@@ -243,7 +257,7 @@ def render_view(field: VoxelField, display: Display, view: int,
     if not 0 <= view < display.views:
         raise UserError(f"the display has views 0 to {display.views - 1}, not {view}")
     empty = np.zeros((display.height, display.width, 3), np.uint8)
-    return _cast(field, display, config or EncodeConfig(), empty, view)
+    return _cast(field, display, composed(field, display, config or EncodeConfig()), empty, view)
 
 
 def view_camera(display: Display, config: EncodeConfig | None, eye: float, *, width: int,

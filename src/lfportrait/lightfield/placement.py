@@ -49,7 +49,31 @@ class EncodeConfig:
     draft: bool = False
     """Double the distance between samples: 1.5 to 2 times faster."""
     background: float = 0.0
-    """Grey level behind the head. Black hides cross-talk between views on a real panel."""
+    """Grey level behind the head, instead of a painted ground; black hides cross-talk between views
+    on a real panel."""
+    compose: bool = False
+    """Compose the picture: the face in the panel's plane, the head as large as fits and within the
+    panel's depth budget, the eyes in the middle third. Size, shifts, focus and depth scale then
+    change what is composed."""
+    ground: str = "painted"
+    """What is behind the head: painted (from the painting's background, where the field has it),
+    black, white or a picture's file."""
+    ground_depth: float = 0.45
+    """How far the ground lies behind the head, in half panel heights."""
+    ground_blur: float = 0.5
+    """Blur of the ground, over the width that a panel can't tell apart at its depth: without it the
+    ground's strokes break into a comb. 0 leaves it sharp, 1 leaves no comb at all."""
+    shadow: float = 0.45
+    """Darkness of the head's shadow on the ground, 0 to 1."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.shadow <= 1:
+            raise UserError(f"--shadow must lie between 0 and 1, not {self.shadow:g}")
+        if not 0 <= self.ground_blur <= 10:
+            raise UserError(f"--ground-blur must lie between 0 and 10, not {self.ground_blur:g}")
+        if not 0 <= self.ground_depth <= 20:
+            raise UserError(f"--ground-depth must lie between 0 and 20 half panel heights, not "
+                            f"{self.ground_depth:g}")
 
 
 @dataclass(frozen=True)

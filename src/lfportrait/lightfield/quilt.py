@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from ..capture import Camera
 from ..field import VoxelField
 from .coding import view_camera
+from .composition import composed
 from .display import Display
+from .ground import ground_of
 from .interlacing import QuiltLayout
 from .placement import EncodeConfig
 from .views import eight_bit, render_views
@@ -36,7 +38,8 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     quilt, name
         uint8 [H, W, 3], and a file name ``quilt_qsCxRaA.png``.
     """
-    config = config or EncodeConfig()
+    config = composed(field, display, config or EncodeConfig())
+    ground = ground_of(field, display, config)
     layout = QuiltLayout.of_name(name) if name else None
     if layout is None:
         layout = QuiltLayout.of_display(display)
@@ -47,7 +50,8 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     eyes = display.eye_reach * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
     cameras = Camera.concatenate([view_camera(display, config, float(eye), width=width,
                                               height=height) for eye in eyes])
-    for view, seen in enumerate(render_views(field, cameras, background=config.background)):
+    for view, seen in enumerate(render_views(field, cameras, background=config.background,
+                                             ground=ground)):
         row, column = divmod(view, layout.columns)
         top = full_height - (row + 1) * height
         quilt[top:top + height, column * width:(column + 1) * width] = eight_bit(seen.color)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..capture import Camera
 from ..device import computing_device
 from ..field import Rendering, VoxelField, camera_row
+from .ground import Ground
 from .kernels.views import view_kernel
 
 __all__ = ["eight_bit", "render_views"]
@@ -89,8 +90,8 @@ def _beside(row: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
 
 
 def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None = None, *,
-                 background: float | NDArray[np.floating] = 1.0, device: str = "auto",
-                 ) -> Iterator[Rendering]:
+                 background: float | NDArray[np.floating] = 1.0,
+                 ground: Ground | None = None, device: str = "auto") -> Iterator[Rendering]:
     """What `VoxelField.render` gives of several views, in their order, in less time.
 
     Level cameras that look at the lattice from its front are rendered by slices of the field, one
@@ -104,6 +105,8 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
         Batch of cameras, and which of them; all by default.
     background
         Grey level or RGB behind the field.
+    ground
+        What is behind it instead.
     device
         Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
 
@@ -122,7 +125,8 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
         row = camera_row(cameras, first)
         slopes = _rays(row, size, corners)
         if not _fits(field, row, slopes):
-            yield field.render(cameras, first, background=background, device=device)
+            behind = background if ground is None else ground.seen(cameras, first)
+            yield field.render(cameras, first, background=behind, device=device)
             wanted.pop(0)
             continue
         rows, reach = [], 0.0
@@ -137,13 +141,14 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
             rows.append(other)
             reach = max(reach, abs(slopes[0]), abs(slopes[1]))
         yield from _together(field, cameras, wanted[:len(rows)], np.array(rows), size, reach,
-                             background)
+                             background, ground)
         del wanted[:len(rows)]
 
 
 def _together(field: VoxelField, cameras: Camera, views: Sequence[int],
               rows: NDArray[np.float64], size: tuple[int, int], reach: float,
-              background: float | NDArray[np.floating]) -> Iterator[Rendering]:
+              background: float | NDArray[np.floating],
+              ground: Ground | None) -> Iterator[Rendering]:
     """Views whose rows lie in the same planes; ``reach`` is the largest slope of their rays."""
     stretches, lattice = field.stretches, field.lattice
     shape = len(views), size[1], size[0]
@@ -154,5 +159,6 @@ def _together(field: VoxelField, cameras: Camera, views: Sequence[int],
         np.float32(1.0 / math.hypot(1.0, reach)), 1, np.float32(_FAINTEST * lattice[5]),
         np.float32(_STOP), numba.get_num_threads(), color, alpha, depth)
     for place, view in enumerate(views):
+        behind = background if ground is None else ground.seen(cameras, view)
         yield field.finished(cameras, view, Rendering(color[place], alpha[place], depth[place]),
-                             background=background)
+                             background=behind)

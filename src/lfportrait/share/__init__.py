@@ -12,7 +12,14 @@ from .frames import (
     write_quilt,
 )
 from .page import PageConfig, page_script, serve_page, write_page
-from .paths import orbit_cameras, path_cameras, sweep_cameras, sweep_degrees, sweep_frames
+from .paths import (
+    orbit_cameras,
+    path_cameras,
+    sweep_cameras,
+    sweep_degrees,
+    sweep_frames,
+    sweep_ground,
+)
 from .report import Picture, Report, Section, Table, write_report
 from .sequence import SequenceConfig, each_frame, write_sequence
 from .video import write_video
@@ -21,4 +28,5 @@ __all__ = ["SECONDS", "DrivePlan", "ExportConfig", "FrameConfig", "PageConfig", 
            "Section", "SequenceConfig", "Table", "each_frame", "export_field", "export_frame",
            "fill_drive", "kind_of", "layout_of_file", "orbit_cameras", "page_script",
            "path_cameras", "serve_page", "sweep_cameras", "sweep_degrees", "sweep_frames",
-           "write_page", "write_quilt", "write_report", "write_sequence", "write_video"]
+           "sweep_ground", "write_page", "write_quilt", "write_report", "write_sequence",
+           "write_video"]

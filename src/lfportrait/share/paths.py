@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ..capture import Camera
 from ..errors import UserError
 from ..field import VoxelField
-from ..lightfield import eight_bit, render_views
+from ..lightfield import EncodeConfig, Ground, eight_bit, render_views, world_ground
 
 __all__ = ["DISTANCE", "head_extent", "orbit_cameras", "path_cameras", "sweep_cameras",
-           "sweep_degrees", "sweep_frames"]
+           "sweep_degrees", "sweep_frames", "sweep_ground"]
 
 DISTANCE = 4.0
 """Of the cameras from what they look at, in world units."""
@@ -102,8 +102,14 @@ def path_cameras(path: Literal["sweep", "orbit"], *, frames: int = 60, cone: flo
     raise UserError(f"there is no path {path!r}; choose sweep or orbit")
 
 
+def sweep_ground(field: VoxelField, config: EncodeConfig, cameras: Camera) -> Ground | None:
+    """The ground behind a field for cameras of `sweep_cameras`, or None where there is none."""
+    return world_ground(field, config, DISTANCE / float(cameras.focal[0].mean()))
+
+
 def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: int = 512, *,
-                 background: float | NDArray[Any] = 1.0, device: str = "auto",
+                 background: float | NDArray[Any] = 1.0, ground: EncodeConfig | None = None,
+                 device: str = "auto",
                  ) -> Iterator[NDArray[np.uint8]]:
     """Frames of a sweep, rendered one at a time.
 
@@ -115,6 +121,8 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
         See `sweep_cameras`.
     background
         Grey level or RGB behind the head, in [0, 1].
+    ground
+        What panels show behind the head is shown instead, where there is such a ground.
     device
         Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
 
@@ -124,12 +132,13 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
         uint8 [size, size, 3].
     """
     cameras = sweep_cameras(cone, frames, size, field)
+    plane = None if ground is None else sweep_ground(field, ground, cameras)
     # There and back pass the same places: each is rendered once.
     yaw, first, places = np.unique(np.round(sweep_degrees(frames, cone), 9), return_index=True,
                                    return_inverse=True)
     last = np.array([np.flatnonzero(places == place)[-1] for place in range(len(yaw))])
     fresh = render_views(field, cameras, np.sort(first).tolist(), background=background,
-                         device=device)
+                         ground=plane, device=device)
     kept: dict[int, NDArray[np.uint8]] = {}
     for frame, place in enumerate(places.ravel().tolist()):
         if frame == first[place]:

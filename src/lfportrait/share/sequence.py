@@ -102,6 +102,8 @@ def _key(field: VoxelField, display: Display, config: EncodeConfig, sequence: Se
     """What decides the frames' pixels."""
     digest = hashlib.sha256()
     texels = () if field.texture is None else (field.texture.texels,)
+    if field.backdrop is not None:
+        texels = (*texels, field.backdrop.picture, field.backdrop.light)
     for array in (field.links, field.density, field.sh, field.center, field.radius, *texels):
         digest.update(np.ascontiguousarray(array).data)
     motion = dataclasses.replace(sequence, fps=1.0, video="lossless")

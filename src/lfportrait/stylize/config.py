@@ -80,6 +80,9 @@ class StylizeConfig:
     """On the skin: put on the sitter what the painting's wears: hat, spectacles."""
     background: float = 1.0
     """Grey level behind the head while stylising."""
+    ground: bool = True
+    """Paint a ground, too, from the painting's own background: panels show it behind the head
+    (`--ground` of `lfportrait encode`). Previews have none."""
     skin: SkinConfig = field(default_factory=SkinConfig)
     """Painting on the skin."""
     transfer: TransferConfig = field(default_factory=TransferConfig)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ..capture import Capture
 from ..device import computing_device
 from ..errors import UserError
-from ..example import Exemplar, Skin
-from ..field import C0, SurfaceTexture, VoxelField
+from ..example import Exemplar, Skin, known_ground
+from ..field import C0, Backdrop, SurfaceTexture, VoxelField, head_points
 from ..labels import PICTURE_LABELS
 from ..progress import Progress
 from .config import StylizeConfig
@@ -109,6 +109,11 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     photo = np.clip(C0 * field.sh[:, :, 0] + 0.5, 0.0, 1.0).astype(np.float32)
     styled = StyledField.of(field, np.stack(colors), [one.name for one in exemplars], photo,
                             labels, regions, textures, blocks)
+    if config.ground and not config.preview:
+        clock = time.perf_counter()
+        styled.backdrop = Backdrop(*known_ground(exemplars[0], seed=config.seed),
+                                   head_points(field))
+        figures["seconds"]["ground"] = round(time.perf_counter() - clock, 3)
     if config.strength != 1.0 or config.keep:
         styled = styled.mix(strength=config.strength, keep=config.keep)
     figures["seconds"]["total"] = round(time.perf_counter() - start, 3)

@@ -69,7 +69,7 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
         4, column mod 2 and sub-pixel, its phase in its pixel (`Display.steps`), and how far it lies
         to the right of its usual third of the pixel, in sub-pixels. ``out`` uint8 [H, W * 3]. Its
         rows are those of the panel from ``first`` on, ``apart`` from each other; the panel has
-        ``rows`` of them.
+        ``rows`` of them. Where ``background`` is below 0 it holds what is behind the field.
     """
     march = make_march(LANES, make_channel_shade(width, count))
     look_up, texture_share = make_detail(LANES, False), make_texture_share(LANES)
@@ -149,7 +149,10 @@ def encode_kernel(width: int, count: int) -> Callable[..., Any]:
                 store(flat, 0, value)
                 store(flat, 16, through)
                 for i in range(min(16, across - first)):
-                    shown = ray[0, i] + ray[1, i] * background
+                    behind = background
+                    if background < np.float32(0.0):
+                        behind = np.float32(out[y, first + i]) * np.float32(1.0 / 255.0)
+                    shown = ray[0, i] + ray[1, i] * behind
                     shown = min(max(shown, np.float32(0.0)), np.float32(1.0))
                     out[y, first + i] = np.uint8(shown * np.float32(255.0) + np.float32(0.5))
     return encode

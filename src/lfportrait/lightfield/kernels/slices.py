@@ -55,7 +55,8 @@ def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]
         [3, 4] takes the display frame to lattice coordinates (only its second row may depend on
         y, and that on nothing else), ``axes`` float64 [2, 3] the display's x and z axes in the
         field's world, ``stride`` is the number of lattice planes to a sample and ``workers`` the
-        number of threads.
+        number of threads. Where ``background`` is below 0, ``out`` holds what is behind the
+        field.
     """
     build, cast = make_build(count), make_cast(count, permutes)
     load, store, floats = LANES.load, LANES.store, LANES.floats
@@ -119,6 +120,7 @@ def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]
         least = least_cosine(nx, nz, (side_i, side_k, side_0), (depth_i, depth_k, depth_0), eyes,
                               aspect, distance)
         groups = (nz + GROUP * stride - 1) // (GROUP * stride)
+        backed = background < np.float32(0.0)
         blank = np.uint8(min(max(background, np.float32(0.0)), np.float32(1.0))
                          * np.float32(255.0) + np.float32(0.5))
         for worker in range(since, until):
@@ -133,7 +135,8 @@ def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]
             tally = np.zeros(views + 1, np.int64)
             for y in range(worker, height, workers):
                 row = out[y]
-                row[:] = blank
+                if not backed:
+                    row[:] = blank
                 line = int(panel[4]) + y * int(panel[7])
                 py = 1.0 - 2.0 * (line + 0.5) / panel[5]
                 rise = eye_y - py
@@ -200,9 +203,15 @@ def slice_kernel(count: int, permutes: bool | None = None) -> Callable[..., Any]
                                     * x + np.float32(plane[2]) * depth_plane, depth_plane, wanted,
                                     np.int32(channel))
                                 value = value + share * detail
-                            store(lane, np.uintp(0), value + through * background)
+                            grey = np.float32(0.0) if backed else background
+                            store(lane, np.uintp(0), value + through * grey)
+                            store(lane, np.uintp(16), through)
                             for i in range(min(16, many - entry)):
-                                shown = min(max(lane[i], np.float32(0.0)), np.float32(1.0))
+                                shown = lane[i]
+                                if backed:
+                                    shown += lane[16 + i] * np.float32(1.0 / 255.0) * np.float32(
+                                        row[place_at[entry + i]])
+                                shown = min(max(shown, np.float32(0.0)), np.float32(1.0))
                                 row[place_at[entry + i]] = np.uint8(
                                     shown * np.float32(255.0) + np.float32(0.5))
 

@@ -82,7 +82,7 @@ class PrintConfig:
     """continuous: one ray a pixel, from its middle; filtered: the mean over the pixel's own
     directions, three rays: what is deeper than the budget blurs."""
     background: float = 0.0
-    """Grey level behind the head."""
+    """Grey level behind the head, instead of a painted ground."""
 
     def __post_init__(self) -> None:
         for bounds, zero in ((_BOUNDS, False), (_POSITIVE, True)):

@@ -21,6 +21,7 @@ from ...version import __version__
 from .budget import fit
 from .colors import ColorSet, color_sets
 from .config import PageConfig
+from .ground import ground_style
 from .packing import Lattice
 from .poster import poster, start_view
 from .texels import PageTexture
@@ -118,6 +119,7 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     view = start_view(voxels)
     picture = poster(_at_first(voxels, sets), view)
     script, style = page_script(), _text("page.css")
+    tint, light = ground_style(voxels.backdrop)
     fixed = len(script) + len(style) + len(picture) * 4 // 3 + 20_000
     packed = fit(lattice, config.max_size * 1e6 - fixed, texture)
     header = {**packed.header, "start": view, "displays": _presets(),
@@ -127,7 +129,8 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     after = config.artist or ", ".join(styles)
     about = f"{title}, a portrait in three dimensions." + (f" {after}." if after else "")
     parts = {
-        "title": html.escape(title), "caption": _caption(config, styles), "style": style,
+        "title": html.escape(title), "caption": _caption(config, styles),
+        "style": style + tint,
         "description": html.escape(about), "script": script, "header": _json(header),
         "poster": "data:image/webp;base64," + base64.b64encode(picture).decode(),
         "streams": "\n".join(
@@ -135,7 +138,12 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
             f"{base64.b64encode(data).decode()}</script>"
             for name, data in packed.streams.items())}
     # One pass: what is put in may itself hold such a mark.
-    page = re.sub("@([a-z]+)@", lambda mark: parts[mark[1]], _text("page.html")).encode()
+    text = _text("page.html")
+    if light:
+        text = text.replace('data-ground="dark"', 'data-ground="light"').replace(
+            'aria-label="Light ground" aria-pressed="false"',
+            'aria-label="Light ground" aria-pressed="true"')
+    page = re.sub("@([a-z]+)@", lambda mark: parts[mark[1]], text).encode()
     with atomic_write(path) as stream:
         stream.write(page)
     return {"bytes": len(page), "script_bytes": len(script), "poster_bytes": len(picture),

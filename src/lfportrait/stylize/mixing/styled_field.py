@@ -328,6 +328,7 @@ class StyledField(VoxelField):
             return StyledField(
                 plain_field.links, plain_field.density, plain_field.sh, plain_field.center,
                 plain_field.radius, plain_field.frame, plain_field.background, texture,
+                plain_field.backdrop,
                 painted=_floats(arrays["painted"]), photo=_floats(arrays["photo"]),
                 styles=tuple(map(str, arrays["style_names"].ravel())), labels=arrays["labels"],
                 regions=tuple(map(str, arrays["region_names"].ravel())), mixture=mixture,
