@@ -21,13 +21,14 @@ __all__ = ["Export", "View"]
 
 @dataclass
 class Export(Common):
-    """Export a field as an HTML page, a point cloud, a colored mesh or a svox2 checkpoint."""
+    """Export a field: an HTML page, points, a textured mesh, Gaussian splats or a checkpoint."""
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""
     out: Path
-    """File: .html (a self-contained page), .ply (points or a mesh), .obj, .glb (a mesh) or .npz
-    (svox2 checkpoint)."""
+    """File: .html (a self-contained page), .ply (points, a mesh or splats), .glb (a mesh or
+    splats), .usdz, .obj (a mesh), .spz, .sog (splats) or .npz (svox2 checkpoint). A .ply or .glb
+    file whose name contains "splat" holds Gaussian splats."""
     config: Annotated[ExportConfig, tyro.conf.arg(name="")] = option(default_factory=ExportConfig)
     """Export."""
     page: Annotated[PageConfig, tyro.conf.arg(name="")] = option(default_factory=PageConfig)
@@ -35,14 +36,18 @@ class Export(Common):
 
     def run(self) -> dict[str, Any]:
         """Convert and write."""
-        with self.progress("export") as progress:
+        with self.progress("export", 100) as progress:
             progress.update(0, self.out.name)
             if self.out.suffix.lower() in (".html", ".htm"):
                 return self._written(write_page(load_styled(self.field), self.out, self.page))
-            figures = export_field(VoxelField.load(self.field), self.out, self.config)
+            figures = export_field(
+                VoxelField.load(self.field), self.out, self.config,
+                lambda share, text: progress.update(int(100 * share), text))
         if not self.quiet:
-            counts = ", ".join(f"{figures[name]:,} {name}" for name in figures if name != "bytes")
-            print(f"{self.out}: {counts}, {figures['bytes'] / 1e6:.1f} MB")
+            counts = ", ".join(f"{figures[name]:,} {name}" for name in figures
+                               if name not in ("bytes", "psnr"))
+            near = f", {figures['psnr']:.1f} dB to the field" if "psnr" in figures else ""
+            print(f"{self.out}: {counts}{near}, {figures['bytes'] / 1e6:.1f} MB")
         return figures
 
     def _written(self, figures: dict[str, Any]) -> dict[str, Any]:
