@@ -33,16 +33,18 @@ __all__ = ["Export", "View"]
 class Export(Common):
     """Export a field as a page, a 3D file, or a picture or video for a frame.
 
-    For frames: quilts, packages, stereo pairs, color and depth, anaglyphs, flat videos.
+    3D files: points, a textured mesh, Gaussian splats, a checkpoint. For frames: quilts, packages,
+    stereo pairs, color and depth, anaglyphs, flat videos.
     """
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""
     out: Path
-    """File: .html (a self-contained page), .ply (points or a mesh), .obj, .glb (a mesh), .npz
-    (svox2 checkpoint), .hop (Looking Glass Studio), .mp4 (flat video); a picture's name says what
-    it holds: NAME_qs8x6a0.75.webp (quilt), NAME_2x1.jpg (stereo pair), NAME_rgbd.png,
-    NAME_anaglyph.png."""
+    """File: .html (a self-contained page), .ply (points, a mesh or splats), .glb (a mesh or
+    splats), .usdz, .obj (a mesh), .spz, .sog (splats), .npz (svox2 checkpoint); a .ply or .glb
+    whose name contains "splat" holds Gaussian splats. For frames: .hop (Looking Glass Studio), .mp4
+    (flat video); a picture's name says what it holds: NAME_qs8x6a0.75.webp (quilt), NAME_2x1.jpg
+    (stereo pair), NAME_rgbd.png, NAME_anaglyph.png."""
     usual: ClassVar[tuple[str, ...]] = (
         "kind", "title", "artist", "date", "display", "pixels", "eye-distance", "backdrop",
         "frames", "sway", "media-player")
@@ -59,14 +61,18 @@ class Export(Common):
         """Convert and write."""
         if kind_of(self.out) is not None:
             return self._for_a_frame()
-        with self.progress("export") as progress:
+        with self.progress("export", 100) as progress:
             progress.update(0, self.out.name)
             if self.out.suffix.lower() in (".html", ".htm"):
                 return self._written(write_page(load_styled(self.field), self.out, self.page))
-            figures = export_field(VoxelField.load(self.field), self.out, self.config)
+            figures = export_field(
+                VoxelField.load(self.field), self.out, self.config,
+                lambda share, text: progress.update(int(100 * share), text))
         if not self.quiet:
-            counts = ", ".join(f"{figures[name]:,} {name}" for name in figures if name != "bytes")
-            print(f"{self.out}: {counts}, {figures['bytes'] / 1e6:.1f} MB")
+            counts = ", ".join(f"{figures[name]:,} {name}" for name in figures
+                               if name not in ("bytes", "psnr"))
+            near = f", {figures['psnr']:.1f} dB to the field" if "psnr" in figures else ""
+            print(f"{self.out}: {counts}{near}, {figures['bytes'] / 1e6:.1f} MB")
         return figures
 
     def _for_a_frame(self) -> dict[str, Any]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .patches import PatchConfig
     from .providers import Sitting, provided_styles
     from .region_styles import mix_regions
-    from .skin import Painting, Skin, SkinConfig, SkinPainter
+    from .skin import Atlas, Painting, Skin, SkinConfig, SkinPainter, draw_atlas
     from .styleblit import BlitConfig, Synthesis, synthesise
     from .surface_guide import SurfaceGuide, surface_position_guide
     from .table import LookUpTable, TableConfig, build_table
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FRONTAL",
     "PROFILE",
+    "Atlas",
     "BlitConfig",
     "Exemplar",
     "FaceFrame",
@@ -67,6 +68,7 @@ __all__ = [
     "bared",
     "build_table",
     "closed_words",
+    "draw_atlas",
     "eye_opening",
     "eye_openings",
     "face_landmarks",

@@ -1,37 +1,43 @@
-"""Export a field: point clouds, colored meshes, svox2's checkpoint.
-
-PLY and OBJ hold sRGB colors a vertex, as their readers expect. A GLB's vertex colors are linear
-light, and its material is unlit: the photos' light is in the colors already.
-"""
+"""Export a field to other programs: points, meshes, Gaussian splats, svox2's checkpoint."""
 
 from __future__ import annotations
 
-import json
-import struct
+from collections.abc import Callable
 from dataclasses import dataclass
+from dataclasses import field as option
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..color import linear_light
 from ..errors import UserError
-from ..field import Mesh, PointCloud, VoxelField, field_mesh, field_points, save_checkpoint
+from ..field import VoxelField, field_mesh, field_points, save_checkpoint
 from ..files import atomic_write
-from ..version import __version__
+from . import mesh as meshes
+from .splats import SPLAT_WRITERS, SplatConfig, field_splats
 
 __all__ = ["ExportConfig", "export_field"]
 
-_SUFFIXES = (".ply", ".obj", ".glb", ".npz")
+_CONTENTS = {".ply": ("points", "mesh", "splats"), ".glb": ("mesh", "splats"), ".obj": ("mesh",),
+             ".usdz": ("mesh",), ".spz": ("splats",), ".sog": ("splats",),
+             ".npz": ("checkpoint",)}
+"""What a file with a suffix can hold; the first is the usual."""
+
+_SEEN_LEVEL, _SEEN_SMOOTH = 0.15, 0.8
+"""Of a surface with a texture. A ray that grazes a head goes a long way through its soft outer
+layer: of all levels this one has the outline that the field shows, and thin ears remain."""
+
+_Told = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
 class ExportConfig:
     """Parameters of export."""
 
-    kind: Literal["auto", "points", "mesh"] = "auto"
-    """Content of a PLY file: points or a mesh; auto: points. OBJ and GLB files contain a mesh."""
+    kind: Literal["auto", "points", "mesh", "splats"] = "auto"
+    """Content of the file. auto: splats in SPZ and SOG files, and in PLY and GLB files whose name
+    contains "splat"; points in other PLY files; a mesh in GLB, USDZ and OBJ files."""
     world: Literal["portrait", "source"] = "portrait"
     """Coordinates: the portrait frame (+y up, +z out of the face, the head within -1 to 1), or
     those of the source capture."""
@@ -44,16 +50,22 @@ class ExportConfig:
     """Mesh: outer: the surface seen from outside; density: an isosurface of the density, with inner
     walls; auto: density for a field with a background."""
     level: float | None = None
-    """Mesh: opacity at the surface, 0 to 1; by default 0.5, accumulated from outside, or 0.1 per
-    voxel (surface density)."""
-    smooth: float = 1.5
-    """Mesh: sigma in voxels of the Gaussian that smooths the opacity first."""
+    """Mesh: opacity at the surface, 0 to 1; by default 0.5, accumulated from outside (0.15 with a
+    texture), or 0.1 per voxel (surface density)."""
+    smooth: float | None = None
+    """Mesh: sigma in voxels of the Gaussian that smooths the opacity first; by default 1.5, with a
+    texture 0.8."""
     least_piece: float = 0.05
     """Mesh: remove connected pieces smaller than this share of the largest one."""
+    texture: Literal["auto", "yes", "no"] = "auto"
+    """Mesh in a GLB or OBJ file: colors as a picture (yes) or at the vertices (no). auto: a picture
+    if the field is painted. USDZ files always have a picture, PLY files never."""
+    splats: SplatConfig = option(default_factory=SplatConfig)
+    """Splats."""
 
 
 def export_field(field: VoxelField, path: Path, config: ExportConfig | None = None,
-                 ) -> dict[str, Any]:
+                 tell: _Told = lambda share, text: None) -> dict[str, Any]:
     """Write a field in the format that the file's suffix names.
 
     Parameters
@@ -61,14 +73,18 @@ def export_field(field: VoxelField, path: Path, config: ExportConfig | None = No
     field
         The field.
     path
-        ``.ply`` (points or a mesh), ``.obj``, ``.glb`` (a mesh), ``.npz`` (svox2's checkpoint).
+        ``.ply`` (points, a mesh or splats), ``.obj``, ``.usdz`` (a mesh), ``.glb`` (a mesh or
+        splats), ``.spz``, ``.sog`` (splats), ``.npz`` (svox2's checkpoint).
     config
         Parameters.
+    tell
+        Told how much is done, 0 to 1, and what is being done.
 
     Returns
     -------
     figures
-        ``points``, ``vertices`` and ``faces``, or ``voxels``; ``bytes`` of the file.
+        ``points``, ``vertices`` and ``faces``, ``splats`` and their ``psnr`` to the field's views,
+        or ``voxels``; ``bytes`` of the file, with those beside it.
 
     Raises
     ------
@@ -76,32 +92,93 @@ def export_field(field: VoxelField, path: Path, config: ExportConfig | None = No
         If the suffix is unknown, does not go with the parameters, or nothing is to be written.
     """
     config = config or ExportConfig()
+    kind = _kind(path, config)
+    write = {"checkpoint": _checkpoint, "points": _points, "mesh": _mesh, "splats": _splats}[kind]
+    figures, paths = write(field, path, config, tell)
+    return {**figures, "bytes": sum(written.stat().st_size for written in paths)}
+
+
+def _kind(path: Path, config: ExportConfig) -> str:
+    """What the file is to hold."""
     suffix = path.suffix.lower()
-    if suffix not in _SUFFIXES:
+    if suffix not in _CONTENTS:
+        *names, last = _CONTENTS
         raise UserError(f"can't export to {path.name}: its name must end in .html, "
-                        f"{', '.join(_SUFFIXES[:-1])} or {_SUFFIXES[-1]}")
-    if config.kind == "points" and suffix != ".ply":
-        raise UserError(f"points are written as .ply, not {suffix}")
+                        f"{', '.join(names)} or {last}")
+    possible = _CONTENTS[suffix]
     if suffix == ".npz":
         if config.world == "source":
             raise UserError("a checkpoint's lattice can't be turned into the source's coordinates; "
                             "leave --world at portrait")
-        save_checkpoint(field, path)
-        figures: dict[str, Any] = {"voxels": len(field.density)}
-    elif suffix == ".ply" and config.kind != "mesh":
-        points = field_points(field, config.opacity, config.point_color)
-        place, normals = _placed(points.positions, points.normals, field, config)
+        return "checkpoint"
+    if config.kind == "auto":
+        named = "splats" in possible and "splat" in path.stem.lower()
+        return "splats" if named else possible[0]
+    if config.kind not in possible:
+        fitting = [name for name, kinds in _CONTENTS.items() if config.kind in kinds]
+        raise UserError(f"{config.kind} {'is' if config.kind == 'mesh' else 'are'} written as "
+                        f"{' or '.join(fitting)}, not {suffix}")
+    return config.kind
+
+
+_Written = tuple[dict[str, Any], list[Path]]
+
+
+def _checkpoint(field: VoxelField, path: Path, config: ExportConfig, tell: _Told) -> _Written:
+    save_checkpoint(field, path)
+    return {"voxels": len(field.density)}, [path]
+
+
+def _points(field: VoxelField, path: Path, config: ExportConfig, tell: _Told) -> _Written:
+    points = field_points(field, config.opacity, config.point_color)
+    place, normals = _placed(points.positions, points.normals, field, config)
+    with atomic_write(path) as stream:
+        meshes.write_ply(stream, place, normals, points)
+    return {"points": len(points.positions)}, [path]
+
+
+def _mesh(field: VoxelField, path: Path, config: ExportConfig, tell: _Told) -> _Written:
+    suffix = path.suffix.lower()
+    if (suffix, config.texture) in ((".ply", "yes"), (".usdz", "no")):
+        raise UserError(f"--texture {config.texture} does not go with {suffix} files; leave it at "
+                        "auto")
+    painted = config.texture == "yes" or suffix == ".usdz" or (
+        config.texture == "auto" and field.texture is not None and suffix != ".ply")
+    tell(0.0, "surface")
+    level, smooth = config.level, config.smooth
+    if painted and level is None and (field.background is None or config.surface == "outer"):
+        level = _SEEN_LEVEL if config.surface != "density" else None
+    if smooth is None:
+        smooth = _SEEN_SMOOTH if painted else 1.5
+    mesh = field_mesh(field, level, config.surface, smooth, config.least_piece)
+    figures, paths = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}, [path]
+    if painted:
+        tell(0.4, "texture")
+        textured = meshes.bake_texture(field, mesh)
+        figures["texels"] = textured.picture.shape[0] * textured.picture.shape[1]
+        place, normals = _placed(textured.vertices, textured.normals, field, config)
+        tell(0.8, path.name)
+        if suffix == ".obj":
+            return figures, meshes.write_textured_obj(path, place, normals, textured)
+        write: Any = {".glb": meshes.write_textured_glb, ".usdz": meshes.write_usdz}[suffix]
         with atomic_write(path) as stream:
-            _write_ply(stream, place, normals, points)
-        figures = {"points": len(points.positions)}
-    else:
-        mesh = field_mesh(field, config.level, config.surface, config.smooth, config.least_piece)
-        place, normals = _placed(mesh.vertices, mesh.normals, field, config)
-        writer = {".ply": _write_ply, ".obj": _write_obj, ".glb": _write_glb}[suffix]
-        with atomic_write(path) as stream:
-            writer(stream, place, normals, mesh)
-        figures = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
-    return {**figures, "bytes": path.stat().st_size}
+            write(stream, place, normals, textured)
+        return figures, paths
+    place, normals = _placed(mesh.vertices, mesh.normals, field, config)
+    write = {".ply": meshes.write_ply, ".obj": meshes.write_colored_obj,
+             ".glb": meshes.write_colored_glb}[suffix]
+    with atomic_write(path) as stream:
+        write(stream, place, normals, mesh)
+    return figures, paths
+
+
+def _splats(field: VoxelField, path: Path, config: ExportConfig, tell: _Told) -> _Written:
+    splats, psnr = field_splats(field, config.splats, tell)
+    if config.world == "source":
+        splats = splats.moved(np.linalg.inv(field.frame))
+    with atomic_write(path) as stream:
+        SPLAT_WRITERS[path.suffix.lower()](stream, splats)
+    return {"splats": len(splats), "psnr": psnr}, [path]
 
 
 def _placed(points: NDArray[np.float32], normals: NDArray[np.float32], field: VoxelField,
@@ -113,85 +190,3 @@ def _placed(points: NDArray[np.float32], normals: NDArray[np.float32], field: Vo
     turn = back[:3, :3] / np.cbrt(np.linalg.det(back[:3, :3]))
     return ((points @ back[:3, :3].T + back[:3, 3]).astype(np.float32),
             (normals @ turn.T).astype(np.float32))
-
-
-def _write_ply(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
-               item: PointCloud | Mesh) -> None:
-    """Binary PLY: position, normal, color, and a point's opacity or the faces."""
-    columns = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
-    columns += [(name, "u1") for name in ("red", "green", "blue")]
-    if isinstance(item, PointCloud):
-        columns.append(("opacity", "<f4"))
-    rows = np.empty(len(place), columns)
-    for axis in range(3):
-        rows["xyz"[axis]] = place[:, axis]
-        rows["n" + "xyz"[axis]] = normals[:, axis]
-        rows[("red", "green", "blue")[axis]] = item.colors[:, axis]
-    header = ["ply", "format binary_little_endian 1.0", f"comment lfportrait {__version__}",
-              f"element vertex {len(rows)}"]
-    header += [f"property {'uchar' if kind == 'u1' else 'float'} {name}" for name, kind in columns]
-    faces = None
-    if isinstance(item, PointCloud):
-        rows["opacity"] = item.opacity
-    else:
-        faces = np.empty(len(item.faces), [("count", "u1"), ("corners", "<i4", 3)])
-        faces["count"], faces["corners"] = 3, item.faces
-        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
-    stream.write(("\n".join([*header, "end_header"]) + "\n").encode())
-    stream.write(rows.tobytes())
-    if faces is not None:
-        stream.write(faces.tobytes())
-
-
-def _write_obj(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
-               mesh: Mesh) -> None:
-    """OBJ with a color behind each position, as Blender and MeshLab write it."""
-    stream.write(f"# lfportrait {__version__}\n".encode())
-    np.savetxt(stream, np.hstack([place, mesh.colors / 255.0]), "v %.6f %.6f %.6f %.4f %.4f %.4f")
-    np.savetxt(stream, normals, "vn %.4f %.4f %.4f")
-    np.savetxt(stream, np.repeat(mesh.faces + 1, 2, axis=1), "f %d//%d %d//%d %d//%d")
-
-
-def _linear(color: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """SRGB bytes as linear light in 16 bits, with a fourth channel of ones."""
-    table = (linear_light(np.arange(256) / 255.0) * 65535.0 + 0.5).astype(np.uint16)
-    return np.column_stack([table[color], np.full(len(color), 65535, np.uint16)])
-
-
-def _write_glb(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
-               mesh: Mesh) -> None:
-    """Binary glTF 2.0: one mesh with vertex colors and an unlit material."""
-    parts = [place.astype("<f4"), normals.astype("<f4"), _linear(mesh.colors).astype("<u2"),
-             mesh.faces.astype("<u4").ravel()]
-    arrays, at = [], 0
-    for part in parts:
-        # Targets: 34962 vertices, 34963 indices.
-        arrays.append({"buffer": 0, "byteOffset": at, "byteLength": part.nbytes,
-                       "target": 34963 if part is parts[3] else 34962})
-        at += part.nbytes
-    vertices = len(place)
-    # Component types: 5126 float, 5123 unsigned short, 5125 unsigned int.
-    scene = {
-        "asset": {"version": "2.0", "generator": f"lfportrait {__version__}"},
-        "extensionsUsed": ["KHR_materials_unlit"],
-        "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, "name": "portrait"}],
-        "materials": [{"extensions": {"KHR_materials_unlit": {}}, "doubleSided": True,
-                       "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "COLOR_0": 2},
-                                    "indices": 3, "material": 0}]}],
-        "buffers": [{"byteLength": at}], "bufferViews": arrays,
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": vertices, "type": "VEC3",
-             "min": place.min(axis=0).tolist(), "max": place.max(axis=0).tolist()},
-            {"bufferView": 1, "componentType": 5126, "count": vertices, "type": "VEC3"},
-            {"bufferView": 2, "componentType": 5123, "count": vertices, "type": "VEC4",
-             "normalized": True},
-            {"bufferView": 3, "componentType": 5125, "count": mesh.faces.size, "type": "SCALAR"}],
-    }
-    text = json.dumps(scene, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    stream.write(struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + at))
-    stream.write(struct.pack("<I4s", len(text), b"JSON") + text)
-    stream.write(struct.pack("<I4s", at, b"BIN\0"))
-    for part in parts:
-        stream.write(part.tobytes())

@@ -5,10 +5,11 @@ paints it by one exemplar.
 """
 
 from .canvas import canvas_of
+from .charts import Atlas, draw_atlas
 from .painting import Painting, SkinConfig, SkinPainter
 from .rehearsal import rehearse_painting
 from .sitter import PIXELS, Skin, face_pixels
 from .storage import load_skin, save_skin, skin_key
 
-__all__ = ["PIXELS", "Painting", "Skin", "SkinConfig", "SkinPainter", "canvas_of", "face_pixels",
-           "load_skin", "rehearse_painting", "save_skin", "skin_key"]
+__all__ = ["PIXELS", "Atlas", "Painting", "Skin", "SkinConfig", "SkinPainter", "canvas_of",
+           "draw_atlas", "face_pixels", "load_skin", "rehearse_painting", "save_skin", "skin_key"]
