@@ -21,7 +21,7 @@ BITS = 18
 HALF_TURN = 511 * np.sqrt(2)
 """What a component of a quaternion is multiplied with: nine bits and a sign."""
 STEPS = (2, 4)
-"""Steps of the coefficients of degree 1, and of those above, in 128ths, finer than Niantic writes them."""
+"""Steps of the coefficients of degree 1, and of those above, in 128ths: finer than usual."""
 
 
 def write_spz(stream: BinaryIO, splats: Splats) -> None:
