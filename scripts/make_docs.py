@@ -131,7 +131,8 @@ def rows_of(config: type, docs: dict[str, str], flags: bool) -> list[str]:
     """The table of one class; parameters that are classes themselves have their own section."""
     rows = ["| parameter | default | meaning |", "| --- | --- | --- |"]
     for entry in dataclasses.fields(config):
-        if dataclasses.is_dataclass(entry.default_factory):
+        if (entry.default_factory is not dataclasses.MISSING
+                and dataclasses.is_dataclass(entry.default_factory())):
             continue
         default = ("required" if entry.default is dataclasses.MISSING
                    and entry.default_factory is dataclasses.MISSING
