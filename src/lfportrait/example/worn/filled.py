@@ -26,7 +26,7 @@ from ..painter.materials import ExemplarMaterials, into, mainly
 from ..painter.patch_painter import PainterConfig, PatchPainter, Sheet, Wish
 from ..painter.picture_materials import FEATURES, SKIN
 from ..painter.pieces import pieces
-from .forehead import covered_forehead
+from .forehead import HIDES, covered_forehead
 from .glasses import drawn, find_spectacles, lenses
 
 __all__ = ["bared", "without_spectacles"]
@@ -34,32 +34,32 @@ __all__ = ["bared", "without_spectacles"]
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
-WORN, MOST = 0.3, 0.8
-"""A forehead is bared if more than the first share of it is covered by something else than hair,
-or more than the second by anything."""
+MOST = 0.8
+"""A forehead is bared if something else than hair hides it (`HIDES`), or if more than this share of
+it is covered by anything."""
 FRINGE = 0.45
-"""The same, by anything, for a sitter whose own forehead is bare."""
+"""The same share for a sitter whose own forehead is bare."""
+NEARLY = 20.0
+"""Foreheads of faces turned by more degrees are not looked at."""
 GROWN, SOFT = 0.035, 0.012
 """The hole is larger than the cover by so much, and ends softly over so much, over the face's
 height: paint at a cover's edge is of both."""
-AROUND = 0.1
-"""So much around the hole the patches agree with, over the face's height."""
-BROAD = 0.07
-"""Colors broader than this come from the skin around the hole, over the face's height."""
-CENTRAL = 0.6
-"""Skin counts by how near it is to the middle: sigma over half the face's width."""
 BROW, EDGE = 0.04, 0.02
 """Brows are darker than skin by this, and not so near to the cover, over the face's height."""
+AROUND = 0.1
+"""So much around the hole the patches agree with, over the face's height."""
+CENTRAL = 0.6
+"""Skin counts by how near it is to the middle: sigma over half the face's width."""
+BROAD, REACHES = 0.07, (1.2, 0.6, 0.3, 0.15, 0.08)
+"""Colors broader than the first number come from the skin around the hole, which is looked for as
+far away as the others, from broad to narrow; over the face's height."""
+BESIDE_RIMS, RIMS = 0.02, (0.2, 0.1, 0.05, 0.03)
+"""The same beside the rims of spectacles."""
 SMALL = 4
-"""They are computed every Nth pixel."""
-REACHES = 1.2, 0.6, 0.3, 0.15, 0.08
-"""Skin is looked for as far away as this, from broad to narrow, over the face's height."""
-NEARLY = 20.0
-"""Foreheads of faces turned by more degrees are not looked at."""
-RIMS, BESIDE_RIMS = (0.2, 0.1, 0.05, 0.03), 0.02
-"""The same beside rims, and colors broader than this come from there."""
-SHADE, THROUGH = 0.015, np.float32(0.1)
-"""Breadth of the shade of rims; and the weight of what is seen through a lens."""
+"""Broad colors are computed every Nth pixel."""
+RIM, SHADE, THROUGH = 0.15, 0.015, np.float32(0.1)
+"""What is so surely a rim is filled; rims have a shade of this breadth, over the face's height; and
+the weight of what is seen through a lens."""
 
 
 def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
@@ -80,10 +80,13 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
     if abs(exemplar.pose().yaw) > NEARLY:
         return exemplar
 
-    def find() -> dict[str, NDArray[Any]]:
-        return _found(exemplar, fringe) or {}
+    regions = exemplar.regions()
 
-    key = key_of("example.worn.filled", exemplar.image, exemplar.landmarks, exemplar.mask, fringe)
+    def find() -> dict[str, NDArray[Any]]:
+        return _found(exemplar, regions, fringe) or {}
+
+    key = key_of("example.worn.filled", exemplar.image, exemplar.landmarks, regions.person,
+                 regions.hair, fringe)
     found = kept_arrays("bared", key, find, most=30)
     if not found:
         return exemplar
@@ -101,7 +104,7 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
         if worn is None:
             return {}
         height = FaceFrame.of(points).height
-        lines = drawn(worn, shape) > 0.15
+        lines = drawn(worn, shape) > RIM
         behind = lenses(worn, shape, points) > 0
         nose = polygon(shape, np.concatenate([points[27:28], points[[31, 33, 35]]])) > 0
         hole = lines | (behind & ~nose)
@@ -117,12 +120,11 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
     return replace(exemplar, image=found["image"]) if found else exemplar
 
 
-def _found(exemplar: Exemplar, fringe: bool) -> dict[str, NDArray[Any]] | None:
+def _found(exemplar: Exemplar, regions: Regions, fringe: bool) -> dict[str, NDArray[Any]] | None:
     """The picture and its mattes, uint8, or None where it is bare already."""
-    regions = exemplar.regions()
     labels = regions.labels()
     forehead = covered_forehead(exemplar, regions, labels)
-    if forehead.other < WORN and forehead.share < (FRINGE if fringe else MOST):
+    if forehead.other < HIDES and forehead.share < (FRINGE if fringe else MOST):
         return None
     height = regions.frame.height
     hole = _grown(forehead.covered > 0.5, GROWN * height)

@@ -1,8 +1,7 @@
 """Where a painted forehead is covered or shaded: linen, a hat's brim and its shade.
 
 A forehead is bare where its colors and its light are those of cheeks and nose. What has others,
-hangs down from above and is more than a wrinkle is a cover. Hair is left to the
-painter: a fringe belongs to him.
+hangs down from above and is more than a wrinkle is a cover; what of it is hair is told apart.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from ..exemplar import Exemplar
 from ..guides.regions import Regions
 from ..painter.small_picture import SmallPicture
 
-__all__ = ["Forehead", "covered_forehead"]
+__all__ = ["HIDES", "Forehead", "covered_forehead"]
 
 Float32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -27,8 +26,10 @@ Bools = NDArray[np.bool_]
 HAIRLINE, TEMPLE, ROUND = 0.54, 0.86, 2.0
 """A forehead ends this far above the brows (chin -1), and this far from its middle over half the
 face's width, in a superellipse of this power."""
-HIGH, HIDES = 0.64, 0.3
-"""The same of a forehead of which more than the second number is hidden by what is no hair."""
+HIGH = 0.64
+"""The same height of a forehead that is hidden."""
+HIDES = 0.3
+"""A forehead is hidden if no less than this share of it is covered by something else than hair."""
 CROWN = 1.15, 0.95, 0.0
 """A head ends this far from its middle over half the face's width, and this far above the brows;
 hair that a hat covers begins above this."""
@@ -103,7 +104,7 @@ def covered_forehead(exemplar: Exemplar, regions: Regions, labels: NDArray[np.ui
     whole = max(float(forehead.sum()), 1.0)
     share, other = float(cover.sum()) / whole, float((cover & ~hair).sum()) / whole
     bare = flesh & ~features & ~unlike & ~cover & ~hair
-    if other > HIDES:
+    if other >= HIDES:
         # Where hair begins under a hat nobody knows: as high as on most heads.
         cover |= (high < 1) & (down < 0) & ~oval
     crown = np.hypot(right / (CROWN[0] * half), np.maximum(-down, 0) / CROWN[1]) < 1
