@@ -18,6 +18,7 @@ from .blurs import broad_blur
 from .color_segmentation import overlap
 from .face_frame import FaceFrame
 from .regions import Regions, find_regions
+from .shapes import disk
 
 __all__ = ["is_scalp", "photo_regions"]
 
@@ -79,8 +80,7 @@ def _one_person(regions: Regions) -> Float32:
     person = regions.person
     step = max(1, int(NARROW * regions.frame.height / 4))
     there = np.asarray(person[::step, ::step] > 0.5, np.uint8)
-    radius = max(1, round(NARROW * regions.frame.height / step))
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    kernel = disk(NARROW * regions.frame.height / step)
     count, parts = cv2.connectedComponents(cv2.erode(there, kernel))
     if count <= 2:
         return person

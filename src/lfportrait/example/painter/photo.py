@@ -30,6 +30,7 @@ from ..guides.labels import soft_face
 from ..guides.maps import relative_stretch
 from ..guides.position import pixel_centres
 from ..guides.regions import Regions
+from ..guides.shapes import disk
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..patches import PatchConfig, PatchSource
 from .cells import Cells
@@ -342,8 +343,7 @@ def _core(work: _Work, soft: Float32, kept: Bools, skin: Float32) -> Bools:
 
 def _round(work: _Work, core: Bools) -> Bools:
     """A face without what is narrow at its edge, bool [H, W]: skin that shows between locks."""
-    radius = max(1, round(0.08 * face_size(work.landmarks)))
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    kernel = disk(0.08 * face_size(work.landmarks))
     return cv2.morphologyEx(core.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
 
 

@@ -14,6 +14,7 @@ from ..exemplar import Exemplar, face_size
 from ..guides.appearance import grey, skin_distance
 from ..guides.blurs import broad_blur, gaussian_blur
 from ..guides.regions import Regions
+from ..guides.shapes import disk
 from .looks import BLUR, contours
 from .materials import STAND_INS, ExemplarMaterials, matched_looks
 from .picture_materials import CLOTHES, GROUND, HAIR, NECK, PLAIN, SKIN, picture_shares
@@ -100,8 +101,7 @@ def _settle_body(shares: Float32, regions: Regions) -> None:
     step = max(1, int(regions.frame.height / SETTLED))
     right, down = right[::step, ::step], down[::step, ::step]
     half = 0.5 * regions.frame.width / regions.frame.height
-    radius = max(1, round(PIECE * regions.frame.height / step))
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    kernel = disk(PIECE * regions.frame.height / step)
     around = np.ones((7, 7), np.uint8)
     for own, other in ((NECK, CLOTHES), (CLOTHES, NECK)):
         here = shares[::step, ::step, own] > 0.3

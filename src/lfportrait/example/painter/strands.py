@@ -17,6 +17,7 @@ from ..exemplar import Exemplar
 from ..guides.appearance import grey, skin_distance
 from ..guides.blurs import broad_blur
 from ..guides.labels import soft_face
+from ..guides.shapes import disk
 from .picture_materials import FEATURES, SKIN
 
 __all__ = ["outline", "strands", "unpainted"]
@@ -83,8 +84,7 @@ def strands(exemplar: Exemplar, hair: Float32, labels: NDArray[np.uint8]) -> Flo
     _, parts = cv2.connectedComponents(lines.astype(np.uint8))
     out = np.isin(parts, np.setdiff1d(parts[from_hair], 0)).astype(np.float32)
     # With its soft edge, and where it ends in a point.
-    radius = max(1, round(1.5 * THIN * face_size))
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    kernel = disk(1.5 * THIN * face_size)
     return np.asarray(cv2.resize(cv2.dilate(out, kernel), shape[::-1],
                                  interpolation=cv2.INTER_LINEAR), np.float32)
 
@@ -120,6 +120,5 @@ def _long(lines: NDArray[np.bool_], length: float) -> NDArray[np.bool_]:
 
 def _lines(image: NDArray[np.uint8], size: float) -> NDArray[np.bool_]:
     """Thin dark lines of a picture [h, w, 3] whose face is of a ``size``, bool [h, w]."""
-    radius = max(1, round(THIN * size))
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    kernel = disk(THIN * size)
     return np.asarray(cv2.morphologyEx(grey(image), cv2.MORPH_BLACKHAT, kernel) > DARK)

@@ -21,6 +21,7 @@ from ..guides.blurs import broad_blur
 from ..guides.face_frame import FaceFrame
 from ..guides.labels import polygon
 from ..guides.regions import Regions
+from ..guides.shapes import grown
 from ..kernels.patches import ACTIVE, FIXED, OUTSIDE
 from ..painter.materials import ExemplarMaterials, into, mainly
 from ..painter.patch_painter import PainterConfig, PatchPainter, Sheet, Wish
@@ -109,10 +110,10 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
         nose = polygon(shape, np.concatenate([points[27:28], points[[31, 33, 35]]])) > 0
         hole = lines | (behind & ~nose)
         # Rims have a shade; and what is seen through a lens counts less than what lies around it.
-        beside = np.where(_grown(lines, SHADE * height), np.float32(0), np.float32(1))
+        beside = np.where(grown(lines, SHADE * height), np.float32(0), np.float32(1))
         broad = _spread(exemplar.image, beside * np.where(behind & ~nose, THROUGH, np.float32(1)),
                         height, RIMS)
-        bare = _grown(hole, 2 * AROUND * height) & (beside > 0) & ~behind
+        bare = grown(hole, 2 * AROUND * height) & (beside > 0) & ~behind
         return {"image": _filled(exemplar, bare, hole, broad, height, BESIDE_RIMS)}
 
     key = key_of("example.worn.filled", "spectacles", exemplar.image, exemplar.landmarks)
@@ -127,13 +128,13 @@ def _found(exemplar: Exemplar, regions: Regions, fringe: bool) -> dict[str, NDAr
     if forehead.other < HIDES and forehead.share < (FRINGE if fringe else MOST):
         return None
     height = regions.frame.height
-    hole = _grown(forehead.covered > 0.5, GROWN * height)
+    hole = grown(forehead.covered > 0.5, GROWN * height)
     bare = forehead.bare * ~hole
     broad = _spread(exemplar.image, _central(forehead.lit * ~hole, regions), height)
     # Brows stay, as dark as they are; linen at their edge goes, with its shade.
     brows = labels[..., PICTURE_LABELS.index("brows")] > 100
     dark = grey(exemplar.image) < grey(broad) - BROW
-    brows &= _grown(dark, 0.01 * height) & ~_grown(forehead.covered > 0.5, EDGE * height)
+    brows &= grown(dark, 0.01 * height) & ~grown(forehead.covered > 0.5, EDGE * height)
     hole &= ~brows
     image = _filled(exemplar, bare > 0.5, hole, broad, height)
     # What lies above is where hair is: a sitter's forehead ends there.
@@ -144,13 +145,6 @@ def _found(exemplar: Exemplar, regions: Regions, fringe: bool) -> dict[str, NDAr
     return {"image": image, **{name: np.asarray(255 * matte + 0.5, np.uint8)
                                for name, matte in (("person", person), ("hair", above),
                                                 ("hole", soft))}}
-
-
-def _grown(part: Bools, radius: float) -> Bools:
-    """A part [h, w] with what is as near as this around it."""
-    side = 2 * max(1, round(radius)) + 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    return np.asarray(cv2.dilate(part.astype(np.uint8), kernel) > 0)
 
 
 def _central(bare: Float32, regions: Regions) -> Float32:
@@ -220,7 +214,7 @@ def _strokes(exemplar: Exemplar, inside: Bools, bare: Bools, tone: Float32, heig
     painter = PatchPainter(exemplar, one[np.where(bare, SKIN, FEATURES)], PainterConfig(), 0,
                            sharp=False)
     pictures, theirs = painter.source(1.0)
-    near = _grown(inside, AROUND * height)
+    near = grown(inside, AROUND * height)
     # Strokes agree with skin around the hole, not with hair and hats.
     state = np.where(inside, ACTIVE, np.where(near & bare, FIXED, OUTSIDE)).astype(np.uint8)
     picture = exemplar.image.astype(np.float32) / np.float32(255)

@@ -16,6 +16,7 @@ from scipy import ndimage
 from ...labels import PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.regions import Regions
+from ..guides.shapes import disk
 from ..painter.small_picture import SmallPicture
 
 __all__ = ["HIDES", "Forehead", "covered_forehead"]
@@ -151,7 +152,7 @@ def _unlike(small: SmallPicture, sample: Bools, where: Bools) -> tuple[Bools, Bo
 
 def _from_above(cover: Bools, forehead: Bools, radius: int) -> Bools:
     """The part of a cover that hangs down from the forehead's upper edge, without wrinkles."""
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    kernel = disk(radius)
     # Beyond the forehead it may go on.
     beyond = cover | ~forehead
     opened = cv2.morphologyEx(beyond.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0

@@ -22,6 +22,7 @@ from ..exemplar import Exemplar
 from ..guides.appearance import grey, skin_distance
 from ..guides.labels import soft_face
 from ..guides.regions import Regions
+from ..guides.shapes import disk
 from ..painter.headwear import has_two_hues
 from ..painter.small_picture import SmallPicture
 from .forehead import Forehead, covered_forehead
@@ -160,8 +161,7 @@ class _Small:
 
     def kernel(self, share: float) -> NDArray[np.uint8]:
         """A disk of a radius over the face's height."""
-        side = 2 * max(1, round(share * self.height)) + 1
-        return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
+        return disk(share * self.height)
 
 
 def _found(exemplar: Exemplar, regions: Regions) -> Float32 | None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...face import FacePose
+from ..guides.shapes import disk
 
 __all__ = ["DIRECTIONS", "UNIT", "UprightFace", "ridges", "upright"]
 
@@ -117,8 +118,7 @@ def upright(image: NDArray[np.uint8], landmarks: Float64, pose: FacePose) -> Upr
     points = landmarks @ turn.T + matrix[:, 2]
     for one in (points[36:42], points[42:48]):
         cv2.fillPoly(eyes, [np.round(one * 16).astype(np.int32)], 1, shift=4)
-    side = 2 * round(LIDS * UNIT) + 1
-    near = cv2.dilate(eyes, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)))
+    near = cv2.dilate(eyes, disk(LIDS * UNIT))
     return UprightFace(pose, rotation, matrix, np.asarray(grey, np.float32), near > 0,
                        np.stack([points[36:42].mean(axis=0), points[42:48].mean(axis=0)]))
 
