@@ -31,6 +31,8 @@ EDGED = 1.3
 """A cap's paint is no further from its color than this times what is usual."""
 COLORS, APART = (2, 3), 15.0
 """A background is divided into so many colors; a hat before it differs by this from the others."""
+MEETING = 0.08
+"""Head and background meet within this of each other, over the face's size."""
 TOUCHING, BORDER, RARE = 0.25, 0.06, 0.01
 """A hat covers so much of the line where head and background meet, above the chin. Of the picture's
 border, which is so broad over its size, it covers little: over that share, no more than this times
@@ -94,8 +96,7 @@ def _part_hat(small: SmallPicture, shares: Float32) -> None:
     if ground.sum() < FEW:
         return
     above = small.part(small.down) < 1
-    head = _grown(~ground & above, 0.0)
-    meeting = ground & above & _grown(head, 0.08 * small.size)
+    meeting = ground & above & _grown(~ground & above, MEETING * small.size)
     width = max(2, round(BORDER * max(ground.shape)))
     border = np.ones(ground.shape, bool)
     border[width:, width:-width] = False
@@ -140,6 +141,7 @@ def _clusters(colors: Float32, count: int) -> tuple[NDArray[np.int32], Float32]:
 
 
 def _grown(part: Bools, radius: float) -> Bools:
+    """A part [h, w] with the square of half a side ``radius`` around each pixel."""
     side = 2 * round(radius) + 1
     return np.asarray(cv2.dilate(part.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
 
