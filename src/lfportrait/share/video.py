@@ -150,9 +150,11 @@ def _large_stream(container: Any, size: tuple[int, ...], fps: float, quality: in
     stream = _added(container, ENCODERS[codec], size, fps, "420")
     if codec == "hevc":
         stream.codec_context.codec_tag = "hvc1"  # by which Apple's players know it
+        # Without B-frames: at the end of one or two frames libx265's threads now and then hand on
+        # what the container refuses.
         stream.options = {
             "crf": str(quality), "preset": "fast", "x265-params":
-            "log-level=error:frame-threads=1:rc-lookahead=5:bframes=2:info=0"}
+            "log-level=error:frame-threads=1:rc-lookahead=5:bframes=0:info=0"}
     else:
         stream.codec_context.thread_count = usable_cores()
         stream.options = {"crf": str(quality), "b": "0", "deadline": "good", "cpu-used": "4",

