@@ -37,7 +37,8 @@ def main(folder: Path, out: Path) -> None:
     views = [255 * styled.render(cameras, index).color for index in range(3)]
     coded = read_image(folder / "lightfield.png")
     height, width = coded.shape[:2]
-    y, x = int(0.36 * height), int(0.47 * width)
+    # An eye: there colors and contours meet.
+    y, x = int(0.5 * height), int(0.535 * width)
     crop = np.repeat(np.repeat(coded[y:y + HEIGHT // 3, x:x + 80], 3, 0), 3, 1)
     parts = [photo[:, cut:cut + 330], fitted(demo_exemplar().image), *views, crop]
     gap = np.full((HEIGHT, 8, 3), 255.0)
