@@ -204,7 +204,10 @@ class Device:
 
     def wait(self) -> None:
         """Wait until all work is done."""
-        self._device.queue.on_submitted_work_done_sync()
+        # A read comes after all that was submitted; wgpu-py's own way to wait fails in 0.32.
+        if "wait" not in self.kept:
+            self.kept["wait"] = self.buffer(16)
+        self._device.queue.read_buffer(self.kept["wait"], 0, 4)
 
 
 def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callable[[], None],

@@ -16,6 +16,7 @@ import struct
 import subprocess
 import sys
 import threading
+from collections.abc import Collection
 from typing import IO, Any
 
 from .adapters import Adapter
@@ -90,17 +91,18 @@ class GpuProcess:
     def __init__(self, adapter: Adapter, timeout: float = _TIMEOUT) -> None:
         self.adapter, self.timeout, self.starts = adapter, timeout, 0
         self._child: subprocess.Popen[bytes] | None = None
-        self._held: set[str] = set()
+        self._held: dict[str, frozenset[str]] = {}
         self._lock = threading.RLock()
         self._lost = False
 
-    def holds(self, key: str) -> bool:
-        """Whether the child that runs now was given something under this name (`note`)."""
-        return self._child is not None and self._child.poll() is None and key in self._held
+    def holds(self, kind: str, name: str) -> bool:
+        """Whether the child that runs now keeps something under this name (`note`)."""
+        return (self._child is not None and self._child.poll() is None
+                and name in self._held.get(kind, ()))
 
-    def note(self, key: str, held: bool = True) -> None:
-        """Remember that the child was given something, or forgot it."""
-        (self._held.add if held else self._held.discard)(key)
+    def note(self, kind: str, names: Collection[str]) -> None:
+        """Remember what of a kind the child keeps now."""
+        self._held[kind] = frozenset(names)
 
     def call(self, name: str, *arguments: Any) -> Any:
         """Call a function in the child.

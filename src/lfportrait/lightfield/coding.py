@@ -22,6 +22,8 @@ from ..errors import UserError
 from ..field import VoxelField
 from .composition import composed
 from .display import Display
+from .gpu.calling import viewpoints
+from .gpu.panel import PanelJob
 from .ground import ground_of
 from .kernels.encode import encode_kernel
 from .kernels.panel import mix_light
@@ -109,6 +111,41 @@ def _method(field: VoxelField, display: Display, config: EncodeConfig) -> str:
 def _grey(config: EncodeConfig) -> float:
     """Grey level behind the head where there is no ground."""
     return max(config.background, 0.0)
+
+
+def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height: int = 0,
+              fixed: int = -1, first: int = 0, apart: int = 1) -> PanelJob:
+    """A panel, or ``height`` of its rows, as a GPU takes it.
+
+    Parameters
+    ----------
+    field, display, config
+        As for `encode`.
+    height, first, apart
+        How many rows, the first one and how far apart they are; all by default.
+    fixed
+        One view for all sub-pixels, or -1.
+    """
+    placement = Placement.of(display, config)
+    distance = placement.deep_distance(display)
+    panel = _panel(display, config, placement, first, apart)
+    slices = _method(field, display, config) == "slices"
+    stride = 2 if config.draft else 1
+    step = max(config.step_size, 1.0) if config.draft else config.step_size
+    ground = ground_of(field, display, config)
+    to_world = np.column_stack([placement.to_world, -placement.to_world @ placement.deep_shift]
+                               ) / placement.scale
+    return PanelJob(
+        display.width, height or display.height, placement.to_lattice(field.lattice), panel,
+        display.eyes(), fixed, _RAYS if config.blend == "filtered" else 1,
+        2.0 * display.eye_reach * display.breadth / display.pitch, display.gamma,
+        3 if slices else 0, stride if slices else step,
+        _FAINTEST * field.lattice[5] / stride if slices else 1e-2, _STOP if slices else 1e-3,
+        slices, _grey(config),
+        viewpoints(field, display.eyes(), distance, display.eye_height, to_world),
+        None if ground is None else ground.planes,
+        (0.0,) * 6 if ground is None else (ground.depth / display.distance, ground.left, ground.top,
+                                           *ground.texel, display.eye_height))
 
 
 def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any],
