@@ -14,6 +14,7 @@ little for much time, and are stored as they are. `numpy.load` (and so svox2) re
 
 from __future__ import annotations
 
+import functools
 import zipfile
 import zlib
 from collections.abc import Collection
@@ -137,6 +138,12 @@ def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],
             np.lib.format.write_array(target, np.asanyarray(array), allow_pickle=False)
 
 
+def _array(path: Path, name: str) -> NDArray[Any]:
+    """One array of a file: threads that share one open archive read each other's bytes."""
+    with np.load(path, allow_pickle=False) as data:
+        return np.asarray(data[name])
+
+
 def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:
     """Read the named arrays that a field's file has; others are not read.
 
@@ -149,8 +156,9 @@ def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:
     try:
         with np.load(path, allow_pickle=False) as data:
             wanted = [name for name in data.files if name in names]
-            with ThreadPoolExecutor(usable_cores()) as threads:  # inflating lets go of the lock
-                return dict(zip(wanted, threads.map(data.__getitem__, wanted), strict=True))
+        with ThreadPoolExecutor(usable_cores()) as threads:  # inflating lets go of the lock
+            return dict(zip(wanted, threads.map(functools.partial(_array, path), wanted),
+                            strict=True))
     except FileNotFoundError as error:
         raise UserError(f"no such field file: {path}") from error
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, TypeError,
