@@ -44,6 +44,8 @@ the card has, and code then fails on a smaller one."""
 
 BINDING = LIMITS["max-storage-buffer-binding-size"]
 """Bytes of a buffer that a shader can see at once."""
+_STAGED = 32 << 20
+"""Bytes that are read back at once."""
 _DISPATCH = 0.05
 """Seconds that one dispatch should take: some systems reset a driver after two."""
 
@@ -114,12 +116,30 @@ class Device:
     def read(self, buffer: Any, dtype: Any, shape: int | Sequence[int],
              offset: int = 0) -> NDArray[Any]:
         """An array of what a buffer holds, from a byte on."""
-        count = int(np.prod(shape))
-        size = -(-count * np.dtype(dtype).itemsize // 4) * 4
-        if count == 0:
-            return np.zeros(shape, dtype)
-        data = self._device.queue.read_buffer(buffer, offset, size)
-        return np.frombuffer(data, np.uint8).view(dtype)[:count].reshape(shape)
+        out = np.empty(shape, dtype)
+        raw = out.reshape(-1).view(np.uint8)
+        for start in range(0, raw.nbytes, _STAGED):
+            part = raw[start:start + _STAGED]
+            size = -(-part.nbytes // 4) * 4
+            staged = self._staging(size)
+            encoder = self._device.create_command_encoder()
+            encoder.copy_buffer_to_buffer(buffer, offset + start, staged, 0, size)
+            self._device.queue.submit([encoder.finish()])
+            staged.map_sync("READ", 0, size)
+            part[:] = np.frombuffer(staged.read_mapped(0, size, copy=False),
+                                    np.uint8)[:part.nbytes]
+            staged.unmap()
+        return out
+
+    def _staging(self, size: int) -> Any:
+        """A buffer that this process reads, kept: a new one's memory has to be found first."""
+        kept = self.kept.get("staging")
+        if kept is None or kept.size < size:
+            usage = self._flags.BufferUsage
+            kept = self._device.create_buffer(size=min(_STAGED, 1 << (size - 1).bit_length()),
+                                              usage=usage.COPY_DST | usage.MAP_READ)
+            self.kept["staging"] = kept
+        return kept
 
     def texture(self, size: tuple[int, ...], format: str, *, written: bool = False) -> Any:
         """A texture of (width, height) or (width, height, depth) texels.
@@ -207,7 +227,7 @@ class Device:
         # A read comes after all that was submitted; wgpu-py's own way to wait fails in 0.32.
         if "wait" not in self.kept:
             self.kept["wait"] = self.buffer(16)
-        self._device.queue.read_buffer(self.kept["wait"], 0, 4)
+        self.read(self.kept["wait"], np.uint32, 1)
 
 
 def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callable[[], None],

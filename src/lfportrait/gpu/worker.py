@@ -38,8 +38,8 @@ def _answer(device: Device, name: str, arguments: tuple[Any, ...]) -> tuple[bool
 def main() -> None:
     """Answer calls until the parent is gone."""
     # Drivers and libraries print: that must not get between the answers.
-    incoming = os.fdopen(os.dup(0), "rb", buffering=1 << 20)
-    outgoing = os.fdopen(os.dup(1), "wb", buffering=1 << 20)
+    incoming = os.fdopen(os.dup(0), "rb", buffering=0)
+    outgoing = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
     sys.stdin.close()
     with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):

@@ -13,35 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...field.gpu import shader
-from ...field.gpu.atlas import Atlas
+from ...field.gpu import Atlas, DeviceTexture, picture_texture, shader
 from ...gpu.device import BINDING, Device, bands
 
-__all__ = ["PanelJob", "TextureParts", "code_panel", "keep_texture"]
+__all__ = ["PanelJob", "code_panel"]
 
 _TILE = 16
 """Pixels along a side of a workgroup's tile."""
-_KEPT = 3
-"""Textures that stay on a device."""
-
-
-@dataclass(frozen=True)
-class TextureParts:
-    """A field's painted texture, as `VoxelField.texture_rows` gives it.
-
-    Attributes
-    ----------
-    cells
-        uint8 [bricks * 128], the chart of each cell; 255: none.
-    charts
-        float32 [C, 12].
-    texels
-        int8 [H, W, 4].
-    """
-
-    cells: NDArray[np.uint8]
-    charts: NDArray[np.float32]
-    texels: NDArray[np.int8]
 
 
 @dataclass(frozen=True)
@@ -130,38 +108,6 @@ def _wrapped(turns: float) -> int:
     return round((turns % 1.0) * 2 ** 32) % 2 ** 32
 
 
-def keep_texture(device: Device, key: str, texture: TextureParts | None) -> list[str]:
-    """Keep a field's texture, or that it has none, on a device; returns the names of all kept."""
-    kept = device.kept.setdefault("textures", {})
-    kept.pop(key, None)
-    while len(kept) >= _KEPT:
-        kept.pop(next(iter(kept)))
-    kept[key] = _texture(device, texture)
-    return list(kept)
-
-
-def _texture(device: Device, texture: TextureParts | None) -> tuple[Any, Any, Any, bool]:
-    """Charts of the cells, projections and texels on a device; empty ones for none."""
-    if texture is None:
-        texels = device.texture((1, 1), "rgba8snorm")
-        return device.buffer(16), device.buffer(16), texels, False
-    texels = device.texture(texture.texels.shape[1::-1], "rgba8snorm")
-    device.fill_texture(texels, texture.texels)
-    return device.buffer(texture.cells), device.buffer(texture.charts), texels, True
-
-
-def _ground(device: Device, job: PanelJob) -> Any:
-    """The ground's texture."""
-    if job.ground is None:
-        return device.texture((1, 1), "rgba16float")
-    _, height, width = job.ground.shape
-    texels = np.zeros((height, width, 4), np.float16)
-    texels[..., :3] = np.moveaxis(job.ground, 0, -1) * np.float32(1 / 255)
-    texture = device.texture((width, height), "rgba16float")
-    device.fill_texture(texture, texels)
-    return texture
-
-
 def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool = True,
                repeats: int = 0) -> tuple[NDArray[np.uint8], dict[str, float]]:
     """Code a panel.
@@ -184,7 +130,7 @@ def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool 
         ``repeats``, the least of a repetition.
     """
     atlas: Atlas = device.kept["fields"][keys[0]]
-    cells, charts, texels, textured = device.kept["textures"][keys[1]]
+    texture: DeviceTexture = device.kept["textures"][keys[1]]
     job = replace(job, viewpoints=job.viewpoints[:atlas.layers])
     start = time.perf_counter()
     atlas.shade(job.viewpoints)
@@ -193,8 +139,8 @@ def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool 
     kernel = device.kernel(shader("field/gpu/march.wgsl", "lightfield/gpu/panel.wgsl"), "main",
                            {"sorted": job.ordered})
     marching = device.buffer(
-        atlas.march_uniform(job.threshold, job.stop, job.whole, textured), uniform=True)
-    ground = _ground(device, job)
+        atlas.march_uniform(job.threshold, job.stop, job.whole, texture.there), uniform=True)
+    ground = picture_texture(device, job.ground)
     tiles = -(-job.width // _TILE)
     most = max(_TILE, min(job.height, BINDING // (4 * job.words) // _TILE * _TILE))
     device.wait()
@@ -214,7 +160,8 @@ def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool 
             part = (picture, 4 * job.words * begin, 4 * job.words * many)
             group = device.bind(kernel, {
                 0: marching, 1: atlas.table, 2: atlas.masks, 3: atlas.texture,
-                4: device.sampler(), 5: cells, 6: charts, 7: texels, 8: panel, 9: ground, 10: part})
+                4: device.sampler(), 5: texture.cells, 6: texture.charts, 7: texture.texels,
+                8: panel, 9: ground, 10: part})
             device.run((kernel, group, (tiles, until - since, 1)))
 
         sizes = bands(-(-rows // _TILE), 4, run, device.wait)
