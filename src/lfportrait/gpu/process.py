@@ -37,7 +37,8 @@ def send(stream: IO[bytes], value: Any) -> None:
     head = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
     parts = [part.raw() for part in buffers]
     sizes = [len(head), *(part.nbytes for part in parts)]
-    for part in (struct.pack(f"<Q{len(sizes)}Q", len(sizes), *sizes), head, *parts):
+    everything: list[Any] = [struct.pack(f"<Q{len(sizes)}Q", len(sizes), *sizes), head, *parts]
+    for part in everything:
         view = memoryview(part)
         while len(view):
             view = view[stream.write(view):]

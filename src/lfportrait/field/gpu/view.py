@@ -81,7 +81,7 @@ class ViewJob:
         return out
 
 
-def render_views(device: Device, keys: tuple[str, str], job: ViewJob) -> tuple[Any, ...]:
+def render_views(device: Device, keys: tuple[str, str], job: ViewJob) -> Any:
     """Render views, one after the other.
 
     Parameters
