@@ -54,6 +54,21 @@ def kept(monkeypatch, tmp_path_factory, request):
     return folder
 
 
+@pytest.fixture
+def other_device(monkeypatch):
+    """A choice of ``--device`` by which torch computes elsewhere (`tests.other_memory`)."""
+    from lfportrait import device
+    from tests.other_memory import PLACE, OtherMemory
+
+    monkeypatch.setattr(device, "gpu_adapters", list)
+    monkeypatch.setattr(device, "torch_devices",
+                        lambda: (device.TorchDevice(PLACE, "Other 9", "Test"),))
+    device.torch_device.cache_clear()
+    with OtherMemory():
+        yield "gpu:other"
+    device.torch_device.cache_clear()
+
+
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
