@@ -54,6 +54,21 @@ def kept(monkeypatch, tmp_path_factory, request):
     return folder
 
 
+@pytest.fixture(scope="session")
+def adapter():
+    """A WebGPU adapter of this machine, the software one if it has that."""
+    from lfportrait.gpu import adapters
+    from lfportrait.graphics import lacking
+
+    found = sorted(adapters(), key=lambda one: one.real)
+    if found:
+        return found[0]
+    why = "; ".join(f"{lack.what}: {lack.remedy}" for lack in lacking()) or "no adapter is found"
+    if os.environ.get("LFPORTRAIT_REQUIRE_GPU") == "1":
+        pytest.fail(f"LFPORTRAIT_REQUIRE_GPU=1 asks for a GPU, but {why}")
+    pytest.skip(why)
+
+
 @pytest.fixture
 def other_device(monkeypatch):
     """A choice of ``--device`` by which torch computes elsewhere (`tests.other_memory`)."""

@@ -107,6 +107,12 @@ def test_a_machine_without_gpu_tells_what_is_missing(machine, monkeypatch):
             look_up("gpu")
 
 
+@pytest.mark.filterwarnings("ignore:.*is no GPU")
+def test_an_adapter_of_this_machine_is_found_by_its_name(adapter):
+    assert gpu_adapter(f"gpu:{adapter.name}").name == adapter.name
+    assert not device.too_small(adapter)
+
+
 @pytest.mark.parametrize("choice", ["", "gpu:", "CPU", "gpus", "npu"])
 def test_other_words_are_answered_by_the_choices(choice):
     for look_up in (check_device, computing_device, gpu_adapter, torch_device):
