@@ -96,8 +96,9 @@ class TransferPhoto(Common):
             return replace(self.config, seed=self.seed)
         kind = photo_method(self.method).parameters
         config = next((one for one in self.given if isinstance(one, kind)), kind())
-        seeded = any(entry.name == "seed" for entry in fields(kind))
-        return replace(config, seed=self.seed) if seeded else config
+        common = {"seed": self.seed, "device": self.device}
+        return replace(config, **{entry.name: common[entry.name] for entry in fields(kind)
+                                  if entry.name in common})
 
 
 @dataclass

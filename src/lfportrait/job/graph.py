@@ -160,6 +160,8 @@ class Task:
         Key of the skin that is painted; empty where none is.
     label
         What the file calls it: style, display, file name.
+    device
+        Where to compute, a choice of ``--device``; no part of the key.
     """
 
     name: str
@@ -175,6 +177,7 @@ class Task:
     display: Display | None = None
     skin_key: str = ""
     label: str = ""
+    device: str = "auto"
 
     @property
     def record(self) -> str:

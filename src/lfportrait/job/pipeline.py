@@ -26,7 +26,7 @@ from typing import Any
 
 from .. import models
 from ..capture import Capture
-from ..device import computing_device
+from ..device import check_device, used_device
 from ..errors import UserError
 from ..example import Exemplar
 from ..files import write_json
@@ -70,7 +70,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     config
         Parameters of the stages.
     device
-        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
+        Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"`` (`lfportrait.device`).
     seed
         Seed of all random choices.
     quiet
@@ -98,6 +98,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     if not isinstance(style, Exemplar) and not Path(style).is_file():
         style = Exemplar.load(style)  # a name: it needs no network
     check_writable(Path(out))
+    check_device(device)
     models.require(config.stylize.networks, download=not offline, quiet=quiet,
                    purpose=f"--method {config.stylize.method}")
     if not isinstance(photos, Capture):
@@ -142,7 +143,7 @@ class _Job:
         self.out, self.exemplar, self.display, self.quiet = out, exemplar, display, quiet
         self.plan = _plan(photos, exemplar, display, config, seed)
         self.stages = StageFolder(out, self._say)
-        self.tools = Tools(shown=not quiet, device=computing_device(device), exemplar=exemplar,
+        self.tools = Tools(shown=not quiet, device=device, exemplar=exemplar,
                            capture=photos if isinstance(photos, Capture) else None,
                            sheet=out.with_name(f"{out.name}-photos.jpg"))
 
@@ -177,7 +178,7 @@ class _Job:
         seconds = {name: stage["stage_seconds"] for name, stage in figures.items()}
         peak = max([peak_memory_bytes(), *(int(stage.get("peak_memory_bytes", 0))
                                            for stage in figures.values())])
-        return {"version": __version__, "device": self.tools.device,
+        return {"version": __version__, "device": used_device(figures),
                 "machine": machine(), "style": self.exemplar.name, "display": self.display.name,
                 "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
                 "peak_memory_bytes": peak, "resumed": self.stages.resumed, **figures}

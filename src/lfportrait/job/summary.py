@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from ..capture import Camera, Capture
+from ..device import used_device
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from ..field import Coverage, VoxelField
 from ..files import write_image
@@ -375,5 +376,5 @@ def _figures(figures: dict[str, Any]) -> Section:
         Table(stages, ("stage", "seconds"), bars=1, caption="Time"),
         Table(metrics, ("figure", "value"), caption="Quality"),
         Table([("lfportrait", __version__),
-               ("device", figures.get("encode", {}).get("device", "cpu")),
+               ("device", used_device(figures)),
                *sorted(machine().items())], caption="Version and machine")])

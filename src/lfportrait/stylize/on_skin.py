@@ -137,8 +137,12 @@ class Painters:
 
 def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeConfig,
                  progress: Progress | None, dump: Path | None, painters: Painters | None = None,
+                 device: str = "auto",
                  ) -> tuple[list[Float32], list[SurfaceTexture], dict[str, Any]]:
-    """Colors of a field's rows, float32 [N, 3], and textures, by exemplar, and figures."""
+    """Colors of a field's rows, float32 [N, 3], and textures, by exemplar, and figures.
+
+    The networks of the refinement compute on ``device``, everything else on the CPU.
+    """
     colors, textures, rows = [], [], []
     constants: Any = None
     lattice: ChartLattice | None = None
@@ -175,7 +179,7 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
 
             constants = constants or Constants()
             figures["refinement"] = Refinement(model, sitter.views(painting, 2), config,
-                                               constants).run(progress)
+                                               constants, device).run(progress)
         end = time.perf_counter()
         figures["seconds"] = {"paint": round(painted - clock, 3),
                               "fit": round(fitted - painted, 3),
