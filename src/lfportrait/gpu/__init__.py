@@ -11,13 +11,14 @@ are first used.
 """
 
 from .adapters import Adapter, adapters, chosen, missing
-from .process import GpuLostError, GpuProcess, gpu_process
+from .process import GpuLostError, GpuProcess, attempted, gpu_process
 
 __all__ = [
            "Adapter",
            "GpuLostError",
            "GpuProcess",
            "adapters",
+           "attempted",
            "chosen",
            "gpu_process",
            "missing",

@@ -16,12 +16,13 @@ import struct
 import subprocess
 import sys
 import threading
-from collections.abc import Collection
-from typing import IO, Any
+import warnings
+from collections.abc import Callable, Collection
+from typing import IO, Any, TypeVar
 
 from .adapters import Adapter
 
-__all__ = ["GpuLostError", "GpuProcess", "gpu_process", "receive", "send"]
+__all__ = ["GpuLostError", "GpuProcess", "attempted", "gpu_process", "receive", "send"]
 
 _TIMEOUT = 120.0
 """Seconds after which a call is taken to hang."""
@@ -72,8 +73,7 @@ def _exactly(stream: IO[bytes], size: int) -> bytearray:
 
 
 def _widen(stream: IO[bytes]) -> None:
-    """Let a pipe hold more at once, where the system can (Linux): pictures go through in half the
-    time."""
+    """Let a pipe hold more at once, where the system can: pictures take half the time."""
     with contextlib.suppress(ImportError, AttributeError, OSError):
         import fcntl
 
@@ -194,6 +194,22 @@ class GpuProcess:
 
 
 _processes: dict[Adapter, GpuProcess] = {}
+
+Result = TypeVar("Result")
+
+
+def attempted(adapter: Adapter | None, work: Callable[[GpuProcess], Result]) -> Result | None:
+    """What work on a GPU gives; None, and a warning, where it was lost, or without an adapter.
+
+    The caller computes on the CPU then.
+    """
+    if adapter is None:
+        return None
+    try:
+        return work(gpu_process(adapter))
+    except GpuLostError as error:
+        warnings.warn(f"{error}: the CPU computes instead", stacklevel=3)
+        return None
 
 
 def gpu_process(adapter: Adapter) -> GpuProcess:

@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
-from ..device import computing_device
+from ..device import device_name, gpu_adapter
 from ..errors import UserError
 from ..field import VoxelField
+from ..gpu import Adapter, attempted
 from .composition import composed
 from .display import Display
-from .gpu.calling import viewpoints
+from .gpu.calling import code_on_gpu, viewpoints
 from .gpu.panel import PanelJob
 from .ground import ground_of
 from .kernels.encode import encode_kernel
@@ -199,12 +200,14 @@ def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfi
                         ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
     """`encode`, and the figures of the run for ``--json``."""
     config = composed(field, display, config or EncodeConfig())
-    computes_on = computing_device(device)
+    if mask is not None and mask.display != display.hash():
+        raise ValueError("the mask was computed for another display")
+    coded = _coded_on_gpu(field, display, config, gpu_adapter(device))
+    if coded is not None:
+        return coded
     start = time.perf_counter()
     if mask is None:
         mask = ViewMask.build(display)
-    if mask.display != display.hash():
-        raise ValueError("the mask was computed for another display")
     views = np.asarray(mask.views)
     field.bricks  # noqa: B018 - laid out before the clock of the casting starts
     laid_out = time.perf_counter()
@@ -212,12 +215,33 @@ def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfi
     end = time.perf_counter()
     figures = {
         "method": _method(field, display, config), "subpixels": 3 * display.width * display.height,
-        "views": display.views, "display": display.name, "device": computes_on,
+        "views": display.views, "display": display.name, "device": "cpu",
         "seconds": {"mask": round(mask.seconds, 4), "cast": round(end - laid_out, 4),
                     "total": round(end - start + mask.seconds, 4)},
         "mask": {"loaded": mask.loaded, "bytes": mask.nbytes},
         "depth_budget": depth_budget(display, Placement.of(display, config))}
     return image, figures
+
+
+def _coded_on_gpu(field: VoxelField, display: Display, config: EncodeConfig,
+                  adapter: Adapter | None) -> tuple[NDArray[np.uint8], dict[str, Any]] | None:
+    """What `encode_with_figures` gives, from a GPU; None where there is none, or it was lost."""
+    if adapter is None:
+        return None
+    start = time.perf_counter()
+    placement = Placement.of(display, config)
+    job = panel_job(field, display, config)
+    coded = attempted(adapter, lambda process: code_on_gpu(
+        process, field, job, _footprint(display, placement)))
+    if coded is None:
+        return None
+    image, seconds = coded
+    return image, {
+        "method": _method(field, display, config), "subpixels": 3 * display.width * display.height,
+        "views": display.views, "display": display.name, "device": device_name(adapter),
+        "seconds": {"mask": 0.0, **{name: round(spent, 4) for name, spent in seconds.items()},
+                    "total": round(time.perf_counter() - start, 4)},
+        "mask": {"loaded": False, "bytes": 0}, "depth_budget": depth_budget(display, placement)}
 
 
 def encode(field: VoxelField, display: Display, config: EncodeConfig | None = None, *,
@@ -235,7 +259,7 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
     mask
         The display's mask guide; built or loaded from the cache if None.
     device
-        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
+        Where to compute (`lfportrait.device.gpu_adapter`); ``mask`` is not used on a GPU.
 
     Returns
     -------

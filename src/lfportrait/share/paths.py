@@ -109,7 +109,7 @@ def sweep_ground(field: VoxelField, config: EncodeConfig, cameras: Camera) -> Gr
 
 def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: int = 512, *,
                  background: float | NDArray[Any] = 1.0, ground: EncodeConfig | None = None,
-                 device: str = "auto",
+                 device: str = "cpu",
                  ) -> Iterator[NDArray[np.uint8]]:
     """Frames of a sweep, rendered one at a time.
 
@@ -124,7 +124,7 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
     ground
         What panels show behind the head is shown instead, where there is such a ground.
     device
-        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
+        Where to compute (`lfportrait.device.gpu_adapter`).
 
     Yields
     ------

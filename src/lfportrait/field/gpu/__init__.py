@@ -1,5 +1,6 @@
 """A field on a GPU: its bricks as a texture, shared by everything that casts rays through it."""
 
+from ..kernels.texture import PROBES, REACH
 from .atlas import Atlas, FieldParts, field_parts, upload
 from .calling import keep_field, views_on_gpu
 from .shaders import shader
@@ -7,6 +8,8 @@ from .textures import DeviceTexture, TextureParts, keep_texture, picture_texture
 from .view import ViewJob, render_views
 
 __all__ = [
+           "PROBES",
+           "REACH",
            "Atlas",
            "DeviceTexture",
            "FieldParts",

@@ -8,17 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...field import VoxelField
-from ...field.gpu import keep_field
+from ...capture import Camera
+from ...field import VoxelField, camera_row
+from ...field.gpu import PROBES, REACH, ViewJob, keep_field, views_on_gpu
 from ...gpu import GpuProcess
+from ..ground import Ground
 from .panel import PanelJob
 
-__all__ = ["code_on_gpu", "viewpoints"]
+__all__ = ["code_on_gpu", "pictures_on_gpu", "viewpoints"]
 
 _APART = math.radians(3.0)
 """Angle between neighbouring eyes that colors are evaluated for."""
 _LAYERS = 16
 """Most such eyes."""
+_STEEP = 0.77
+"""Cosine between a camera's axis and the lattice's from which planes lie close enough."""
 _MEMORY = 512 << 20
 """Bytes that their colors may take."""
 
@@ -56,3 +60,24 @@ def code_on_gpu(process: GpuProcess, field: VoxelField, job: PanelJob, footprint
     image, figures = process.call("lfportrait.lightfield.gpu.panel:code_panel", keys, job, read,
                                   repeats)
     return image, figures
+
+
+def pictures_on_gpu(process: GpuProcess, field: VoxelField, cameras: Camera, *, background: float,
+                    ground: Ground | None) -> NDArray[np.uint8]:
+    """Pictures of cameras of one size, uint8 [V, H, W, 3], with what is behind the field.
+
+    Rays are sampled on the lattice's planes, as row slices are, and at half steps where they are
+    oblique; the texture has one width of detail for all of them.
+    """
+    footprint, covered = field.detail_of(cameras, 0)
+    ahead = np.abs(cameras.pose[:, 2, 2])
+    axis, step = (3, 1.0) if ahead.min() > _STEEP else (0, 0.5)
+    size = int(cameras.width[0]), int(cameras.height[0])
+    rays = None
+    if ground is not None:
+        rays = np.stack([ground.rays(cameras, view) for view in range(len(cameras))])
+    job = ViewJob(np.stack([camera_row(cameras, view) for view in range(len(cameras))]), size,
+                  field.lattice, axis, step, 2e-4 * field.lattice[5] if axis else 1e-2, 4e-3,
+                  True, covered, PROBES, REACH, True, (background,) * 3,
+                  None if ground is None else ground.planes, rays)
+    return np.asarray(views_on_gpu(process, field, job, footprint), np.uint8)
