@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .budget import DepthReport
     from .coded import lossless, read_coded, write_coded
     from .coding import (
+        code_on_device,
         depth_budget,
         encode,
         encode_rows,
@@ -41,7 +42,8 @@ if TYPE_CHECKING:
     from .views import eight_bit, render_views
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "Ground", "InterlaceConfig", "Placement",
-           "QuiltLayout", "ViewMask", "assemble_quilt", "composed", "customary_views",
+           "QuiltLayout", "ViewMask", "assemble_quilt", "code_on_device", "composed",
+           "customary_views",
            "deinterlace", "depth_budget", "each_view", "eight_bit", "encode", "encode_rows",
            "encode_with_figures", "ground_of", "interlace", "lossless", "pattern", "quilt_of",
            "quilt_tiles", "read_coded", "read_views", "render_view", "render_views", "simulate",

@@ -20,7 +20,7 @@ from ..capture import Camera
 from ..device import device_name, gpu_adapter
 from ..errors import UserError
 from ..field import VoxelField
-from ..gpu import Adapter, attempted
+from ..gpu import Adapter, GpuProcess, attempted
 from .composition import composed
 from .display import Display
 from .gpu.calling import code_on_gpu, viewpoints
@@ -32,7 +32,7 @@ from .kernels.slices import slice_kernel
 from .mask import ViewMask, row_views
 from .placement import EncodeConfig, Placement
 
-__all__ = ["encode", "encode_rows", "encode_with_figures", "render_view", "view_camera"]
+__all__ = ["code_on_device", "encode", "encode_rows", "encode_with_figures", "render_view", "view_camera"]
 
 
 _FAINTEST = 1e-3
@@ -236,12 +236,21 @@ def _coded_on_gpu(field: VoxelField, display: Display, config: EncodeConfig,
     if coded is None:
         return None
     image, seconds = coded
+    seconds.pop("field_bytes")
     return image, {
         "method": _method(field, display, config), "subpixels": 3 * display.width * display.height,
         "views": display.views, "display": display.name, "device": device_name(adapter),
         "seconds": {"mask": 0.0, **{name: round(spent, 4) for name, spent in seconds.items()},
                     "total": round(time.perf_counter() - start, 4)},
         "mask": {"loaded": False, "bytes": 0}, "depth_budget": depth_budget(display, placement)}
+
+
+def code_on_device(process: GpuProcess, field: VoxelField, display: Display, config: EncodeConfig,
+                   repeats: int) -> dict[str, float]:
+    """Figures of coding on a GPU with nothing read back (`lightfield.gpu.panel.code_panel`)."""
+    job = panel_job(field, display, config)
+    footprint = _footprint(display, Placement.of(display, config))
+    return code_on_gpu(process, field, job, footprint, read=False, repeats=repeats)[1]
 
 
 def encode(field: VoxelField, display: Display, config: EncodeConfig | None = None, *,

@@ -232,7 +232,7 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
     """
     def run(name: str) -> dict[str, Any]:
         if name == "encode":
-            return bench_encode(_field(field, progress), progress=progress)
+            return bench_encode(_field(field, progress), device=device, progress=progress)
         if name == "print":
             return bench_print(_field(field, progress), progress=progress)
         if name == "transfer":

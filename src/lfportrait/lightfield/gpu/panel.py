@@ -180,7 +180,8 @@ def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool 
     done = time.perf_counter()
     whole = (np.concatenate(parts) if len(parts) > 1 else np.ascontiguousarray(parts[0])
              ) if read else np.zeros((0, 0, 3), np.uint8)
-    figures = {"shade": shaded - start, "cast": done - ready - reading, "read": reading}
+    figures = {"shade": shaded - start, "cast": done - ready - reading, "read": reading,
+               "field_bytes": atlas.nbytes}
     if repeats:
         figures["repeated"] = best
     return whole, figures
