@@ -29,7 +29,8 @@ def copy_seconds(device: Device, size: int, repeats: int = 20) -> float:
         for _ in range(repeats):
             left = size
             while left > 0:
-                encoder.copy_buffer_to_buffer(source, 0, target, 0, max(min(left, part) // 4 * 4, 4))
+                some = max(min(left, part) // 4 * 4, 4)
+                encoder.copy_buffer_to_buffer(source, 0, target, 0, some)
                 left -= part
         device.raw.queue.submit([encoder.finish()])
         device.wait()

@@ -32,7 +32,8 @@ from .kernels.slices import slice_kernel
 from .mask import ViewMask, row_views
 from .placement import EncodeConfig, Placement
 
-__all__ = ["code_on_device", "encode", "encode_rows", "encode_with_figures", "render_view", "view_camera"]
+__all__ = ["code_on_device", "encode", "encode_rows", "encode_with_figures", "panel_job",
+           "render_view", "view_camera"]
 
 
 _FAINTEST = 1e-3

@@ -75,11 +75,12 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
     Returns
     -------
     figures
-        ``device``, by its name. Per size ``seconds``, ``draft_seconds``, ``subpixels``, ``views``, ``method``, ``psnr`` and
-        ``draft_psnr`` (dB, against direct casting in steps of half a voxel), ``memory_bytes`` (on
-        top of field and mask); on a GPU also those of `on_gpu.device_figures`. ``direct``: casting in half-voxel steps; ``view_by_view``: all views
-        rendered, then interlaced; both with ``times_slower``. ``views`` and ``cones``: seconds at
-        the middle size by their number and by degrees. ``mask``: a list with ``build_seconds``,
+        ``device``, by its name. Per size ``seconds``, ``draft_seconds``, ``subpixels``,
+        ``views``, ``method``, ``psnr`` and ``draft_psnr`` (dB, against direct casting in steps of
+        half a voxel), ``memory_bytes`` (on top of field and mask); on a GPU also those of
+        `on_gpu.device_figures`. ``direct``: casting in half-voxel steps; ``view_by_view``: all
+        views rendered, then interlaced; both with ``times_slower``. ``views`` and ``cones``:
+        seconds at the middle size by their number and by degrees. ``mask``: a list with ``build_seconds``,
         ``load_seconds``, ``with_seconds`` (load and code), ``without_seconds`` (build and code),
         ``bytes``.
     """

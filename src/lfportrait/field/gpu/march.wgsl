@@ -58,6 +58,21 @@ fn enter(origin: vec3<f32>, direction: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(max(max(near.x, near.y), max(near.z, 0.0)), min(far.x, min(far.y, far.z)));
 }
 
+// Samples where a ray crosses the planes of an axis (1, 2, 3), some planes apart: comb, and bounds
+// that take in what lies on the lattice's border, as row slices do.
+struct Planes {
+    comb: vec2<f32>,
+    bounds: vec2<f32>,
+}
+
+fn planes_of(origin: vec3<f32>, direction: vec3<f32>, bounds: vec2<f32>, axis: u32,
+             apart: f32) -> Planes {
+    let across = direction[axis - 1u];
+    let first = select(0.0, field.size[axis - 1u] - 1.0, across < 0.0);
+    let comb = vec2<f32>((first - origin[axis - 1u]) / across, apart / max(abs(across), 1e-6));
+    return Planes(comb, bounds + vec2<f32>(-1e-3, 1e-3) * comb.y);
+}
+
 fn march(origin: vec3<f32>, direction: vec3<f32>, comb: vec2<f32>, bounds: vec2<f32>, delta: f32,
          layer: f32) -> Shown {
     var out = Shown(vec3<f32>(0.0), 1.0, NOWHERE);

@@ -48,16 +48,15 @@ fn look(@builtin(global_invocation_id) id: vec3<u32>) {
     let norm = length(in_lattice);
     let direction = in_lattice / norm;
     let origin = eye_place() * view.scale.xyz + view.offset.xyz;
-    let bounds = enter(origin, direction);
+    var bounds = enter(origin, direction);
     var shown = Shown(vec3<f32>(0.0), 1.0, NOWHERE);
     if (bounds.x < bounds.y) {
         var comb = vec2<f32>(bounds.x, view.offset.w);
         let axis = u32(view.scale.w);
         if (axis > 0u) {
-            let across = direction[axis - 1u];
-            let first = select(0.0, field.size[axis - 1u] - 1.0, across < 0.0);
-            comb = vec2<f32>((first - origin[axis - 1u]) / across,
-                             view.offset.w / max(abs(across), 1e-6));
+            let planes = planes_of(origin, direction, bounds, axis, view.offset.w);
+            comb = planes.comb;
+            bounds = planes.bounds;
         }
         shown = march(origin, direction, comb, bounds, comb.y / norm, view.filtered.w);
     }

@@ -67,17 +67,28 @@ def pictures_on_gpu(process: GpuProcess, field: VoxelField, cameras: Camera, *, 
     """Pictures of cameras of one size, uint8 [V, H, W, 3], with what is behind the field.
 
     Rays are sampled on the lattice's planes, as row slices are, and at half steps where they are
-    oblique; the texture has one width of detail for all of them.
+    oblique.
     """
-    footprint, covered = field.detail_of(cameras, 0)
-    ahead = np.abs(cameras.pose[:, 2, 2])
+    count = len(cameras)
+    details = [field.detail_of(cameras, view) for view in range(count)]
+    # Views of the same width of detail go together.
+    levels = [0 if field.texture is None else field.texture.level(wide) for wide, _ in details]
+    out = np.empty((count, int(cameras.height[0]), int(cameras.width[0]), 3), np.uint8)
+    for level in sorted(set(levels)):
+        some = [view for view in range(count) if levels[view] == level]
+        job = _picture_job(field, cameras, some, details[some[0]][1], background, ground)
+        out[some] = views_on_gpu(process, field, job, details[some[0]][0])
+    return out
+
+
+def _picture_job(field: VoxelField, cameras: Camera, views: list[int], covered: float,
+                 background: float, ground: Ground | None) -> ViewJob:
+    """Some views of one width of the texture's detail, as pictures of bytes."""
+    ahead = np.abs(cameras.pose[views, 2, 2])
     axis, step = (3, 1.0) if ahead.min() > _STEEP else (0, 0.5)
-    size = int(cameras.width[0]), int(cameras.height[0])
-    rays = None
-    if ground is not None:
-        rays = np.stack([ground.rays(cameras, view) for view in range(len(cameras))])
-    job = ViewJob(np.stack([camera_row(cameras, view) for view in range(len(cameras))]), size,
-                  field.lattice, axis, step, 2e-4 * field.lattice[5] if axis else 1e-2, 4e-3,
-                  True, covered, PROBES, REACH, True, (background,) * 3,
-                  None if ground is None else ground.planes, rays)
-    return np.asarray(views_on_gpu(process, field, job, footprint), np.uint8)
+    rays = None if ground is None else np.stack([ground.rays(cameras, view) for view in views])
+    return ViewJob(np.stack([camera_row(cameras, view) for view in views]),
+                   (int(cameras.width[0]), int(cameras.height[0])), field.lattice, axis, step,
+                   2e-4 * field.lattice[5] if axis else 1e-2, 4e-3 if axis else 1e-3, axis > 0,
+                   covered, PROBES, REACH, True, (background,) * 3,
+                   None if ground is None else ground.planes, rays)

@@ -82,16 +82,15 @@ fn seen_by(px: f32, py: f32, eye: f32, channel: u32) -> f32 {
                            dot(panel.matrix[2].xyz, way));
     let norm = length(turned);
     let direction = turned / norm;
-    let bounds = enter(origin, direction);
+    var bounds = enter(origin, direction);
     var shown = Shown(vec3<f32>(0.0), 1.0, NOWHERE);
     if (bounds.x < bounds.y) {
         var comb = vec2<f32>(bounds.x, panel.comb.y);
         let axis = u32(panel.comb.x);
         if (axis > 0u) {
-            let across = direction[axis - 1u];
-            let first = select(0.0, field.size[axis - 1u] - 1.0, across < 0.0);
-            comb = vec2<f32>((first - origin[axis - 1u]) / across,
-                             panel.comb.y / max(abs(across), 1e-6));
+            let planes = planes_of(origin, direction, bounds, axis, panel.comb.y);
+            comb = planes.comb;
+            bounds = planes.bounds;
         }
         let layers = panel.comb.w;
         let between = (eye - panel.eyes.x) / max(panel.eyes.y - panel.eyes.x, 1e-9);
