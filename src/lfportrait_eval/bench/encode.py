@@ -80,7 +80,8 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
         half a voxel), ``memory_bytes`` (on top of field and mask); on a GPU also those of
         `on_gpu.device_figures`. ``direct``: casting in half-voxel steps; ``view_by_view``: all
         views rendered, then interlaced; both with ``times_slower``. ``views`` and ``cones``:
-        seconds at the middle size by their number and by degrees. ``mask``: a list with ``build_seconds``,
+        seconds at the middle size by their number and by degrees. ``mask``: a list with
+        ``build_seconds``,
         ``load_seconds``, ``with_seconds`` (load and code), ``without_seconds`` (build and code),
         ``bytes``.
     """
