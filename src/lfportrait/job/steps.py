@@ -22,7 +22,7 @@ from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
-from ..files import RUNS, write_image
+from ..files import write_image
 from ..lightfield import (
     Display,
     EncodeConfig,
@@ -171,5 +171,5 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
         written.result()
     for old in folder.glob(f"{prefix}quilt_*.png"):
         old.unlink()
-    write_image(folder / f"{prefix}{quilt}", picture, **RUNS)
+    write_image(folder / f"{prefix}{quilt}", picture, fast=True)
     return {**figures, "quilt": f"{prefix}{quilt}"}
