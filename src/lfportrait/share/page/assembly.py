@@ -13,8 +13,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...errors import UserError
-from ...field import VoxelField
+from ...field import C0, VoxelField
 from ...files import atomic_write
 from ...lightfield import Display, customary_views
 from ...version import __version__
@@ -30,6 +32,9 @@ __all__ = ["page_script", "write_page"]
 
 _SCRIPTS = ("unpack", "bricks", "texels", "renderer", "camera", "displays", "panel", "viewer",
             "input", "interface", "panelmode", "main")
+_ROUNDED = 1 / 255 / C0
+"""Coefficients of degree 0 that are so near to each other are a level of an 8-bit picture apart, as
+those of a file may be."""
 _SHADERS = ("march", "texture", "view", "panel")
 _DISPLAY = ("name", "width", "height", "views", "pitch", "slant", "offset", "subpixels", "cone",
             "distance", "eye_height", "inverted", "flip_x", "flip_y", "cells", "cell_pattern",
@@ -75,7 +80,13 @@ def _at_first(voxels: VoxelField, sets: list[ColorSet]) -> VoxelField:
     texture = None
     if voxels.texture is not None and shown.texels is not None:
         texture = voxels.texture.with_texels(shown.texels)
-    return replace(voxels.with_sh(shown.sh), texture=texture, background=None)
+    first = replace(voxels.with_sh(shown.sh), texture=texture, background=None)
+    same = texture is None or (voxels.texture is not None and np.array_equal(
+        texture.texels, voxels.texture.texels))
+    if same and first.sh.shape == voxels.sh.shape and (
+            np.abs(first.sh - voxels.sh).max(initial=0) < _ROUNDED):
+        first.take_layouts(voxels)
+    return first
 
 
 def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None = None,
