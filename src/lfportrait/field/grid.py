@@ -26,7 +26,7 @@ from .kernels.render import render_kernel
 from .kernels.stretches import Stretches, build_stretches
 from .kernels.texture import PROBES, REACH, add_texture
 from .kernels.weights import CAPACITY, pixel_weights
-from .storage import load_field, save_field
+from .storage import load_field, read_back, save_field
 from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
 
 __all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row", "surface_points"]
@@ -375,6 +375,10 @@ class VoxelField:
     def save(self, path: Any) -> None:
         """Write the field as an ``.npz`` that svox2 reads, too (`lfportrait.field.storage`)."""
         save_field(self, path)
+
+    def as_read(self) -> VoxelField:
+        """What `load` gives of the file that `save` writes, without the file."""
+        return VoxelField(*read_back(self))
 
     @staticmethod
     def load(path: Any) -> VoxelField:

@@ -54,8 +54,9 @@ class Tools:
     sheet
         Picture of the photos that were left out; by default in the task's folder.
     kept
-        What a job's stages have read, for those after them in the same process: ``capture``,
-        ``field`` and ``styled``, the styled field in the colors that are coded.
+        What a job's stages have read and written, for those after them in the same process, as
+        these would read it: ``capture``, ``field`` and ``styled``, the latter in the colors that
+        are coded.
     """
 
     shown: bool = False
@@ -125,9 +126,9 @@ def _capture(task: Task, results: Path, folder: StageFolder, tools: Tools,
 def _field(task: Task, results: Path, folder: StageFolder, tools: Tools,
            progress: Progress) -> dict[str, Any]:
     checkpoint = f"{task.record}.npz"
-    figures = write_field(results / task.inputs["capture"],
-                          results / task.folder / task.outputs[0], task.config, task.seed,
-                          progress, folder.scratch(checkpoint))
+    figures, tools.kept["field"] = write_field(
+        results / task.inputs["capture"], results / task.folder / task.outputs[0], task.config,
+        task.seed, progress, folder.scratch(checkpoint))
     folder.remove_scratch(checkpoint)
     return figures
 
@@ -154,14 +155,16 @@ def _stylize(task: Task, results: Path, folder: StageFolder, tools: Tools,
              progress: Progress) -> dict[str, Any]:
     target, config = results / task.folder, task.config.stylize
     path = results / task.inputs["field"]
-    real, capture = VoxelField.load(path), Capture.load(results / task.inputs["capture"])
+    real = tools.kept.get("field") or VoxelField.load(path)
+    capture = Capture.load(results / task.inputs["capture"])
     tools.kept.update(field=real, capture=capture)
     skin = None
     if config.on_skin:
         skin = (load_skin(results / task.inputs["skin"], task.skin_key)
                 if "skin" in task.inputs else kept_skin(path, real, capture, config.pixels))
-    figures = write_styled(real, capture, tools.painting(task), target / task.outputs[0],
-                           task.config, task.seed, progress, device=tools.device, skin=skin)
+    figures, tools.kept["styled"] = write_styled(
+        real, capture, tools.painting(task), target / task.outputs[0], task.config, task.seed,
+        progress, device=tools.device, skin=skin)
     for name in task.outputs[1:]:
         styled = load_styled(target / task.outputs[0])
         cameras: Camera = sweep_cameras(0.0, 1, _THUMBNAIL, styled)
@@ -172,7 +175,8 @@ def _stylize(task: Task, results: Path, folder: StageFolder, tools: Tools,
 def _encode(task: Task, results: Path, folder: StageFolder, tools: Tools,
             progress: Progress) -> dict[str, Any]:
     assert task.display is not None
-    tools.kept["styled"] = styled = VoxelField.load(results / task.inputs["styled"])
+    styled = tools.kept.get("styled") or VoxelField.load(results / task.inputs["styled"])
+    tools.kept["styled"] = styled
     figures = write_code(styled, task.display,
                          results / task.folder, task.outputs[0], task.config,
                          prefix=f"{task.label}_" if task.label else "", device=tools.device)
