@@ -107,7 +107,8 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
         styled, capture = loaded.result(), taken.result()
         # Worked out once, before several threads ask for it.
         styled.bricks, styled.stretches, styled.solid_extent  # noqa: B018
-        page = threads.submit(write_page, styled, folder / "portrait.html", config.page)
+        page = threads.submit(write_page, styled, folder / "portrait.html", config.page,
+                              config.encode)
         film = threads.submit(
             write_video, folder / "sweep.mp4",
             sweep_frames(styled, display.cone, frames, config.sweep_size,

@@ -186,7 +186,8 @@ def _encode(task: Task, results: Path, folder: StageFolder, tools: Tools,
 def _page(task: Task, results: Path, folder: StageFolder, tools: Tools,
           progress: Progress) -> dict[str, Any]:
     return write_page(load_styled(results / task.inputs["styled"]),
-                      results / task.folder / task.outputs[0], task.config.page)
+                      results / task.folder / task.outputs[0], task.config.page,
+                      task.config.encode)
 
 
 def _sweep(task: Task, results: Path, folder: StageFolder, tools: Tools,

@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "Ground", "InterlaceConfig", "Placement",
            "QuiltLayout", "ViewMask", "assemble_quilt", "backdrop_of", "composed",
-           "customary_views", "deinterlace", "depth_budget", "each_view", "eight_bit", "encode", "encode_rows",
-           "encode_with_figures", "ground_of", "interlace", "lossless", "pattern", "quilt_of",
-           "quilt_tiles", "read_coded", "read_views", "render_view", "render_views", "simulate",
-           "view_camera", "world_ground", "write_coded"]
+           "customary_views", "deinterlace", "depth_budget", "each_view", "eight_bit", "encode",
+           "encode_rows", "encode_with_figures", "ground_of", "interlace", "lossless", "pattern",
+           "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "render_views",
+           "simulate", "view_camera", "world_ground", "write_coded"]
 
 __getattr__, __dir__ = attach(__name__, __file__)
