@@ -7,6 +7,7 @@ et al. 2022). A ray's color is Eq. 1 of Shen et al. 2023.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from ..capture import Camera
 from ..device import gpu_adapter
 from ..gpu import GpuProcess, attempted
-from .backdrop import Backdrop
+from .backdrop import SOLID, Backdrop
 from .background import Background, cube_rays
 from .kernels.bricks import Bricks, build_bricks
 from .kernels.march import lattice_of_world
@@ -25,7 +26,7 @@ from .kernels.render import render_kernel
 from .kernels.stretches import Stretches, build_stretches
 from .kernels.texture import PROBES, REACH, add_texture
 from .kernels.weights import CAPACITY, pixel_weights
-from .storage import load_field, save_field
+from .storage import load_field, read_back, save_field
 from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
 
 __all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row", "surface_points"]
@@ -172,6 +173,11 @@ class VoxelField:
             self._stretches = build_stretches(self.links, self.density, self.sh)
         return self._stretches
 
+    def take_layouts(self, other: VoxelField) -> None:
+        """Use what another field of the same links, densities and coefficients has laid out."""
+        self._bricks, self._stretches = other._bricks, other._stretches
+        self._cells = other._cells if self.texture is not None else None
+
     @property
     def lattice(self) -> NDArray[np.float64]:
         """float64 [9]: lattice points along x, y, z; scale and offset of lattice coordinates."""
@@ -197,6 +203,18 @@ class VoxelField:
         points[self.links[z, y, x]] = (
             self.center + self.radius * (2.0 * (np.stack([x, y, z], 1) + 0.5) / size - 1.0))
         return points
+
+    @functools.cached_property
+    def solid_extent(self) -> tuple[float, float, float]:
+        """How far the solid voxels reach from the vertical axis, and from where to where along it.
+
+        Thin fog does not count: only what stops light within about a twentieth of the head.
+        """
+        solid = self.density > SOLID
+        points = self.lattice_points()[solid] if solid.any() else self.bounds
+        reach = float(np.quantile(np.hypot(points[:, 0], points[:, 2]), 0.999))
+        low, high = (float(v) for v in np.quantile(points[:, 1], [0.001, 0.999]))
+        return reach, low, high
 
     def with_sh(self, sh: NDArray[np.floating[Any]]) -> VoxelField:
         """The same densities with other coefficients [N, 3, B], and without the texture."""
@@ -357,6 +375,10 @@ class VoxelField:
     def save(self, path: Any) -> None:
         """Write the field as an ``.npz`` that svox2 reads, too (`lfportrait.field.storage`)."""
         save_field(self, path)
+
+    def as_read(self) -> VoxelField:
+        """What `load` gives of the file that `save` writes, without the file."""
+        return VoxelField(*read_back(self))
 
     @staticmethod
     def load(path: Any) -> VoxelField:

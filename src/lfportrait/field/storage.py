@@ -19,6 +19,7 @@ import zipfile
 import zlib
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -34,8 +35,8 @@ from .backdrop import Backdrop
 from .background import Background
 from .texture import SurfaceTexture
 
-__all__ = ["FieldData", "check_field_path", "load_field", "read_arrays", "save_checkpoint",
-           "save_field"]
+__all__ = ["FieldData", "check_field_path", "load_field", "read_arrays", "read_back",
+           "save_checkpoint", "save_field"]
 
 
 class FieldData(Protocol):
@@ -123,8 +124,30 @@ def _write(field: FieldData, path: Any, deflated: Collection[str], more: dict[st
             # svox2's kernels take the table in C order alone.
             "links": _turned(field.links),
             "density_data": field.density[:, None].astype(np.float32),
-            "sh_data": np.clip(field.sh.reshape(len(field.sh), -1), -6e4, 6e4).astype(np.float16),
+            "sh_data": _halves(field.sh.reshape(len(field.sh), -1)),
             **behind, "basis_type": np.int64(1), **more}, (*_DEFLATED, *deflated))
+
+
+def _halves(sh: NDArray[np.floating[Any]]) -> NDArray[np.float16]:
+    return np.clip(sh, -6e4, 6e4).astype(np.float16)
+
+
+def read_back(field: FieldData) -> Loaded:
+    """What `load_field` gives of the file that `save_field` writes."""
+    behind, texture, drop = field.background, field.texture, field.backdrop
+    if behind is not None:
+        behind = Background(np.maximum(np.ascontiguousarray(behind.links, np.int32), -1),
+                            np.ascontiguousarray(behind.data, np.float32))
+    if texture is not None:
+        texture = replace(texture, projections=texture.projections.astype(np.float64))
+    if drop is not None:
+        drop = replace(drop, light=drop.light.astype(np.float64),
+                       points=drop.points.astype(np.float32))
+    return (np.maximum(field.links, -1, dtype=np.int32),
+            np.ascontiguousarray(field.density, np.float32), _halves(field.sh).astype(np.float32),
+            field.center.astype(np.float32).astype(np.float64),
+            field.radius.astype(np.float32).astype(np.float64),
+            field.frame.astype(np.float64), behind, texture, drop)
 
 
 def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],

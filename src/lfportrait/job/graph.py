@@ -113,16 +113,21 @@ def code_key(style: str, config: MakeConfig, display: Display) -> str:
     return stage_key("encode", style, config.encode, display)
 
 
+def _ground(config: MakeConfig) -> tuple[object, ...]:
+    """What the ground of page and sweep depends on."""
+    shown = config.encode
+    return shown.background, shown.ground, shown.ground_depth, shown.shadow
+
+
 def page_key(style: str, config: MakeConfig) -> str:
     """Key of its page."""
-    return stage_key("page", style, config.page)
+    return stage_key("page", style, config.page, *_ground(config))
 
 
 def sweep_key(style: str, config: MakeConfig, display: Display | None) -> str:
     """Key of its sweep over a display's cone."""
     return stage_key("sweep", style, config.sweep_size, display and display.cone,
-                     config.encode.background, config.encode.ground, config.encode.ground_depth,
-                     config.encode.shadow)
+                     *_ground(config))
 
 
 def share_key(code: str, config: MakeConfig) -> str:

@@ -25,7 +25,7 @@ from .composition import composed
 from .display import Display
 from .gpu.calling import code_on_gpu, viewpoints
 from .gpu.panel import PanelJob
-from .ground import ground_of
+from .ground import Ground, ground_of
 from .kernels.encode import encode_kernel
 from .kernels.panel import mix_light
 from .kernels.slices import slice_kernel
@@ -151,7 +151,8 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
 
 
 def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any],
-          fixed: int, first: int = 0, apart: int = 1) -> NDArray[np.uint8]:
+          fixed: int, first: int = 0, apart: int = 1,
+          ground: Ground | None = None) -> NDArray[np.uint8]:
     """Code the rows of a mask [h, W, 3]: of the panel from ``first`` on, ``apart`` apart."""
     bricks = field.bricks
     placement = Placement.of(display, config)
@@ -168,7 +169,7 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     # Masks from the cache can't be written to; for all others kernels would be compiled once more.
     views.flags.writeable = False
     texture = field.texture_rows(_footprint(display, placement), whole=True)
-    background, ground = np.float32(_grey(config)), ground_of(field, display, config)
+    background, ground = np.float32(_grey(config)), ground or ground_of(field, display, config)
     if ground is not None:
         # Below 0: the picture holds what is behind the field already.
         background = np.float32(-1.0)
@@ -281,7 +282,8 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
 
 def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None, first: int,
                 count: int, apart: int = 1, *,
-                views: NDArray[np.unsignedinteger] | None = None) -> NDArray[np.uint8]:
+                views: NDArray[np.unsignedinteger] | None = None,
+                ground: Ground | None = None) -> NDArray[np.uint8]:
     """Code some rows of a panel: the same as these rows of `encode`.
 
     So a picture that is too large for the memory is coded from the top down, and a small copy of it
@@ -295,6 +297,8 @@ def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None
         The first row, how many, and how far apart they are.
     views
         Their views (`row_views`), where the caller has them.
+    ground
+        What lies behind the head (`ground_of`), where the caller has it.
 
     Returns
     -------
@@ -306,7 +310,7 @@ def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None
     if views is None:
         views = row_views(display, first, count, apart)
     config = composed(field, display, config or EncodeConfig())
-    return _cast(field, display, config, views, -1, first, apart)
+    return _cast(field, display, config, views, -1, first, apart, ground)
 
 
 def render_view(field: VoxelField, display: Display, view: int,

@@ -240,6 +240,11 @@ def _add_lines(since, until, table, cells, charts, texels, covered, lattice, cam
         cy = (y + 0.5 - camera[15]) / camera[13]
         for first in range(0, width, 16):
             many = min(16, width - first)
+            some = False
+            for pixel in range(y * width + first, y * width + first + many):
+                some |= alpha[pixel] > np.float32(0.5)
+            if not some:
+                continue
             seen, most = 0, 1
             for i in range(16):
                 x = first + min(i, many - 1)
