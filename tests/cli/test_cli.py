@@ -202,6 +202,19 @@ def test_a_device_that_there_is_not(tmp_path, capsys):
         assert "auto, cpu, gpu or gpu:NAME" in one_line(capsys)
 
 
+def test_a_gpu_with_too_little_memory_is_one_line(monkeypatch, capsys):
+    import torch
+
+    from lfportrait.cli.displays import DisplayList
+
+    def full(self):
+        raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20 GiB")
+
+    monkeypatch.setattr(DisplayList, "run", full)
+    assert run("display", "list") == 2
+    assert "use --device cpu" in one_line(capsys)
+
+
 def test_figures_tell_the_device(tmp_path):
     for choice in ("auto", "cpu"):
         assert run("display", "list", "--device", choice, "--json", tmp_path / "run.json") == 0

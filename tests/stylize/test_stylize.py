@@ -288,8 +288,12 @@ def test_networks_on_another_device_give_the_same(job, other_device):
     assert np.abs(here[0].sh - field.sh[..., :1]).max() > 0.1
 
 
-def test_a_gpu_with_too_little_memory_leaves_the_networks_to_the_cpu(job, other_device,
-                                                                     monkeypatch):
+@pytest.mark.parametrize("error, why", [
+    (torch.OutOfMemoryError("no room"), "has too little memory"),
+    (RuntimeError("MPS backend out of memory"), "has too little memory"),
+    (torch.AcceleratorError("CUDA error: unspecified launch failure"), "was lost")])
+def test_a_gpu_that_fails_leaves_the_networks_to_the_cpu(job, other_device, monkeypatch, error,
+                                                         why):
     field, capture, exemplar = job
     wanted, _ = stylize_with_figures(field, capture, exemplar, SMALL, device="cpu")
     left, gradients = [3], refinement.nearest_neighbour_loss
@@ -297,15 +301,24 @@ def test_a_gpu_with_too_little_memory_leaves_the_networks_to_the_cpu(job, other_
     def full(features, *arguments, **options):
         left[0] -= features.device.type != "cpu"
         if left[0] < 0 and features.device.type != "cpu":
-            raise torch.OutOfMemoryError("no room")
+            raise error
         return gradients(features, *arguments, **options)
 
     monkeypatch.setattr(refinement, "nearest_neighbour_loss", full)
-    with pytest.warns(UserWarning, match="memory of Other 9 is too small"):
+    with pytest.warns(UserWarning, match=f"Other 9 {why}: the networks compute on the CPU"):
         styled, figures = stylize_with_figures(field, capture, exemplar, SMALL,
                                                device=other_device)
     assert figures["device"] == "cpu"
     assert np.array_equal(styled.sh, wanted.sh)
+
+
+def test_a_fault_on_a_gpu_is_not_hidden(job, other_device, monkeypatch):
+    def faulty(*arguments, **options):
+        raise RuntimeError("sizes do not match")
+
+    monkeypatch.setattr(refinement, "nearest_neighbour_loss", faulty)
+    with pytest.raises(RuntimeError, match="sizes do not match"):
+        stylize_with_figures(*job, SMALL, device=other_device)
 
 
 def test_a_capture_without_landmarks_is_told(job):

@@ -196,7 +196,11 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except Exception:
+    except Exception as error:
+        if type(error).__name__ == "OutOfMemoryError":  # torch's, which is not imported for this
+            print("lfportrait: the GPU has too little memory for this: use --device cpu",
+                  file=sys.stderr)
+            return 2
         traceback.print_exc()
         print("lfportrait: internal error; please report it with the lines above",
               file=sys.stderr)

@@ -27,9 +27,6 @@ from .views import StyleView
 
 __all__ = ["Constants", "Refinement"]
 
-_OUT_OF_MEMORY = getattr(torch, "OutOfMemoryError", torch.cuda.OutOfMemoryError)
-"""Of a GPU; versions before 2.5 know only the second name."""
-
 
 class Refinement:
     """The losses' steps over the views.
@@ -59,7 +56,7 @@ class Refinement:
                              if chosen == "auto" else chosen)
                       for term, (chosen, paper) in names.items()}
         self.scale: dict[str, float] = {}
-        self._load(torch_device(device))
+        self.device = torch_device(device)
 
     def _load(self, device: TorchDevice) -> None:
         """Load the networks to a device; what was computed on another is forgotten."""
@@ -127,16 +124,18 @@ class Refinement:
     def run(self, progress: Progress | None) -> dict[str, Any]:
         """Take the steps; returns losses and gradient norms before and after.
 
-        Where the GPU's memory is too small all of them are taken on the CPU.
+        Where a GPU is lost, or its memory is too small, all of them are taken on the CPU.
         """
         colors, done = self.model.colors.copy(), 0 if progress is None else progress.done
         try:
+            self._load(self.device)
             return self._steps(progress)
-        except _OUT_OF_MEMORY:
-            if self.device.place == "cpu":
+        except RuntimeError as error:
+            why = _failing(error)
+            if self.device.place == "cpu" or not why:
                 raise
-            warnings.warn(f"the memory of {self.device.name} is too small for the networks: they "
-                          "compute on the CPU", stacklevel=2)
+            warnings.warn(f"{self.device.name} {why}: the networks compute on the CPU",
+                          stacklevel=2)
         self.constants.forget()
         self.model.colors[:] = colors
         if progress is not None:
@@ -171,6 +170,14 @@ class Refinement:
         return {"networks": self.names, "device": device_name(self.device),
                 "steps": config.refinements, "before": before,
                 "after": {"losses": after, "gradient_norms": norms}}
+
+
+def _failing(error: RuntimeError) -> str:
+    """Why a GPU can't go on, in words; empty for errors of other kinds."""
+    if "out of memory" in str(error).lower() or type(error).__name__ == "OutOfMemoryError":
+        return "has too little memory"
+    # Versions before 2.8 raise what can't be told from other errors.
+    return "was lost" if type(error).__name__ == "AcceleratorError" else ""
 
 
 class Constants:
