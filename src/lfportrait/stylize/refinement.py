@@ -46,15 +46,20 @@ class Refinement:
         self.constants = constants if constants is not None else Constants()
         self._wanted: dict[int, torch.Tensor] = {}
         self.model, self.views, self.config = model, views, config
-        names = {"content": (config.content_network, "vgg16"),
-                 "style": (config.style_network, "resnet50")}
-        self.names = {term: ((paper if models.available(paper) else "embedded")
-                             if chosen == "auto" else chosen)
-                      for term, (chosen, paper) in names.items()}
+        self.names, self.content, self.style = self.load(config)
         self.half = has_half_numbers() and self.names["style"] != "embedded"
-        self.content: FeatureNetwork = load_network(self.names["content"], half=True)
-        self.style: FeatureNetwork = load_network(self.names["style"], half=True)
         self.scale: dict[str, float] = {}
+
+    @staticmethod
+    def load(config: StylizeConfig) -> tuple[dict[str, str], FeatureNetwork, FeatureNetwork]:
+        """Names of the networks by term, that of the content and that of the style; kept."""
+        asked = {"content": (config.content_network, "vgg16"),
+                 "style": (config.style_network, "resnet50")}
+        names = {term: ((paper if models.available(paper) else "embedded")
+                        if chosen == "auto" else chosen)
+                 for term, (chosen, paper) in asked.items()}
+        content, style = (load_network(names[term], half=True) for term in asked)
+        return names, content, style
 
     def _terms(self, view: StyleView, image: torch.Tensor) -> dict[str, torch.Tensor]:
         """The losses of one render [1, 3, h, w]."""
