@@ -48,6 +48,9 @@ SOUGHT = -0.02, 0.12
 """Where the upper lid's edge is sought above its landmarks, over the eye's width."""
 NEAR = 0.25
 """The same as a share of the way to the brow, at most."""
+BROAD, USUAL, FEW = 0.08, (0.2, 0.8), 8
+"""Sigma of the blur for a lid's broad colors, over the eye's width; the shares of what lies above
+it between which these stay; and pixels that say enough."""
 SLACK = 0.5
 """How much less the upper lid is stretched at the brow than it is on average, and how much more at
 its edge: its crease stays in its upper half."""
@@ -180,9 +183,30 @@ def _drawn_down(image: NDArray[np.uint8], points: Float64, first: int) -> NDArra
     # Where nothing moves nothing is resampled.
     part = out[low[1]:high[1], low[0]:high[0]]
     part[source != up] = moved[source != up]
+    lid = (up > lower) & (up < upper) & (along > 0) & (along < 1)
+    _as_above(part, lid, image[low[1]:high[1], low[0]:high[0]],
+              (along > 0.1) & (along < 0.9) & (up > upper + 2 * LASHES)
+              & (up < upper + BROW * np.maximum(over[:, 1].mean() - upper, 0.15)),
+              BROAD * width)
     line = LINE_SHARE * _line(along, up - lower)[..., None]
     part[:] = np.clip((1 - line) * part + line * np.minimum(_dark(image, eye), part) + 0.5, 0, 255)
     return out
+
+
+def _as_above(part: NDArray[np.uint8], lid: NDArray[np.bool_], shown: NDArray[np.uint8],
+              above: NDArray[np.bool_], sigma: float) -> None:
+    """Keep the broad colors of a lid [h, w] among those that a picture shows above it; in place.
+
+    A thin edge of another color, drawn down over a whole eye, would be a stain.
+    """
+    if min(lid.sum(), above.sum()) < FEW:
+        return
+    weight = lid.astype(np.float32)
+    total = np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), np.float32(1e-3))[..., None]
+    broad = cv2.GaussianBlur(part * weight[..., None], (0, 0), sigma) / total
+    low, high = np.quantile(shown[above].astype(np.float32), USUAL, axis=0)
+    change = (np.clip(broad, low, high) - broad)[lid]
+    part[lid] = np.asarray(np.clip(part[lid] + change + 0.5, 0, 255), np.uint8)
 
 
 def _line(along: Float64, above: Float64) -> Float64:
