@@ -294,7 +294,7 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool
         write_png(buffer, array)
     else:
         if kind == "PNG":
-            options.setdefault("compress_level", 4)
+            options.setdefault("compress_level", 2)
         Image.fromarray(array).save(buffer, format=kind, **options)
     with atomic_write(path) as stream:
         stream.write(buffer.getbuffer())

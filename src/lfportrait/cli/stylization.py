@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from dataclasses import field as option
 from pathlib import Path
@@ -134,10 +135,12 @@ class Stylize(Common):
         if not self.field.exists():  # before the painting is looked for
             raise UserError(f"no such field file: {self.field}")
         with self.progress("stylize") as progress:
-            exemplars = [Exemplar.load(style) for style in self.style]
-            capture = capture_of_face(self.capture)
             check_field_path(self.out)
-            field = VoxelField.load(self.field)
+            with ThreadPoolExecutor(1) as aside:
+                coming = aside.submit(VoxelField.load, self.field)
+                exemplars = [Exemplar.load(style) for style in self.style]
+                capture = capture_of_face(self.capture)
+                field = coming.result()
             skin = (kept_skin(self.field, field, capture, self.config.pixels)
                     if self.config.on_skin and capture.landmarks is not None else None)
             config = replace(self.config, seed=self.seed, parameters=self.given)

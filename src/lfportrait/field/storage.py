@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..files import atomic_write
+from ..lanes.threads import share_out
 from ..measure import usable_cores
 from ..stages import check_writable
 from ..version import __version__
@@ -245,8 +246,12 @@ def _turned(links: NDArray[np.int32]) -> NDArray[np.int32]:
     Plane by plane, so that both fit into the cache: half the time of one copy of it all.
     """
     out = np.empty(links.shape[::-1], links.dtype)
-    for y in range(links.shape[1]):
-        out[:, y] = links[:, y].T
+
+    def turn(first: int, last: int) -> None:
+        for y in range(first, last):
+            out[:, y] = links[:, y].T
+
+    share_out(turn, links.shape[1])  # copies let go of Python's lock
     return out
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
+from ..device import torch_device
 from ..example import Exemplar, Painting, Skin, SkinPainter, asked_lids
 from ..example.skin import canvas_of
 from ..field import SurfaceTexture, VoxelField
@@ -85,15 +86,20 @@ class Sitter:
         self.skin = skin or Skin.of(field, capture.landmarks, capture.cameras, config.pixels)
         canvas_of(self.skin, self.step)
         # What is shared takes a while: a painting is looked at meanwhile.
+        self._views: dict[int, list[StyleView]] = {}
         aside = ThreadPoolExecutor(1)
         self._shared = aside.submit(self._share)
         aside.shutdown(wait=False)
-        self._views: dict[int, list[StyleView]] = {}
 
     def _share(self) -> None:
         if self.config.preview and self.config.texture:
             chart_lattice(self.field, self.skin, self.step)
         row_labels(self.skin)
+        if not self.config.preview and self.config.refinements > 0:
+            from .refinement import Refinement
+
+            Refinement.load(self.config, torch_device().place)
+            self._charts(2)
 
     def wait(self) -> None:
         """Wait for the data that all paintings share."""
@@ -101,10 +107,14 @@ class Sitter:
 
     def views(self, painting: Painting, step: int) -> list[StyleView]:
         """The charts at every ``step``-th pixel as views that should show a painting."""
-        background = self.config.background
+        views = self._charts(step)
+        show_painting(views, painting, self.config.background, step)
+        return views
+
+    def _charts(self, step: int) -> list[StyleView]:
+        """The charts at every ``step``-th pixel as views, made once."""
         if step not in self._views:
-            self._views[step] = chart_views(self.field, self.skin, background, step)
-        show_painting(self._views[step], painting, background, step)
+            self._views[step] = chart_views(self.field, self.skin, self.config.background, step)
         return self._views[step]
 
 

@@ -50,11 +50,6 @@ class Refinement:
                  constants: Constants | None = None, device: str = "auto") -> None:
         self.constants = constants if constants is not None else Constants()
         self.model, self.views, self.config = model, views, config
-        names = {"content": (config.content_network, "vgg16"),
-                 "style": (config.style_network, "resnet50")}
-        self.names = {term: ((paper if models.available(paper) else "embedded")
-                             if chosen == "auto" else chosen)
-                      for term, (chosen, paper) in names.items()}
         self.scale: dict[str, float] = {}
         self.device = torch_device(device)
 
@@ -62,14 +57,28 @@ class Refinement:
         """Load the networks to a device; what was computed on another is forgotten."""
         self.device, place = device, device.place
         self._wanted: dict[int, torch.Tensor] = {}
-        self.half = (place == "cpu" and has_half_numbers() and self.names["style"] != "embedded")
-        self.content: FeatureNetwork = load_network(self.names["content"], True, place)
-        self.style: FeatureNetwork = load_network(self.names["style"], True, place)
+        self.names, self.content, self.style = self.load(self.config, place)
+        self.half = place == "cpu" and has_half_numbers() and self.names["style"] != "embedded"
 
     def _tensor(self, picture: NDArray[np.float32]) -> torch.Tensor:
         """A picture [h, w, 3] as the networks take it, [1, 3, h, w], on their device."""
         return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None].to(
             self.device.place)
+
+    @staticmethod
+    def load(config: StylizeConfig, place: str = "cpu",
+             ) -> tuple[dict[str, str], FeatureNetwork, FeatureNetwork]:
+        """Names of the networks by term, that of the content and that of the style; kept.
+
+        ``place`` is torch's name of where they compute.
+        """
+        asked = {"content": (config.content_network, "vgg16"),
+                 "style": (config.style_network, "resnet50")}
+        names = {term: ((paper if models.available(paper) else "embedded")
+                        if chosen == "auto" else chosen)
+                 for term, (chosen, paper) in asked.items()}
+        content, style = (load_network(names[term], True, place) for term in asked)
+        return names, content, style
 
     def _terms(self, view: StyleView, image: torch.Tensor) -> dict[str, torch.Tensor]:
         """The losses of one render [1, 3, h, w]."""
