@@ -26,7 +26,7 @@ from typing import Any
 
 from .. import models
 from ..capture import Capture
-from ..device import check_device, used_device
+from ..device import gpu_adapter, used_device
 from ..errors import UserError
 from ..example import Exemplar
 from ..files import write_json
@@ -98,7 +98,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     if not isinstance(style, Exemplar) and not Path(style).is_file():
         style = Exemplar.load(style)  # a name: it needs no network
     check_writable(Path(out))
-    check_device(device)
+    gpu_adapter(device)  # a GPU that is not here is told now, not when the picture is coded
     models.require(config.stylize.networks, download=not offline, quiet=quiet,
                    purpose=f"--method {config.stylize.method}")
     if not isinstance(photos, Capture):
