@@ -141,16 +141,18 @@ class Device:
             self.kept["staging"] = kept
         return kept
 
-    def texture(self, size: tuple[int, ...], format: str, *, written: bool = False) -> Any:
+    def texture(self, size: tuple[int, ...], format: str, *, written: bool = False,
+                layers: int = 1) -> Any:
         """A texture of (width, height) or (width, height, depth) texels.
 
-        ``written``: a shader writes it.
+        ``written``: a shader writes it. ``layers``: so many of two dimensions, one upon the other.
         """
         usage = self._flags.TextureUsage
         flags = usage.TEXTURE_BINDING | usage.COPY_DST | usage.COPY_SRC
+        flat = len(size) == 2
         return self._device.create_texture(
-            size=(*size, 1) if len(size) == 2 else size, dimension="2d" if len(size) == 2 else "3d",
-            format=format, usage=flags | (usage.STORAGE_BINDING if written else 0))
+            size=(*size, layers) if flat else size, dimension="2d" if flat else "3d", format=format,
+            usage=flags | (usage.STORAGE_BINDING if written else 0))
 
     def fill_texture(self, texture: Any, data: NDArray[Any]) -> None:
         """Copy texels [H, W, ...] or [D, H, W, ...] into a texture of that size."""
@@ -203,7 +205,8 @@ class Device:
                 buffer, offset, size = resource
                 resource = {"buffer": buffer, "offset": offset, "size": size}
             elif hasattr(resource, "create_view"):
-                resource = resource.create_view()
+                layered = resource.dimension == "2d" and resource.size[2] > 1
+                resource = resource.create_view(dimension="2d-array" if layered else None)
             elif hasattr(resource, "map_state"):
                 resource = {"buffer": resource, "offset": 0, "size": resource.size}
             entries.append({"binding": number, "resource": resource})
