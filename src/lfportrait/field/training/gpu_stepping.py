@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
@@ -10,15 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...gpu import GpuProcess
+from ...progress import Progress
+from ..background import BackgroundTrainer
 from ..config import ReconstructConfig
 from ..gpu.training.shaders import STEP
 from .averaging import Average
 from .lattice import Lattice
 from .pixels import TrainingPixels
-from .steps import color_gains
 from .stepping import Plan, Taken
+from .steps import color_gains
 
-__all__ = ["GpuSteps", "cameras_given", "largest_on_gpu", "ray_numbers", "tiles_given"]
+__all__ = ["GpuSteps", "cameras_given", "fits_gpu", "largest_on_gpu", "ray_numbers", "tiles_given",
+           "warn"]
 
 _CALLS = "lfportrait.field.gpu.training.calls"
 _TOGETHER = 64
@@ -68,6 +72,21 @@ def level_given(lattice: Lattice, geometry: tuple[Any, ...], cameras: NDArray[np
     table, links, _ = geometry
     return {"table": table, "links": links, "density": lattice.density,
             "shape": lattice.links.shape, "cameras": cameras, "pace": pace}
+
+
+def fits_gpu(lattice: Lattice, behind: BackgroundTrainer | None = None,
+             config: ReconstructConfig | None = None) -> bool:
+    """Whether the shaders can train a level: one without spheres behind it or smoothed colors."""
+    return (max(lattice.links.shape) < 1024 and behind is None
+            and (config is None or config.lambda_tv_sh <= 0))
+
+
+def warn(progress: Progress | None, line: str) -> None:
+    """Say a line where there is a progress line, else by Python's warnings."""
+    if progress is not None:
+        progress.say(line)
+    else:
+        warnings.warn(line, stacklevel=3)
 
 
 def ray_numbers(options: NDArray[np.float64], count: int = 1) -> NDArray[Any]:
@@ -144,7 +163,7 @@ class GpuSteps:
                           float(options[0])),
             "rows": lattice.rows, "neighbours": lattice.neighbours(), "basis": basis,
             "tiles": tiles, "run": run, "bright": table})
-        process.note(_CALLS)
+        process.note(_CALLS, ("level",))
         if average is not None:
             self._call("put_average", average.density, average.rows)
 
@@ -213,6 +232,6 @@ class GpuSteps:
     def close(self) -> None:
         """Forget the level; steps that wait are not taken."""
         self._thread.shutdown(wait=True)
-        if self.process.holds(_CALLS):
-            self.process.note(_CALLS, False)
+        if self.process.holds(_CALLS, "level"):
+            self.process.note(_CALLS, ())
             self._call("end")
