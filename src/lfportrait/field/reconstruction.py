@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
-from ..gpu import GpuProcess, chosen, gpu_process
+from ..device import gpu_adapter
+from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .closing import close_back, close_sides
@@ -96,7 +97,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     events = EventLog(log) if log is not None else None
     meter = (Meter(events, measure_every=measure_every)
              if events is not None or measure_every > 0 else None)
-    adapter = chosen(device)
+    adapter = gpu_adapter(device)
     process = gpu_process(adapter) if adapter is not None else None
     try:
         return _reconstruct(capture, config, progress, checkpoint, meter, process)

@@ -208,6 +208,12 @@ class GpuSteps:
         while self._waiting or self._under_way is not None:
             self._send()
 
+    def measure(self, plan: Plan, repeats: int) -> dict[str, Any]:
+        """What a step's kernels take on the device; the level there is of no use afterwards."""
+        self.flush()
+        steps, inputs, _ = self._given([plan])
+        return dict(self._call("measure", steps, inputs, repeats))
+
     def look_again(self, least: float) -> NDArray[np.int32]:
         """Let rays leap over bricks in which no density is above ``least``; the table for that."""
         self.flush()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ...cache import key_of
 from ...capture import Capture
+from ...device import device_name
 from ...errors import UserError
 from ...gpu import GpuLostError, GpuProcess
 from ...measure import peak_memory_bytes
@@ -97,8 +98,8 @@ class Trainer:
 
     @property
     def device(self) -> str:
-        """What trains: ``"cpu"``, or the GPU's name."""
-        return "cpu" if self.process is None else self.process.adapter.title
+        """What trains, as figures name it: ``"cpu"``, or the GPU."""
+        return device_name(None if self.process is None else self.process.adapter)
 
     # -- state ------------------------------------------------------------------------------------
 

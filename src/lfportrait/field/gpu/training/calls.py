@@ -11,7 +11,7 @@ from ....gpu.device import Device
 from ...kernels.bricks import table_of_bright
 from .steps import Steps, largest_weights
 
-__all__ = ["begin", "end", "fetch", "largest", "look_again", "place", "put_average", "take"]
+__all__ = ["begin", "end", "fetch", "largest", "look_again", "measure", "place", "put_average", "take"]
 
 _KEY = "field training"
 
@@ -38,6 +38,12 @@ def take(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32],
          averaged: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Take some steps (`Steps.take`); their tiles' squared errors, float32 [K, T]."""
     return np.asarray(device.kept[_KEY].take(steps, inputs, averaged))
+
+
+def measure(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32], repeats: int,
+            ) -> dict[str, Any]:
+    """What a step's kernels take (`Steps.measure`); the level is of no use afterwards."""
+    return dict(device.kept[_KEY].measure(steps, inputs, repeats))
 
 
 def look_again(device: Device, threshold: float) -> NDArray[np.int32]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -84,20 +85,12 @@ class Steps:
             "after": lattice.after, "before": lattice.before,
             "step": (self.uniform, STEP.itemsize * number, STEP.itemsize)}
         device, groups = self.device, (self.groups, 1, 1)
-        paged = [{**resources, "rows": page, "page": bounds}
-                 for page, bounds in zip(lattice.pages, self.page_bounds, strict=True)]
-        tiles, run = (self.tiles, 1, 1), _grid(self.run, 64)
-        return [
-            (*_bound(device, "march", resources), tiles),
-            (*_bound(device, "points", resources), groups),
-            *((*_bound(device, "color", page), groups) for page in paged),
-            (*_bound(device, "blend", resources), groups),
-            (*_bound(device, "composite", resources), tiles),
-            (*_bound(device, "gather", resources), groups),
-            (*_bound(device, "settle", resources), groups),
-            *((*_bound(device, "paint", page), groups) for page in paged),
-            (*_bound(device, "vary", resources), run),
-            (*_bound(device, "smooth_run", resources), run)]
+        paged = iter([{**resources, "rows": page, "page": bounds} for _ in range(2)
+                      for page, bounds in zip(lattice.pages, self.page_bounds, strict=True)])
+        sizes = {"march": (self.tiles, 1, 1), "composite": (self.tiles, 1, 1),
+                 "vary": _grid(self.run, 64), "smooth_run": _grid(self.run, 64)}
+        return [(*_bound(device, name, next(paged) if name in ("color", "paint") else resources),
+                 sizes.get(name, groups)) for name in self._names()]
 
     def _dispatches(self, number: int) -> list[Dispatch]:
         """The same, bound once."""
@@ -188,6 +181,50 @@ class Steps:
             "step": (self.uniform, 0, STEP.itemsize), "bricks": lattice.bricks,
             "density": lattice.density, "found": found}), _grid(count, 64)))
         return device.read(found, np.uint32, count) != 0
+
+    def measure(self, steps: NDArray[Any], inputs: NDArray[np.uint32], repeats: int,
+                ) -> dict[str, Any]:
+        """Time what a step's kernels take; the lattice is of no use afterwards.
+
+        Parameters
+        ----------
+        steps, inputs
+            One step, as for `take`.
+        repeats
+            How often each is run.
+
+        Returns
+        -------
+        figures
+            ``seconds`` of a step, ``kernels`` (name and seconds of each, in their order),
+            ``blocks`` and ``records`` of the step.
+        """
+        self.take(steps[:1], inputs[:1], np.zeros(1, bool))  # room, and compiled kernels
+        device, names = self.device, [*self._names()]
+        device.write(self.uniform, _filled(steps[:1], self.lattice, self.shape, self.notes))
+        dispatches, spent = self._dispatches(0), []
+        # From the whole step down: what comes after a kernel puts right what it leaves behind.
+        for count in range(len(dispatches), 0, -1):
+            device.wait()
+            start = time.perf_counter()
+            for _ in range(repeats):
+                self.notes.clear(device)
+                device.run(*dispatches[:count])
+            device.wait()
+            spent.append((time.perf_counter() - start) / repeats)
+            if count == len(dispatches):
+                header = self.notes.header(device)
+        spent.append(0.0)
+        return {"seconds": spent[0], "blocks": header["most_blocks"],
+                "records": header["most_records"],
+                "kernels": [(name, spent[place] - spent[place + 1])
+                            for place, name in enumerate(reversed(names))][::-1]}
+
+    def _names(self) -> list[str]:
+        """Names of a step's kernels in their order."""
+        pages = len(self.lattice.pages)
+        return ["march", "points", *["color"] * pages, "blend", "composite", "gather", "settle",
+                *["paint"] * pages, "vary", "smooth_run"]
 
 
 def _filled(steps: NDArray[Any], lattice: DeviceLattice, shape: Sequence[int], notes: Notes,
