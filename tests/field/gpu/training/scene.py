@@ -5,9 +5,13 @@ from scipy import ndimage
 
 from lfportrait.capture import Camera
 from lfportrait.field.config import ReconstructConfig
+from lfportrait.field.gpu.training import calls, lattice
+from lfportrait.field.gpu.training.notes import Notes
 from lfportrait.field.gpu.training.steps import Steps
+from lfportrait.field.training.gpu_stepping import GpuSteps
 from lfportrait.field.training.lattice import Lattice
 from lfportrait.field.training.pixels import TrainingPixels
+from lfportrait.field.training.stepping import Plan
 from tests.fields import shell_field
 
 
@@ -48,19 +52,65 @@ def config(**values):
 
 
 def gradients(device, given, steps, inputs):
-    """Records of one step before they are taken up: rows, orders, values [R, 5]; and errors."""
+    """Records of one step before they are taken up: rows and orders, and values; and errors."""
     own = Steps(device, given)
     device.write(own.buffers["inputs"], inputs)
-    entries = own._dispatches(0)
-    from lfportrait.field.gpu.training.steps import _filled
-
-    device.write(own.uniform, _filled(steps, own.lattice, own.shape, own.notes))
+    device.write(own.uniform, own.filled(steps))
     own.notes.clear(device)
-    device.run(*entries[:6])
+    device.run(*own.dispatches(0)[:own.names().index("settle")])
     header = own.notes.header(device)
     assert not header["failed"]
     count = header["records"]
     records = device.read(own.notes.buffers["records"], np.uint32, (count, 4))
     values = device.read(own.notes.buffers["values"], np.float32, (count, 8))[:, :5]
-    errors = device.read(own.buffers["errors"], np.float32, own.tiles)
-    return records, values, errors
+    return records, values, device.read(own.buffers["errors"], np.float32, own.tiles)
+
+
+def begin_small(device, given):
+    """Begin a level with hardly any room for notes, and with several small pages of colors."""
+    whole, lattice.PAGE = lattice.PAGE, 400 * 4 * lattice.row_floats(given["basis"])
+    try:
+        calls.begin(device, given)
+    finally:
+        lattice.PAGE = whole
+    own = device.kept["field training"]
+    assert len(own.lattice.pages) > 2
+    most = own.notes.packet - 100
+    own.notes = Notes.of(device, own.tiles, most, 8, 100)
+
+
+class SmallSteps(GpuSteps):
+    """Steps that begin so."""
+
+    def _call(self, name, *arguments):
+        if name == "begin":
+            return self.process.call("tests.field.gpu.training.scene:begin_small", *arguments)
+        return super()._call(name, *arguments)
+
+
+def step_options(lattice, pace=0.5):
+    """Options of the kernels with every loss."""
+    return np.array([pace, 2e-3 / (pace * lattice.voxel), 1e-2, 0.3, 1e-4, 0.03, 0.0, 0.1])
+
+
+def taken_steps(make, basis, count=5, tiles=24, **values):
+    """The lattice, errors, and averages after some steps that ``make(*given)`` takes."""
+    random, errors = np.random.default_rng(3), []
+    own, data, settings = random_lattice(basis), Views().pixels, config(tv_sparsity=0.1, **values)
+    options = step_options(own)
+    scale = (1 / (255 * random.uniform(0.8, 1.2, (5, 3)))).astype(np.float32)
+    steps = make(own, data, settings, 0, basis, 2, options, np.float32(-0.1 / own.voxel),
+                 lambda: scale, lambda plan, found, total: errors.append((found.copy(), total)))
+    for number in range(count):
+        if number in (0, 3):
+            table = steps.look_again(options[1])
+        if number == 4:
+            data.cameras[:, 3] += 0.05
+            steps.place()
+        chosen = random.permutation(len(data.tiles))[:tiles]
+        steps.take(Plan(data.tiles[chosen], chosen, random.random(tiles).astype(np.float32),
+                        np.float32(0.5), np.float32(2.5 - 0.2 * number), random.random(),
+                        (0.05, 0.5), number % 3 == 1))
+    steps.sync()
+    steps.close()
+    return own, errors, steps.average, table

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ....gpu import GpuLostError
 from ....gpu.device import BINDING, Device
 
-__all__ = ["DeviceLattice", "row_floats"]
+__all__ = ["PAGE", "DeviceLattice", "row_floats"]
 
-_UNIT = 64 << 10
-"""Bytes that the largest binding is not quite filled up to: buffers end on whole rows."""
+PAGE = BINDING
+"""Bytes of a page of colors at most."""
 
 
 def row_floats(basis: int) -> int:
@@ -96,7 +96,7 @@ class DeviceLattice:
         """Copy what is trained."""
         wide, columns = row_floats(self.basis), 3 * self.basis
         self.states = device.buffer(np.ascontiguousarray(rows[:, -2:]))
-        together = (BINDING - _UNIT) // (4 * wide)
+        together = PAGE // (4 * wide)
         for first in range(0, max(self.count, 1), together):
             last = min(self.count, first + together)
             page = np.zeros((max(1, last - first), wide), np.float32)

@@ -90,9 +90,9 @@ class Steps:
         sizes = {"march": (self.tiles, 1, 1), "composite": (self.tiles, 1, 1),
                  "vary": _grid(self.run, 64), "smooth_run": _grid(self.run, 64)}
         return [(*_bound(device, name, next(paged) if name in ("color", "paint") else resources),
-                 sizes.get(name, groups)) for name in self._names()]
+                 sizes.get(name, groups)) for name in self.names()]
 
-    def _dispatches(self, number: int) -> list[Dispatch]:
+    def dispatches(self, number: int) -> list[Dispatch]:
         """The same, bound once."""
         while len(self.slots) <= number:
             self.slots.append(self._slot(len(self.slots)))
@@ -119,7 +119,7 @@ class Steps:
         device, done = self.device, 0
         device.write(self.buffers["inputs"], inputs)
         while True:
-            device.write(self.uniform, _filled(steps, self.lattice, self.shape, self.notes))
+            device.write(self.uniform, self.filled(steps))
             self.notes.clear(device)
             self._send(averaged, done)
             header = self.notes.header(device)
@@ -135,7 +135,7 @@ class Steps:
         """Send off the steps from the first that is not ``done`` on."""
         waiting: list[Dispatch] = []
         for number in range(done, len(averaged)):
-            waiting += self._dispatches(number)
+            waiting += self.dispatches(number)
             if averaged[number]:
                 waiting += self._added()
             if (number - done) % _SUBMITTED == _SUBMITTED - 1:
@@ -200,9 +200,9 @@ class Steps:
             ``blocks`` and ``records`` of the step.
         """
         self.take(steps[:1], inputs[:1], np.zeros(1, bool))  # room, and compiled kernels
-        device, names = self.device, [*self._names()]
-        device.write(self.uniform, _filled(steps[:1], self.lattice, self.shape, self.notes))
-        dispatches, spent = self._dispatches(0), []
+        device, names = self.device, [*self.names()]
+        device.write(self.uniform, self.filled(steps[:1]))
+        dispatches, spent = self.dispatches(0), []
         # From the whole step down: what comes after a kernel puts right what it leaves behind.
         for count in range(len(dispatches), 0, -1):
             device.wait()
@@ -220,7 +220,11 @@ class Steps:
                 "kernels": [(name, spent[place] - spent[place + 1])
                             for place, name in enumerate(reversed(names))][::-1]}
 
-    def _names(self) -> list[str]:
+    def filled(self, steps: NDArray[Any]) -> NDArray[Any]:
+        """Steps with what only the device's side knows: sizes, room, and where things are."""
+        return _filled(steps, self.lattice, self.shape, self.notes)
+
+    def names(self) -> list[str]:
         """Names of a step's kernels in their order."""
         pages = len(self.lattice.pages)
         return ["march", "points", *["color"] * pages, "blend", "composite", "gather", "settle",
