@@ -74,11 +74,9 @@ def level_given(lattice: Lattice, geometry: tuple[Any, ...], cameras: NDArray[np
             "shape": lattice.links.shape, "cameras": cameras, "pace": pace}
 
 
-def fits_gpu(lattice: Lattice, behind: BackgroundTrainer | None = None,
-             config: ReconstructConfig | None = None) -> bool:
-    """Whether the shaders can train a level: one without spheres behind it or smoothed colors."""
-    return (max(lattice.links.shape) < 1024 and behind is None
-            and (config is None or config.lambda_tv_sh <= 0))
+def fits_gpu(lattice: Lattice) -> bool:
+    """Whether the shaders can cast rays through a lattice: points have ten bits a side."""
+    return max(lattice.links.shape) < 1024
 
 
 def warn(progress: Progress | None, line: str) -> None:
@@ -125,6 +123,8 @@ class GpuSteps:
         so many threads.
     tiles
         Packets of each step.
+    behind
+        What trains the spheres behind the lattice, if there are any.
     average
         Sums to go on with.
     table
@@ -140,7 +140,9 @@ class GpuSteps:
                  config: ReconstructConfig, level: int, basis: int, workers: int,
                  options: NDArray[np.float64], lowest: np.float32,
                  scale: Callable[[], NDArray[np.float32]], taken: Taken, tiles: int,
-                 average: Average | None = None, table: NDArray[np.int32] | None = None) -> None:
+                 behind: BackgroundTrainer | None = None, average: Average | None = None,
+                 table: NDArray[np.int32] | None = None) -> None:
+        self.behind = behind
         self.process, self.lattice, self.data, self.scale = process, lattice, data, scale
         self.taken, self.average, self.basis = taken, average, basis
         geometry = lattice.geometry()
@@ -154,6 +156,13 @@ class GpuSteps:
         base["tv_color"] = config.lambda_tv_sh * (0.1 if finest else 1.0) / run
         base["tv_scale"] = config.resolutions[level] / 256.0
         base["gain"] = color_gains(16 * tiles, 1, 16)[0] / 0.7
+        shells = None
+        if behind is not None:
+            sphere = behind.background
+            shells = {"links": sphere.links, "data": sphere.data,
+                      "mean_square": behind.mean_square}
+            base["layers"], base["high"] = sphere.layers, sphere.links.shape[1]
+            base["grey"] = config.background
         self._base = base
         self._waiting: list[Plan] = []
         self._under_way: tuple[list[Plan], Future[NDArray[np.float32]]] | None = None
@@ -162,7 +171,8 @@ class GpuSteps:
             **level_given(lattice, geometry, cameras_given(data, geometry[2], scale()),
                           float(options[0])),
             "rows": lattice.rows, "neighbours": lattice.neighbours(), "basis": basis,
-            "tiles": tiles, "run": run, "bright": table})
+            "tiles": tiles, "run": run, "smooths_colors": config.lambda_tv_sh > 0,
+            "bright": table, "shells": shells})
         process.note(_CALLS, ("level",))
         if average is not None:
             self._call("put_average", average.density, average.rows)
@@ -197,6 +207,8 @@ class GpuSteps:
         steps["rate"] = [plan.rate for plan in plans]
         steps["memory"] = [np.float32(1.0) / plan.rate_sh for plan in plans]
         steps["tv_first"] = first
+        steps["rate_shell"] = [plan.background_rates[0] for plan in plans]
+        steps["rate_shell_density"] = [plan.background_rates[1] for plan in plans]
         steps["tv_last"] = np.minimum(self.lattice.count, first + self._run)
         inputs = tiles_given(self.data, np.concatenate([plan.tiles for plan in plans]),
                              np.concatenate([plan.greys for plan in plans]))
@@ -229,6 +241,10 @@ class GpuSteps:
         self.flush()
         lattice, width = self.lattice, self.lattice.rows.shape[1]
         lattice.density[:], lattice.rows[:] = self._call("fetch", width)
+        if self.behind is not None:
+            data, square = self._call("fetch_shells")
+            self.behind.background.data[:] = data.reshape(self.behind.background.data.shape)
+            self.behind.mean_square[:] = square
         if self._states:
             self.average = self.average or Average(lattice, 3 * self.basis)
             density, rows = self._call("fetch", width, True)

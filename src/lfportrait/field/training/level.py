@@ -66,10 +66,9 @@ class Level:
         assert trainer.lattice is not None
         given = (trainer.lattice, trainer.data, trainer.config, trainer.level, trainer.basis,
                  trainer.workers, self.options, self.lowest, lambda: trainer.scale, self._taken)
-        if trainer.process is not None and fits_gpu(trainer.lattice, trainer.behind,
-                                                    trainer.config):
+        if trainer.process is not None and fits_gpu(trainer.lattice):
             return GpuSteps(trainer.process, *given, tiles=self.batches.size,
-                            average=trainer.average, table=trainer.table)
+                            behind=trainer.behind, average=trainer.average, table=trainer.table)
         steps = CpuSteps(*given)
         steps.behind, steps.average = trainer.behind, trainer.average
         if trainer.table is not None:

@@ -4,6 +4,7 @@ import numpy as np
 from scipy import ndimage
 
 from lfportrait.capture import Camera
+from lfportrait.field.background import Background, BackgroundTrainer
 from lfportrait.field.config import ReconstructConfig
 from lfportrait.field.gpu.training import calls, lattice
 from lfportrait.field.gpu.training.notes import Notes
@@ -11,7 +12,7 @@ from lfportrait.field.gpu.training.steps import Steps
 from lfportrait.field.training.gpu_stepping import GpuSteps
 from lfportrait.field.training.lattice import Lattice
 from lfportrait.field.training.pixels import TrainingPixels
-from lfportrait.field.training.stepping import Plan
+from lfportrait.field.training.stepping import CpuSteps, Plan
 from tests.fields import shell_field
 
 
@@ -27,7 +28,10 @@ def random_lattice(basis=9, shape=(20, 24, 22), density=25.0, seed=0):
     rows[:count, -2] = random.random(count)
     rows[:count, -1] = 1e-8 * random.random(count)
     values = np.append(field.density, np.float32(0)).astype(np.float32)
-    return Lattice(field.links, values, rows, field.center, field.radius)
+    # Rows in the order of their places, as lattices have them in a training.
+    links = field.links.copy()
+    links[links >= 0] = np.arange(count)
+    return Lattice(links, values, rows, field.center, field.radius)
 
 
 class Views:
@@ -93,13 +97,31 @@ def step_options(lattice, pace=0.5):
     return np.array([pace, 2e-3 / (pace * lattice.voxel), 1e-2, 0.3, 1e-4, 0.03, 0.0, 0.1])
 
 
-def taken_steps(make, basis, count=5, tiles=24, **values):
-    """The lattice, errors, and averages after some steps that ``make(*given)`` takes."""
+def random_spheres(data, lattice, seed=5):
+    """What trains random spheres behind a lattice, where the tiles' rays look."""
+    random = np.random.default_rng(seed)
+    background = Background.seen([data.cube_rays(data.tiles, lattice.center, lattice.radius)],
+                                 16, 6, 1.0)
+    background.data[:] = random.random(background.data.shape) - 0.2
+    trainer = BackgroundTrainer(background, 2, 0.7)
+    trainer.mean_square[:] = 1e-7 * random.random(trainer.mean_square.shape)
+    return trainer
+
+
+def taken_steps(make, basis, count=5, tiles=24, room=False, **values):
+    """The lattice, errors, averages and so on after some steps that ``make(*given)`` takes.
+
+    With a ``room``, spheres are behind the lattice, and ``make`` is given what trains them.
+    """
     random, errors = np.random.default_rng(3), []
     own, data, settings = random_lattice(basis), Views().pixels, config(tv_sparsity=0.1, **values)
     options = step_options(own)
     scale = (1 / (255 * random.uniform(0.8, 1.2, (5, 3)))).astype(np.float32)
-    steps = make(own, data, settings, 0, basis, 2, options, np.float32(-0.1 / own.voxel),
+    behind = random_spheres(data, own) if room else None
+    if room:
+        data.pixels[:, 3] = 255
+        options[3] = 0.0
+    steps = make(behind, own, data, settings, 0, basis, 2, options, np.float32(-0.1 / own.voxel),
                  lambda: scale, lambda plan, found, total: errors.append((found.copy(), total)))
     for number in range(count):
         if number in (0, 3):
@@ -113,4 +135,11 @@ def taken_steps(make, basis, count=5, tiles=24, **values):
                         (0.05, 0.5), number % 3 == 1))
     steps.sync()
     steps.close()
-    return own, errors, steps.average, table
+    return own, errors, steps.average, table, behind
+
+
+def on_cpu(behind, *given):
+    """Steps on the CPU."""
+    steps = CpuSteps(*given)
+    steps.behind = behind
+    return steps

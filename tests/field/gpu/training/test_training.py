@@ -83,6 +83,18 @@ def test_a_training_ends_where_the_cpus_does(process):
     assert not any("CPU" in line for line in lines)
 
 
+def test_a_room_is_trained_as_on_the_cpu(process):
+    capture = ball_capture(count=12, size=24, alpha=False, room=True)
+    config = ReconstructConfig(resolutions=(10, 20), rays=(0.008, 0.016), batch=(512,),
+                               background_reso=32, background_nlayers=8, mvs_init=False,
+                               ).resolved(True, 3.0, 0.1)
+    on_gpu, lines = trained(process, config, capture=capture)
+    on_cpu, _ = trained(None, config, capture=capture)
+    assert on_gpu.device != "cpu" and on_gpu.background is not None
+    assert abs(quality(on_gpu) - quality(on_cpu)) < 0.3
+    assert not any("CPU" in line for line in lines)
+
+
 @pytest.mark.parametrize("call, number", [("begin", 0), ("take", 0), ("largest", 0),
                                           ("fetch", 1)])
 def test_a_lost_gpu_is_one_line_and_the_cpu_goes_on(process, call, number):

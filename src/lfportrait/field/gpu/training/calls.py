@@ -11,7 +11,8 @@ from ....gpu.device import Device
 from ...kernels.bricks import table_of_bright
 from .steps import Steps, largest_weights
 
-__all__ = ["begin", "end", "fetch", "largest", "look_again", "measure", "place", "put_average", "take"]
+__all__ = ["begin", "end", "fetch", "fetch_shells", "largest", "look_again", "measure", "place",
+           "put_average", "take"]
 
 _KEY = "field training"
 
@@ -64,6 +65,11 @@ def fetch(device: Device, width: int, sums: bool = False,
     density, rows = lattice.read(device, lattice.density, lattice.pages, width)
     rows[:, -2:] = device.read(lattice.states, np.float32, (lattice.count + 1, 2))
     return density, rows
+
+
+def fetch_shells(device: Device) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Values of the spheres behind the lattice, and their mean squared slopes (`Shells.read`)."""
+    return device.kept[_KEY].shells.read(device)
 
 
 def put_average(device: Device, density: NDArray[np.float32], rows: NDArray[np.float32]) -> None:

@@ -37,8 +37,12 @@ struct Step {
     basis: u32,             // harmonics a channel
     row: u32,               // floats of a row
     gain: f32,              // of a color's first harmonic; higher ones have theirs by `gain_of`
-    grounded: u32,          // 1: backgrounds are one grey a tile
+    layers: u32,            // of the spheres behind the lattice; 0: there are none
     tv_color: f32,
+    high: u32,              // rows of their map
+    grey: f32,              // behind them
+    rate_shell: f32,
+    rate_shell_density: f32,
 }
 
 // Words of a packet's notes: directions and starts of 16 rays (vec4), world lengths of their

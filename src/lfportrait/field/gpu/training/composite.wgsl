@@ -8,13 +8,14 @@
 @group(0) @binding(5) var<storage, read> cameras: array<f32>;
 @group(0) @binding(6) var<storage, read> inputs: array<u32>;
 @group(0) @binding(7) var<storage, read_write> errors: array<f32>;
+@group(0) @binding(8) var<storage, read_write> grounds: array<vec4<f32>>;   // of spheres: color
 
 var<workgroup> fades: array<f32, 128>;
 var<workgroup> sums: array<vec4<f32>, 128>;
 var<workgroup> pulls: array<f32, 128>;
 var<workgroup> through: array<f32, 16>;
 var<workgroup> slopes: array<vec4<f32>, 16>;   // by red, green, blue, and by the opacity
-var<workgroup> grounds: array<f32, 16>;        // the background's part of what lies behind
+var<workgroup> far: array<f32, 16>;            // the background's part of what lies behind
 var<workgroup> squares: array<f32, 16>;
 var<workgroup> behind: array<vec4<f32>, 16>;   // slope, weight, weight * t of all behind
 var<workgroup> pulled: array<f32, 16>;
@@ -63,16 +64,19 @@ fn composite(@builtin(workgroup_id) group: vec3<u32>,
     if (place == 0u) {
         let camera = 32u * inputs[tile];
         let pixel = unpack4x8unorm(inputs[tile + 4u + number]);
-        let grey = vec3<f32>(bitcast<f32>(inputs[tile + 3u]));
+        let ray = 2u * (16u * group.x + number);
+        var ground = vec3<f32>(bitcast<f32>(inputs[tile + 3u]));
+        if (step.layers > 0u) { ground = grounds[ray].xyz; }
         let bytes = vec3<f32>(cameras[camera + 22u], cameras[camera + 23u], cameras[camera + 24u])
             * 255.0;
-        let truth = pixel.xyz * bytes * pixel.w + (1.0 - pixel.w) * grey;
-        let error = whole.xyz + end * grey - truth;
+        let truth = pixel.xyz * bytes * pixel.w + (1.0 - pixel.w) * ground;
+        let error = whole.xyz + end * ground - truth;
         squares[number] = dot(error, error);
         let slope = 2.0 * step.share / 3.0 * error;
         slopes[number] = vec4<f32>(
             slope, 2.0 * step.alpha_weight * (1.0 - end - pixel.w) * step.share * end);
-        grounds[number] = dot(slope, end * grey);
+        if (step.layers > 0u) { grounds[ray + 1u] = vec4<f32>(slope * end, 0.0); }
+        far[number] = dot(slope, end * ground);
         behind[number] = vec4<f32>(0.0);
         pulled[number] = 0.0;
     }
@@ -107,7 +111,7 @@ fn composite(@builtin(workgroup_id) group: vec3<u32>,
         workgroupBarrier();
         var pull_behind = pulled[number];
         for (var j = place + 1u; j < 8u; j++) { pull_behind += pulls[16u * j + number]; }
-        var slope = slope_of.w + side.y * bright - grounds[number] - after.x
+        var slope = slope_of.w + side.y * bright - far[number] - after.x
             + step.narrow * step.share * (side.y * pull - pull_behind);
         slope = delta * slope + step.sparsity * step.share * 4.0 * own.w
             / (1.0 + 2.0 * own.w * own.w);

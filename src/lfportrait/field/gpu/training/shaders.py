@@ -16,7 +16,7 @@ BINDINGS: dict[str, tuple[str, tuple[str, ...]]] = {
     "color": ("color", ("step", "rows", "records", "packets", "blocks", "values", "page")),
     "blend": ("blend", ("step", "packets", "blocks", "samples", "corners", "values")),
     "composite": ("composite", ("step", "packets", "blocks", "samples", "sides", "cameras",
-                                "inputs", "errors")),
+                                "inputs", "errors", "grounds")),
     "gather": ("gather", ("step", "packets", "blocks", "samples", "sides", "records", "values",
                           "heads")),
     "settle": ("settle", ("step", "density", "states", "heads", "records", "values", "lines",
@@ -25,6 +25,15 @@ BINDINGS: dict[str, tuple[str, tuple[str, ...]]] = {
                         "page")),
     "vary": ("variation", ("step", "density", "", "after", "before", "slopes", "blocks")),
     "smooth_run": ("variation", ("step", "density", "states", "", "", "slopes", "blocks")),
+    "vary_colors": ("colors", ("step", "rows", "rows_before", "rows_behind", "after", "before",
+                               "color_slopes", "blocks", "page")),
+    "smooth_colors": ("colors", ("step", "", "", "", "", "", "color_slopes", "blocks", "page",
+                                 "rows", "states")),
+    "shells_forward": ("shells", ("step", "packets", "blocks", "map", "spheres", "grounds")),
+    "shells_backward": ("shells", ("step", "packets", "blocks", "map", "spheres", "grounds",
+                                   "shell_sums")),
+    "shells_step": ("shells", ("step", "", "blocks", "", "spheres", "", "shell_sums",
+                               "shell_squares")),
     "largest": ("largest", ("step", "bricks", "packets", "blocks", "samples", "most")),
     "next_band": ("largest", ("", "", "", "blocks")),
     "bright": ("bright", ("step", "bricks", "density", "found")),
@@ -40,7 +49,8 @@ STEP = np.dtype([
     ("tv_weight", "<f4"), ("tv_scale", "<f4"), ("tv_first", "<u4"), ("tv_last", "<u4"),
     ("input", "<u4"), ("output", "<u4"), ("packet", "<u4"), ("empty", "<u4"),
     ("block_room", "<u4"), ("record_room", "<u4"), ("workers", "<u4"), ("basis", "<u4"),
-    ("row", "<u4"), ("gain", "<f4"), ("grounded", "<u4"), ("tv_color", "<f4"), ("", "V112")])
+    ("row", "<u4"), ("gain", "<f4"), ("layers", "<u4"), ("tv_color", "<f4"), ("high", "<u4"),
+    ("grey", "<f4"), ("rate_shell", "<f4"), ("rate_shell_density", "<f4"), ("", "V96")])
 """The uniform ``Step`` of ``common.wgsl``, in slots of 256 bytes."""
 
 

@@ -13,6 +13,7 @@ from ....gpu.device import Device, Kernel
 from .lattice import DeviceLattice, row_floats
 from .notes import Notes, blocks_of_a_packet
 from .shaders import BINDINGS, STEP, source
+from .shells import Shells
 
 __all__ = ["SLOTS", "Steps", "largest_weights"]
 
@@ -20,6 +21,8 @@ SLOTS = 64
 """Steps that are sent off together."""
 _SUBMITTED = 8
 """Steps a submission: the device works on the first while the others are written down."""
+_PAGED = ("color", "paint", "vary_colors", "smooth_colors")
+"""Kernels that are run for each page of colors."""
 _BAND = 512
 """Packets whose largest weights are found in one dispatch."""
 
@@ -51,7 +54,9 @@ class Steps:
     given
         What `DeviceLattice.of` takes to train it, and ``shape`` (lattice points along z, y, x),
         ``cameras`` float32 [V, 32], ``tiles`` (packets a step) and ``run`` (rows of total
-        variation a step), ``pace`` (distance between samples).
+        variation a step), ``smooths_colors`` (whether that of colors is wanted), ``pace`` (distance
+        between samples), ``shells`` (what `Shells.of` takes of spheres behind the lattice, if there
+        are any).
     """
 
     def __init__(self, device: Device, given: dict[str, Any]) -> None:
@@ -66,9 +71,18 @@ class Steps:
             "cameras": device.buffer(given["cameras"]),
             "inputs": device.buffer(4 * 20 * self.tiles * SLOTS),
             "errors": device.buffer(4 * self.tiles * SLOTS),
-            "slopes": device.buffer(4 * max(1, self.run))}
-        self.page_bounds = [device.buffer(np.array([*bounds, 0, 0], np.uint32), uniform=True)
-                            for bounds in self.lattice.bounds]
+            "slopes": device.buffer(4 * self.run), "grounds": device.buffer(512 * self.tiles)}
+        if given.get("smooths_colors"):
+            self.buffers["color_slopes"] = device.buffer(128 * self.run)
+        before = 0
+        self.page_bounds = []
+        for first, last in self.lattice.bounds:
+            self.page_bounds.append(device.buffer(np.array([first, last, before, 0], np.uint32),
+                                                  uniform=True))
+            before = first
+        self.shells = (Shells.of(device, **given["shells"]) if given.get("shells") is not None
+                       else None)
+        self.smooths_colors = bool(given.get("smooths_colors"))
         self.sums: list[Any] = []
         self.slots: list[list[Dispatch]] = []
         # Groups that share the blocks and records; enough to fill a card, few for software.
@@ -85,12 +99,25 @@ class Steps:
             "after": lattice.after, "before": lattice.before,
             "step": (self.uniform, STEP.itemsize * number, STEP.itemsize)}
         device, groups = self.device, (self.groups, 1, 1)
-        paged = iter([{**resources, "rows": page, "page": bounds} for _ in range(2)
-                      for page, bounds in zip(lattice.pages, self.page_bounds, strict=True)])
         sizes = {"march": (self.tiles, 1, 1), "composite": (self.tiles, 1, 1),
-                 "vary": _grid(self.run, 64), "smooth_run": _grid(self.run, 64)}
-        return [(*_bound(device, name, next(paged) if name in ("color", "paint") else resources),
-                 sizes.get(name, groups)) for name in self.names()]
+                 "vary": _grid(self.run, 64), "smooth_run": _grid(self.run, 64),
+                 "vary_colors": _grid(32 * self.run, 256),
+                 "smooth_colors": _grid(32 * self.run, 256),
+                 "shells_forward": _grid(16 * self.tiles, 64),
+                 "shells_backward": _grid(16 * self.tiles, 64)}
+        if self.shells is not None:
+            resources |= self.shells.buffers
+            sizes["shells_step"] = _grid(self.shells.count, 256)
+        pages = {name: iter(self._pages()) for name in _PAGED}
+        return [(*_bound(device, name, {**resources, **next(pages[name], {})} if name in pages
+                         else resources), sizes.get(name, groups)) for name in self.names()]
+
+    def _pages(self) -> list[dict[str, Any]]:
+        """What is bound for each page of colors: it, the pages beside it, its bounds."""
+        pages, last = self.lattice.pages, len(self.lattice.pages) - 1
+        return [{"rows": page, "rows_before": pages[max(0, number - 1)],
+                 "rows_behind": pages[min(last, number + 1)], "page": self.page_bounds[number]}
+                for number, page in enumerate(pages)]
 
     def dispatches(self, number: int) -> list[Dispatch]:
         """The same, bound once."""
@@ -227,8 +254,12 @@ class Steps:
     def names(self) -> list[str]:
         """Names of a step's kernels in their order."""
         pages = len(self.lattice.pages)
-        return ["march", "points", *["color"] * pages, "blend", "composite", "gather", "settle",
-                *["paint"] * pages, "vary", "smooth_run"]
+        before = ["shells_forward"] if self.shells is not None else []
+        behind = ["shells_backward", "shells_step"] if self.shells is not None else []
+        if self.smooths_colors:
+            behind = [*["vary_colors"] * pages, *["smooth_colors"] * pages, *behind]
+        return ["march", *before, "points", *["color"] * pages, "blend", "composite", "gather",
+                "settle", *["paint"] * pages, "vary", *behind, "smooth_run"]
 
 
 def _filled(steps: NDArray[Any], lattice: DeviceLattice, shape: Sequence[int], notes: Notes,
