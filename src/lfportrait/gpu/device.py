@@ -215,14 +215,15 @@ class Device:
     def run(self, *steps: tuple[Kernel, Any, tuple[int, int, int]]) -> None:
         """Run kernels one after the other: (kernel, bound resources, workgroups)."""
         encoder = self._device.create_command_encoder()
+        # In one pass: each dispatch sees what those before it wrote.
+        work = encoder.begin_compute_pass()
         for kernel, group, count in steps:
             if min(count) < 1:
                 continue
-            work = encoder.begin_compute_pass()
             work.set_pipeline(kernel.pipeline)
             work.set_bind_group(0, group)
             work.dispatch_workgroups(*count)
-            work.end()
+        work.end()
         self._device.queue.submit([encoder.finish()])
 
     def wait(self) -> None:
