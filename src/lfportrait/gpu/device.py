@@ -235,7 +235,7 @@ class Device:
 
 
 def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callable[[], None],
-          longest: float = _DISPATCH) -> list[tuple[int, int]]:
+          longest: float = _DISPATCH) -> int:
     """Run work on ``total`` rows in bands, sized by what the first ones take.
 
     Parameters
@@ -253,22 +253,22 @@ def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callabl
 
     Returns
     -------
-    sizes
-        The bands that were run, (since, until).
+    size
+        Rows that a band may have: for more work of the same kind.
     """
-    done: list[tuple[int, int]] = []
+    bound = 0
     since, size = 0, max(1, min(first, total))
     wait()
     while since < total:
         until = min(total, since + size)
         start = time.perf_counter()
         run(since, until)
-        done.append((since, until))
-        if until < total and len(done) <= 3:
+        bound += 1
+        if until < total and bound <= 3:
             wait()
             spent = max(time.perf_counter() - start, 1e-5)
             # A first dispatch may include compiling: grow step by step.
             size = int(min(math.ceil((until - since) * longest / spent), 16 * (until - since)))
             size = max(1, size)
         since = until
-    return done
+    return size

@@ -210,8 +210,8 @@ def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool 
     Returns
     -------
     picture, figures
-        uint8 [H, W, 3]; seconds of shading, of coding (all bands), of reading back; and, with
-        ``repeats``, the least of a repetition.
+        uint8 [H, W, 3]; seconds of shading, of coding (all bands), of reading back; with
+        ``repeats``, those of one of them, sent off one after the other; bytes of the field.
     """
     atlas: Atlas = device.kept["fields"][keys[0]]
     job = replace(job, viewpoints=job.viewpoints[:atlas.layers])
@@ -222,43 +222,39 @@ def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool 
     coder = _Coder(device, keys, job)
     most = max(_TILE, min(job.height, BINDING // (4 * job.words) // _TILE * _TILE))
     device.wait()
-    ready = time.perf_counter()
-    parts, best, reading = [], float("inf"), 0.0
+    parts, coding, repeated, reading = [], 0.0, 0.0, 0.0
+    # Bands of what was coded before need no calibration.
+    paces: dict[Any, int] = device.kept.setdefault("paces", {})
+    kind = keys, job.width, job.sliced, job.axis, job.rays
     for first in range(0, job.height, most):
         rows = min(most, job.height - first)
         picture = device.buffer(4 * job.words * rows)
-        sizes: list[tuple[int, int]] = []
 
         def run(since: int, until: int, first: int = first, rows: int = rows,
                 picture: Any = picture) -> None:
             """Code tile rows of this part."""
             coder.code(picture, first, since, until, rows)
 
-        sizes = bands(-(-rows // _TILE), 4, run, device.wait)
+        begin = time.perf_counter()
+        pace = bands(-(-rows // _TILE), paces.get(kind, 4), run, device.wait)
+        paces[kind] = pace
         device.wait()
+        coding += time.perf_counter() - begin
+        begin = time.perf_counter()
         for _ in range(repeats):
-            begin = time.perf_counter()
-            for since, until in _joined(sizes):
-                run(since, until)
-            device.wait()
-            best = min(best, time.perf_counter() - begin)
+            for since in range(0, -(-rows // _TILE), pace):
+                run(since, min(since + pace, -(-rows // _TILE)))
+        device.wait()
+        repeated += (time.perf_counter() - begin) / max(repeats, 1)
         if read:
             begin = time.perf_counter()
             raw = device.read(picture, np.uint8, (rows, job.words * 4))
             parts.append(raw[:, :3 * job.width].reshape(rows, job.width, 3))
             reading += time.perf_counter() - begin
-    done = time.perf_counter()
     whole = (np.concatenate(parts) if len(parts) > 1 else np.ascontiguousarray(parts[0])
              ) if read else np.zeros((0, 0, 3), np.uint8)
-    figures = {"shade": shaded - start, "cast": done - ready - reading, "read": reading,
+    figures = {"shade": shaded - start, "cast": coding, "read": reading,
                "field_bytes": atlas.nbytes}
     if repeats:
-        figures["repeated"] = best
+        figures["repeated"] = repeated
     return whole, figures
-
-
-def _joined(sizes: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Bands as they are once their size is known: the calibration's joined to the next one."""
-    largest = max(until - since for since, until in sizes)
-    total = sizes[-1][1]
-    return [(since, min(since + largest, total)) for since in range(0, total, largest)]
