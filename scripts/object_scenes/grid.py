@@ -10,7 +10,9 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from lfportrait.lanes.threads import shared
 
 from .design import Design
 from .materials import CLEAR
@@ -37,8 +39,9 @@ class Baked(NamedTuple):
     glassy: bool
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def search(solids, profiles, extent, grid, starts, listed, fill):
+@shared("grid", per=BLOCK)
+@njit(cache=True, error_model="numpy", nogil=True)
+def search(first, last, solids, profiles, extent, grid, starts, listed, fill):
     """Distance at the cells' middles, and the solids that may be nearest somewhere in a cell.
 
     Without ``fill`` starts[c + 1] becomes the number of solids that cell c lists.
@@ -46,7 +49,7 @@ def search(solids, profiles, extent, grid, starts, listed, fill):
     cells = len(grid)
     cell = 2.0 * extent / cells
     half, blocks = 0.5 * sqrt(3.0) * cell, cells // BLOCK
-    for i in prange(blocks):
+    for i in range(first, last):
         values, chosen = np.empty(len(solids)), np.empty(len(solids), np.int64)
         for rest in range(blocks * blocks):
             j, k = rest // blocks, rest % blocks
