@@ -10,9 +10,7 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-
-from lfportrait.lanes.threads import shared
+from numba import njit, prange
 
 from .design import Design
 from .materials import CLEAR
@@ -39,9 +37,8 @@ class Baked(NamedTuple):
     glassy: bool
 
 
-@shared("grid", per=BLOCK)
-@njit(cache=True, error_model="numpy", nogil=True)
-def search(first, last, solids, profiles, extent, grid, starts, listed, fill):
+@njit(cache=True, error_model="numpy", parallel=True)
+def search(solids, profiles, extent, grid, starts, listed, fill):
     """Distance at the cells' middles, and the solids that may be nearest somewhere in a cell.
 
     Without ``fill`` starts[c + 1] becomes the number of solids that cell c lists.
@@ -49,7 +46,7 @@ def search(first, last, solids, profiles, extent, grid, starts, listed, fill):
     cells = len(grid)
     cell = 2.0 * extent / cells
     half, blocks = 0.5 * sqrt(3.0) * cell, cells // BLOCK
-    for i in range(first, last):
+    for i in prange(blocks):
         values, chosen = np.empty(len(solids)), np.empty(len(solids), np.int64)
         for rest in range(blocks * blocks):
             j, k = rest // blocks, rest % blocks

@@ -10,10 +10,9 @@ from __future__ import annotations
 from math import exp, pi, sqrt
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 from lfportrait.capture import Camera
-from lfportrait.lanes.threads import shared
 
 from .design import Design
 from .grid import bake, march
@@ -136,11 +135,10 @@ def trace(baked, origin, ray, start, out):
     out[3] = alpha
 
 
-@shared("rays")
-@njit(cache=True, error_model="numpy", nogil=True)
-def cast(since, until, baked, camera, focal, rays, start, out):
+@njit(cache=True, error_model="numpy", parallel=True)
+def cast(baked, camera, focal, rays, start, out):
     """Cast rays through picture points [K, 2]: out [K, 5] is color, opacity and the solid."""
-    for number in range(since, until):
+    for number in prange(len(rays)):
         local = np.array([(rays[number, 0]) / focal, rays[number, 1] / focal, 1.0])
         ray, origin = np.zeros(3), camera[:3, 3].copy()
         for axis in range(3):
