@@ -8,7 +8,7 @@ import warnings
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
@@ -186,23 +186,38 @@ class Cast(Common):
 
 @dataclass
 class Show(Common):
-    """Show coded pictures full screen on an attached panel, unscaled; Esc closes."""
+    """Show coded pictures, or a field live, full screen on an attached panel; Esc closes."""
 
     lightfields: tyro.conf.Positional[tuple[Path, ...]] = ()
-    """Coded pictures; the arrow keys switch between them."""
+    """Coded pictures; the arrow keys switch between them. With --live: a field (.npz)."""
     display: str = "generic-4k"
     """The display that the pictures were coded for."""
+    live: bool = False
+    """Code a field on the GPU for each picture: the head moves, and the pointer turns it; h lists
+    the keys."""
+    simulate: bool = False
+    """The same in an ordinary window: what an eye in the middle of the display sees."""
+    photo: Path | None = None
+    """With --live: the field that the shown one was stylised from, to mix both; by default
+    field.npz beside it."""
     screen: int = -1
     """Number of the screen (see --list); by default the one that has the display's pixels."""
     seconds: float = 0.0
-    """Time for each picture; 0 = until a key is pressed."""
+    """Time for each picture, or for --live; 0 = until a key is pressed."""
     list: bool = False
     """Only list the attached screens."""
+    usual: ClassVar[tuple[str, ...]] = ("compose", "size", "focus", "ground")
+    config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
+    """With --live: placement of the head at first."""
 
     def run(self) -> dict[str, Any]:
         """Show until closed."""
         from ..lightfield.screens import PygameDriver, show
 
+        if (self.live or self.simulate) and not self.list:
+            from .live import show_live
+
+            return show_live(self)
         if self.list:
             driver = PygameDriver()
             screens = driver.screens()
@@ -212,13 +227,25 @@ class Show(Common):
             return {"screens": screens}
         if not self.lightfields:
             raise UserError("name the coded picture to show: lfportrait show lightfield.png")
-        if not 0 <= self.seconds < 1e6:
-            raise UserError(f"--seconds must be 0 or more, not {self.seconds:g}")
+        if any(path.suffix.lower() == ".npz" for path in self.lightfields):
+            raise UserError("a field is shown with --live; without, it is coded first: lfportrait "
+                            "encode field.npz")
+        self.check_seconds()
         panel = Display.resolve(self.display)
         images = [read_coded(path, panel) for path in self.lightfields]
-        if not panel.calibrated:
-            warnings.warn(f"the display {panel.name} is not calibrated: expect blur and jumps; see "
-                          "`lfportrait display import` and `lfportrait cast --save-display`",
-                          UserWarning, stacklevel=1)
+        warn_uncalibrated(panel)
         screen = show(images, panel, screen=self.screen, seconds=self.seconds)
         return {"screen": screen, "display": panel.name, "pictures": len(images)}
+
+    def check_seconds(self) -> None:
+        """Raise `UserError` if --seconds makes no sense."""
+        if not 0 <= self.seconds < 1e6:
+            raise UserError(f"--seconds must be 0 or more, not {self.seconds:g}")
+
+
+def warn_uncalibrated(panel: Display) -> None:
+    """Say that a panel's lens was not measured, if so."""
+    if not panel.calibrated:
+        warnings.warn(f"the display {panel.name} is not calibrated: expect blur and jumps; see "
+                      "`lfportrait display import` and `lfportrait cast --save-display`",
+                      UserWarning, stacklevel=2)
