@@ -214,10 +214,6 @@ class Show(Common):
         """Show until closed."""
         from ..lightfield.screens import PygameDriver, show
 
-        if (self.live or self.simulate) and not self.list:
-            from .live import show_live
-
-            return show_live(self)
         if self.list:
             driver = PygameDriver()
             screens = driver.screens()
@@ -225,27 +221,23 @@ class Show(Common):
             for number, (width, height) in enumerate(screens):
                 print(f"{number:3}  {width} x {height}")
             return {"screens": screens}
+        if not 0 <= self.seconds < 1e6:
+            raise UserError(f"--seconds must be 0 or more, not {self.seconds:g}")
+        panel = Display.resolve(self.display)
+        if not (panel.calibrated or self.simulate):
+            warnings.warn(f"the display {panel.name} is not calibrated: expect blur and jumps; see "
+                          "`lfportrait display import` and `lfportrait cast --save-display`",
+                          UserWarning, stacklevel=1)
+        if self.live or self.simulate:
+            from .live import run_live
+
+            return run_live(self, self.lightfields, panel, self.config, self.photo,
+                            screen=self.screen, simulate=self.simulate, seconds=self.seconds)
         if not self.lightfields:
             raise UserError("name the coded picture to show: lfportrait show lightfield.png")
         if any(path.suffix.lower() == ".npz" for path in self.lightfields):
             raise UserError("a field is shown with --live; without, it is coded first: lfportrait "
                             "encode field.npz")
-        self.check_seconds()
-        panel = Display.resolve(self.display)
         images = [read_coded(path, panel) for path in self.lightfields]
-        warn_uncalibrated(panel)
         screen = show(images, panel, screen=self.screen, seconds=self.seconds)
         return {"screen": screen, "display": panel.name, "pictures": len(images)}
-
-    def check_seconds(self) -> None:
-        """Raise `UserError` if --seconds makes no sense."""
-        if not 0 <= self.seconds < 1e6:
-            raise UserError(f"--seconds must be 0 or more, not {self.seconds:g}")
-
-
-def warn_uncalibrated(panel: Display) -> None:
-    """Say that a panel's lens was not measured, if so."""
-    if not panel.calibrated:
-        warnings.warn(f"the display {panel.name} is not calibrated: expect blur and jumps; see "
-                      "`lfportrait display import` and `lfportrait cast --save-display`",
-                      UserWarning, stacklevel=2)

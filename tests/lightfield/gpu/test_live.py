@@ -157,7 +157,8 @@ def test_eyes_are_spread_over_the_same_line():
     line = np.array([[0.0, 1, 4]]) + np.outer((np.arange(5) + 0.5) / 5, [2.0, 0, 1])
     for layers in (1, 2, 5, 9):
         share = (np.arange(layers) + 0.5) / layers
-        assert np.allclose(spread_viewpoints(line, layers), [0, 1, 4] + np.outer(share, [2, 0, 1]))
+        wanted = np.array([0, 1, 4]) + np.outer(share, [2, 0, 1])
+        assert np.allclose(spread_viewpoints(line, layers), wanted)
     assert np.allclose(spread_viewpoints(line[:1], 3), line[0])
 
 

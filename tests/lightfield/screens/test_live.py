@@ -2,6 +2,8 @@
 
 import dataclasses
 import importlib.util
+import itertools
+import json
 import os
 import shutil
 import subprocess
@@ -58,7 +60,8 @@ def test_a_drag_turns_the_head_and_only_while_the_button_is_down():
 
 
 @pytest.mark.parametrize(("events", "name", "value"), [
-    ([typed("+")], "focus", 0.02), ([typed("-")], "focus", -0.02), ([typed("+")] * 99, "focus", 0.5),
+    ([typed("+")], "focus", 0.02), ([typed("-")], "focus", -0.02),
+    ([typed("+")] * 99, "focus", 0.5),
     ([{"event_type": "wheel", "dx": 0, "dy": -300.0}], "focus", 0.06),
     ([typed("]")], "depth_scale", 1.06), ([typed("[")] * 99, "depth_scale", 0.2),
     ([typed("]")] * 99, "depth_scale", 4.0), ([typed(".")], "size", 0.8 * 1.06),
@@ -135,7 +138,7 @@ def test_events_change_the_pictures_that_follow(play):
     panel = dataclasses.replace(PANEL, flip_x=True)
     script = {0: [typed(" ")], 1: [pointer("down", 10)], 2: [pointer("move", 50)], 3: [
         pointer("up", 50), typed("]")], 4: [key("ArrowUp")], 9: [typed("r")]}
-    pictures, said, figures, over = play(painting, panel, CONFIG, script, 12, photo)
+    pictures, _, figures, over = play(painting, panel, CONFIG, script, 12, photo)
     assert len(pictures) == 12 and not over
     turned = EncodeConfig(turn=30)
     deeper = dataclasses.replace(turned, depth_scale=1.06)
@@ -167,7 +170,7 @@ def test_a_sway_moves_the_head_and_its_time_ends(play):
                                          200, None, 1.5)
     assert over and 44 <= len(pictures) <= 46
     assert figures["frames"] >= len(pictures)
-    assert all(not np.array_equal(a, b) for a, b in zip(pictures[:8], pictures[1:9], strict=True))
+    assert all(not np.array_equal(a, b) for a, b in itertools.pairwise(pictures))
     assert said[0].startswith("drag") and "pictures a second" in said[1]
 
 
@@ -268,8 +271,6 @@ def x_server():
 
 @pytest.mark.parametrize("word", ["--live", "--simulate"])
 def test_a_real_window_shows_the_pictures_own_pixels(saved, adapter, x_server, word):
-    import json
-
     done = command(saved, word, "--seconds", "2", "--json", "out.json", DISPLAY=x_server)
     assert done.returncode == 0, done.stderr
     figures = json.loads((saved / "out.json").read_text())

@@ -11,9 +11,7 @@ picture shows the latest one there is, and the last picture the one that belongs
 from __future__ import annotations
 
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +22,15 @@ from ...field.gpu import (
     Atlas,
     field_parts,
     keep_texture,
-    picture_texture,
     shader,
     texture_parts,
 )
 from ...gpu.device import BINDING, LIMITS, Device
 from ..coding import _footprint, panel_job
 from ..display import Display
-from ..ground import Ground, backdrop_of, ground_of
 from ..placement import EncodeConfig, Placement
 from .blit import LivePicture
+from .live_ground import LiveGround
 from .panel import PanelJob
 
 __all__ = ["LiveCoder", "same_points"]
@@ -116,7 +113,7 @@ class LiveCoder:
         self._tiles = -(-display.width // _TILE), -(-display.height // _TILE)
         size = 48 * self._tiles[0] * display.height
         self._buffers = [device.buffer(size), device.buffer(size)]
-        self._behind = _Behind(device, field, display)
+        self._behind = LiveGround(device, field, display)
         self._level = -2
         self._shaded: tuple[float, NDArray[np.float64] | None] = (-1.0, None)
         self._shading, self._pace, self._worst, self._band = 0.0, 0.0, 0.0, 1
@@ -310,68 +307,6 @@ class _Work:
     at: int = 0
     spent: float = 0.0
     worst: float = 0.0
-
-
-class _Behind:
-    """The ground behind the head, made in a thread.
-
-    Attributes
-    ----------
-    made_for
-        The configuration that the latest one belongs to.
-    texture
-        Its texture on the device.
-    """
-
-    def __init__(self, device: Device, field: VoxelField, display: Display) -> None:
-        self._device, self._field, self._display = device, field, display
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="ground")
-        self._making: tuple[EncodeConfig, Future[Ground | None]] | None = None
-        self._ground: Ground | None = None
-        self.made_for: EncodeConfig | None = None
-        self.texture = picture_texture(device, None)
-
-    def follow(self, config: EncodeConfig) -> None:
-        """Take up the ground that was made meanwhile, and have this configuration's made."""
-        if self._making is not None and self._making[1].done():
-            self._take_up()
-        if self._making is None and config != self.made_for:
-            if backdrop_of(self._field, config) is None:
-                self._ground, self.made_for = None, config
-            else:
-                self._making = config, self._pool.submit(ground_of, self._field, self._display,
-                                                         config)
-                if self.made_for is None:
-                    self._take_up()  # none is no ground for the first picture
-
-    def wait(self, config: EncodeConfig) -> None:
-        """Wait for this configuration's ground."""
-        self.follow(config)
-        while self.made_for != config:
-            if self._making is not None:
-                self._take_up()
-            self.follow(config)
-
-    def of_job(self) -> dict[str, Any]:
-        """Its part of a `PanelJob`."""
-        ground = self._ground
-        if ground is None:
-            return {"ground": None}
-        return {"ground": ground.planes, "ground_place": (
-            ground.depth / self._display.distance, ground.left, ground.top, *ground.texel,
-            self._display.eye_height)}
-
-    def close(self) -> None:
-        """End the thread."""
-        self._pool.shutdown(wait=True, cancel_futures=True)
-
-    def _take_up(self) -> None:
-        assert self._making is not None
-        self.made_for, future = self._making
-        self._making = None
-        self._ground = future.result()
-        self.texture = picture_texture(self._device,
-                                       None if self._ground is None else self._ground.planes)
 
 
 def spread_viewpoints(viewpoints: NDArray[np.float64], layers: int) -> NDArray[np.float64]:

@@ -71,6 +71,7 @@ class LiveWindow:
             raise UserError(_NO_SCREEN)
         self.screen = -1 if plain else choose_screen(self._sizes, display, screen)
         self.size = (0, 0)
+        self._canvas: Any = None
         self._title = f"lfportrait, {display.name}"
 
     def open(self) -> tuple[int, int]:
@@ -84,7 +85,7 @@ class LiveWindow:
         from rendercanvas.glfw import RenderCanvas, loop
 
         self._loop: Any = loop
-        self._canvas: Any = RenderCanvas(size=(640, 360), title=self._title, max_fps=_FASTEST,
+        self._canvas = RenderCanvas(size=(640, 360), title=self._title, max_fps=_FASTEST,
                                          update_mode="ondemand", min_fps=_SLOWEST, vsync=True)
         if self.screen < 0:
             self.size = self._shaped(self._sizes[0])
@@ -130,8 +131,9 @@ class LiveWindow:
             raise self._error
 
     def close(self) -> None:
-        """Close the window."""
-        self._canvas.close()
+        """Close the window, if it is open."""
+        if self._canvas is not None:
+            self._canvas.close()
 
     def _guarded(self, draw: Any) -> None:
         """Draw; an error ends the loop and is raised after it, where it would only be logged."""
