@@ -47,7 +47,8 @@ def run_live(command: Common, fields: tuple[Path, ...], panel: Display, config: 
 
     if len(fields) != 1 or fields[0].suffix.lower() != ".npz":
         raise UserError("name one field to show live: lfportrait show styled.npz --live")
-    check_packages()
+    if command.device != "cpu":
+        check_packages()
     adapter = _adapter(command.device)
     window = LiveWindow(panel, screen, simulate)
     with command.progress("live") as progress:

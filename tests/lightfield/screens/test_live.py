@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 from lfportrait.cli import main
-from lfportrait.gpu import GpuProcess
+from lfportrait.errors import UserError
+from lfportrait.gpu import Adapter, GpuProcess
 from lfportrait.lightfield import Display, EncodeConfig, encode
+from lfportrait.lightfield.screens import fields_to_show, show_live
 from lfportrait.lightfield.screens.live import one_eyed
 from lfportrait.lightfield.screens.live_controls import Controls
 from lfportrait.metrics import psnr
@@ -194,6 +196,45 @@ def test_one_eye_is_no_panel():
     assert np.ptp(seen.places()[..., 0]) == 0
 
 
+class FakeWindow:
+    """A window that something goes wrong in."""
+
+    screen, closed = 0, False
+
+    def __init__(self, error):
+        self.error = error
+
+    def open(self):
+        raise self.error
+
+    def close(self):
+        self.closed = True
+
+
+@pytest.mark.parametrize(("error", "kind", "text"), [
+    (RuntimeError("Device was lost"), UserError, "a card (Vulkan) was lost, or its memory is too"),
+    (MemoryError(), UserError, "too small for this field: out of memory"),
+    (UserError("as it is"), UserError, "^as it is$"), (ValueError("a bug"), ValueError, "a bug")])
+def test_a_lost_device_is_said_in_one_line(error, kind, text):
+    window = FakeWindow(error)
+    with pytest.raises(kind, match=text.replace("(", r"\(").replace(")", r"\)")):
+        show_live(window, Adapter("a card", "discrete", "Vulkan"), None, CONFIG, PANEL)
+    assert window.closed
+
+
+def test_a_photo_is_found_beside_the_painting_only_if_it_is_its_own(tmp_path):
+    photo = shell_field(16, basis=4)
+    painted(photo).save(tmp_path / "styled.npz")
+    assert fields_to_show(tmp_path / "styled.npz", None)[1] is None
+    photo.save(tmp_path / "field.npz")
+    assert fields_to_show(tmp_path / "styled.npz", None)[1].basis == 4
+    assert fields_to_show(tmp_path / "field.npz", None)[1] is None
+    shell_field(18).save(tmp_path / "field.npz")
+    assert fields_to_show(tmp_path / "styled.npz", None)[1] is None
+    with pytest.raises(UserError, match="has other points"):
+        fields_to_show(tmp_path / "styled.npz", tmp_path / "field.npz")
+
+
 # -- the command ----------------------------------------------------------------------------------
 
 
@@ -284,10 +325,3 @@ def test_a_screen_of_another_size_is_refused(saved, adapter, x_server):
     done = command(saved, "--live", DISPLAY=x_server)
     assert done.returncode == 2
     assert "no screen has the 176 x 96 pixels" in done.stderr.splitlines()[-1]
-
-
-def test_a_photo_of_another_head_is_refused(saved, adapter, x_server):
-    shell_field(18, basis=4).save(saved / "field.npz")
-    done = command(saved, "--live", "--photo", "field.npz", DISPLAY=x_server)
-    assert done.returncode == 2
-    assert "field.npz has other points than styled.npz" in done.stderr.splitlines()[-1]

@@ -28,9 +28,6 @@ from .live_controls import HELP, Controls
 
 __all__ = ["Live", "LiveScreen", "Unseen", "check_pixels", "one_eyed"]
 
-_STILL = 0.25
-"""Seconds that a picture moves on by at most, however long it took."""
-
 
 class LiveScreen(Protocol):
     """What `Live` is shown on."""
@@ -115,7 +112,7 @@ class Live:
         """Move on to a time in seconds; whether there is another picture."""
         if self._begun < 0:
             self._begun = self._last = self._told = now
-        self.controls.advance(min(max(now - self._last, 0.0), _STILL))
+        self.controls.advance(max(now - self._last, 0.0))
         self._last = now
         new = self.coder.step(*self.wanted())
         if new:

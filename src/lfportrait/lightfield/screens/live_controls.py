@@ -20,6 +20,8 @@ _ACROSS = 120.0
 """Degrees that a drag over all of the window turns the head."""
 _SWAY, _PERIOD = 8.0, 10.0
 """Degrees to each side, and seconds of a sway to both."""
+_LONGEST = 0.25
+"""Seconds that the sway moves on by at most: after a slow picture it would jump."""
 _TURN, _FOCUS, _FACTOR, _SHARE = 5.0, 0.02, 1.06, 0.1
 """What one key press changes: degrees, half panel heights, factor of depth and size, share."""
 _FADE = 1.0
@@ -100,7 +102,7 @@ class Controls:
     def advance(self, seconds: float) -> None:
         """Let time pass: the sway, and the way from the painting to the photo."""
         if self.swaying and self._dragged is None:
-            self._phase = (self._phase + seconds / _PERIOD) % 1.0
+            self._phase = (self._phase + min(seconds, _LONGEST) / _PERIOD) % 1.0
         step = seconds / _FADE
         self.share += _between(self._fades_to - self.share, -step, step)
 

@@ -87,7 +87,7 @@ def show_live(window: LiveWindow, adapter: Adapter, field: VoxelField, config: E
     except UserError:
         raise
     except Exception as error:
-        if not (isinstance(error, MemoryError) or type(error).__module__.startswith("wgpu")):
+        if not _of_device(error):
             raise
         raise UserError(f"{adapter.title} was lost, or its memory is too small for this field: "
                         f"{(str(error).strip().splitlines() or ['out of memory'])[0]}") from error
@@ -96,3 +96,10 @@ def show_live(window: LiveWindow, adapter: Adapter, field: VoxelField, config: E
     return {"display": panel.name, "screen": window.screen, "simulated": window.screen < 0,
             "size": list(size), "photo": photo is not None, "device": device_name(adapter),
             **live.figures()}
+
+
+def _of_device(error: Exception) -> bool:
+    """Whether an error is the device's: lost, or out of memory."""
+    text = str(error).lower()
+    return (isinstance(error, MemoryError) or type(error).__module__.startswith("wgpu")
+            or "lost" in text or "memory" in text)

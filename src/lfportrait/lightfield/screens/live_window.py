@@ -62,11 +62,10 @@ class LiveWindow:
     """
 
     def __init__(self, display: Display, screen: int = -1, plain: bool = False) -> None:
-        self._glfw = glfw = _glfw()
-        self._display = display
+        self._glfw, self._display = _glfw(), display
         self._error: Exception | None = None
-        self._monitors = glfw.get_monitors()
-        self._sizes = [_pixels(glfw, monitor) for monitor in self._monitors]
+        self._monitors = self._glfw.get_monitors()
+        self._sizes = [_pixels(self._glfw, monitor) for monitor in self._monitors]
         if not self._sizes:
             raise UserError(_NO_SCREEN)
         self.screen = -1 if plain else choose_screen(self._sizes, display, screen)
