@@ -45,7 +45,7 @@ def painted(field, seed=7):
 
 
 def test_pictures_are_the_cpus_wherever_the_head_is_turned_to(run):
-    field = checkered(shell_field(24, basis=4, seed=1))
+    field = checkered(shell_field(24, basis=9, seed=1))
     configs = [CONFIG, EncodeConfig(turn=20, focus=0.2, depth_scale=0.6, size=0.5),
                EncodeConfig(turn=-170), EncodeConfig(method="direct", blend="filtered", focus=-0.3)]
     pictures = run("settled", field, PANEL, [(config, 0.0) for config in configs])
