@@ -212,12 +212,15 @@ class Show(Common):
 
     def run(self) -> dict[str, Any]:
         """Show until closed."""
-        from ..lightfield.screens import PygameDriver, show
+        from ..lightfield.screens import PygameDriver, screen_sizes, show
 
         if self.list:
-            driver = PygameDriver()
-            screens = driver.screens()
-            driver.close()
+            if self.live:
+                screens = screen_sizes()
+            else:
+                driver = PygameDriver()
+                screens = driver.screens()
+                driver.close()
             for number, (width, height) in enumerate(screens):
                 print(f"{number:3}  {width} x {height}")
             return {"screens": screens}

@@ -322,6 +322,8 @@ def test_a_real_window_shows_the_pictures_own_pixels(saved, adapter, x_server, w
 
 def test_a_screen_of_another_size_is_refused(saved, adapter, x_server):
     dataclasses.replace(PANEL, width=PANEL.width + 16).save(saved / "panel.toml")
+    listed = command(saved, "--live", "--list", DISPLAY=x_server)
+    assert listed.stdout.split() == ["0", "160", "x", "96"]
     done = command(saved, "--live", DISPLAY=x_server)
     assert done.returncode == 2
     assert "no screen has the 176 x 96 pixels" in done.stderr.splitlines()[-1]

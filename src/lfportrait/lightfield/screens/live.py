@@ -8,9 +8,10 @@ shows what an eye in the middle sees, by the same shaders without a lens.
 from __future__ import annotations
 
 import warnings
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,18 +27,10 @@ from ..ground import backdrop_of
 from ..placement import EncodeConfig
 from .live_controls import HELP, Controls
 
-__all__ = ["Live", "LiveScreen", "Unseen", "check_pixels", "one_eyed"]
+__all__ = ["Live", "Unseen", "check_pixels", "one_eyed"]
 
-
-class LiveScreen(Protocol):
-    """What `Live` is shown on."""
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-
-    def run(self, device: Device, display: Display, live: Live) -> None:
-        """Show pictures until it is over."""
+_KEPT = 10000
+"""Pictures, the latest ones, whose times the figures are about."""
 
 
 class Live:
@@ -66,6 +59,8 @@ class Live:
         What the viewer has set.
     coder
         Codes the pictures.
+    frames
+        How many pictures were coded.
     """
 
     def __init__(self, device: Device, field: VoxelField, config: EncodeConfig, panel: Display,
@@ -81,7 +76,8 @@ class Live:
         self._seconds, self._say, self._helped = seconds, say, False
         self._begun, self._last, self._told = -1.0, 0.0, 0.0
         self._marks: list[float] = []
-        self._coding: list[float] = []
+        self._coding: deque[float] = deque(maxlen=_KEPT)
+        self.frames = 0
 
     @property
     def picture(self) -> LivePicture:
@@ -93,11 +89,6 @@ class Live:
         """Whether the viewer closed it, or its time is up."""
         late = self._seconds > 0 and self._begun >= 0 and self._last - self._begun >= self._seconds
         return self.controls.closed or late
-
-    @property
-    def frames(self) -> int:
-        """How many pictures were coded."""
-        return len(self._coding)
 
     @property
     def still(self) -> bool:
@@ -116,6 +107,7 @@ class Live:
         self._last = now
         new = self.coder.step(*self.wanted())
         if new:
+            self.frames += 1
             self._coding.append(self.coder.seconds)
             self._marks.append(now)
         if self.controls.help != self._helped:

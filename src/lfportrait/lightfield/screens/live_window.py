@@ -20,7 +20,7 @@ from ..gpu.blit import Blit
 from .live import Live, check_pixels
 from .show import choose_screen
 
-__all__ = ["LiveWindow", "check_packages"]
+__all__ = ["LiveWindow", "check_packages", "screen_sizes"]
 
 _FASTEST = 240.0
 """Pictures a second, at most, where the window system does not hold them back."""
@@ -64,8 +64,7 @@ class LiveWindow:
     def __init__(self, display: Display, screen: int = -1, plain: bool = False) -> None:
         self._glfw, self._display = _glfw(), display
         self._error: Exception | None = None
-        self._monitors = self._glfw.get_monitors()
-        self._sizes = [_pixels(self._glfw, monitor) for monitor in self._monitors]
+        self._sizes = screen_sizes()
         if not self._sizes:
             raise UserError(_NO_SCREEN)
         self.screen = -1 if plain else choose_screen(self._sizes, display, screen)
@@ -89,7 +88,7 @@ class LiveWindow:
         if self.screen < 0:
             self.size = self._shaped(self._sizes[0])
         else:
-            self.size = self._filled(self._monitors[self.screen])
+            self.size = self._filled(self._glfw.get_monitors()[self.screen])
         return self.size
 
     def run(self, device: Device, display: Display, live: Live) -> None:
@@ -200,6 +199,12 @@ class LiveWindow:
             return str(format)
         raise UserError(f"{device.adapter.title} offers no window of 8 bits a color here: try "
                         "another --device")
+
+
+def screen_sizes() -> list[tuple[int, int]]:
+    """Width and height in pixels of every attached screen."""
+    glfw = _glfw()
+    return [_pixels(glfw, monitor) for monitor in glfw.get_monitors()]
 
 
 def check_packages() -> None:
