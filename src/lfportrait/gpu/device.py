@@ -142,17 +142,19 @@ class Device:
         return kept
 
     def texture(self, size: tuple[int, ...], format: str, *, written: bool = False,
-                layers: int = 1) -> Any:
+                layers: int = 1, drawn: bool = False) -> Any:
         """A texture of (width, height) or (width, height, depth) texels.
 
         ``written``: a shader writes it. ``layers``: so many of two dimensions, one upon the other.
+        ``drawn``: it is drawn on, as windows are.
         """
         usage = self._flags.TextureUsage
         flags = usage.TEXTURE_BINDING | usage.COPY_DST | usage.COPY_SRC
         flat = len(size) == 2
         return self._device.create_texture(
             size=(*size, layers) if flat else size, dimension="2d" if flat else "3d", format=format,
-            usage=flags | (usage.STORAGE_BINDING if written else 0))
+            usage=flags | (usage.STORAGE_BINDING if written else 0)
+            | (usage.RENDER_ATTACHMENT if drawn else 0))
 
     def fill_texture(self, texture: Any, data: NDArray[Any]) -> None:
         """Copy texels [H, W, ...] or [D, H, W, ...] into a texture of that size."""
