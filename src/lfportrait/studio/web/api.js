@@ -2,7 +2,16 @@
 
 import { known } from "./i18n.js";
 
-const SAID = ["no_session", "refused", "too_slow", "disk_full", "preview_lost", "internal", "not_ready", "bad_hash"];
+const SAID = [
+  "no_session",
+  "refused",
+  "too_slow",
+  "disk_full",
+  "preview_lost",
+  "internal",
+  "not_ready",
+  "bad_hash",
+];
 
 /** What the server refused, with a sentence for the person at the page. */
 export class ApiError extends Error {
@@ -90,8 +99,8 @@ export function stream(path, blob, onprogress, signal) {
     asked.setRequestHeader("X-Lfportrait", "1");
     asked.responseType = "json";
     asked.upload.onprogress = (event) => onprogress(event.loaded);
-    asked.onload = () => asked.status < 300 ? done(asked.response)
-      : failed(new ApiError(asked.status, asked.response?.error));
+    asked.onload = () =>
+      asked.status < 300 ? done(asked.response) : failed(new ApiError(asked.status, asked.response?.error));
     asked.onerror = () => failed(new ApiError(0, { code: "offline" }));
     asked.onabort = () => failed(new DOMException("stopped", "AbortError"));
     signal?.addEventListener("abort", () => asked.abort());

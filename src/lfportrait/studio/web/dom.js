@@ -12,11 +12,15 @@ const SVG = "http://www.w3.org/2000/svg";
 export function h(what, attributes = {}, ...children) {
   const [full, ...classes] = what.split(".");
   const drawn = full.startsWith("svg:");
-  const element = drawn ? document.createElementNS(SVG, full.slice(4)) : document.createElement(full || "div");
+  const element = drawn
+    ? document.createElementNS(SVG, full.slice(4))
+    : document.createElement(full || "div");
   if (classes.length) element.setAttribute("class", classes.join(" "));
   if (element instanceof HTMLButtonElement) element.type = "button";
   for (const [name, value] of Object.entries(attributes ?? {})) set(element, name, value);
-  element.append(...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false));
+  element.append(
+    ...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false),
+  );
   return element;
 }
 
@@ -32,19 +36,28 @@ export function set(element, name, value) {
 
 /** A small drawing of icons.svg; beside a text it says nothing of its own. */
 export function icon(name) {
-  return h("svg:svg.icon", { viewBox: "0 0 24 24", "aria-hidden": "true", focusable: "false" },
-    h("svg:use", { href: `/static/icons.svg#${name}` }));
+  return h(
+    "svg:svg.icon",
+    { viewBox: "0 0 24 24", "aria-hidden": "true", focusable: "false" },
+    h("svg:use", { href: `/static/icons.svg#${name}` }),
+  );
 }
 
 /** A button with a drawing, a text, or both. */
 export function button(text, onclick, { kind = "", name = null, drawing = null, ...more } = {}) {
-  return h(`button.button${kind ? `.${kind.split(" ").join(".")}` : ""}`,
-    { onclick, "aria-label": name, title: name, ...more }, drawing && icon(drawing), text);
+  return h(
+    `button.button${kind ? `.${kind.split(" ").join(".")}` : ""}`,
+    { onclick, "aria-label": name, title: name, ...more },
+    drawing && icon(drawing),
+    text,
+  );
 }
 
 /** Put children in the place of all that is there. */
 export function fill(element, ...children) {
-  element.replaceChildren(...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false));
+  element.replaceChildren(
+    ...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false),
+  );
   return element;
 }
 
@@ -60,15 +73,27 @@ export function slider(label, { min, max, step, value, note = "", digits = 2, on
   const id = fresh("slider");
   const output = h("output", { for: id, text: shown(value) });
   const input = h("input", {
-    type: "range", id, min, max, step, value, "aria-describedby": note ? `${id}-note` : null,
+    type: "range",
+    id,
+    min,
+    max,
+    step,
+    value,
+    "aria-describedby": note ? `${id}-note` : null,
     oninput: () => {
       output.textContent = shown(input.value);
       oninput?.(Number(input.value));
     },
     onchange: () => onchange?.(Number(input.value)),
   });
-  const whole = h("div.slider", {}, h("label", { for: id, text: label }), output, input,
-    note && h("small", { id: `${id}-note`, text: note }));
+  const whole = h(
+    "div.slider",
+    {},
+    h("label", { for: id, text: label }),
+    output,
+    input,
+    note && h("small", { id: `${id}-note`, text: note }),
+  );
   whole.show = (number) => {
     input.value = String(number);
     output.textContent = shown(number);
@@ -81,13 +106,20 @@ export function slider(label, { min, max, step, value, note = "", digits = 2, on
 export function segments(label, choices, chosen, onchange) {
   const whole = h("div.segments", { role: "group", "aria-label": label });
   whole.show = (value) => {
-    for (const each of whole.children) each.setAttribute("aria-pressed", String(each.dataset.value === String(value)));
+    for (const each of whole.children)
+      each.setAttribute("aria-pressed", String(each.dataset.value === String(value)));
   };
   for (const [value, text] of choices) {
-    whole.append(h("button", { "data-value": value, text, onclick: () => {
-      whole.show(value);
-      onchange(value);
-    } }));
+    whole.append(
+      h("button", {
+        "data-value": value,
+        text,
+        onclick: () => {
+          whole.show(value);
+          onchange(value);
+        },
+      }),
+    );
   }
   whole.show(chosen);
   return whole;
@@ -111,15 +143,40 @@ export function later(act, wait) {
 export function ask(title, body, buttons) {
   return new Promise((done) => {
     const id = fresh("dialog");
-    const window_ = h("dialog", { "aria-labelledby": id, onclose: () => {
-      window_.remove();
-      done(window_.returnValue);
-    } }, h("form.stack", { method: "dialog", onsubmit: (event) => {
-      event.preventDefault();
-      window_.close(event.submitter?.value ?? "");
-    } }, h("h2", { id, text: title }), body,
-    h("div.row.end", {}, buttons.map(([value, text, kind]) => h(`button.button${kind ? `.${kind}` : ""}`,
-      { ".type": "submit", value, text, formnovalidate: value === "" })))));
+    const window_ = h(
+      "dialog",
+      {
+        "aria-labelledby": id,
+        onclose: () => {
+          window_.remove();
+          done(window_.returnValue);
+        },
+      },
+      h(
+        "form.stack",
+        {
+          method: "dialog",
+          onsubmit: (event) => {
+            event.preventDefault();
+            window_.close(event.submitter?.value ?? "");
+          },
+        },
+        h("h2", { id, text: title }),
+        body,
+        h(
+          "div.row.end",
+          {},
+          buttons.map(([value, text, kind]) =>
+            h(`button.button${kind ? `.${kind}` : ""}`, {
+              ".type": "submit",
+              value,
+              text,
+              formnovalidate: value === "",
+            }),
+          ),
+        ),
+      ),
+    );
     document.body.append(window_);
     window_.showModal();
   });

@@ -32,8 +32,13 @@ export class LandmarkEditor {
     this.view.taken = (event) => event.button === 0 && this.nearest(event) !== null;
     this.view.element.addEventListener("pointerdown", (event) => this.down(event));
     this.view.element.addEventListener("pinch", () => this.release());
-    this.element = h("div.editor", {}, this.tools(onreset), this.view.element,
-      h("p.small.soft.hint", { text: t("editor.hint") }));
+    this.element = h(
+      "div.editor",
+      {},
+      this.tools(onreset),
+      this.view.element,
+      h("p.small.soft.hint", { text: t("editor.hint") }),
+    );
     this.element.addEventListener("keydown", (event) => this.shortcut(event));
     landmarks.watch(() => this.draw());
     this.view.watch(() => this.draw());
@@ -48,20 +53,52 @@ export class LandmarkEditor {
   frameFace() {
     const [xs, ys] = [0, 1].map((k) => this.landmarks.points.map((point) => point[k]));
     const room = 0.28 * Math.max(Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys));
-    this.view.box = [Math.min(...xs) - room, Math.min(...ys) - room, Math.max(...xs) + room, Math.max(...ys) + room];
+    this.view.box = [
+      Math.min(...xs) - room,
+      Math.min(...ys) - room,
+      Math.max(...xs) + room,
+      Math.max(...ys) + room,
+    ];
   }
 
   tools(onreset) {
-    this.back = button("", () => this.landmarks.undo(), { kind: "tool", drawing: "undo", name: t("editor.undo") });
-    this.again = button("", () => this.landmarks.redo(), { kind: "tool", drawing: "redo", name: t("editor.redo") });
-    this.fold = button("", () => this.mirror(), { kind: "tool", drawing: "mirror", name: t("editor.mirror") });
+    this.back = button("", () => this.landmarks.undo(), {
+      kind: "tool",
+      drawing: "undo",
+      name: t("editor.undo"),
+    });
+    this.again = button("", () => this.landmarks.redo(), {
+      kind: "tool",
+      drawing: "redo",
+      name: t("editor.redo"),
+    });
+    this.fold = button("", () => this.mirror(), {
+      kind: "tool",
+      drawing: "mirror",
+      name: t("editor.mirror"),
+    });
     const reset = button("", onreset, { kind: "tool", drawing: "reset", name: t("editor.reset") });
-    this.reaches = segments(t("editor.moves"), [
-      ["point", t("editor.point")], ["part", t("editor.part")], ["face", t("editor.face")],
-    ], this.reach, (reach) => this.setReach(reach));
+    this.reaches = segments(
+      t("editor.moves"),
+      [
+        ["point", t("editor.point")],
+        ["part", t("editor.part")],
+        ["face", t("editor.face")],
+      ],
+      this.reach,
+      (reach) => this.setReach(reach),
+    );
     this.spoken = h("output.spoken.small", { text: t("editor.none") });
-    return h("div.tools", { role: "toolbar", "aria-label": t("editor.tools") },
-      this.reaches, this.back, this.again, this.fold, reset, this.spoken);
+    return h(
+      "div.tools",
+      { role: "toolbar", "aria-label": t("editor.tools") },
+      this.reaches,
+      this.back,
+      this.again,
+      this.fold,
+      reset,
+      this.spoken,
+    );
   }
 
   setReach(reach) {
@@ -72,9 +109,13 @@ export class LandmarkEditor {
 
   mark(number) {
     const mark = h("svg:g.mark", {
-      tabindex: 0, role: "button", "data-number": number,
+      tabindex: 0,
+      role: "button",
+      "data-number": number,
       onfocus: () => this.choose(number),
-      onblur: () => { this.loupe.hidden = true; },
+      onblur: () => {
+        this.loupe.hidden = true;
+      },
       onkeydown: (event) => this.key(event, number),
     });
     // Two rings, so that it is seen on light paint and on dark.
@@ -94,7 +135,8 @@ export class LandmarkEditor {
   nearest(event) {
     if (event.target.closest?.("button")) return null;
     const [x, y] = this.view.inside(event);
-    let best = null, least = GRIP / this.view.scale;
+    let best = null,
+      least = GRIP / this.view.scale;
     this.landmarks.points.forEach((point, number) => {
       const far = Math.hypot(point[0] - x, point[1] - y);
       if (far < least) [best, least] = [number, far];
@@ -109,12 +151,16 @@ export class LandmarkEditor {
     this.marks[number].focus({ preventScroll: true });
     const start = this.view.inside(event);
     // The point keeps its distance from the hand: it doesn't jump when it is taken.
-    let done = [0, 0], moved = false;
+    let done = [0, 0],
+      moved = false;
     const drag = (next) => {
       const now = this.view.inside(next);
       if (!moved) this.landmarks.step(null);
       moved = true;
-      const by = this.landmarks.move(moving(number, this.reach), [0, 1].map((k) => now[k] - start[k] - done[k]));
+      const by = this.landmarks.move(
+        moving(number, this.reach),
+        [0, 1].map((k) => now[k] - start[k] - done[k]),
+      );
       done = done.map((value, k) => value + by[k]);
       this.magnify(next);
     };
@@ -176,20 +222,31 @@ export class LandmarkEditor {
   /** What a point is called for those who hear it. */
   label(number) {
     const [x, y] = this.landmarks.points[number];
-    return t("editor.label", { n: number, part: t(`part.${partOf(number)}`), x: x.toFixed(1), y: y.toFixed(1) });
+    return t("editor.label", {
+      n: number,
+      part: t(`part.${partOf(number)}`),
+      x: x.toFixed(1),
+      y: y.toFixed(1),
+    });
   }
 
   draw() {
     const places = this.landmarks.points.map((point) => this.view.outside(point));
     const along = this.chosen === null ? [] : moving(this.chosen, this.reach);
     this.marks.forEach((mark, number) => {
-      mark.setAttribute("transform", `translate(${places[number].map((value) => value.toFixed(2)).join(" ")})`);
+      mark.setAttribute(
+        "transform",
+        `translate(${places[number].map((value) => value.toFixed(2)).join(" ")})`,
+      );
       mark.setAttribute("aria-label", this.label(number));
       mark.classList.toggle("chosen", number === this.chosen);
       mark.classList.toggle("along", along.includes(number));
     });
     LINES.forEach(([first, end, closed], line) => {
-      const text = places.slice(first, end).map((place) => place.map((value) => value.toFixed(2)).join(" ")).join("L");
+      const text = places
+        .slice(first, end)
+        .map((place) => place.map((value) => value.toFixed(2)).join(" "))
+        .join("L");
       this.paths[line].setAttribute("d", `M${text}${closed ? "Z" : ""}`);
     });
     this.back.disabled = !this.landmarks.past.length;
@@ -223,7 +280,10 @@ export class LandmarkEditor {
   cross(context, width, ratio) {
     context.setTransform(1, 0, 0, 1, 0, 0);
     const middle = width / 2;
-    for (const [color, thick] of [["#000", 3], ["#fff", 1]]) {
+    for (const [color, thick] of [
+      ["#000", 3],
+      ["#fff", 1],
+    ]) {
       context.strokeStyle = color;
       context.lineWidth = thick * ratio;
       context.beginPath();

@@ -2,7 +2,8 @@
 
 export const LANGUAGES = { en: "English", de: "Deutsch" };
 
-let words = {}, spare = {};
+let words = {},
+  spare = {};
 export let language = "en";
 
 async function read(name) {

@@ -2,25 +2,36 @@
 
 /** Parts in the picture: "left" is the left of the picture, the sitter's right. */
 export const PARTS = {
-  jaw: [0, 17], "left-brow": [17, 22], "right-brow": [22, 27], nose: [27, 36],
-  "left-eye": [36, 42], "right-eye": [42, 48], mouth: [48, 68],
+  jaw: [0, 17],
+  "left-brow": [17, 22],
+  "right-brow": [22, 27],
+  nose: [27, 36],
+  "left-eye": [36, 42],
+  "right-eye": [42, 48],
+  mouth: [48, 68],
 };
 
 /** Lines through the points: first, one past the last, whether it closes. */
 export const LINES = [
-  [0, 17, false], [17, 22, false], [22, 27, false], [27, 31, false], [31, 36, false],
-  [36, 42, true], [42, 48, true], [48, 60, true], [60, 68, true],
+  [0, 17, false],
+  [17, 22, false],
+  [22, 27, false],
+  [27, 31, false],
+  [31, 36, false],
+  [36, 42, true],
+  [42, 48, true],
+  [48, 60, true],
+  [60, 68, true],
 ];
 
 /** Number of the point on the other side of the face, for each. */
 export const OPPOSITE = [
-  16, 15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0,
-  26, 25, 24, 23, 22, 21, 20, 19, 18, 17, 27, 28, 29, 30, 35, 34, 33, 32, 31,
-  45, 44, 43, 42, 47, 46, 39, 38, 37, 36, 41, 40,
-  54, 53, 52, 51, 50, 49, 48, 59, 58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
+  16, 15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0, 26, 25, 24, 23, 22, 21, 20, 19, 18, 17, 27, 28,
+  29, 30, 35, 34, 33, 32, 31, 45, 44, 43, 42, 47, 46, 39, 38, 37, 36, 41, 40, 54, 53, 52, 51, 50, 49, 48, 59,
+  58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
 ];
 
-const MIDDLE = OPPOSITE.flatMap((other, number) => other === number ? [number] : []);
+const MIDDLE = OPPOSITE.flatMap((other, number) => (other === number ? [number] : []));
 const KEPT = 200; // steps that can be undone
 
 /** Name of the part that a point belongs to. */
@@ -30,14 +41,17 @@ export function partOf(number) {
 
 /** Numbers of the points that move with one: itself, its part, or all. */
 export function moving(number, reach) {
-  const [first, end] = reach === "part" ? PARTS[partOf(number)] : reach === "face" ? [0, 68] : [number, number + 1];
+  const [first, end] =
+    reach === "part" ? PARTS[partOf(number)] : reach === "face" ? [0, 68] : [number, number + 1];
   return Array.from({ length: end - first }, (_, step) => first + step);
 }
 
 /** The line in the middle of the face: a place on it, and its direction. */
 function axis(points) {
   const mean = [0, 1].map((k) => MIDDLE.reduce((sum, n) => sum + points[n][k], 0) / MIDDLE.length);
-  let xx = 0, xy = 0, yy = 0;
+  let xx = 0,
+    xy = 0,
+    yy = 0;
   for (const number of MIDDLE) {
     const [x, y] = [points[number][0] - mean[0], points[number][1] - mean[1]];
     xx += x * x;
@@ -115,7 +129,9 @@ export class Landmarks {
     for (const one of from) {
       const [x, y] = reflected(this.points[one], line);
       this.points[OPPOSITE[one]] = [
-        Math.min(Math.max(x, 0), this.size[0] - 1), Math.min(Math.max(y, 0), this.size[1] - 1)];
+        Math.min(Math.max(x, 0), this.size[0] - 1),
+        Math.min(Math.max(y, 0), this.size[1] - 1),
+      ];
     }
     this.changed();
     return true;

@@ -1,8 +1,8 @@
 // The page's beginning, and which screen is seen: the address names screen, sitter and what is open.
 
-import { fill, h } from "./dom.js";
+import { fill, h, later } from "./dom.js";
 import { speak, t } from "./i18n.js";
-import { drawShell, fail, SCREENS, watchServer } from "./shell.js";
+import { drawShell, fail, markSteps, SCREENS, watchServer } from "./shell.js";
 import { enter, listen, on, project, refresh } from "./state.js";
 import { showMaking } from "./screens/making.js";
 import { showPhotos } from "./screens/photos.js";
@@ -12,14 +12,23 @@ import { showSitters } from "./screens/sitters.js";
 import { showStyle } from "./screens/style.js";
 
 const SHOW = {
-  sitters: showSitters, photos: showPhotos, making: showMaking, style: showStyle, portrait: showPortrait, show: showShow,
+  sitters: showSitters,
+  photos: showPhotos,
+  making: showMaking,
+  style: showStyle,
+  portrait: showPortrait,
+  show: showShow,
 };
-let leave = null, shown = "", number = 0;
+let leave = null,
+  shown = "",
+  number = 0;
 
 /** Screen, sitter and the rest of the address. */
 function address() {
   const [screen, id = "", ...rest] = location.hash.slice(1).split("/").map(decodeURIComponent);
-  return SCREENS.includes(screen) && (screen === "sitters" || project(id)) ? [screen, id, rest] : ["sitters", "", []];
+  return SCREENS.includes(screen) && (screen === "sitters" || project(id))
+    ? [screen, id, rest]
+    : ["sitters", "", []];
 }
 
 async function route(again = false) {
@@ -61,7 +70,10 @@ async function begin() {
   } catch (error) {
     fail(error);
     const text = error.code === "no_session" ? t("error.no_session") : error.message;
-    return fill(document.getElementById("main"), h("div.empty", {}, h("h1", { text: "lfportrait studio" }), h("p", { text })));
+    return fill(
+      document.getElementById("main"),
+      h("div.empty", {}, h("h1", { text: "lfportrait studio" }), h("p", { text })),
+    );
   }
   watchServer();
   listen();
@@ -76,10 +88,9 @@ async function begin() {
     const [screen, id] = address();
     drawShell(screen, id, () => route(true));
   };
-  let timer = 0;
-  for (const kind of ["project", "job", "progress", "state"]) {
-    on(kind, () => { timer ||= setTimeout(() => { timer = 0; shell(); }, 400); });
-  }
+  const soon = later(shell, 300);
+  for (const kind of ["project", "job", "state"]) on(kind, soon);
+  on("progress", () => markSteps(address()[1]));
   on("project-removed", () => route(true));
   await route();
 }

@@ -19,7 +19,7 @@ export function plainMix(mix) {
 }
 
 /** A region's number, whether it has a style of its own or not. */
-const strengthOf = (value) => typeof value === "object" ? value.strength ?? 1 : value ?? 1;
+const strengthOf = (value) => (typeof value === "object" ? (value.strength ?? 1) : (value ?? 1));
 
 export class MixPanel {
   /**
@@ -34,22 +34,62 @@ export class MixPanel {
 
   /** Show a mix of a style for a sitter with these regions. */
   show(mix, regions) {
-    this.mix = { ...STEADY, ...mix, regions: { ...mix?.regions }, keep: [...mix?.keep ?? []] };
+    this.mix = { ...STEADY, ...mix, regions: { ...mix?.regions }, keep: [...(mix?.keep ?? [])] };
     const open = Object.keys(this.mix.regions).length > 0 || this.mix.keep.length > 0;
-    this.strength = this.slide("strength", 0, 1, this.mix.strength, (mix_, value) => ({ ...mix_, strength: value }));
-    this.identity = this.slide("identity", 0, 1, this.mix.identity, (mix_, value) => ({ ...mix_, identity: value }));
-    this.keepColors = h("input", { type: "checkbox", id: "keep-colors", ".checked": this.mix.keep_colors, onchange: () => {
-      this.mix.keep_colors = this.keepColors.checked;
-      this.onend(this.mix);
-    } });
-    fill(this.element, this.strength, this.identity,
-      h("label.check", { for: "keep-colors" }, this.keepColors, h("span", {}, h("code", { text: "keep_colors" }), " ", h("span.soft.small", { text: t("mix.keep_colors") }))),
-      regions.length > 0 && h("details", { open }, h("summary", { text: t("mix.regions") }),
-        h("div.stack.regions", {}, regions.map((name) => this.region(name)))));
+    this.strength = this.slide("strength", 0, 1, this.mix.strength, (mix_, value) => ({
+      ...mix_,
+      strength: value,
+    }));
+    this.identity = this.slide("identity", 0, 1, this.mix.identity, (mix_, value) => ({
+      ...mix_,
+      identity: value,
+    }));
+    this.keepColors = h("input", {
+      type: "checkbox",
+      id: "keep-colors",
+      ".checked": this.mix.keep_colors,
+      onchange: () => {
+        this.mix.keep_colors = this.keepColors.checked;
+        this.onend(this.mix);
+      },
+    });
+    fill(
+      this.element,
+      this.strength,
+      this.identity,
+      h(
+        "label.check",
+        { for: "keep-colors" },
+        this.keepColors,
+        h(
+          "span",
+          {},
+          h("code", { text: "keep_colors" }),
+          " ",
+          h("span.soft.small", { text: t("mix.keep_colors") }),
+        ),
+      ),
+      regions.length > 0 &&
+        h(
+          "details",
+          { open },
+          h("summary", { text: t("mix.regions") }),
+          h(
+            "div.stack.regions",
+            {},
+            regions.map((name) => this.region(name)),
+          ),
+        ),
+    );
   }
 
   slide(name, min, max, value, put, label = null) {
-    const one = slider(label ?? name, { min, max, step: 0.01, value, note: label ? "" : t(`mix.${name}`),
+    const one = slider(label ?? name, {
+      min,
+      max,
+      step: 0.01,
+      value,
+      note: label ? "" : t(`mix.${name}`),
       oninput: (number) => {
         this.take(one, put, min, max);
         this.mix = put(this.mix, number);
@@ -58,7 +98,8 @@ export class MixPanel {
       onchange: () => {
         this.taken = null;
         this.onend(this.mix);
-      } });
+      },
+    });
     one.input.dataset.name = name;
     // The pictures of both ends are on their way before the hand moves.
     for (const event of ["pointerdown", "keydown"]) {
@@ -77,16 +118,47 @@ export class MixPanel {
 
   /** Strength of a region, and whether it stays as in the photo. */
   region(name) {
-    const kept = this.mix.keep.includes(name), value = this.mix.regions[name];
-    const one = this.slide(name, 0, 2, strengthOf(value), (mix, number) => ({ ...mix,
-      regions: { ...mix.regions, [name]: typeof value === "object" ? { ...value, strength: number } : number } }), known("region", name, name));
+    const kept = this.mix.keep.includes(name),
+      value = this.mix.regions[name];
+    const one = this.slide(
+      name,
+      0,
+      2,
+      strengthOf(value),
+      (mix, number) => ({
+        ...mix,
+        regions: {
+          ...mix.regions,
+          [name]: typeof value === "object" ? { ...value, strength: number } : number,
+        },
+      }),
+      known("region", name, name),
+    );
     one.input.disabled = kept;
-    const box = h("input", { type: "checkbox", ".checked": kept, id: `keep-${name}`, onchange: () => {
-      this.mix = { ...this.mix, keep: box.checked ? [...this.mix.keep, name] : this.mix.keep.filter((each) => each !== name) };
-      one.input.disabled = box.checked;
-      this.onend(this.mix);
-    } });
-    return h("div.region", {}, one, h("label.check.small", { for: `keep-${name}` }, box, h("span", { text: t("mix.keep") }),
-      h("span.unseen", { text: known("region", name, name) })));
+    const box = h("input", {
+      type: "checkbox",
+      ".checked": kept,
+      id: `keep-${name}`,
+      onchange: () => {
+        this.mix = {
+          ...this.mix,
+          keep: box.checked ? [...this.mix.keep, name] : this.mix.keep.filter((each) => each !== name),
+        };
+        one.input.disabled = box.checked;
+        this.onend(this.mix);
+      },
+    });
+    return h(
+      "div.region",
+      {},
+      one,
+      h(
+        "label.check.small",
+        { for: `keep-${name}` },
+        box,
+        h("span", { text: t("mix.keep") }),
+        h("span.unseen", { text: known("region", name, name) }),
+      ),
+    );
   }
 }

@@ -3,7 +3,8 @@
 import { speak, t } from "./i18n.js";
 
 const line = new BroadcastChannel("lfportrait-panel");
-const note = document.getElementById("note"), panel = document.getElementById("panel");
+const note = document.getElementById("note"),
+  panel = document.getElementById("panel");
 let wanted = null;
 
 /** Width and height of the window in pixels of the screen. */
@@ -15,8 +16,14 @@ function check() {
   // A pixel of the picture for each of the screen, whatever the desktop enlarges by.
   image.style.width = `${image.naturalWidth / devicePixelRatio}px`;
   image.style.height = `${image.naturalHeight / devicePixelRatio}px`;
-  const [wide, high] = pixels(), fits = wide === image.naturalWidth && high === image.naturalHeight;
-  note.textContent = fits ? "" : t(document.fullscreenElement ? "panel.size" : "panel.full", { panel: `${image.naturalWidth} x ${image.naturalHeight}`, window: `${wide} x ${high}` });
+  const [wide, high] = pixels(),
+    fits = wide === image.naturalWidth && high === image.naturalHeight;
+  note.textContent = fits
+    ? ""
+    : t(document.fullscreenElement ? "panel.size" : "panel.full", {
+        panel: `${image.naturalWidth} x ${image.naturalHeight}`,
+        window: `${wide} x ${high}`,
+      });
   line.postMessage({ shown: wanted, fits, window: [wide, high] });
 }
 
@@ -39,7 +46,8 @@ addEventListener("resize", check);
 document.addEventListener("fullscreenchange", check);
 panel.addEventListener("click", () => document.documentElement.requestFullscreen().catch(() => {}));
 addEventListener("keydown", (event) => {
-  if (event.key === "f" || event.key === "Enter") document.documentElement.requestFullscreen().catch(() => {});
+  if (event.key === "f" || event.key === "Enter")
+    document.documentElement.requestFullscreen().catch(() => {});
   else if (event.key === "Escape" && !document.fullscreenElement) close();
 });
 addEventListener("pagehide", () => line.postMessage({ gone: true }));

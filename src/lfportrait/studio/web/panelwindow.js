@@ -5,7 +5,8 @@ import { t } from "./i18n.js";
 
 const line = new BroadcastChannel("lfportrait-panel");
 const watchers = new Set();
-let open = false, wanted = null;
+let open = false,
+  wanted = null;
 
 line.onmessage = ({ data }) => {
   if (data.ready) {
@@ -26,9 +27,14 @@ export function watchPanel(act) {
 async function place(width, height) {
   if (!("getScreenDetails" in window) || !screen.isExtended) return "";
   const details = await window.getScreenDetails().catch(() => null);
-  const other = details?.screens.find((each) => each.width * each.devicePixelRatio === width && each.height * each.devicePixelRatio === height)
-    ?? details?.screens.find((each) => each !== details.currentScreen);
-  return other ? `left=${other.availLeft},top=${other.availTop},width=${other.availWidth},height=${other.availHeight}` : "";
+  const other =
+    details?.screens.find(
+      (each) =>
+        each.width * each.devicePixelRatio === width && each.height * each.devicePixelRatio === height,
+    ) ?? details?.screens.find((each) => each !== details.currentScreen);
+  return other
+    ? `left=${other.availLeft},top=${other.availTop},width=${other.availWidth},height=${other.availHeight}`
+    : "";
 }
 
 /** Show a picture in the panel's window; it is opened where it is not. */

@@ -14,11 +14,15 @@ export class Preview {
   constructor(sitter, wish, wait = 180) {
     this.sitter = sitter;
     this.wish = wish;
-    this.canvas = h("canvas", { role: "img", "aria-label": t("preview.alt", { sitter: sitter.name, name: "" }) });
+    this.canvas = h("canvas", {
+      role: "img",
+      "aria-label": t("preview.alt", { sitter: sitter.name, name: "" }),
+    });
     this.note = h("p.soft.small", { "aria-live": "polite" });
     this.element = h("figure.preview", {}, this.canvas, this.note);
     this.ask = later(() => this.draw(), wait);
-    if (!sitter.has.field) fill(this.element, h("div.blank", {}, icon("spark"), h("span.small", { text: t("preview.later") })));
+    if (!sitter.has.field)
+      fill(this.element, h("div.blank", {}, icon("spark"), h("span.small", { text: t("preview.later") })));
   }
 
   close() {
@@ -29,7 +33,8 @@ export class Preview {
   async draw() {
     if (!this.sitter.has.field) return;
     this.stopper?.abort();
-    const stopper = this.stopper = new AbortController();
+    const stopper = new AbortController();
+    this.stopper = stopper;
     this.element.classList.add("wait");
     try {
       const start = performance.now();

@@ -40,13 +40,17 @@ export class Regions {
   /** A piece of a stroke, round and as wide as the brush, from one place to another. */
   line([x0, y0], [x1, y1], radius, label) {
     const [width, height] = this.size;
-    const left = Math.max(0, Math.floor(Math.min(x0, x1) - radius)), right = Math.min(width - 1, Math.ceil(Math.max(x0, x1) + radius));
-    const top = Math.max(0, Math.floor(Math.min(y0, y1) - radius)), bottom = Math.min(height - 1, Math.ceil(Math.max(y0, y1) + radius));
-    const [dx, dy] = [x1 - x0, y1 - y0], long = dx * dx + dy * dy;
+    const left = Math.max(0, Math.floor(Math.min(x0, x1) - radius)),
+      right = Math.min(width - 1, Math.ceil(Math.max(x0, x1) + radius));
+    const top = Math.max(0, Math.floor(Math.min(y0, y1) - radius)),
+      bottom = Math.min(height - 1, Math.ceil(Math.max(y0, y1) + radius));
+    const [dx, dy] = [x1 - x0, y1 - y0],
+      long = dx * dx + dy * dy;
     for (let y = top; y <= bottom; y++) {
       for (let x = left; x <= right; x++) {
         const along = long ? Math.min(Math.max(((x - x0) * dx + (y - y0) * dy) / long, 0), 1) : 0;
-        if ((x - x0 - along * dx) ** 2 + (y - y0 - along * dy) ** 2 <= radius * radius) this.painted[y * width + x] = label;
+        if ((x - x0 - along * dx) ** 2 + (y - y0 - along * dy) ** 2 <= radius * radius)
+          this.painted[y * width + x] = label;
       }
     }
     this.soil(left, top, right + 1, bottom + 1);
@@ -65,8 +69,10 @@ export class Regions {
 
   /** A box of labels: the box, and a copy of what is in it. */
   piece(from, [left, top, right, bottom]) {
-    const width = right - left, copy = new Uint8Array(width * (bottom - top));
-    for (let y = top; y < bottom; y++) copy.set(from.subarray(y * this.size[0] + left, y * this.size[0] + right), (y - top) * width);
+    const width = right - left,
+      copy = new Uint8Array(width * (bottom - top));
+    for (let y = top; y < bottom; y++)
+      copy.set(from.subarray(y * this.size[0] + left, y * this.size[0] + right), (y - top) * width);
     return { box: [left, top, right, bottom], copy };
   }
 
@@ -84,7 +90,10 @@ export class Regions {
     const [left, top, right, bottom] = step.box;
     to.push(this.piece(this.painted, step.box));
     for (let y = top; y < bottom; y++) {
-      this.painted.set(step.copy.subarray((y - top) * (right - left), (y - top + 1) * (right - left)), y * this.size[0] + left);
+      this.painted.set(
+        step.copy.subarray((y - top) * (right - left), (y - top + 1) * (right - left)),
+        y * this.size[0] + left,
+      );
     }
     this.soil(...step.box);
     this.draw();
@@ -102,7 +111,10 @@ export class Regions {
   }
 
   soil(left, top, right, bottom) {
-    const join = (box) => box ? [Math.min(box[0], left), Math.min(box[1], top), Math.max(box[2], right), Math.max(box[3], bottom)] : [left, top, right, bottom];
+    const join = (box) =>
+      box
+        ? [Math.min(box[0], left), Math.min(box[1], top), Math.max(box[2], right), Math.max(box[3], bottom)]
+        : [left, top, right, bottom];
     this.dirty = join(this.dirty);
     this.touched = join(this.touched);
   }
@@ -110,10 +122,14 @@ export class Regions {
   /** The colored picture of the labels, where they have changed: found ones faint, painted ones strong. */
   draw() {
     if (!this.dirty) return;
-    const [left, top, right, bottom] = this.dirty, [width] = this.size, { data } = this.shown;
+    const [left, top, right, bottom] = this.dirty,
+      [width] = this.size,
+      { data } = this.shown;
     for (let y = top; y < bottom; y++) {
       for (let x = left; x < right; x++) {
-        const at = y * width + x, hand = this.painted[at], color = COLORS[hand || this.found[at]];
+        const at = y * width + x,
+          hand = this.painted[at],
+          color = COLORS[hand || this.found[at]];
         data[4 * at] = color ? color[0] : 0;
         data[4 * at + 1] = color ? color[1] : 0;
         data[4 * at + 2] = color ? color[2] : 0;
@@ -128,7 +144,9 @@ export class Regions {
   async file() {
     const canvas = new OffscreenCanvas(...this.size);
     const image = new ImageData(...this.size);
-    this.painted.forEach((label, at) => image.data.set([label, label, label, 255], 4 * at));
+    this.painted.forEach((label, at) => {
+      image.data.set([label, label, label, 255], 4 * at);
+    });
     canvas.getContext("2d").putImageData(image, 0, 0);
     return canvas.convertToBlob({ type: "image/png" });
   }

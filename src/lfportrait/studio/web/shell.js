@@ -12,8 +12,12 @@ const find = (id) => document.getElementById(id);
 export function say(text, { wrong = false } = {}) {
   const box = find(wrong ? "alerts" : "toasts");
   if ([...box.children].some((each) => each.textContent === text)) return;
-  const toast = h("div.toast", {}, h("p", { text }),
-    button("", () => toast.remove(), { kind: "quiet tool", drawing: "close", name: t("close") }));
+  const toast = h(
+    "div.toast",
+    {},
+    h("p", { text }),
+    button("", () => toast.remove(), { kind: "quiet tool", drawing: "close", name: t("close") }),
+  );
   box.append(toast);
   while (box.children.length > 3) box.firstChild.remove();
   if (!wrong) setTimeout(() => toast.remove(), 6000);
@@ -51,16 +55,33 @@ export function doing(act) {
 
 /** Theme and language. */
 export function preferences(again) {
-  const theme = segments(t("theme"), [["auto", t("theme.auto")], ["light", t("theme.light")], ["dark", t("theme.dark")]],
-    document.documentElement.dataset.theme, (value) => {
+  const theme = segments(
+    t("theme"),
+    [
+      ["auto", t("theme.auto")],
+      ["light", t("theme.light")],
+      ["dark", t("theme.dark")],
+    ],
+    document.documentElement.dataset.theme,
+    (value) => {
       document.documentElement.dataset.theme = value;
       keep("lfportrait.theme", value);
       for (const each of document.querySelectorAll(".preferences .segments")) each.show(value);
-    });
-  const choice = h("select", { "aria-label": t("language"), onchange: async () => {
-    await speak(choice.value);
-    again();
-  } }, Object.entries(LANGUAGES).map(([value, text]) => h("option", { value, text, selected: value === language })));
+    },
+  );
+  const choice = h(
+    "select",
+    {
+      "aria-label": t("language"),
+      onchange: async () => {
+        await speak(choice.value);
+        again();
+      },
+    },
+    Object.entries(LANGUAGES).map(([value, text]) =>
+      h("option", { value, text, selected: value === language }),
+    ),
+  );
   return h("div.preferences", {}, theme, choice);
 }
 
@@ -86,25 +107,65 @@ function mark(screen, sitter) {
   return ["", ""];
 }
 
+/** How far the steps are: numbers alone, while something runs. */
+export function markSteps(id) {
+  for (const each of find("steps").querySelectorAll("a[data-step]")) {
+    const [text, kind] = mark(each.dataset.step, project(id));
+    const state = each.querySelector(".state");
+    state.textContent = text;
+    state.className = `state ${kind}`;
+  }
+}
+
 /** Draw the frame for a screen. */
 export function drawShell(screen, id, again) {
   const sitter = project(id);
   fill(find("skip"), t("skip"));
-  fill(find("top"), h("a.brand", { href: "#sitters" }, "lfportrait ", h("span", { text: "studio" })),
-    sitter && h("a.who", { href: `#${screen === "sitters" ? "portrait" : screen}/${id}` },
-      sitter.thumbnail ? h("img.face", { src: sitter.thumbnail, alt: "", width: 45, height: 45 }) : h("span.face"),
-      h("span", {}, h("span.small.soft", { text: t("sitter") }), h("strong", { text: sitter.name }))));
+  fill(
+    find("top"),
+    h("a.brand", { href: "#sitters" }, "lfportrait ", h("span", { text: "studio" })),
+    sitter &&
+      h(
+        "a.who",
+        { href: `#${screen === "sitters" ? "portrait" : screen}/${id}` },
+        sitter.thumbnail
+          ? h("img.face", { src: sitter.thumbnail, alt: "", width: 45, height: 45 })
+          : h("span.face"),
+        h("span", {}, h("span.small.soft", { text: t("sitter") }), h("strong", { text: sitter.name })),
+      ),
+  );
   const steps = find("steps");
   const focused = [...steps.querySelectorAll("a, button, select")].indexOf(document.activeElement);
   steps.setAttribute("aria-label", t("steps"));
-  fill(steps, h("ol", {}, SCREENS.map((name) => {
-    const [text, kind] = mark(name, sitter);
-    const open = name === "sitters" || sitter;
-    return h("li", {}, h("a", {
-      href: open ? `#${name}${name === "sitters" ? "" : `/${id}`}` : null, role: open ? null : "link",
-      "aria-current": name === screen ? "page" : null, "aria-disabled": open ? null : "true",
-    }, icon(name), h("span", { text: t(`step.${name}`) }), text && h("span.state", { class: kind, text })));
-  })), preferences(again));
+  fill(
+    steps,
+    h(
+      "ol",
+      {},
+      SCREENS.map((name) => {
+        const open = name === "sitters" || sitter;
+        return h(
+          "li",
+          {},
+          h(
+            "a",
+            {
+              href: open ? `#${name}${name === "sitters" ? "" : `/${id}`}` : null,
+              role: open ? null : "link",
+              "aria-current": name === screen ? "page" : null,
+              "aria-disabled": open ? null : "true",
+              "data-step": name,
+            },
+            icon(name),
+            h("span", { text: t(`step.${name}`) }),
+            h("span.state"),
+          ),
+        );
+      }),
+    ),
+    preferences(again),
+  );
+  markSteps(id);
   if (focused >= 0) steps.querySelectorAll("a, button, select")[focused]?.focus();
 }
 
@@ -119,5 +180,7 @@ export function watchServer() {
     find("alerts").append(gone);
   });
   on("disk", ({ free_bytes: free }) => say(t("disk.low", { n: (free / 1e9).toFixed(1) }), { wrong: true }));
-  on("notice", ({ code, message }) => say(t(`error.${code}`) === `error.${code}` ? message : t(`error.${code}`), { wrong: true }));
+  on("notice", ({ code, message }) =>
+    say(t(`error.${code}`) === `error.${code}` ? message : t(`error.${code}`), { wrong: true }),
+  );
 }

@@ -68,7 +68,8 @@ export class Stage {
       const look = () => {
         const page = frame.contentDocument;
         const over = mine !== this.turn || performance.now() - start > LONG;
-        if (over || page?.documentElement?.dataset.ready || page?.body?.classList.contains("standing")) done();
+        if (over || page?.documentElement?.dataset.ready || page?.body?.classList.contains("standing"))
+          done();
         else setTimeout(look, 40);
       };
       look();
@@ -117,18 +118,27 @@ export class Stage {
   async colors(mixes) {
     const mine = ++this.asked;
     this.stopper?.abort();
-    const { signal } = this.stopper = new AbortController();
-    const { sets } = await post(`/api/projects/${this.sitter.id}/colors`, { page: this.about.page, mixes }, signal);
+    this.stopper = new AbortController();
+    const { signal } = this.stopper;
+    const { sets } = await post(
+      `/api/projects/${this.sitter.id}/colors`,
+      { page: this.about.page, mixes },
+      signal,
+    );
     const { inner } = this;
     if (mine !== this.asked || !inner) return false;
-    const { renderer } = inner, { header } = renderer, page = this.frame.contentDocument;
+    const { renderer } = inner,
+      { header } = renderer,
+      page = this.frame.contentDocument;
     this.more ??= header.sets.length;
     sets.forEach(({ bands, streams, texels }, index) => {
       const number = this.more + index;
       header.sets[number] = { name: "", kind: "mix", bands };
       if (header.texture) header.texture.sets[number] = Boolean(texels);
-      const parts = { ...Object.fromEntries(Object.entries(streams).map(([band, data]) => [`set${number}.${band}`, data])),
-        ...(texels ? { [`texels${number}`]: texels } : {}) };
+      const parts = {
+        ...Object.fromEntries(Object.entries(streams).map(([band, data]) => [`set${number}.${band}`, data])),
+        ...(texels ? { [`texels${number}`]: texels } : {}),
+      };
       for (const [name, data] of Object.entries(parts)) {
         page.querySelector(`script[data-stream="${name}"]`)?.remove();
         const kept = page.createElement("script");
@@ -159,8 +169,10 @@ export class Stage {
 
 /** Let two stages be seen from the same place: whichever is moved leads. Returns what ends it. */
 export function linkCameras(one, other) {
-  let last = "", running = true;
-  const key = ({ orbit }) => `${orbit.yaw.toFixed(5)} ${orbit.pitch.toFixed(5)} ${orbit.zoom.toFixed(4)} ${orbit.move.map((n) => n.toFixed(2)).join(" ")}`;
+  let last = "",
+    running = true;
+  const key = ({ orbit }) =>
+    `${orbit.yaw.toFixed(5)} ${orbit.pitch.toFixed(5)} ${orbit.zoom.toFixed(4)} ${orbit.move.map((n) => n.toFixed(2)).join(" ")}`;
   const follow = () => {
     if (!running) return;
     const [a, b] = [one.inner, other.inner];
@@ -180,5 +192,7 @@ export function linkCameras(one, other) {
     requestAnimationFrame(follow);
   };
   follow();
-  return () => { running = false; };
+  return () => {
+    running = false;
+  };
 }

@@ -2,10 +2,31 @@
 
 import { get, post, reached } from "./api.js";
 
-const KINDS = ["hello", "reset", "job", "progress", "job-removed", "project", "project-removed", "photos", "styles",
-  "versions", "exports", "disk", "notice"];
+const KINDS = [
+  "hello",
+  "reset",
+  "job",
+  "progress",
+  "job-removed",
+  "project",
+  "project-removed",
+  "photos",
+  "styles",
+  "versions",
+  "exports",
+  "disk",
+  "notice",
+];
 
-export const state = { projects: [], jobs: [], networks: [], version: "", folder: "", free_bytes: null, event: 0 };
+export const state = {
+  projects: [],
+  jobs: [],
+  networks: [],
+  version: "",
+  folder: "",
+  free_bytes: null,
+  event: 0,
+};
 const hub = new EventTarget();
 
 /** Call `act(data)` for events of a kind, until the function that this returns is called. */
@@ -59,9 +80,15 @@ export async function refresh() {
 const HEARD = {
   job: (data) => place(state.jobs, data),
   project: (data) => place(state.projects, data),
-  "job-removed": ({ job }) => { state.jobs = state.jobs.filter(({ id }) => id !== job); },
-  "project-removed": (data) => { state.projects = state.projects.filter(({ id }) => id !== data.project); },
-  disk: (data) => { state.free_bytes = data.free_bytes; },
+  "job-removed": ({ job }) => {
+    state.jobs = state.jobs.filter(({ id }) => id !== job);
+  },
+  "project-removed": (data) => {
+    state.projects = state.projects.filter(({ id }) => id !== data.project);
+  },
+  disk: (data) => {
+    state.free_bytes = data.free_bytes;
+  },
   progress: (data) => {
     const job = state.jobs.find(({ id }) => id === data.job);
     const stage = job?.stages.find(({ name }) => name === data.stage);

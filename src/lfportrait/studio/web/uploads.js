@@ -43,8 +43,12 @@ class Uploads {
   figures() {
     const count = (...states) => this.items.filter(({ state }) => states.includes(state)).length;
     return {
-      total: this.items.length, done: count("done", "have"), wrong: this.items.filter(({ state }) => state === "wrong"),
-      have: count("have"), again: count("again"), bytes: this.items.reduce((sum, { size }) => sum + size, 0),
+      total: this.items.length,
+      done: count("done", "have"),
+      wrong: this.items.filter(({ state }) => state === "wrong"),
+      have: count("have"),
+      again: count("again"),
+      bytes: this.items.reduce((sum, { size }) => sum + size, 0),
       sent: this.items.reduce((sum, { sent }) => sum + sent, 0),
     };
   }
@@ -147,11 +151,15 @@ class Uploads {
     }
     item.state = "sending";
     item.sent = answer.offset;
-    await stream(`/api/projects/${this.project}/uploads/${answer.upload}?offset=${answer.offset}`,
-      item.file.slice(answer.offset), (sent) => {
+    await stream(
+      `/api/projects/${this.project}/uploads/${answer.upload}?offset=${answer.offset}`,
+      item.file.slice(answer.offset),
+      (sent) => {
         item.sent = Math.min(answer.offset + sent, item.size);
         this.changed();
-      }, signal);
+      },
+      signal,
+    );
     Object.assign(item, { state: "done", sent: item.size, file: null });
     this.changed();
     return true;
@@ -179,4 +187,3 @@ export async function droppedFiles(transfer) {
   for (const entry of entries) await walk(entry);
   return files.sort((one, other) => one.name.localeCompare(other.name, "en", { numeric: true }));
 }
-

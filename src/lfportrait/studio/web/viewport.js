@@ -57,13 +57,17 @@ export class Viewport {
     const [left, top, right, bottom] = box ?? [0, 0, ...this.size];
     const { clientWidth: width, clientHeight: height } = this.element;
     this.scale = Math.min(width / (right - left), height / (bottom - top), LARGEST) * (box ? 1 : 0.97);
-    this.shift = [width / 2 - this.scale * (left + right) / 2, height / 2 - this.scale * (top + bottom) / 2];
+    this.shift = [
+      width / 2 - (this.scale * (left + right)) / 2,
+      height / 2 - (this.scale * (top + bottom)) / 2,
+    ];
     this.changed();
   }
 
   /** Enlarge so that a place of the window, in pixels from the corner, stays where it is. */
   zoom(factor, place = [this.element.clientWidth / 2, this.element.clientHeight / 2]) {
-    const least = 0.5 * Math.min(this.element.clientWidth / this.size[0], this.element.clientHeight / this.size[1]);
+    const least =
+      0.5 * Math.min(this.element.clientWidth / this.size[0], this.element.clientHeight / this.size[1]);
     const scale = Math.min(Math.max(this.scale * factor, least), LARGEST);
     const ratio = scale / this.scale;
     this.shift = this.shift.map((value, k) => place[k] + (value - place[k]) * ratio);
@@ -75,7 +79,9 @@ export class Viewport {
   pan(x, y) {
     // Some of the picture is always in sight.
     const room = [this.element.clientWidth, this.element.clientHeight];
-    this.shift = [x, y].map((by, k) => Math.min(Math.max(this.shift[k] + by, 40 - this.scale * this.size[k]), room[k] - 40));
+    this.shift = [x, y].map((by, k) =>
+      Math.min(Math.max(this.shift[k] + by, 40 - this.scale * this.size[k]), room[k] - 40),
+    );
     this.touched = true;
     this.changed();
   }
@@ -84,7 +90,9 @@ export class Viewport {
   reveal(point) {
     const [x, y] = this.outside(point);
     const room = [this.element.clientWidth, this.element.clientHeight];
-    const by = [x, y].map((value, k) => value < 24 ? 24 - value : value > room[k] - 24 ? room[k] - 24 - value : 0);
+    const by = [x, y].map((value, k) =>
+      value < 24 ? 24 - value : value > room[k] - 24 ? room[k] - 24 - value : 0,
+    );
     if (by[0] || by[1]) this.pan(...by);
   }
 
@@ -96,8 +104,10 @@ export class Viewport {
   /** Place in the picture of a pointer. */
   inside(event) {
     const box = this.element.getBoundingClientRect();
-    return [(event.clientX - box.left - this.shift[0]) / this.scale - 0.5,
-      (event.clientY - box.top - this.shift[1]) / this.scale - 0.5];
+    return [
+      (event.clientX - box.left - this.shift[0]) / this.scale - 0.5,
+      (event.clientY - box.top - this.shift[1]) / this.scale - 0.5,
+    ];
   }
 
   changed() {
@@ -112,7 +122,14 @@ export class Viewport {
       const context = this.canvas.getContext("2d");
       context.setTransform(1, 0, 0, 1, 0, 0);
       context.clearRect(0, 0, this.canvas.width, this.canvas.height);
-      context.setTransform(this.scale * ratio, 0, 0, this.scale * ratio, this.shift[0] * ratio, this.shift[1] * ratio);
+      context.setTransform(
+        this.scale * ratio,
+        0,
+        0,
+        this.scale * ratio,
+        this.shift[0] * ratio,
+        this.shift[1] * ratio,
+      );
       context.imageSmoothingEnabled = this.scale < 3;
       context.imageSmoothingQuality = "high";
       context.drawImage(this.picture, 0, 0, ...this.size);
@@ -172,10 +189,14 @@ export class Viewport {
 
   /** Buttons for those who have no wheel. */
   buttons() {
-    const one = (name, drawing, act) => h("button.button.tool", { "aria-label": name, title: name, onclick: act }, icon(drawing));
-    return h("div.zoom", { role: "group", "aria-label": t("view.zoom") },
+    const one = (name, drawing, act) =>
+      h("button.button.tool", { "aria-label": name, title: name, onclick: act }, icon(drawing));
+    return h(
+      "div.zoom",
+      { role: "group", "aria-label": t("view.zoom") },
       one(t("view.closer"), "plus", () => this.zoom(1.4)),
       one(t("view.further"), "minus", () => this.zoom(1 / 1.4)),
-      one(t("view.whole"), "fit", () => this.fit()));
+      one(t("view.whole"), "fit", () => this.fit()),
+    );
   }
 }

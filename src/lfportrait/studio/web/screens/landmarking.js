@@ -11,8 +11,12 @@ import { Viewport } from "../viewport.js";
 
 /** Title, way back and what is saved, above an editor. */
 export function editorHead(sitter, style, title, saved) {
-  return h("header", {}, h("div", {}, h("h1", { text: t(title, { name: style.name }) }), saved),
-    h("a.button.main", { href: `#style/${sitter.id}/${style.id}` }, icon("left"), t("editor.done")));
+  return h(
+    "header",
+    {},
+    h("div", {}, h("h1", { text: t(title, { name: style.name }) }), saved),
+    h("a.button.main", { href: `#style/${sitter.id}/${style.id}` }, icon("left"), t("editor.done")),
+  );
 }
 
 /** A style of the gallery by its id. */
@@ -24,17 +28,26 @@ export async function styleOf(sitter, id) {
 export async function showLandmarks(root, sitter, id) {
   root.classList.add("full");
   const style = await styleOf(sitter, id);
-  const query = `?project=${sitter.id}`, path = `/api/styles/${id}/landmarks${query}`;
+  const query = `?project=${sitter.id}`,
+    path = `/api/styles/${id}/landmarks${query}`;
   const image = await bitmap(style.full);
   const saved = h("p.soft", { role: "status" });
   const head = editorHead(sitter, style, "editor.title", saved);
-  let held = await get(path).catch((error) => error.code === "not_found" || error.code === "user_error" ? null : Promise.reject(error));
+  let held = await get(path).catch((error) =>
+    error.code === "not_found" || error.code === "user_error" ? null : Promise.reject(error),
+  );
   if (!held?.points) {
     held = await placed(root, head, style, image, query);
     if (!held) return () => {};
   }
   const landmarks = new Landmarks(held.points, [held.width, held.height]);
-  const preview = new Preview(sitter, () => ({ style: id, landmarks: landmarks.points, draft: true, slot: "editor", size: 480 }));
+  const preview = new Preview(sitter, () => ({
+    style: id,
+    landmarks: landmarks.points,
+    draft: true,
+    slot: "editor",
+    size: 480,
+  }));
   const write = async () => {
     saved.textContent = t("editor.saving");
     await send("PUT", path, { points: landmarks.points });
@@ -45,11 +58,13 @@ export async function showLandmarks(root, sitter, id) {
     open = false;
     write().catch(fail);
   }, 500);
-  const editor = new LandmarkEditor(image, landmarks, { onreset: doing(async () => {
-    save.stop();
-    const { points } = await send("DELETE", path);
-    landmarks.put(points);
-  }) });
+  const editor = new LandmarkEditor(image, landmarks, {
+    onreset: doing(async () => {
+      save.stop();
+      const { points } = await send("DELETE", path);
+      landmarks.put(points);
+    }),
+  });
   landmarks.watch(() => {
     open = true;
     saved.textContent = t("editor.open");
@@ -72,8 +87,12 @@ function placed(root, head, style, image, query) {
   return new Promise((done) => {
     const view = new Viewport(image, [style.width, style.height]);
     let at = [style.width / 2, style.height / 2];
-    const target = h("svg:g.mark.target", { tabindex: 0, role: "button", "aria-label": t("place.target") },
-      h("svg:circle.halo", { r: 16 }), h("svg:circle.dot", { r: 3 }));
+    const target = h(
+      "svg:g.mark.target",
+      { tabindex: 0, role: "button", "aria-label": t("place.target") },
+      h("svg:circle.halo", { r: 16 }),
+      h("svg:circle.dot", { r: 3 }),
+    );
     const draw = () => target.setAttribute("transform", `translate(${view.outside(at).join(" ")})`);
     const take = doing(async () => done(await post(`/api/styles/${style.id}/face${query}`, { at })));
     const steps = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -92,7 +111,20 @@ function placed(root, head, style, image, query) {
     });
     view.watch(draw);
     view.element.append(h("svg:svg.points", {}, target), view.buttons());
-    fill(root, head, h("p.note.fair", {}, icon("fair"), t("place.text")), h("div.editing", {}, h("div.editor", {}, view.element,
-      h("div.row", {}, h("button.button.main", { onclick: take, text: t("place.take") })))));
+    fill(
+      root,
+      head,
+      h("p.note.fair", {}, icon("fair"), t("place.text")),
+      h(
+        "div.editing",
+        {},
+        h(
+          "div.editor",
+          {},
+          view.element,
+          h("div.row", {}, h("button.button.main", { onclick: take, text: t("place.take") })),
+        ),
+      ),
+    );
   });
 }

@@ -17,20 +17,31 @@ export async function showRegions(root, sitter, id) {
   const path = `/api/styles/${id}/regions?project=${sitter.id}`;
   const about = await get(path);
   const size = [about.width, about.height];
-  const [image, found, painted] = await Promise.all([bitmap(style.full), bitmap(about.found),
-    about.picture ? bitmap(about.picture) : null]);
+  const [image, found, painted] = await Promise.all([
+    bitmap(style.full),
+    bitmap(about.found),
+    about.picture ? bitmap(about.picture) : null,
+  ]);
   const regions = new Regions(size, labelsOf(found, size), painted && labelsOf(painted, size));
   const saved = h("p.soft", { role: "status", text: t(about.painted ? "editor.edited" : "editor.found") });
   const preview = new Preview(sitter, () => ({ style: id, draft: true, slot: "editor", size: 480 }), 0);
-  const brush = new Brush(image, regions, about.labels, doing(async () => {
-    const answer = await ask(t("regions.reset"), h("p", { text: t("regions.reset.text") }), [["", t("cancel")], ["yes", t("regions.reset"), "danger"]]);
-    if (!answer) return;
-    regions.clear();
-    save.stop();
-    open = false;
-    await send("DELETE", path);
-    preview.ask();
-  }));
+  const brush = new Brush(
+    image,
+    regions,
+    about.labels,
+    doing(async () => {
+      const answer = await ask(t("regions.reset"), h("p", { text: t("regions.reset.text") }), [
+        ["", t("cancel")],
+        ["yes", t("regions.reset"), "danger"],
+      ]);
+      if (!answer) return;
+      regions.clear();
+      save.stop();
+      open = false;
+      await send("DELETE", path);
+      preview.ask();
+    }),
+  );
   let open = false;
   const write = async () => {
     open = false;
@@ -46,7 +57,11 @@ export async function showRegions(root, sitter, id) {
     saved.textContent = t("editor.open");
     save();
   });
-  fill(root, editorHead(sitter, style, "regions.title", saved), h("div.editing", {}, brush.element, preview.element));
+  fill(
+    root,
+    editorHead(sitter, style, "regions.title", saved),
+    h("div.editing", {}, brush.element, preview.element),
+  );
   preview.draw();
   return async () => {
     save.stop();
@@ -69,15 +84,25 @@ class Brush {
       context.drawImage(regions.canvas, 0, 0);
     });
     // The brush is a thing of its own, so that keys can hold it.
-    this.ring = h("svg:g.brush", { tabindex: 0, role: "button", onkeydown: (event) => this.key(event) },
-      h("svg:circle.halo"), h("svg:circle.dot"));
+    this.ring = h(
+      "svg:g.brush",
+      { tabindex: 0, role: "button", onkeydown: (event) => this.key(event) },
+      h("svg:circle.halo"),
+      h("svg:circle.dot"),
+    );
     this.view.element.append(h("svg:svg.points", {}, this.ring), this.view.buttons());
     this.view.element.addEventListener("pointerdown", (event) => this.down(event));
     this.view.element.addEventListener("pointermove", (event) => this.follow(event));
     this.view.element.addEventListener("pinch", () => this.release());
     this.view.watch(() => this.place());
     regions.watch(() => this.buttons());
-    this.element = h("div.editor", {}, this.tools(labels, onreset), this.view.element, h("p.small.soft.hint", { text: t("regions.hint") }));
+    this.element = h(
+      "div.editor",
+      {},
+      this.tools(labels, onreset),
+      this.view.element,
+      h("p.small.soft.hint", { text: t("regions.hint") }),
+    );
     this.element.addEventListener("keydown", (event) => this.shortcut(event));
     this.buttons();
   }
@@ -90,22 +115,52 @@ class Brush {
 
   tools(labels, onreset) {
     this.kinds = labels.map((name, label) => {
-      const one = h("button.kind", { "aria-pressed": String(label === this.label), onclick: () => this.choose(label) },
-        h("span.swatch", { class: label ? "" : "none" }), t(`region.${name}`));
+      const one = h(
+        "button.kind",
+        { "aria-pressed": String(label === this.label), onclick: () => this.choose(label) },
+        h("span.swatch", { class: label ? "" : "none" }),
+        t(`region.${name}`),
+      );
       if (COLORS[label]) one.firstChild.style.background = `rgb(${COLORS[label].join(" ")})`;
       return one;
     });
-    this.back = button("", () => this.after(this.regions.undo()), { kind: "tool", drawing: "undo", name: t("editor.undo") });
-    this.again = button("", () => this.after(this.regions.redo()), { kind: "tool", drawing: "redo", name: t("editor.redo") });
-    this.width = slider(t("regions.size"), { min: 1, max: Math.round(Math.max(...this.regions.size) / 6), step: 1, value: Math.round(this.radius), digits: 0,
-      oninput: (value) => { this.radius = value; this.place(); } });
-    return h("div.tools", { role: "toolbar", "aria-label": t("editor.tools") }, h("div.kinds", { role: "group", "aria-label": t("regions.kind") }, this.kinds),
-      this.width, this.back, this.again, button("", onreset, { kind: "tool", drawing: "reset", name: t("regions.reset") }));
+    this.back = button("", () => this.after(this.regions.undo()), {
+      kind: "tool",
+      drawing: "undo",
+      name: t("editor.undo"),
+    });
+    this.again = button("", () => this.after(this.regions.redo()), {
+      kind: "tool",
+      drawing: "redo",
+      name: t("editor.redo"),
+    });
+    this.width = slider(t("regions.size"), {
+      min: 1,
+      max: Math.round(Math.max(...this.regions.size) / 6),
+      step: 1,
+      value: Math.round(this.radius),
+      digits: 0,
+      oninput: (value) => {
+        this.radius = value;
+        this.place();
+      },
+    });
+    return h(
+      "div.tools",
+      { role: "toolbar", "aria-label": t("editor.tools") },
+      h("div.kinds", { role: "group", "aria-label": t("regions.kind") }, this.kinds),
+      this.width,
+      this.back,
+      this.again,
+      button("", onreset, { kind: "tool", drawing: "reset", name: t("regions.reset") }),
+    );
   }
 
   choose(label) {
     this.label = label;
-    this.kinds.forEach((each, index) => { each.setAttribute("aria-pressed", String(index === label)); });
+    this.kinds.forEach((each, index) => {
+      each.setAttribute("aria-pressed", String(index === label));
+    });
     this.place();
   }
 
@@ -122,9 +177,17 @@ class Brush {
   place() {
     const [x, y] = this.view.outside(this.at);
     this.ring.setAttribute("transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
-    for (const circle of this.ring.children) circle.setAttribute("r", (this.radius * this.view.scale).toFixed(1));
-    this.ring.setAttribute("aria-label", t("regions.brush", {
-      kind: this.kinds[this.label].textContent, x: this.at[0].toFixed(0), y: this.at[1].toFixed(0), size: this.radius.toFixed(0) }));
+    for (const circle of this.ring.children)
+      circle.setAttribute("r", (this.radius * this.view.scale).toFixed(1));
+    this.ring.setAttribute(
+      "aria-label",
+      t("regions.brush", {
+        kind: this.kinds[this.label].textContent,
+        x: this.at[0].toFixed(0),
+        y: this.at[1].toFixed(0),
+        size: this.radius.toFixed(0),
+      }),
+    );
   }
 
   follow(event) {
@@ -175,14 +238,17 @@ class Brush {
     if (!step || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     const by = event.shiftKey ? 10 : Math.max(1, this.radius / 2);
-    const next = this.at.map((value, k) => Math.min(Math.max(value + by * step[k], 0), this.regions.size[k] - 1));
+    const next = this.at.map((value, k) =>
+      Math.min(Math.max(value + by * step[k], 0), this.regions.size[k] - 1),
+    );
     this.at = next;
     this.view.reveal(next);
     this.place();
   }
 
   shortcut(event) {
-    const key = event.key.toLowerCase(), control = event.ctrlKey || event.metaKey;
+    const key = event.key.toLowerCase(),
+      control = event.ctrlKey || event.metaKey;
     if (control && (key === "z" || key === "y")) {
       event.preventDefault();
       this.after(key === "y" || event.shiftKey ? this.regions.redo() : this.regions.undo());

@@ -1,11 +1,12 @@
 // Screen 5: the portrait, what of it is photo and what painting, named versions, two side by side.
 
 import { get, post, send } from "../api.js";
+import { Beside } from "../beside.js";
 import { ask, button, fill, h, icon, later } from "../dom.js";
 import { t } from "../i18n.js";
 import { MixPanel, plainMix, STEADY } from "../mix.js";
 import { doing, fail, say } from "../shell.js";
-import { linkCameras, Stage } from "../stage.js";
+import { Stage } from "../stage.js";
 import { isLive, jobsOf, keepJob, keepProject, on } from "../state.js";
 
 export async function showPortrait(root, sitter, [version, other]) {
@@ -20,24 +21,54 @@ class Portrait {
     this.sitter = sitter;
     this.chosen = version || sitter.version;
     this.second = other || null;
-    this.linked = true;
     this.versions = [];
     this.stages = h("div.stages-pair");
     this.list = h("ul.versions", { "aria-label": t("portrait.versions") });
     this.actions = h("div.row");
-    this.panel = new MixPanel({ onbegin: (ends, name) => this.begin(ends, name), onmove: (mix, share, name) => this.move(mix, share, name), onend: (mix) => this.end(mix) });
-    this.compare = button(t("portrait.compare"), () => this.toggleCompare(), { drawing: "compare", "aria-pressed": "false" });
-    fill(root, h("header", {}, h("div", {}, h("h1", { text: t("step.portrait") }), h("p.lead", { text: t("portrait.lead") })), h("div.row", {}, this.compare,
-      h("a.button.main", { href: `#show/${sitter.id}` }, t("step.show"), icon("right")))),
-    h("div.portrait-body", {}, this.stages, h("aside.side.stack.wide", { "aria-label": t("portrait.settings") }, this.list, this.actions, this.panel.element)));
+    this.panel = new MixPanel({
+      onbegin: (ends, name) => this.begin(ends, name),
+      onmove: (mix, share, name) => this.move(mix, share, name),
+      onend: (mix) => this.end(mix),
+    });
+    this.compare = button(t("portrait.compare"), () => this.toggleCompare(), {
+      drawing: "compare",
+      "aria-pressed": "false",
+    });
+    fill(
+      root,
+      h(
+        "header",
+        {},
+        h("div", {}, h("h1", { text: t("step.portrait") }), h("p.lead", { text: t("portrait.lead") })),
+        h(
+          "div.row",
+          {},
+          this.compare,
+          h("a.button.main", { href: `#show/${sitter.id}` }, t("step.show"), icon("right")),
+        ),
+      ),
+      h(
+        "div.portrait-body",
+        {},
+        this.stages,
+        h(
+          "aside.side.stack.wide",
+          { "aria-label": t("portrait.settings") },
+          this.list,
+          this.actions,
+          this.panel.element,
+        ),
+      ),
+    );
     this.save = later(() => this.store().catch(fail), 350);
-    this.ends = [on("versions", ({ project: which }) => which === sitter.id && this.reload().catch(fail)),
-      on("job", (job) => job.project === sitter.id && this.drawActions())];
+    this.ends = [
+      on("versions", ({ project: which }) => which === sitter.id && this.reload().catch(fail)),
+      on("job", (job) => job.project === sitter.id && this.drawActions()),
+    ];
   }
 
   async close() {
     for (const end of this.ends) end();
-    this.unlink?.();
     this.stage?.close();
     this.beside?.close();
     this.save.stop();
@@ -51,12 +82,21 @@ class Portrait {
   async load() {
     await this.reload();
     if (!this.versions.length && !this.sitter.has.field) {
-      fill(this.stages, h("div.empty", {}, icon("portrait"), h("h2", { text: t("portrait.none") }), h("p", { text: t("portrait.none.text") }),
-        h("a.button.main", { href: `#making/${this.sitter.id}`, text: t("step.making") })));
+      fill(
+        this.stages,
+        h(
+          "div.empty",
+          {},
+          icon("portrait"),
+          h("h2", { text: t("portrait.none") }),
+          h("p", { text: t("portrait.none.text") }),
+          h("a.button.main", { href: `#making/${this.sitter.id}`, text: t("step.making") }),
+        ),
+      );
       return;
     }
     this.stage = new Stage(this.sitter, t("portrait.alt", { name: this.sitter.name }));
-    fill(this.stages, this.column(this.stage, null));
+    fill(this.stages, h("div.column", {}, this.stage.element));
     // The screen itself is there; the portrait comes when it is packed.
     this.display().catch(fail);
     if (this.second) await this.openBeside(this.second);
@@ -69,13 +109,9 @@ class Portrait {
     if (!this.version) this.chosen = this.versions.at(-1)?.id ?? null;
     this.drawVersions();
     this.drawActions();
-    const turned = held && this.version && held.id === this.chosen && held.fine !== this.version.fine && this.version.fine;
+    const turned =
+      held && this.version && held.id === this.chosen && held.fine !== this.version.fine && this.version.fine;
     if (turned) this.display().catch(fail);
-  }
-
-  /** A stage with its name; `picker` chooses the version of the second. */
-  column(stage, picker) {
-    return h("div.column", {}, picker, stage.element);
   }
 
   async display() {
@@ -89,13 +125,46 @@ class Portrait {
 
   drawVersions() {
     const focused = document.activeElement?.closest?.("[data-version]")?.dataset.version;
-    fill(this.list, this.versions.map((each) => h("li", { "data-version": each.id }, h("button.version", { "aria-pressed": String(each.id === this.chosen), onclick: () => this.choose(each.id) },
-      each.thumbnail ? h("img", { src: each.thumbnail, alt: "" }) : h("span.blank", {}, icon("portrait")),
-      h("span", {}, h("strong", { text: each.name }), h("span.small.soft", { text: t(each.fine ? "version.fine" : "version.draft") }))),
-    h("div.row.version-tools", {},
-      !each.from_command_line && button("", doing(() => this.rename(each)), { kind: "quiet tool", drawing: "brush", name: t("version.rename", { name: each.name }) }),
-      !each.from_command_line && button("", doing(() => this.remove(each)), { kind: "quiet tool", drawing: "trash", name: t("version.remove", { name: each.name }) })))));
-    if (focused) this.list.querySelector(`[data-version="${focused}"] button`)?.focus({ preventScroll: true });
+    fill(
+      this.list,
+      this.versions.map((each) =>
+        h(
+          "li",
+          { "data-version": each.id },
+          h(
+            "button.version",
+            { "aria-pressed": String(each.id === this.chosen), onclick: () => this.choose(each.id) },
+            each.thumbnail
+              ? h("img", { src: each.thumbnail, alt: "" })
+              : h("span.blank", {}, icon("portrait")),
+            h(
+              "span",
+              {},
+              h("strong", { text: each.name }),
+              h("span.small.soft", { text: t(each.fine ? "version.fine" : "version.draft") }),
+            ),
+          ),
+          h(
+            "div.row.version-tools",
+            {},
+            !each.from_command_line &&
+              button(
+                "",
+                doing(() => this.rename(each)),
+                { kind: "quiet tool", drawing: "brush", name: t("version.rename", { name: each.name }) },
+              ),
+            !each.from_command_line &&
+              button(
+                "",
+                doing(() => this.remove(each)),
+                { kind: "quiet tool", drawing: "trash", name: t("version.remove", { name: each.name }) },
+              ),
+          ),
+        ),
+      ),
+    );
+    if (focused)
+      this.list.querySelector(`[data-version="${focused}"] button`)?.focus({ preventScroll: true });
   }
 
   async choose(id) {
@@ -103,22 +172,46 @@ class Portrait {
     this.chosen = id;
     this.drawVersions();
     this.drawActions();
-    history.replaceState(null, "", `#portrait/${this.sitter.id}/${id}`);
+    this.address();
     send("PATCH", `/api/projects/${this.sitter.id}`, { version: id }).then(keepProject).catch(fail);
     await this.display().catch(fail);
   }
 
   drawActions() {
     const { version } = this;
-    const job = version && jobsOf(this.sitter.id).find((each) => each.kind === "fine" && each.version === version.id && isLive(each));
-    fill(this.actions, version && (job ? h("a.button", { href: `#making/${this.sitter.id}` }, icon("making"), t("portrait.making", { n: Math.round(100 * (job.progress ?? 0)) }))
-      : !version.fine && button(t("portrait.fine"), doing(async () => {
-        if (this.open) await this.store();
-        keepJob(await post(`/api/projects/${this.sitter.id}/versions/${version.id}/fine`));
-        say(t("portrait.queued"));
-      }), { kind: "main", drawing: "spark" })),
-    version && button(t("portrait.copy"), doing(() => this.copy()), { drawing: "plus" }),
-    !version && h("a.button.main", { href: `#style/${this.sitter.id}`, text: t("portrait.choose") }));
+    const job =
+      version &&
+      jobsOf(this.sitter.id).find(
+        (each) => each.kind === "fine" && each.version === version.id && isLive(each),
+      );
+    fill(
+      this.actions,
+      version &&
+        (job
+          ? h(
+              "a.button",
+              { href: `#making/${this.sitter.id}` },
+              icon("making"),
+              t("portrait.making", { n: Math.round(100 * (job.progress ?? 0)) }),
+            )
+          : !version.fine &&
+            button(
+              t("portrait.fine"),
+              doing(async () => {
+                if (this.open) await this.store();
+                keepJob(await post(`/api/projects/${this.sitter.id}/versions/${version.id}/fine`));
+                say(t("portrait.queued"));
+              }),
+              { kind: "main", drawing: "spark" },
+            )),
+      version &&
+        button(
+          t("portrait.copy"),
+          doing(() => this.copy()),
+          { drawing: "plus" },
+        ),
+      !version && h("a.button.main", { href: `#style/${this.sitter.id}`, text: t("portrait.choose") }),
+    );
   }
 
   // ---- sliders -------------------------------------------------------------------------------
@@ -133,7 +226,9 @@ class Portrait {
   /** Whether photo and painting, which the page has, are both ends. */
   simple(name) {
     const others = { ...plainMix(this.panel.mix), strength: undefined };
-    return name === "strength" && !this.stage.more && Object.values(others).every((value) => value === undefined);
+    return (
+      name === "strength" && !this.stage.more && Object.values(others).every((value) => value === undefined)
+    );
   }
 
   move(mix, share, name) {
@@ -146,7 +241,10 @@ class Portrait {
     this.open = true;
     this.panel.mix = mix;
     this.save();
-    if (this.stage.live && (this.stage.more || Object.keys(plainMix(mix)).some((key) => key !== "strength"))) {
+    if (
+      this.stage.live &&
+      (this.stage.more || Object.keys(plainMix(mix)).some((key) => key !== "strength"))
+    ) {
       // Between both ends it was nearly right; this is what will be kept.
       this.stage.share = 0;
       await this.stage.colors([plainMix(mix)]).catch((error) => error.name === "AbortError" || fail(error));
@@ -156,7 +254,8 @@ class Portrait {
   /** Write the mix into the version; a finished one stays, its change becomes a version of its own. */
   async store() {
     this.save.stop();
-    const { version } = this, mix = plainMix(this.panel.mix);
+    const { version } = this,
+      mix = plainMix(this.panel.mix);
     this.open = false;
     if (!version || JSON.stringify(mix) === JSON.stringify(plainMix(version.mix))) return;
     const path = `/api/projects/${this.sitter.id}/versions`;
@@ -164,7 +263,7 @@ class Portrait {
       const made = await post(path, { name: this.free(version.name), style: version.style, mix });
       this.chosen = made.id;
       this.versions.push(made);
-      history.replaceState(null, "", `#portrait/${this.sitter.id}/${made.id}`);
+      this.address();
       say(t("portrait.new", { name: made.name, old: version.name }));
     } else {
       Object.assign(version, await send("PATCH", `${path}/${version.id}`, { mix }));
@@ -197,8 +296,18 @@ class Portrait {
   }
 
   async nameOf(title, value) {
-    const input = h("input", { type: "text", value, required: true, maxlength: 80, autofocus: true, autocomplete: "off" });
-    const answer = await ask(title, h("label.field", {}, h("span", { text: t("name") }), input), [["", t("cancel")], ["yes", t("save"), "main"]]);
+    const input = h("input", {
+      type: "text",
+      value,
+      required: true,
+      maxlength: 80,
+      autofocus: true,
+      autocomplete: "off",
+    });
+    const answer = await ask(title, h("label.field", {}, h("span", { text: t("name") }), input), [
+      ["", t("cancel")],
+      ["yes", t("save"), "main"],
+    ]);
     return answer ? input.value.trim() : "";
   }
 
@@ -210,7 +319,14 @@ class Portrait {
   }
 
   async remove(version) {
-    const answer = await ask(t("version.remove", { name: version.name }), h("p", { text: t("version.remove.text") }), [["", t("cancel")], ["yes", t("remove"), "danger"]]);
+    const answer = await ask(
+      t("version.remove", { name: version.name }),
+      h("p", { text: t("version.remove.text") }),
+      [
+        ["", t("cancel")],
+        ["yes", t("remove"), "danger"],
+      ],
+    );
     if (!answer) return;
     await send("DELETE", `/api/projects/${this.sitter.id}/versions/${version.id}`);
     await this.reload();
@@ -221,46 +337,35 @@ class Portrait {
   // ---- two side by side ----------------------------------------------------------------------
 
   async toggleCompare() {
-    if (this.beside) return this.closeBeside();
-    const other = this.versions.find(({ id }) => id !== this.chosen)?.id ?? "photo";
-    await this.openBeside(other);
-  }
-
-  closeBeside() {
-    this.unlink?.();
-    this.beside.close();
-    this.beside = this.second = null;
-    this.compare.setAttribute("aria-pressed", "false");
-    this.stages.classList.remove("two");
-    fill(this.stages, this.stages.firstChild);
-    history.replaceState(null, "", `#portrait/${this.sitter.id}/${this.chosen ?? ""}`);
+    if (this.beside) {
+      this.beside.close();
+      this.beside = null;
+      this.second = null;
+      this.comparing(false);
+      return;
+    }
+    await this.openBeside(this.versions.find(({ id }) => id !== this.chosen)?.id ?? "photo");
   }
 
   async openBeside(id) {
-    this.beside = new Stage(this.sitter, t("portrait.beside"));
-    this.compare.setAttribute("aria-pressed", "true");
-    const picker = h("select", { "aria-label": t("portrait.beside"), onchange: () => this.showBeside(picker.value).catch(fail) },
-      this.versions.map((each) => h("option", { value: each.id, text: each.name, selected: each.id === id })),
-      h("option", { value: "photo", text: t("portrait.photo"), selected: id === "photo" }));
-    const linked = h("input", { type: "checkbox", ".checked": this.linked, id: "linked", onchange: () => {
-      this.linked = linked.checked;
-      this.link();
-    } });
-    this.stages.classList.add("two");
-    this.stages.append(this.column(this.beside, h("div.row.between.beside-bar", {}, picker, h("label.check.small", { for: "linked" }, linked, t("portrait.link")))));
-    await this.showBeside(id);
+    this.beside = new Beside(this.sitter, this.stage, this.versions, (picked) => {
+      this.second = picked;
+      this.address();
+    });
+    this.comparing(true);
+    this.stages.append(this.beside.element);
+    await this.beside.show(id);
   }
 
-  async showBeside(id) {
-    this.second = id;
-    history.replaceState(null, "", `#portrait/${this.sitter.id}/${this.chosen ?? ""}/${id}`);
-    await this.beside?.show(id === "photo" ? { style: null } : { version: id });
-    this.link();
+  comparing(yes) {
+    this.compare.setAttribute("aria-pressed", String(yes));
+    this.stages.classList.toggle("two", yes);
+    this.address();
   }
 
-  link() {
-    this.unlink?.();
-    this.unlink = this.linked && this.beside ? linkCameras(this.stage, this.beside) : null;
+  /** What is seen stands in the address, so that a reload shows it again. */
+  address() {
+    const parts = ["portrait", this.sitter.id, this.chosen ?? "", this.second ?? ""].join("/");
+    history.replaceState(null, "", `#${parts.replace(/\/+$/, "")}`);
   }
 }
-
