@@ -1,5 +1,7 @@
 // Elements from descriptions: no text becomes markup, and the security policy needs no exception.
 
+import { ICONS } from "./icons.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 
 /**
@@ -34,12 +36,12 @@ export function set(element, name, value) {
   else element.setAttribute(name, value === true ? "" : String(value));
 }
 
-/** A small drawing of icons.svg; beside a text it says nothing of its own. */
+/** A small drawing; beside a text it says nothing of its own. */
 export function icon(name) {
   return h(
     "svg:svg.icon",
     { viewBox: "0 0 24 24", "aria-hidden": "true", focusable: "false" },
-    h("svg:use", { href: `/static/icons.svg#${name}` }),
+    ICONS[name].map(([shape, attributes]) => h(`svg:${shape}`, attributes)),
   );
 }
 

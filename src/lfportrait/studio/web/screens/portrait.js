@@ -96,7 +96,8 @@ class Portrait {
       return;
     }
     this.stage = new Stage(this.sitter, t("portrait.alt", { name: this.sitter.name }));
-    fill(this.stages, h("div.column", {}, this.stage.element));
+    this.title = h("strong");
+    fill(this.stages, h("div.column", {}, h("div.row.beside-bar", {}, this.title), this.stage.element));
     // The screen itself is there; the portrait comes when it is packed.
     this.display().catch(fail);
     if (this.second) await this.openBeside(this.second);
@@ -124,6 +125,7 @@ class Portrait {
   }
 
   drawVersions() {
+    if (this.title) this.title.textContent = this.version?.name ?? "";
     const focused = document.activeElement?.closest?.("[data-version]")?.dataset.version;
     fill(
       this.list,
@@ -360,6 +362,7 @@ class Portrait {
   comparing(yes) {
     this.compare.setAttribute("aria-pressed", String(yes));
     this.stages.classList.toggle("two", yes);
+    this.title.textContent = this.version?.name ?? "";
     this.address();
   }
 

@@ -92,7 +92,7 @@ class Gallery {
     ({ styles: this.styles } = await get(`/api/styles?project=${this.sitter.id}`));
     if (!this.styles.some(({ id }) => id === this.chosen)) this.chosen = this.styles[0]?.id ?? null;
     this.draw();
-    await this.drawDetail();
+    this.drawDetail();
   }
 
   adding() {
@@ -184,7 +184,7 @@ class Gallery {
     this.chosen = id;
     for (const each of this.grid.children)
       each.firstChild.setAttribute("aria-pressed", String(each.dataset.style === id));
-    await this.drawDetail();
+    this.drawDetail();
     keepProject(await send("PATCH", `/api/projects/${this.sitter.id}`, { style: id }));
   }
 
@@ -217,7 +217,7 @@ class Gallery {
         this.grid
           .querySelector(`[data-style="${id}"] .on-sitter`)
           ?.replaceWith(h("img.on-sitter", { src: style.preview, alt: "" }));
-        if (id === this.chosen) await this.drawDetail();
+        if (id === this.chosen) this.drawDetail();
       } catch (error) {
         if (error.name === "AbortError") return;
         if (id === this.chosen) fail(error);
@@ -225,7 +225,7 @@ class Gallery {
     }
   }
 
-  async drawDetail() {
+  drawDetail() {
     const style = this.style();
     if (!style)
       return fill(this.detail, h("div.empty", {}, icon("style"), h("p", { text: t("style.none") })));
@@ -295,15 +295,17 @@ class Gallery {
       facts,
     );
     this.want(style.id);
-    const { facts: found } = await get(
-      `/api/styles/${style.id}/check?project=${this.sitter.id}`,
-      this.stopper.signal,
-    ).catch(() => ({ facts: [] }));
-    if (this.style() !== style) return;
-    fill(
-      facts,
-      found.map(({ grade, text }) => h("li.note.small", { class: grade }, icon(grade), h("span", { text }))),
-    );
+    this.judge(style, facts).catch(fail);
+  }
+
+  /** What the painting will give: it takes a second the first time. */
+  async judge(style, list) {
+    const path = `/api/styles/${style.id}/check?project=${this.sitter.id}`;
+    const { facts } = await get(path, this.stopper.signal).catch((error) => {
+      if (error.code === "user_error") return { facts: [{ grade: "bad", text: error.message }] };
+      throw error;
+    });
+    fill(list, facts.map(({ grade, text }) => h("li.note.small", { class: grade }, icon(grade), h("span", { text }))));
   }
 
   async faces(style) {
