@@ -1,0 +1,281 @@
+"""Panels: presets, display files and the calibration that Looking Glass Bridge reports.
+
+The wizard asks what is seen of a test pattern and turns the answers into pitch, slant and offset:
+`lfportrait.lightfield.patterns` says what each fault looks like.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..errors import UserError
+from ..files import atomic_write
+from ..lightfield import Display
+from .answers import Refusal, choice, number, text, truth, whole
+from .names import clean_name, free_name, id_of
+from .projects import Project, Projects
+
+__all__ = ["KINDS", "Displays", "Panel", "corrected", "wizard_steps"]
+
+KINDS = ("views", "slant", "fringe", "depth")
+"""Test patterns."""
+_LARGEST = 256 << 10
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A display that can be chosen.
+
+    Attributes
+    ----------
+    id, kind
+        ``preset`` or ``file``.
+    display
+        Its parameters.
+    path
+        Its file; None for a preset.
+    """
+
+    id: str
+    kind: str
+    display: Display
+    path: Path | None = None
+
+    @property
+    def source(self) -> str:
+        """What the commands call ``--display``."""
+        return self.id if self.path is None else str(self.path)
+
+    def entry(self) -> dict[str, Any]:
+        """As the page sees it."""
+        panel = self.display
+        return {"id": self.id, "kind": self.kind, "name": panel.name,
+                "summary": f"{panel.width} x {panel.height}, {panel.views} views, cone "
+                f"{panel.cone:g} degrees" + (f"; {panel.note}" if panel.note else ""),
+                "width": panel.width, "height": panel.height, "views": panel.views,
+                "pitch": panel.pitch, "slant": panel.slant, "offset": panel.offset,
+                "cone": panel.cone, "distance": panel.distance, "calibrated": panel.calibrated,
+                "inverted": panel.inverted, "subpixels": panel.subpixels,
+                "editable": self.path is not None, "hash": panel.hash()}
+
+
+class Displays:
+    """The panels of a studio."""
+
+    def __init__(self, projects: Projects) -> None:
+        self.folder = projects.folder / "displays"
+
+    def all(self) -> list[Panel]:
+        """Presets and the user's own; a file that is damaged is left out."""
+        found = [Panel(name, "preset", Display.preset(name)) for name in Display.names()]
+        for path in sorted(self.folder.glob("*.toml")):
+            try:
+                found.append(Panel(f"own-{id_of(path.stem)}", "file", Display.load(path), path))
+            except UserError:
+                continue
+        return found
+
+    def get(self, name: str) -> Panel:
+        """A panel by its id."""
+        if name in Display.names():
+            return Panel(name, "preset", Display.preset(name))
+        found = next((panel for panel in self.all() if panel.id == name), None)
+        if found is None:
+            raise Refusal("not_found", "there is no such display any more")
+        return found
+
+    def of(self, project: Project) -> Panel:
+        """The panel that a project is made for; the usual one where it is gone."""
+        try:
+            return self.get(project.display)
+        except Refusal:
+            return self.get("generic-4k")
+
+    def add(self, name: str, display: Display) -> Panel:
+        """A new file."""
+        stem = clean_name(name)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        target = self.folder / free_name(f"{stem}.toml",
+                                         [path.name for path in self.folder.iterdir()])
+        display = replace(display, name=target.stem)
+        display.save(target)
+        return Panel(f"own-{id_of(target.stem)}", "file", display, target)
+
+    def read(self, name: str, contents: str) -> Panel:
+        """A new panel from the text of ``visual.json`` or of a display file."""
+        if len(contents) > _LARGEST:
+            raise Refusal("too_large", "a display's file is small; choose visual.json or a TOML "
+                          "file")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        ending = ".json" if contents.lstrip().startswith("{") else ".toml"
+        probe = self.folder / f".probe{ending}"
+        try:
+            with atomic_write(probe) as stream:
+                stream.write(contents.encode())
+            display = Display.load(probe)
+        except UserError as error:
+            raise Refusal("user_error", str(error).replace(str(probe), "the file")) from error
+        finally:
+            probe.unlink(missing_ok=True)
+        return self.add(name or display.name, display)
+
+    def change(self, panel: Panel, data: dict[str, Any]) -> Panel:
+        """A panel with other numbers, written."""
+        _editable(panel)
+        found: dict[str, Any] = {}
+        for field, low, high in (("pitch", 1, 2e5), ("slant", -1.55, 1.55), ("offset", -1e6, 1e6),
+                                 ("cone", 1e-3, 170), ("distance", 0.1, 1e4)):
+            if field in data:
+                found[field] = number(data, field, low, high)
+        if "views" in data:
+            found["views"] = whole(data, "views", 1, 1024)
+        if "inverted" in data:
+            found["inverted"] = truth(data, "inverted")
+        if "subpixels" in data:
+            found["subpixels"] = choice(data, "subpixels", ("RGB", "BGR"))
+        return self.write(panel, replace(panel.display, **found))
+
+    def write(self, panel: Panel, display: Display) -> Panel:
+        """A panel with other parameters, written."""
+        _editable(panel)
+        assert panel.path is not None
+        display.save(panel.path)
+        return replace(panel, display=display)
+
+    def remove(self, panel: Panel) -> None:
+        """Delete a panel's file."""
+        _editable(panel)
+        assert panel.path is not None
+        panel.path.unlink(missing_ok=True)
+
+
+def _editable(panel: Panel) -> None:
+    if panel.path is None:
+        raise Refusal("exists", "a preset can't be changed: make a copy of it first")
+
+
+def wizard_steps() -> list[dict[str, Any]]:
+    """What the wizard asks at each of its steps."""
+    return [
+        {"step": "slant", "kind": "slant", "fields": [
+            {"name": "bands", "kind": "number", "min": 0, "max": 200},
+            {"name": "lean", "kind": "choice", "choices": ["none", "upright", "level"]},
+            {"name": "color", "kind": "choice", "choices": ["white", "red", "blue"]},
+            {"name": "which", "kind": "choice", "choices": ["less", "more"]}]},
+        {"step": "views", "kind": "views", "fields": [
+            {"name": "lit", "kind": "numbers"}, {"name": "grows", "kind": "yesno"}]},
+        {"step": "fringe", "kind": "fringe", "fields": [
+            {"name": "edges", "kind": "choice", "choices": ["clean", "colored"]}]}]
+
+
+def corrected(display: Display, step: str, answer: dict[str, Any],
+              tried: dict[str, Any]) -> tuple[Display, str | None, str, dict[str, Any]]:
+    """The display after an answer.
+
+    The pattern ``slant`` is white from the middle where the numbers are right. With a pitch L
+    instead of L', the phase runs away by 3 W (1 / L - 1 / L') lenses over the panel's width W, and
+    each lens is one band of red beside one of blue. With a slant that is off, it runs away down
+    the rows, by H (shift - shift') / L lenses over the height H. The sign is not seen: the first
+    correction tries one, and where the bands become more, the other is taken.
+
+    Parameters
+    ----------
+    display
+        As it is.
+    step
+        ``slant``, ``views`` or ``fringe``.
+    answer
+        What is seen.
+    tried
+        What the last correction of this step was; empty at first.
+
+    Returns
+    -------
+    display, next, said, tried
+        ``next``: the step to go on with, or None.
+    """
+    if step == "fringe":
+        if choice(answer, "edges", ("clean", "colored")) == "clean":
+            return display, None, "The colors are in their order.", {}
+        other = "BGR" if display.subpixels == "RGB" else "RGB"
+        return replace(display, subpixels=other), "fringe", f"The sub-pixels are {other} now.", {}
+    if step == "views":
+        return _by_views(display, answer)
+    lean = choice(answer, "lean", ("none", "upright", "level"))
+    if lean == "none":
+        return _by_color(display, answer)
+    bands = number(answer, "bands", 0.25, 200.0)
+    worse = answer.get("which") == "more" and tried.get("lean") == lean
+    before = Display(**{**_numbers(display), **tried["before"]}) if worse else display
+    sign = -tried["sign"] if worse else 1.0
+    if worse:
+        bands = tried["bands"]
+    change = _change(before, lean, bands, sign)
+    kept = {"lean": lean, "sign": sign, "bands": bands,
+            "before": {name: getattr(before, name) for name in ("pitch", "slant", "offset")}}
+    words = "pitch" if lean == "upright" else "slant"
+    value = change.pitch if lean == "upright" else math.degrees(change.slant)
+    return change, "slant", f"The {words} is {value:.5f} now: are there fewer bands?", kept
+
+
+def _numbers(display: Display) -> dict[str, Any]:
+    from dataclasses import fields
+
+    return {entry.name: getattr(display, entry.name) for entry in fields(display)}
+
+
+def _change(display: Display, lean: str, bands: float, sign: float) -> Display:
+    """Another pitch or slant by so many bands; the middle of the panel keeps its view."""
+    if lean == "upright":
+        found = replace(display, pitch=1 / (1 / display.pitch - sign * bands
+                                            / (3 * display.width)))
+    else:
+        shift = display.shift + sign * bands * display.pitch / display.height
+        found = replace(display, slant=math.atan(shift / 3))
+    # The view at the panel's middle stays: there the pattern was looked at.
+    row, column = display.height // 2, display.width // 2
+    share = display.phase(row, column, 1) / display.pitch
+    there = found.phase(row, column, 1) / found.pitch
+    gap = (float(share) - float(there)) * found.pitch * (-1 if found.inverted else 1)
+    return replace(found, offset=(found.offset + gap) % found.pitch)
+
+
+def _by_color(display: Display, answer: dict[str, Any],
+              ) -> tuple[Display, str | None, str, dict[str, Any]]:
+    """One color all over: the offset. Red is left of the middle, blue right of it."""
+    color = choice(answer, "color", ("white", "red", "blue"))
+    if color == "white":
+        return display, "views", "Pitch, slant and offset are right.", {}
+    step = display.pitch / 4 * (1 if color == "red" else -1) * (-1 if display.inverted else 1)
+    found = replace(display, offset=(display.offset + step) % display.pitch)
+    return found, "slant", f"The offset is {found.offset:.3f} now.", {}
+
+
+def _by_views(display: Display, answer: dict[str, Any],
+              ) -> tuple[Display, str | None, str, dict[str, Any]]:
+    """The numbers that are lit from the middle: the offset exactly; and whether they grow."""
+    lit = answer.get("lit")
+    if not isinstance(lit, list) or not lit or len(lit) > display.views:
+        raise Refusal("bad_request", "lit must be the numbers that are lit", field="lit")
+    views = [number({"lit": one}, "lit", 0, display.views - 1) for one in lit]
+    found = display
+    if not truth(answer, "grows", True):
+        found = replace(found, inverted=not found.inverted)
+        return found, "views", "The views were inverted; look at the numbers again.", {}
+    # Views that lie on both sides of the last one are next to each other, too.
+    angles = [2 * math.pi * (view + 0.5) / display.views for view in views]
+    mean = math.atan2(sum(map(math.sin, angles)), sum(map(math.cos, angles))) % (2 * math.pi)
+    off = mean / (2 * math.pi) * display.views - display.views / 2
+    step = -off / display.views * display.pitch * (-1 if display.inverted else 1)
+    found = replace(found, offset=(found.offset + step) % found.pitch)
+    if abs(off) < 0.75:
+        return display, "fringe", "The middle view is seen from the middle.", {}
+    return found, "views", f"The offset is {found.offset:.3f} now; look again.", {}
+
+
+def named(data: dict[str, Any]) -> str:
+    """The name in a request; empty where there is none."""
+    return text(data, "name", "")
