@@ -41,6 +41,7 @@ class Child:
         self._process: asyncio.subprocess.Process | None = None
         self.paused = False
         self._ended = False
+        self._reading = False
 
     @property
     def alive(self) -> bool:
@@ -75,12 +76,16 @@ class Child:
     async def receive(self) -> Any:
         """Its next message; None when it has ended."""
         assert self._process is not None and self._process.stdout is not None
+        self._reading = True
         try:
             size = struct.unpack("<I", await self._process.stdout.readexactly(4))[0]
             return pickle.loads(await self._process.stdout.readexactly(size))
         except (asyncio.IncompleteReadError, ConnectionError, pickle.UnpicklingError):
+            self._reading = False
             await self.end()
             return None
+        finally:
+            self._reading = False
 
     def pause(self, paused: bool) -> None:
         """Stop it where it is, or let it go on; its memory stays.
@@ -96,8 +101,8 @@ class Child:
         self._signal(signal.SIGSTOP if paused else signal.SIGCONT)
         self.paused = paused
 
-    async def end(self) -> None:
-        """Kill it and all that it has started, and wait for its end."""
+    def kill(self) -> None:
+        """Kill it and all that it has started."""
         if self._process is None or self._ended:
             return
         self._ended = True
@@ -105,9 +110,19 @@ class Child:
             self._signal(signal.SIGKILL)
         elif self.alive:
             self._process.kill()
+
+    async def end(self) -> None:
+        """Kill it and all that it has started, and wait for its end."""
+        self.kill()
+        if self._process is None:
+            return
         await self._process.wait()
         if self._process.stdin is not None:
             self._process.stdin.close()
+        if self._process.stdout is not None and not self._reading:
+            # Read to its end, the pipe is closed before the loop is.
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._process.stdout.read(), 1.0)
 
     def _signal(self, number: int) -> None:
         assert self._process is not None

@@ -15,7 +15,7 @@ from ..errors import UserError
 from ..files import atomic_write
 from ..lightfield import Display
 from .answers import Refusal, choice, number, text, truth, whole
-from .names import clean_name, free_name, id_of
+from .names import folder_name, free_name, id_of
 from .projects import Project, Projects
 
 __all__ = ["KINDS", "Displays", "Panel", "corrected", "wizard_steps"]
@@ -96,7 +96,7 @@ class Displays:
 
     def add(self, name: str, display: Display) -> Panel:
         """A new file."""
-        stem = clean_name(name)
+        stem = folder_name(name)
         self.folder.mkdir(parents=True, exist_ok=True)
         target = self.folder / free_name(f"{stem}.toml",
                                          [path.name for path in self.folder.iterdir()])

@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import UserError
 from ..files import read_json, write_json
 from .answers import Refusal, choice, number, text, truth, whole
-from .names import clean_name, id_of
+from .names import folder_name, id_of
 from .projects import Project
 
 __all__ = ["KINDS", "Kind", "checked_options", "checked_placement", "entries", "find", "keep",
@@ -150,12 +150,12 @@ def target(project: Project, kind: Kind, name: str) -> Path:
     """A free file for an export."""
     folder = project.folder / "exports"
     folder.mkdir(parents=True, exist_ok=True)
-    stem = clean_name(name or project.folder.name)
-    taken = [path.name for path in folder.iterdir()]
-    # The ending says what the file holds: numbers go before it.
+    stem = folder_name(name or project.folder.name)
+    taken = [path.name.lower() for path in folder.iterdir()]
+    # The ending says what the file holds: numbers go before it. A quilt's goes on.
     ending, count, found = kind.ending, 1, stem
-    while any(one.lower().startswith(f"{found}{ending}".lower().rpartition(".")[0])
-              for one in taken):
+    while any(one == f"{found}{ending}".lower() or one.startswith(f"{found}_qs".lower())
+              and kind.kind == "quilt" for one in taken):
         count += 1
         found = f"{stem}-{count}"
     return folder / f"{found}{ending}"

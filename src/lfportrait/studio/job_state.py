@@ -6,6 +6,7 @@ running.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -206,4 +207,5 @@ class Times:
         """A stage took so long: the newest counts half."""
         before = self._seconds.get(stage, seconds)
         self._seconds[stage] = round(0.5 * before + 0.5 * seconds, 2)
-        write_json(self._path, self._seconds)
+        with contextlib.suppress(UserError):  # a full disk loses an estimate
+            write_json(self._path, self._seconds)

@@ -46,6 +46,9 @@ class Jobs:
         Called with a job whose stage or state has changed, for what depends on it.
     """
 
+    ENTRY = "lfportrait.studio.work.jobs:serve"
+    """What a job's process runs."""
+
     def __init__(self, folder: Path, events: Events, order: OrderMaker,
                  changed: Callable[[JobState], None] = lambda job: None) -> None:
         self._folder, self._events, self._order, self._changed = folder, events, order, changed
@@ -203,7 +206,7 @@ class Jobs:
         job.started = job.started or round(time.time(), 3)
         try:
             order = self._order(job)
-            child = Child("lfportrait.studio.work.jobs:serve", self._folder / f"{job.id}.log")
+            child = Child(self.ENTRY, self._folder / f"{job.id}.log")
             await child.start()
         except (Refusal, UserError, OSError) as error:
             self._fail(job, getattr(error, "code", "user_error"), str(error))
@@ -217,16 +220,16 @@ class Jobs:
                 self._hear(job, message[0], message[1:])
             if job.over:
                 break
+        child.kill()
+        if self._children.get(job.id) is child:  # else it was cancelled, and may run again already
+            del self._children[job.id]
+            if job.state in ("running", "paused"):
+                self._fail(job, "killed", "the job's process was ended from outside, as it happens "
+                           "where memory is short: close other programs, then let it go on; what "
+                           "is finished is kept")
+            if not self._closing:
+                self._settle(job)
         await child.end()
-        if self._children.get(job.id) is not child:
-            return  # it was cancelled, and may run again already
-        del self._children[job.id]
-        if job.state in ("running", "paused"):
-            self._fail(job, "killed", "the job's process was ended from outside, as it happens "
-                       "where memory is short: close other programs, then let it go on; what is "
-                       "finished is kept")
-        if not self._closing:
-            self._settle(job)
 
     def _hear(self, job: JobState, kind: str, facts: tuple[Any, ...]) -> None:
         """A message of a job's process."""

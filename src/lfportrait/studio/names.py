@@ -14,7 +14,7 @@ from pathlib import PurePosixPath
 
 from .answers import Refusal
 
-__all__ = ["clean_name", "file_name", "free_name", "id_of", "is_id"]
+__all__ = ["clean_name", "file_name", "folder_name", "free_name", "id_of", "is_id"]
 
 _ID = re.compile(r"[a-z0-9][a-z0-9-]{0,79}")
 _FORBIDDEN = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]')
@@ -57,6 +57,18 @@ def clean_name(name: str) -> str:
         raise Refusal("bad_name", f"{name[:_LONGEST]!r} can't be a file's name: leave out / \\ : "
                       '* ? " < > | and dots at its ends', name=name[:_LONGEST])
     return name
+
+
+def folder_name(title: str) -> str:
+    """A folder's name for a title: what no name may hold becomes a dash.
+
+    Raises
+    ------
+    Refusal
+        If nothing is left of it.
+    """
+    name = _FORBIDDEN.sub("-", unicodedata.normalize("NFC", title))
+    return clean_name(re.sub(r"\s+", " ", name).strip(" .")[:60].strip(" ."))
 
 
 def file_name(name: str) -> tuple[str, str]:

@@ -34,7 +34,7 @@ from ..errors import UserError
 from ..files import PHOTOS, VIDEOS, read_json, write_json
 from ..locks import lock
 from .answers import Refusal
-from .names import clean_name, free_name, id_of, is_id
+from .names import folder_name, free_name, id_of, is_id
 
 __all__ = ["OWN", "Project", "Projects"]
 
@@ -223,7 +223,7 @@ class Projects:
 
     def create(self, name: str, demo: bool = False) -> Project:
         """A new project."""
-        folder = clean_name(name)
+        folder = folder_name(name)
         if folder.lower() in _TAKEN:
             raise Refusal("bad_name", f"{name!r} is taken by the studio's own folders")
         if folder.lower() in {path.name.lower() for path in self.folder.iterdir()}:

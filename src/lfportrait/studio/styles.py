@@ -19,7 +19,7 @@ from PIL import Image
 from ..errors import UserError
 from ..files import PHOTOS, atomic_write, open_picture, read_json
 from .answers import Refusal
-from .names import clean_name, file_name, free_name, id_of
+from .names import file_name, folder_name, free_name, id_of
 from .projects import OWN, Project, Projects
 
 __all__ = ["GROUPS", "LABELS", "LINES", "MIRROR", "Style", "Styles"]
@@ -124,7 +124,7 @@ class Styles:
             if path.stat().st_size == len(data) and path.read_bytes() == data:
                 return self._of(path, project), False
         stems = [path.stem for path in _paintings(folder)]
-        target = folder / (free_name(Path(name).stem, stems) + suffix)
+        target = folder / (free_name(Path(name).stem.replace(".", "-"), stems) + suffix)
         _check(data, target)
         with atomic_write(target) as stream:
             stream.write(data)
@@ -139,7 +139,7 @@ class Styles:
         """Give a painting, and the files beside it, another name."""
         if style.path is None:
             raise Refusal("exists", "a built-in style can't be renamed: make a copy of it first")
-        stem = clean_name(name)
+        stem = folder_name(name).replace(".", "-")
         folder = style.path.parent
         if stem.lower() in {path.stem.lower() for path in _paintings(folder)}:
             raise Refusal("exists", f"there is a painting {stem!r} already; choose another name")

@@ -15,7 +15,7 @@ from typing import Any
 from ..errors import UserError
 from ..files import read_json, write_json
 from .answers import Refusal
-from .names import clean_name, free_name, id_of
+from .names import folder_name, free_name, id_of
 from .projects import Project
 
 __all__ = ["PORTRAIT", "Version", "Versions", "make_command"]
@@ -115,7 +115,7 @@ class Versions:
 
     def create(self, name: str, style: str, mix: dict[str, Any]) -> Version:
         """A new version."""
-        clean = clean_name(name)
+        clean = folder_name(name)
         self.folder.mkdir(parents=True, exist_ok=True)
         folder = self.folder / free_name(clean, [path.name for path in self.folder.iterdir()])
         version = Version(f"v-{id_of(folder.name)}", folder, {})

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 
@@ -82,6 +82,8 @@ async def _answer(desk: Desk, handler: Handler, request: Request) -> Response:
             await run_in_threadpool(handler, call))
     except (Refusal, UserError, OSError) as error:
         return failed(error).answer()
+    except ClientDisconnect:
+        return Response(status_code=400)  # nobody reads it
     if isinstance(found, Response):
         return found
     status, body = found if isinstance(found, tuple) else (200, found)
