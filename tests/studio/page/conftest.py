@@ -164,3 +164,12 @@ class Opened:
 def opened(browser, studio) -> Iterator[Opened]:
     with Opened(browser, studio) as each:
         yield each
+
+
+@pytest.fixture
+def portraits_of(tmp_path) -> Iterator[Studio]:
+    """A studio of its own, to be ended."""
+    (tmp_path / "mine" / "ben" / "photos").mkdir(parents=True)
+    running = Studio(tmp_path / "mine")
+    yield running
+    running.stop()

@@ -1,6 +1,7 @@
 // Elements from descriptions: no text becomes markup, and the security policy needs no exception.
 
 import { ICONS } from "./icons.js";
+import { slowPicture } from "./lane.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -8,7 +9,8 @@ const SVG = "http://www.w3.org/2000/svg";
  * An element.
  * @param {string} what Name and classes: "div.card.wide"; "svg:path" for one of a drawing.
  * @param {object} attributes `onclick` etc. are listeners, `text` is the text, values that are
- *   null or false are left out; those that start with "." are properties.
+ *   null or false are left out; those that start with "." are properties; `slow` is the address of a
+ *   picture that the server may need time for.
  * @param {...(Node|string|Array|null)} children
  */
 export function h(what, attributes = {}, ...children) {
@@ -30,6 +32,7 @@ export function h(what, attributes = {}, ...children) {
 export function set(element, name, value) {
   if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
   else if (name === "text") element.textContent = value;
+  else if (name === "slow") slowPicture(element, value);
   else if (name.startsWith(".")) element[name.slice(1)] = value;
   else if (name === "class") element.classList.add(...String(value).split(" ").filter(Boolean));
   else if (value === null || value === undefined || value === false) element.removeAttribute(name);

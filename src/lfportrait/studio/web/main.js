@@ -43,6 +43,8 @@ async function route(again = false) {
   drawShell(screen, id, () => route(true));
   document.title = [project(id)?.name, t(`step.${screen}`), "lfportrait studio"].filter(Boolean).join(" · ");
   const root = h("div.screen", { "data-screen": screen });
+  // Pictures that are still on their way would hold up what the next screen asks for.
+  for (const image of main.querySelectorAll("img")) image.removeAttribute("src");
   fill(main, root);
   scrollTo(0, 0);
   try {

@@ -220,9 +220,8 @@ class Photos {
         {},
         photo.picture
           ? h("img", {
-              src: photo.picture,
+              slow: photo.picture,
               alt: t("photo.alt", { name: photo.name }),
-              loading: "lazy",
               decoding: "async",
             })
           : h("div.blank", {}, icon(photo.video ? "play" : "photos")),

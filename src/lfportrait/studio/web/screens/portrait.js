@@ -137,7 +137,7 @@ class Portrait {
             "button.version",
             { "aria-pressed": String(each.id === this.chosen), onclick: () => this.choose(each.id) },
             each.thumbnail
-              ? h("img", { src: each.thumbnail, alt: "" })
+              ? h("img", { slow: each.thumbnail, alt: "" })
               : h("span.blank", {}, icon("portrait")),
             h(
               "span",

@@ -3,6 +3,7 @@
 import { get, picture, post, put, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
 import { t } from "../i18n.js";
+import { slowly } from "../lane.js";
 import { doing, fail, murmur, say } from "../shell.js";
 import { keepProject, on } from "../state.js";
 import { chooseFace } from "../faces.js";
@@ -171,7 +172,7 @@ class Gallery {
         h(
           "span.pair",
           {},
-          h("img", { src: style.picture, alt: "", loading: "lazy" }),
+          h("img", { slow: style.picture, alt: "" }),
           style.preview ? h("img.on-sitter", { src: style.preview, alt: "" }) : h("span.on-sitter.blank"),
         ),
         h("span.name", { text: style.name }),
@@ -210,7 +211,9 @@ class Gallery {
       if (!style || style.preview || style.landmarks === "none") continue;
       try {
         // The server keeps it: its address stands in the gallery from then on.
-        await picture(`/api/projects/${this.sitter.id}/preview`, { style: id }, this.stopper.signal);
+        const { signal } = this.stopper;
+        const path = `/api/projects/${this.sitter.id}/preview`;
+        await slowly(() => picture(path, { style: id }, signal), signal);
         const { styles } = await get(`/api/styles?project=${this.sitter.id}`);
         style.preview = styles.find((each) => each.id === id)?.preview ?? null;
         if (!style.preview) continue;
@@ -240,7 +243,7 @@ class Gallery {
         h(
           "figure",
           {},
-          h("img", { src: style.full, alt: t("style.alt", { name: style.name }) }),
+          h("img", { slow: style.full, alt: t("style.alt", { name: style.name }) }),
           h("figcaption.soft.small", { text: style.name }),
         ),
         h(
@@ -301,7 +304,8 @@ class Gallery {
   /** What the painting will give: it takes a second the first time. */
   async judge(style, list) {
     const path = `/api/styles/${style.id}/check?project=${this.sitter.id}`;
-    const { facts } = await get(path, this.stopper.signal).catch((error) => {
+    const { signal } = this.stopper;
+    const { facts } = await slowly(() => get(path, signal), signal).catch((error) => {
       if (error.code === "user_error") return { facts: [{ grade: "bad", text: error.message }] };
       throw error;
     });
