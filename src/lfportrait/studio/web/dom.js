@@ -173,10 +173,11 @@ export function ask(title, body, buttons) {
           {},
           buttons.map(([value, text, kind]) =>
             h(`button.button${kind ? `.${kind}` : ""}`, {
-              ".type": "submit",
+              // Enter presses a form's first button that submits: never the one that leaves.
+              ".type": value === "" ? "button" : "submit",
               value,
               text,
-              formnovalidate: value === "",
+              onclick: () => value === "" && window_.close(""),
             }),
           ),
         ),
