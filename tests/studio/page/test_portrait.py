@@ -39,7 +39,7 @@ def test_strength_is_mixed_at_once_and_without_a_request(portrait):
 
 
 def test_two_side_by_side_turn_together(portrait):
-    portrait.page.click("text=Two side by side")
+    portrait.go("portrait/anna/portrait/portrait")
     portrait.page.wait_for_selector(".stages-pair.two .column:nth-child(2) iframe:not(.coming)",
                                     timeout=120000)
     yaw = f"() => [0, 1].map((n) => ({INNER})(n).orbit.yaw)"
@@ -48,7 +48,6 @@ def test_two_side_by_side_turn_together(portrait):
                      " each.viewer.change(); }", which)
         portrait.until(f"() => {{ const [a, b] = ({yaw})(); return a === b && a !== 0; }}")
     assert portrait.run(yaw) == pytest.approx([0.4, 0.4])
-    assert portrait.page.url.endswith("/photo")
     # A reload shows both again.
     portrait.reload()
     portrait.page.wait_for_selector(".stages-pair.two .column:nth-child(2) iframe:not(.coming)",
@@ -60,4 +59,5 @@ def test_two_side_by_side_turn_together(portrait):
     first, second = portrait.run(yaw)
     assert first != second
     portrait.page.click("text=Two side by side")
-    assert portrait.page.locator(".stage").count() == 1
+    portrait.until("() => document.querySelectorAll('.stage').length === 1")
+    assert portrait.page.url.endswith("portrait/anna/portrait")

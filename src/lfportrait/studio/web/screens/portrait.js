@@ -30,7 +30,7 @@ class Portrait {
       onmove: (mix, share, name) => this.move(mix, share, name),
       onend: (mix) => this.end(mix),
     });
-    this.compare = button(t("portrait.compare"), () => this.toggleCompare(), {
+    this.compare = button(t("portrait.compare"), doing(() => this.toggleCompare()), {
       drawing: "compare",
       "aria-pressed": "false",
     });
@@ -100,7 +100,7 @@ class Portrait {
     fill(this.stages, h("div.column", {}, h("div.row.beside-bar", {}, this.title), this.stage.element));
     // The screen itself is there; the portrait comes when it is packed.
     this.display().catch(fail);
-    if (this.second) await this.openBeside(this.second);
+    if (this.second) this.openBeside(this.second).catch(fail);
   }
 
   /** Read the versions; keep what is chosen. */
