@@ -248,8 +248,7 @@ def _agreed(counts: list[list[float]], unit: float) -> float:
 
 
 def _changed(display: Display, **entries: Any) -> Display:
-    """Another pitch or slant; the middle of the panel, where the pattern is white, keeps its view.
-    """
+    """Another pitch or slant; the middle of the panel keeps its view."""
     found = replace(display, **entries)
     row, column = display.height // 2, display.width // 2
     share = float(display.phase(row, column, 1)) / display.pitch
