@@ -104,6 +104,7 @@ def tried(wheel: Path, folder: Path) -> None:
     empty.mkdir()
     run(lfportrait, "--version", folder=empty)
     run(lfportrait, "doctor", folder=empty)
+    run(lfportrait, "devices", folder=empty)  # without wgpu
     run(lfportrait, "demo", "--quick", "--quiet", "--out", "demo", folder=empty)
     for name in ("lightfield.png", "portrait.html", "report.html"):
         if not (empty / "demo" / name).is_file():

@@ -54,6 +54,36 @@ def kept(monkeypatch, tmp_path_factory, request):
     return folder
 
 
+@pytest.fixture(scope="session")
+def adapter():
+    """A WebGPU adapter of this machine, the software one if it has that."""
+    from lfportrait.gpu import adapters
+    from lfportrait.graphics import lacking
+
+    found = sorted(adapters(), key=lambda one: one.real)
+    if found:
+        return found[0]
+    why = "; ".join(f"{lack.what}: {lack.remedy}" for lack in lacking()) or "no adapter is found"
+    if os.environ.get("LFPORTRAIT_REQUIRE_GPU") == "1":
+        pytest.fail(f"LFPORTRAIT_REQUIRE_GPU=1 asks for a GPU, but {why}")
+    pytest.skip(why)
+
+
+@pytest.fixture
+def other_device(monkeypatch):
+    """A choice of ``--device`` by which torch computes elsewhere (`tests.other_memory`)."""
+    from lfportrait import device
+    from tests.other_memory import PLACE, OtherMemory
+
+    monkeypatch.setattr(device, "gpu_adapters", list)
+    monkeypatch.setattr(device, "torch_devices",
+                        lambda: (device.TorchDevice(PLACE, "Other 9", "Test"),))
+    device.torch_device.cache_clear()
+    with OtherMemory():
+        yield "gpu:other"
+    device.torch_device.cache_clear()
+
+
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 

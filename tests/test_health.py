@@ -5,6 +5,8 @@ import sys
 import pytest
 
 from lfportrait import health, models
+from lfportrait.gpu import Adapter
+from lfportrait.graphics import Lack
 from lfportrait.health import Fact, examine
 from lfportrait.lanes import host
 
@@ -103,3 +105,26 @@ def test_the_window_system(monkeypatch, settings, server):
     for name, value in settings.items():
         monkeypatch.setenv(name, value)
     assert health._window_system() == server
+
+
+@pytest.mark.parametrize("used, seen, lacks, state, text, remedy", [
+    (Adapter("Radeon", "discrete", "Vulkan"), True, [], "good", "Radeon (Vulkan)", ""),
+    (None, False, [Lack("wgpu is not installed", "pip")], "good", "none in sight", ""),
+    (None, True, [Lack("wgpu is not installed", "pip install it")], "optional",
+     "not used: wgpu is not installed", "pip install it"),
+    (None, True, [], "optional", "none that can be used", "lfportrait devices")])
+def test_the_gpu_that_is_used_or_why_none_is(monkeypatch, used, seen, lacks, state, text, remedy):
+    monkeypatch.setattr(health, "gpu_adapter", lambda: used)
+    monkeypatch.setattr(health, "gpu_in_sight", lambda: seen)
+    monkeypatch.setattr(health, "lacking", lambda: lacks)
+    fact, = health._graphics()
+    assert (fact.name, fact.state, fact.remedy) == ("GPU", state, remedy)
+    assert text in fact.text
+    assert fact.value == ("cpu" if used is None else "gpu: Radeon (Vulkan)")
+
+
+def test_a_torch_without_gpus_is_told_beside_a_gpu(monkeypatch):
+    monkeypatch.setattr(health, "gpu_adapter", lambda: Adapter("RTX", "discrete", "Vulkan"))
+    monkeypatch.setattr(health, "lacking", lambda: [Lack("torch 2+cpu is a build for the CPU",
+                                                         "install another")])
+    assert [fact.state for fact in health._graphics()] == ["good", "optional"]

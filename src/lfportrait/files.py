@@ -12,7 +12,6 @@ import struct
 import tempfile
 import threading
 import zipfile
-import zlib
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -25,9 +24,10 @@ from PIL import Image
 from .color import srgb
 from .errors import UserError
 from .measure import usable_cores
+from .png import write_png
 
 __all__ = [
-    "HEIC", "PHOTOS", "RAW", "RUNS", "VIDEOS", "atomic_path", "atomic_write", "map_arrays",
+    "HEIC", "PHOTOS", "RAW", "VIDEOS", "atomic_path", "atomic_write", "map_arrays",
     "open_picture", "picture_format", "read_image", "read_images", "read_json", "temporary_home",
     "write_exr", "write_image", "write_json", "write_mappable",
 ]
@@ -159,9 +159,6 @@ VIDEOS = {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"}
 RAW = {".3fr", ".arw", ".cr2", ".cr3", ".crw", ".dng", ".erf", ".iiq", ".nef", ".nrw", ".orf",
        ".pef", ".raf", ".raw", ".rw2", ".srw", ".x3f"}
 """Endings of raw photos, which are not read."""
-RUNS = {"compress_type": zlib.Z_RLE}
-"""Options of `write_image` for large PNGs: of a picture's filtered rows only runs are worth looking
-for. It takes two thirds of the time of the usual search, for files of about the same size."""
 _LARGEST = 2 << 30
 """Bytes of a decoded picture beyond which a file is taken for a decompression bomb."""
 
@@ -278,7 +275,8 @@ def picture_format(path: str | os.PathLike[str]) -> str:
     return formats[suffix]
 
 
-def write_image(path: str | os.PathLike[str], image: NDArray[Any], **options: Any) -> None:
+def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool = False,
+                **options: Any) -> None:
     """Write a picture whose format follows from the suffix.
 
     Parameters
@@ -287,6 +285,8 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], **options: An
         ``.png``, ``.jpg`` or any format Pillow writes.
     image
         uint8, or float in [0, 1] (rounded): [H, W], [H, W, 3] or [H, W, 4].
+    fast
+        A PNG is written by `write_png`: for pictures that are large and hard to compress.
     options
         Passed on to Pillow's ``save`` (``compress_level``, ``quality``, ...).
     """
@@ -295,9 +295,12 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], **options: An
         array = (np.clip(array, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
     kind = picture_format(path)
     buffer = io.BytesIO()
-    if kind == "PNG":
-        options.setdefault("compress_level", 4)
-    Image.fromarray(array).save(buffer, format=kind, **options)
+    if kind == "PNG" and fast:
+        write_png(buffer, array)
+    else:
+        if kind == "PNG":
+            options.setdefault("compress_level", 2)
+        Image.fromarray(array).save(buffer, format=kind, **options)
     with atomic_write(path) as stream:
         stream.write(buffer.getbuffer())
 

@@ -5,7 +5,6 @@ Libraries that take seconds to import are looked up, not imported.
 
 from __future__ import annotations
 
-import ctypes
 import os
 import platform
 import sys
@@ -15,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from . import models
-from .device import computing_device
+from .device import device_name, gpu_adapter
 from .download import megabytes
+from .graphics import gpu_in_sight, lacking, loads
 from .measure import free_disk_bytes, free_memory_bytes, machine
 from .version import __version__
 
@@ -94,9 +94,28 @@ def _computing() -> list[Fact]:
              value={"name": facts["processor"], "cores": facts["cores"]}),
         Fact("machine", "vectors", f"{unit}: {width} floats per vector",
              value={"unit": unit, "width": width}),
-        Fact("machine", "GPU", "not used by this version", value=computing_device()),
+        *_graphics(),
         Fact("machine", "threads", str(threads), value=threads),
         _kernels(host.kernel_cache())]
+
+
+def _graphics() -> list[Fact]:
+    """The GPU for light fields, and torch's build for networks; torch itself is not asked."""
+    adapter, lacks = gpu_adapter(), lacking()
+    name = device_name(adapter)
+    if adapter is not None:
+        gpu = Fact("machine", "GPU", name.removeprefix("gpu: "), value=name)
+    elif not gpu_in_sight():
+        gpu = Fact("machine", "GPU", "none in sight: all is computed on the CPU", value=name)
+    elif lacks:
+        gpu = Fact("machine", "GPU", f"not used: {lacks[0].what}", "optional", lacks[0].remedy,
+                   name)
+    else:
+        gpu = Fact("machine", "GPU", "none that can be used: see `lfportrait devices`",
+                   "optional", "lfportrait devices", name)
+    build = next((lack for lack in lacks if lack.what.startswith("torch")), None)
+    return [gpu] if build is None else [gpu, Fact("machine", "GPU of networks", build.what,
+                                                  "optional", build.remedy)]
 
 
 def _kernels(cache: KernelCache) -> Fact:
@@ -155,7 +174,7 @@ def _library(name: str, module: str, package: str, purpose: str,
     if version is None:
         return Fact("libraries", name, f"{package} is not installed; it is for {purpose}", "bad",
                     f"pip install {package}")
-    lost = [pair for pair in system if sys.platform == "linux" and not _loads(pair[0])]
+    lost = [pair for pair in system if sys.platform == "linux" and not loads(pair[0])]
     if lost:
         return Fact("libraries", name, f"{package} {version} can't find "
                     f"{', '.join(library for library, _ in lost)}; it is for {purpose}", "bad",
@@ -171,14 +190,6 @@ def _version(module: str, package: str) -> str | None:
         return metadata.version(package)
     except metadata.PackageNotFoundError:  # the module comes from another package
         return "(of unknown version)"
-
-
-def _loads(library: str) -> bool:
-    try:
-        ctypes.CDLL(library)
-    except OSError:
-        return False
-    return True
 
 
 def _screen() -> list[Fact]:

@@ -36,7 +36,8 @@ class Evaluate(Common):
 
         exemplar = Exemplar.load(self.style) if self.style else None
         with self.progress("evaluate") as progress:
-            figures = evaluate_job(self.job, exemplar, progress=progress)
+            figures = evaluate_job(self.job, exemplar, progress=progress,
+                                   device=self.device)
         for name, value in sorted(_flat(figures).items()):
             print(f"{name:<44} {value:.4g}" if isinstance(value, float) else f"{name:<44} {value}")
         return figures
@@ -83,6 +84,7 @@ class Tables(Common):
         with self.progress("tables") as progress:
             figures = write_tables(
                 sources, exemplars, self.out, config, seed=self.seed, progress=progress,
+                device=self.device,
                 open_capture=lambda path: prepare_capture(path, CalibrateConfig(seed=self.seed),
                                                           need_face=True, progress=progress)[0])
         text = (self.out / "tables.md").read_text("utf-8")
@@ -116,7 +118,7 @@ class Bench(Common):
 
         with self.progress("bench") as progress:
             figures = bench(self.what, field=self.field, capture=self.capture, plot=self.plot,
-                            full=self.full, progress=progress)
+                            full=self.full, progress=progress, device=self.device)
         for name, value in _flat(figures).items():
             if ".curve." in f".{name}":  # for --json and the plot
                 continue

@@ -191,16 +191,28 @@ def test_memory_that_was_freed_is_used_again():
     assert faults() < 2000 < 20_000 < faults(MALLOC_MMAP_THRESHOLD_="100000")
 
 
-def test_a_gpu_is_not_used_by_this_version(tmp_path, capsys):
-    for choice in ("gpu", "gpu:radeon"):
-        assert run("encode", tmp_path / "field.npz", "--device", choice) == 2
-        assert "computes on the CPU; leave --device at auto or cpu" in one_line(capsys)
+def test_a_gpu_of_an_unknown_name(tmp_path, capsys):
+    assert run("encode", tmp_path / "field.npz", "--device", "gpu:voodoo 5") == 2
+    assert "there is no GPU" in one_line(capsys)
 
 
 def test_a_device_that_there_is_not(tmp_path, capsys):
     for choice in ("tpu", "gpu:", "GPU", ""):
         assert run("encode", tmp_path / "field.npz", "--device", choice) == 2
         assert "auto, cpu, gpu or gpu:NAME" in one_line(capsys)
+
+
+def test_a_gpu_with_too_little_memory_is_one_line(monkeypatch, capsys):
+    import torch
+
+    from lfportrait.cli.displays import DisplayList
+
+    def full(self):
+        raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20 GiB")
+
+    monkeypatch.setattr(DisplayList, "run", full)
+    assert run("display", "list") == 2
+    assert "use --device cpu" in one_line(capsys)
 
 
 def test_figures_tell_the_device(tmp_path):

@@ -69,3 +69,18 @@ def test_no_hair_lies_over_a_bare_heads_ears(face):
     crown = head & (down < -0.2)
     assert ears.sum() > 20 and crown.sum() > 100
     assert shares[ears][:, HAIR].max() < 0.05 and shares[crown][:, HAIR].min() > 0.9
+
+
+def test_a_beard_as_the_hair_is_hair_and_a_chin_in_the_shade_is_skin(face):
+    y, x = np.indices(face.mask.shape)
+    low = int(face.landmarks[57, 1])
+    chin = (y > low) & (y < face.landmarks[8, 1] + 12) & (np.abs(x - 200) < 24)
+    for color, bearded in (((60, 40, 30), True), ((150, 120, 100), False)):
+        image = face.image.copy()
+        noise = np.random.default_rng(2).normal(0, 6, (int(chin.sum()), 3))
+        image[chin] = np.clip(np.array(color) + noise, 0, 255).astype(np.uint8)
+        shares = shares_of(face, image)
+        grown = shares[low + 6:int(face.landmarks[8, 1]) - 4, 190:210, HAIR].mean()
+        assert grown > 0.8 if bearded else grown < 0.1
+        assert shares[int(face.landmarks[30, 1]), 180:220, HAIR].max() < 0.1
+        np.testing.assert_allclose(shares.sum(axis=-1), 1, atol=1e-4)

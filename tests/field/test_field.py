@@ -14,7 +14,14 @@ import pytest
 from lfportrait.capture import Camera, Capture
 from lfportrait.cli.reconstruction import Reconstruct
 from lfportrait.errors import UserError
-from lfportrait.field import ReconstructConfig, VoxelField, reconstruct, reconstruct_with_figures
+from lfportrait.field import (
+    Backdrop,
+    ReconstructConfig,
+    SurfaceTexture,
+    VoxelField,
+    reconstruct,
+    reconstruct_with_figures,
+)
 from lfportrait.field.background import Background
 from lfportrait.field.geometry.exposure import matte_gains
 from lfportrait.field.geometry.hull import hull_box, ruled_out, visual_hull
@@ -60,6 +67,39 @@ def room_field(shape=(40, 50, 60)):
     data = np.random.default_rng(3).random((100, 3, 4)).astype(np.float32)
     field.background = Background(links, data)
     return field
+
+
+@pytest.mark.parametrize("bare", [False, True])
+def test_what_a_file_gives_is_known_without_it(tmp_path, bare):
+    rng = np.random.default_rng(5)
+    field = shell_field(12, basis=4, center=(0.1, 0.2, 0.3), box=(0.7, 0.9, 1.1))
+    rows = len(field.density)
+    field = replace(field, sh=(1e5 * rng.normal(size=(rows, 3, 4)) ** 9).astype(np.float32))
+    if not bare:
+        links = np.full((8, 4), -1, np.int32)
+        links[2, 1:3] = 0, 1
+        field = replace(
+            field, background=Background(links, rng.normal(size=(2, 3, 4)).astype(np.float32)),
+            texture=SurfaceTexture(rng.integers(-99, 99, (9, 7, 3)).astype(np.int8),
+                                   rng.normal(size=(2, 3, 4)),
+                                   rng.integers(0, 2, rows).astype(np.uint8), 31.7),
+            backdrop=Backdrop(rng.integers(0, 256, (5, 6, 3)).astype(np.uint8), 12.3,
+                              np.array([0.1, 0.2, 1.0]),
+                              rng.normal(size=(9, 3)).astype(np.float32)))
+    field.save(tmp_path / "field.npz")
+    read, known = VoxelField.load(tmp_path / "field.npz"), field.as_read()
+    arrays = [{f"{name}.{part}": value for name, whole in vars(one).items()
+               for part, value in (vars(whole) if hasattr(whole, "__dict__") else {"": whole}
+                                   ).items()} for one in (read, known)]
+    assert arrays[0].keys() == arrays[1].keys()
+    for name, value in arrays[0].items():
+        other = arrays[1][name]
+        assert type(value) is type(other), name
+        if isinstance(value, np.ndarray):
+            assert value.dtype == other.dtype and np.array_equal(value, other), name
+            assert value.flags.c_contiguous == other.flags.c_contiguous, name
+        else:
+            assert value == other, name
 
 
 @pytest.mark.parametrize("save", [save_field, save_checkpoint])

@@ -153,7 +153,7 @@ def test_a_page_that_comes_back_gets_what_it_missed(server, folder):
     numbers = [number for number, _, _ in rest if number is not None]
     assert numbers == list(range(1, len(numbers) + 1)), "every line, in order"
     after = server.events("job", **{"Last-Event-ID": str(seen)})
-    assert [number for number, _, _ in after if number is not None][0] == seen + 1
+    assert next(number for number, _, _ in after if number is not None) == seen + 1
     assert server.events("reset", **{"Last-Event-ID": "99999"})[-1][1] == "reset"
     assert server.events("hello", **{"Last-Event-ID": "evil"})[0][1] == "hello"
 

@@ -9,7 +9,7 @@ import torch
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.files import read_image
-from lfportrait.stylize import StylizeConfig, load_network, stylize_with_figures
+from lfportrait.stylize import StylizeConfig, load_network, refinement, stylize_with_figures
 from lfportrait.stylize.fit import ColorModel, affine_color_map
 from lfportrait.stylize.kernels.linear import adam_step, gather_colors, scatter_colors
 from lfportrait.stylize.losses import (
@@ -276,6 +276,49 @@ def test_a_head_takes_on_the_exemplar(job):
     assert np.linalg.norm(painted - palette) < 0.7 * np.linalg.norm(real - palette)
     again, _ = stylize_with_figures(field, capture, exemplar, SMALL)
     assert np.array_equal(again.sh, styled.sh)
+
+
+def test_networks_on_another_device_give_the_same(job, other_device):
+    field, capture, exemplar = job
+    here, there = (stylize_with_figures(field, capture, exemplar, SMALL, device=device)
+                   for device in ("cpu", other_device))
+    assert here[1]["device"] == "cpu"
+    assert there[1]["device"] == "gpu: Other 9 (Test)"
+    assert np.allclose(here[0].sh, there[0].sh, atol=1e-5)
+    assert np.abs(here[0].sh - field.sh[..., :1]).max() > 0.1
+
+
+@pytest.mark.parametrize("error, why", [
+    (torch.OutOfMemoryError("no room"), "has too little memory"),
+    (RuntimeError("MPS backend out of memory"), "has too little memory"),
+    (torch.AcceleratorError("CUDA error: unspecified launch failure"), "was lost")])
+def test_a_gpu_that_fails_leaves_the_networks_to_the_cpu(job, other_device, monkeypatch, error,
+                                                         why):
+    field, capture, exemplar = job
+    wanted, _ = stylize_with_figures(field, capture, exemplar, SMALL, device="cpu")
+    left, gradients = [3], refinement.nearest_neighbour_loss
+
+    def full(features, *arguments, **options):
+        left[0] -= features.device.type != "cpu"
+        if left[0] < 0 and features.device.type != "cpu":
+            raise error
+        return gradients(features, *arguments, **options)
+
+    monkeypatch.setattr(refinement, "nearest_neighbour_loss", full)
+    with pytest.warns(UserWarning, match=f"Other 9 {why}: the networks compute on the CPU"):
+        styled, figures = stylize_with_figures(field, capture, exemplar, SMALL,
+                                               device=other_device)
+    assert figures["device"] == "cpu"
+    assert np.array_equal(styled.sh, wanted.sh)
+
+
+def test_a_fault_on_a_gpu_is_not_hidden(job, other_device, monkeypatch):
+    def faulty(*arguments, **options):
+        raise RuntimeError("sizes do not match")
+
+    monkeypatch.setattr(refinement, "nearest_neighbour_loss", faulty)
+    with pytest.raises(RuntimeError, match="sizes do not match"):
+        stylize_with_figures(*job, SMALL, device=other_device)
 
 
 def test_a_capture_without_landmarks_is_told(job):

@@ -51,7 +51,7 @@ class Encode(Common):
     def run(self) -> dict[str, Any]:
         """Code and write."""
         from ..field import VoxelField
-        from ..lightfield import ViewMask, composed, encode_with_figures, quilt_of
+        from ..lightfield import composed, encode_with_figures, quilt_of
 
         if self.sequence.frames:
             return self._moving()
@@ -60,13 +60,12 @@ class Encode(Common):
         voxels = VoxelField.load(self.field)
         config = composed(voxels, panel, self.config)
         with self.progress("encode") as progress:
-            mask = ViewMask.build(panel)
             progress.update(0, f"{panel.width} x {panel.height}, {panel.views} views")
-            image, figures = encode_with_figures(voxels, panel, config, mask=mask,
-                                                 device=self.device)
+            image, figures = encode_with_figures(voxels, panel, config, device=self.device)
         write_coded(self.out, image, panel)
         if self.quilt is not None:
-            picture, name = quilt_of(voxels, panel, config, name=self.quilt.name)
+            picture, name = quilt_of(voxels, panel, config, name=self.quilt.name,
+                                      device=self.device)
             layout = QuiltLayout.of_name(self.quilt.name) or QuiltLayout.of_name(name)
             assert layout is not None
             write_quilt(self.quilt, picture, layout)

@@ -33,7 +33,7 @@ class Common:
     all."""
 
     device: Annotated[str, tyro.conf.arg(metavar="auto|cpu|gpu|gpu:NAME")] = "auto"
-    """Where to compute; this version uses the CPU only."""
+    """Where to compute: auto is a GPU, if there is one, else the CPU (see lfportrait devices)."""
     seed: int = 0
     """Seed of all random choices; the same seed on the same machine gives the same files."""
     quiet: bool = False

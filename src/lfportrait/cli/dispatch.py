@@ -76,6 +76,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "bench": (_LAB, "Bench", "measure speed: encode, print, reconstruct, transfer, stylize or all"),
     "study": (_LAB, "Study", "make a user study page"),
     "study results": (_LAB, "StudyResults", "evaluate the answers"),
+    "devices": ("adapters", "Devices", "list the GPUs, which of them is used, what is missing"),
     "doctor": ("doctor", "Doctor", "check the installation and suggest fixes"),
     "models": ("doctor", "Models", "list the pretrained networks"),
     "models list": ("doctor", "Models", "the same"),
@@ -127,13 +128,13 @@ def _command_class(name: str) -> Any:
 
 
 def _execute(name: str, arguments: list[str]) -> int:
-    from ..device import computing_device
+    from ..device import check_device
     from ..files import write_json
     from ..measure import peak_memory_bytes
     from .common import parsed
 
     command = parsed(_command_class(name), arguments, f"lfportrait {name}")
-    device = computing_device(command.device)
+    check_device(command.device)
     start = time.perf_counter()
     figures = command.run()
     target = getattr(command, "json", None)
@@ -143,7 +144,7 @@ def _execute(name: str, arguments: list[str]) -> int:
             seconds = {} if seconds is None else {"stage": seconds}
         figures["seconds"] = {"wall": round(time.perf_counter() - start, 3), **seconds}
         figures.setdefault("peak_memory_bytes", peak_memory_bytes())
-        figures.setdefault("device", device)
+        figures.setdefault("device", "cpu")
         figures["version"] = __version__
         write_json(target, figures)
     return int(command.exit_code(figures))
@@ -196,7 +197,11 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except Exception:
+    except Exception as error:
+        if type(error).__name__ == "OutOfMemoryError":  # torch's, which is not imported for this
+            print("lfportrait: the GPU has too little memory for this: use --device cpu",
+                  file=sys.stderr)
+            return 2
         traceback.print_exc()
         print("lfportrait: internal error; please report it with the lines above",
               file=sys.stderr)

@@ -55,7 +55,7 @@ class Export(Common):
     frame: Annotated[FrameConfig, tyro.conf.arg(name="")] = option(default_factory=FrameConfig)
     """Frames."""
     encode: EncodeConfig = option(default_factory=EncodeConfig)
-    """Placement of the head for frames."""
+    """Placement of the head for frames; ground of frames and pages."""
 
     def run(self) -> dict[str, Any]:
         """Convert and write."""
@@ -64,7 +64,8 @@ class Export(Common):
         with self.progress("export", 100) as progress:
             progress.update(0, self.out.name)
             if self.out.suffix.lower() in (".html", ".htm"):
-                return self._written(write_page(load_styled(self.field), self.out, self.page))
+                return self._written(write_page(load_styled(self.field), self.out, self.page,
+                                                self.encode))
             figures = export_field(
                 VoxelField.load(self.field), self.out, self.config,
                 lambda share, text: progress.update(int(100 * share), text))

@@ -147,7 +147,8 @@ class BatchCommand(Common):
             watchers = [JsonLines()] if self.json_lines else []
         with contextlib.closing(table):
             figures = batch(self.jobs, self.out, self.config, offline=self.offline,
-                            quiet=self.quiet or self.json_lines, watchers=watchers)
+                            quiet=self.quiet or self.json_lines, watchers=watchers,
+                            device=self.device)
         if not self.json_lines:
             self._tell(figures)
         return figures

@@ -30,7 +30,7 @@ class Studio(Common):
     def run(self) -> dict[str, Any]:
         """Serve until it is ended."""
         try:
-            from ..studio.app import run
+            from ..studio import run
         except ModuleNotFoundError as error:
             if error.name not in ("starlette", "uvicorn"):
                 raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from dataclasses import field as option
 from pathlib import Path
@@ -96,8 +97,9 @@ class TransferPhoto(Common):
             return replace(self.config, seed=self.seed)
         kind = photo_method(self.method).parameters
         config = next((one for one in self.given if isinstance(one, kind)), kind())
-        seeded = any(entry.name == "seed" for entry in fields(kind))
-        return replace(config, seed=self.seed) if seeded else config
+        common = {"seed": self.seed, "device": self.device}
+        return replace(config, **{entry.name: common[entry.name] for entry in fields(kind)
+                                  if entry.name in common})
 
 
 @dataclass
@@ -133,10 +135,12 @@ class Stylize(Common):
         if not self.field.exists():  # before the painting is looked for
             raise UserError(f"no such field file: {self.field}")
         with self.progress("stylize") as progress:
-            exemplars = [Exemplar.load(style) for style in self.style]
-            capture = capture_of_face(self.capture)
             check_field_path(self.out)
-            field = VoxelField.load(self.field)
+            with ThreadPoolExecutor(1) as aside:
+                coming = aside.submit(VoxelField.load, self.field)
+                exemplars = [Exemplar.load(style) for style in self.style]
+                capture = capture_of_face(self.capture)
+                field = coming.result()
             skin = (kept_skin(self.field, field, capture, self.config.pixels)
                     if self.config.on_skin and capture.landmarks is not None else None)
             config = replace(self.config, seed=self.seed, parameters=self.given)

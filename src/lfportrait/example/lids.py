@@ -12,7 +12,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from .exemplar import Exemplar
 from .guides.appearance import grey
@@ -49,6 +48,9 @@ SOUGHT = -0.02, 0.12
 """Where the upper lid's edge is sought above its landmarks, over the eye's width."""
 NEAR = 0.25
 """The same as a share of the way to the brow, at most."""
+BROAD, USUAL, FEW = 0.08, (0.2, 0.8), 8
+"""Sigma of the blur for a lid's broad colors, over the eye's width; the shares of what lies above
+it between which these stay; and pixels that say enough."""
 SLACK = 0.5
 """How much less the upper lid is stretched at the brow than it is on average, and how much more at
 its edge: its crease stays in its upper half."""
@@ -181,9 +183,30 @@ def _drawn_down(image: NDArray[np.uint8], points: Float64, first: int) -> NDArra
     # Where nothing moves nothing is resampled.
     part = out[low[1]:high[1], low[0]:high[0]]
     part[source != up] = moved[source != up]
+    lid = (up > lower) & (up < upper) & (along > 0) & (along < 1)
+    _as_above(part, lid, image[low[1]:high[1], low[0]:high[0]],
+              (along > 0.1) & (along < 0.9) & (up > upper + 2 * LASHES)
+              & (up < upper + BROW * np.maximum(over[:, 1].mean() - upper, 0.15)),
+              BROAD * width)
     line = LINE_SHARE * _line(along, up - lower)[..., None]
     part[:] = np.clip((1 - line) * part + line * np.minimum(_dark(image, eye), part) + 0.5, 0, 255)
     return out
+
+
+def _as_above(part: NDArray[np.uint8], lid: NDArray[np.bool_], shown: NDArray[np.uint8],
+              above: NDArray[np.bool_], sigma: float) -> None:
+    """Keep the broad colors of a lid [h, w] among those that a picture shows above it; in place.
+
+    A thin edge of another color, drawn down over a whole eye, would be a stain.
+    """
+    if min(lid.sum(), above.sum()) < FEW:
+        return
+    weight = lid.astype(np.float32)
+    total = np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), np.float32(1e-3))[..., None]
+    broad = cv2.GaussianBlur(part * weight[..., None], (0, 0), sigma) / total
+    low, high = np.quantile(shown[above].astype(np.float32), USUAL, axis=0)
+    change = (np.clip(broad, low, high) - broad)[lid]
+    part[lid] = np.asarray(np.clip(part[lid] + change + 0.5, 0, 255), np.uint8)
 
 
 def _line(along: Float64, above: Float64) -> Float64:
@@ -255,5 +278,39 @@ def _curve(points: Float64, along: Float64) -> Float64:
     """Height of a lid's edge through points [4, 2] at places along the eye; corners go on."""
     order = np.argsort(points[:, 0])
     x = points[order, 0] + 1e-6 * np.arange(len(points))
-    curve = PchipInterpolator(x, points[order, 1])
-    return np.asarray(curve(np.clip(along, x[0], x[-1])), np.float64)
+    return _monotone(x, points[order, 1], np.clip(along, x[0], x[-1]))
+
+
+def _monotone(x: Float64, y: Float64, at: Float64) -> Float64:
+    """A smooth curve through points that rises and falls as they do (Fritsch & Carlson 1980).
+
+    SciPy's `PchipInterpolator`, whose import takes longer than all that is done to an eye.
+
+    Parameters
+    ----------
+    x, y
+        float64 [N], N > 2, ``x`` rising.
+    at
+        float64 [...], within ``x``.
+    """
+    step = np.diff(x)
+    rise = np.diff(y) / step
+    slope = np.zeros_like(x)
+    # Weighted harmonic means, and 0 at the top of a hill.
+    first, second = 2 * step[1:] + step[:-1], step[1:] + 2 * step[:-1]
+    same = rise[:-1] * rise[1:] > 0
+    slope[1:-1][same] = ((first + second)[same]
+                         / (first[same] / rise[:-1][same] + second[same] / rise[1:][same]))
+    for end, near, far in ((0, 0, 1), (-1, -1, -2)):
+        value = ((2 * step[near] + step[far]) * rise[near] - step[near] * rise[far]) / (
+            step[near] + step[far])
+        if value * rise[near] <= 0:
+            value = 0.0
+        elif rise[near] * rise[far] < 0 and abs(value) > 3 * abs(rise[near]):
+            value = 3 * rise[near]
+        slope[end] = value
+    piece = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(step) - 1)
+    part, away = step[piece], at - x[piece]
+    bend = (3 * rise[piece] - 2 * slope[piece] - slope[piece + 1]) / part
+    twist = (slope[piece] + slope[piece + 1] - 2 * rise[piece]) / part ** 2
+    return np.asarray(y[piece] + away * (slope[piece] + away * (bend + away * twist)), np.float64)

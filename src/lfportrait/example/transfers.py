@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import functools
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import tyro
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..renamed import accepts_old_names
 from .exemplar import Exemplar, face_size
 from .guides.appearance import Distribution, appearance_guide, match_histogram
 from .guides.blurs import broad_blur, gaussian_blur, shrunk
@@ -28,7 +26,6 @@ from .lids import lids_together
 from .photo_guide import FlatGuide
 from .result import TransferResult
 from .styleblit import (
-    BlitConfig,
     Seeds,
     finest_level,
     label_words,
@@ -36,10 +33,11 @@ from .styleblit import (
     plant,
     synthesise,
 )
-from .table import TableConfig, cached_table
+from .table import cached_table
+from .transfer_config import TransferConfig
 from .turned import face_aside
 from .versions import fitting
-from .worn import Hat, Layer, Wear
+from .worn import Hat, Layer
 
 if TYPE_CHECKING:
     from .painter.photo import PhotoPatches
@@ -52,64 +50,6 @@ FIRM = 2.0
 """Factor of the labels' weight in a video, where a stretched position asks for less."""
 CALM = 0.25
 """Share of the face's weight of the appearance below which it hardly counts."""
-
-
-@accepts_old_names
-@dataclass(frozen=True)
-class TransferConfig:
-    """Parameters of the example-based transfer; lengths are relative to the face."""
-
-    quality: Literal["fast", "best"] = "fast"
-    """fast: StyleBlit alone, a tenth of a second. best: patch synthesis outside the face, without
-    repeated rows and stripes, in seconds; only for photos in `lfportrait transfer`. It uses patch
-    search: see the note on patents in docs/methods.md."""
-    extent: Literal["picture", "head", "face"] = "picture"
-    """Painted area: the whole picture, the head (person), or the face alone (as in the paper)."""
-    strength: float = 1.0
-    """0 leaves the photo, 1 gives the painting."""
-    eyes: Literal["auto", "painted"] = "auto"
-    """auto: eyes that are closed in a photo are painted closed; painted: open, as in the painting.
-    For photos only; a frame of a video that blinks is painted open."""
-    wear: tuple[Wear, ...] = ()
-    """Put on the sitter of a photo what the painting's wears: hat, spectacles."""
-    blur: float = 0.06
-    """Sigma of the appearance guide's Gaussian blur over the face's size (`face_size`)."""
-    grid: int = 4
-    """Evaluate the position guide every Nth pixel, bilinear between; 1 = every pixel."""
-    stroke_scale: float = 0.0
-    """Exemplar pixels per target pixel; 0 = from the sizes of the faces, 1 if they are similar."""
-    background_appearance: float = 0.05
-    """Weight of the appearance guide outside the person, against 1 on the face."""
-    skin_appearance: float = 0.1
-    """Weight of the appearance guide on forehead and ears."""
-    hair_appearance: float = 0.1
-    """Weight of the appearance guide in the hair."""
-    body_appearance: float = 0.1
-    """Weight of the appearance guide on neck and clothes."""
-    background_position: float = 0.4
-    """Weight of the position guide outside the person, against 1 on the face."""
-    hair_position: float = 1.0
-    """Weight of the position guide in the hair."""
-    body_position: float = 0.5
-    """Weight of the position guide on neck and clothes."""
-    outline: float = 4.0
-    """Added weight of the position guide along the outline of the person, 0 to 10."""
-    label_weight: float = 40.0
-    """Penalty for copying from a wrong region (hair for skin, lips for skin, ...), 0 to 200."""
-    contours: bool = True
-    """Use hairline and outline of the head, with the landmarks, in the position guide."""
-    aside: float = 20.0
-    """For faces turned by more than this angle, guide by the visible part of a generic head instead
-    of hidden landmarks; in degrees, 90 = never."""
-    view_gain: float = 10.0
-    """Factor of `blit.min_improvement` in the views of a capture, 1 to 20: high values suppress
-    strokes that jump between views."""
-    table: TableConfig = field(default_factory=TableConfig)
-    """Look-up table."""
-    blit: BlitConfig = field(default_factory=BlitConfig)
-    """Synthesis."""
-    seed: tyro.conf.Suppress[int] = 0
-    """Seed of the chunks' jitter."""
 
 
 class Transfer:
@@ -148,6 +88,8 @@ class Transfer:
         self._filtered = {1.0: pack_colors(self._picture)}
         self._patches: PhotoPatches | None = None
         self._hat = Hat.of(exemplar, self.regions) if "hat" in self.config.wear else None
+        if self.config.quality == "best":
+            self._painter()
 
     @functools.cached_property
     def _steady(self) -> Float32:
@@ -200,6 +142,9 @@ class Transfer:
         start = time.perf_counter()
         flat = position is None
         aside = face_aside(points, config.aside) if flat else None
+        if config.quality == "best" and flat and seeds_anchor is None:
+            self._painter().begin(photo.shape, self.scale(
+                points if aside is None else aside.landmarks))
         if position is None and regions is None:
             regions = photo_regions(photo, points, mask)
         if aside is not None and regions is not None:
@@ -209,8 +154,6 @@ class Transfer:
         if self._hat is not None and regions is not None and seeds_anchor is None:
             photo, regions, worn = self._hat.put_on(photo, regions)
         guided = time.perf_counter()
-        if config.quality == "best" and flat and seeds_anchor is None:
-            self._painter().begin(photo.shape, self.scale(points))
         if position is None:
             assert regions is not None
             person = regions.person

@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Backdrop", "head_points"]
+__all__ = ["SOLID", "Backdrop", "head_points"]
 
-_SOLID = 10.0
+SOLID = 10.0
 """Density from which a voxel stops light within about a twentieth of a head."""
 
 
@@ -68,7 +68,7 @@ def head_points(field: _Solid, most: int = 8192) -> NDArray[np.float32]:
 
     Their choice is random, but always the same.
     """
-    solid = np.flatnonzero(field.density > _SOLID)
+    solid = np.flatnonzero(field.density > SOLID)
     if not len(solid):
         solid = np.arange(len(field.density))
     if len(solid) > most:

@@ -7,6 +7,8 @@ et al. 2022). A ray's color is Eq. 1 of Shen et al. 2023.
 
 from __future__ import annotations
 
+import functools
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,16 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
-from ..device import computing_device
-from .backdrop import Backdrop
+from ..device import gpu_adapter
+from ..gpu import GpuProcess, attempted
+from .backdrop import SOLID, Backdrop
 from .background import Background, cube_rays
 from .kernels.bricks import Bricks, build_bricks
 from .kernels.march import lattice_of_world
 from .kernels.render import render_kernel
 from .kernels.stretches import Stretches, build_stretches
-from .kernels.texture import add_texture
+from .kernels.texture import PROBES, REACH, add_texture
 from .kernels.weights import CAPACITY, pixel_weights
-from .storage import load_field, save_field
+from .storage import load_field, read_back, save_field
 from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
 
 __all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row", "surface_points"]
@@ -170,6 +173,11 @@ class VoxelField:
             self._stretches = build_stretches(self.links, self.density, self.sh)
         return self._stretches
 
+    def take_layouts(self, other: VoxelField) -> None:
+        """Use what another field of the same links, densities and coefficients has laid out."""
+        self._bricks, self._stretches = other._bricks, other._stretches
+        self._cells = other._cells if self.texture is not None else None
+
     @property
     def lattice(self) -> NDArray[np.float64]:
         """float64 [9]: lattice points along x, y, z; scale and offset of lattice coordinates."""
@@ -196,6 +204,18 @@ class VoxelField:
             self.center + self.radius * (2.0 * (np.stack([x, y, z], 1) + 0.5) / size - 1.0))
         return points
 
+    @functools.cached_property
+    def solid_extent(self) -> tuple[float, float, float]:
+        """How far the solid voxels reach from the vertical axis, and from where to where along it.
+
+        Thin fog does not count: only what stops light within about a twentieth of the head.
+        """
+        solid = self.density > SOLID
+        points = self.lattice_points()[solid] if solid.any() else self.bounds
+        reach = float(np.quantile(np.hypot(points[:, 0], points[:, 2]), 0.999))
+        low, high = (float(v) for v in np.quantile(points[:, 1], [0.001, 0.999]))
+        return reach, low, high
+
     def with_sh(self, sh: NDArray[np.floating[Any]]) -> VoxelField:
         """The same densities with other coefficients [N, 3, B], and without the texture."""
         return VoxelField(self.links, self.density, np.ascontiguousarray(sh, np.float32),
@@ -203,7 +223,7 @@ class VoxelField:
 
     def render(self, cameras: Camera, view: int = 0, *, background: float | Any = 1.0,
                step: float = 0.5, threshold: float = 1e-2, stop: float = 1e-3,
-               anisotropic: bool = True, device: str = "auto") -> Rendering:
+               anisotropic: bool = True, device: str = "cpu") -> Rendering:
         """Render one view.
 
         Parameters
@@ -222,10 +242,14 @@ class VoxelField:
             Filter the texture along the surface where that is turned away; False looks up one place
             a pixel, as coded pictures and the page do.
         device
-            Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
+            Where to compute (`lfportrait.device.gpu_adapter`). A field that is rendered once or
+            twice is done on the CPU before it is on a GPU.
         """
-        computing_device(device)
         width, height = int(cameras.width[view]), int(cameras.height[view])
+        parts = attempted(gpu_adapter(device), lambda process: self._rendered_on(
+            process, cameras, view, step, threshold, stop, anisotropic))
+        if parts is not None:
+            return self.finished(cameras, view, parts, background=background, painted=True)
         color = np.empty(3 * width * height, np.float32)
         alpha = np.empty(width * height, np.float32)
         depth = np.empty(width * height, np.float32)
@@ -250,7 +274,8 @@ class VoxelField:
         return alpha.reshape(size[::-1]), depth.reshape(size[::-1])
 
     def finished(self, cameras: Camera, view: int, cast: Rendering, *,
-                 background: float | Any = 1.0, anisotropic: bool = True) -> Rendering:
+                 background: float | Any = 1.0, anisotropic: bool = True,
+                 painted: bool = False) -> Rendering:
         """A view from what the lattice alone gives of it: with the texture, and a background.
 
         Parameters
@@ -260,13 +285,13 @@ class VoxelField:
         cast
             Color without a background, opacity and depth, in contiguous arrays; its color is
             changed in place.
+        painted
+            It has its texture already.
         """
         image, opacity = cast.color, cast.alpha
         height, width = opacity.shape
-        if self.texture is not None:
-            away = float(np.linalg.norm(cameras.pose[view, :3, 3] - self.center))
-            footprint = TEXEL * away / float(cameras.focal[view].mean())
-            covered = self.texture.width(footprint) / TEXEL if anisotropic else np.inf
+        if self.texture is not None and not painted:
+            footprint, covered = self.detail_of(cameras, view, anisotropic)
             add_texture(self.bricks.table, *self.texture_rows(footprint), covered, self.lattice,
                         camera_row(cameras, view), (width, height), opacity.reshape(-1),
                         cast.depth.reshape(-1), image.reshape(-1))
@@ -278,6 +303,30 @@ class VoxelField:
         if behind.any():
             image += (1.0 - opacity[..., None]) * behind
         return cast
+
+    def detail_of(self, cameras: Camera, view: int, anisotropic: bool = True,
+                  ) -> tuple[float, float]:
+        """Width of the texture's detail that a view wants, and the length that one look-up covers.
+
+        Both in world units; without ``anisotropic`` one look-up covers everything.
+        """
+        away = float(np.linalg.norm(cameras.pose[view, :3, 3] - self.center))
+        footprint = TEXEL * away / float(cameras.focal[view].mean())
+        if self.texture is None or not anisotropic:
+            return footprint, math.inf
+        return footprint, self.texture.width(footprint) / TEXEL
+
+    def _rendered_on(self, process: GpuProcess, cameras: Camera, view: int, step: float,
+                     threshold: float, stop: float, anisotropic: bool) -> Rendering:
+        """A view without a background from a GPU, with the texture."""
+        from .gpu import ViewJob, views_on_gpu
+
+        footprint, covered = self.detail_of(cameras, view, anisotropic)
+        size = int(cameras.width[view]), int(cameras.height[view])
+        job = ViewJob(camera_row(cameras, view)[None], size, self.lattice, 0, step, threshold, stop,
+                      False, covered, PROBES, REACH)
+        color, alpha, depth = views_on_gpu(process, self, job, footprint)
+        return Rendering(color[0], alpha[0], depth[0])
 
     def sample_weights(self, cameras: Camera, view: int = 0, *, scale: float = 1.0,
                        step: float = 0.5, inside: NDArray[np.bool_] | None = None,
@@ -326,6 +375,10 @@ class VoxelField:
     def save(self, path: Any) -> None:
         """Write the field as an ``.npz`` that svox2 reads, too (`lfportrait.field.storage`)."""
         save_field(self, path)
+
+    def as_read(self) -> VoxelField:
+        """What `load` gives of the file that `save` writes, without the file."""
+        return VoxelField(*read_back(self))
 
     @staticmethod
     def load(path: Any) -> VoxelField:

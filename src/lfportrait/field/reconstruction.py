@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
-from ..device import computing_device
 from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .closing import close_back, close_sides
@@ -122,7 +121,7 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
         "train": {"rays": trainer.rays_done, "views": len(trainer.views),
                   "rays_per_second": (trainer.rays_done - first_rays) / max(trained, 1e-9)},
         "voxels": len(field.density), "resolution": config.resolutions[-1],
-        "levels": trainer.log, "device": computing_device(),
+        "levels": trainer.log, "device": "cpu",
         "peak_memory_bytes": peak_memory_bytes()}
     if trainer.poses is not None:
         figures["cameras"] = trainer.poses.figures()

@@ -14,10 +14,12 @@ little for much time, and are stored as they are. `numpy.load` (and so svox2) re
 
 from __future__ import annotations
 
+import functools
 import zipfile
 import zlib
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,6 +28,7 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..files import atomic_write
+from ..lanes.threads import share_out
 from ..measure import usable_cores
 from ..stages import check_writable
 from ..version import __version__
@@ -33,8 +36,8 @@ from .backdrop import Backdrop
 from .background import Background
 from .texture import SurfaceTexture
 
-__all__ = ["FieldData", "check_field_path", "load_field", "read_arrays", "save_checkpoint",
-           "save_field"]
+__all__ = ["FieldData", "check_field_path", "load_field", "read_arrays", "read_back",
+           "save_checkpoint", "save_field"]
 
 
 class FieldData(Protocol):
@@ -122,8 +125,30 @@ def _write(field: FieldData, path: Any, deflated: Collection[str], more: dict[st
             # svox2's kernels take the table in C order alone.
             "links": _turned(field.links),
             "density_data": field.density[:, None].astype(np.float32),
-            "sh_data": np.clip(field.sh.reshape(len(field.sh), -1), -6e4, 6e4).astype(np.float16),
+            "sh_data": _halves(field.sh.reshape(len(field.sh), -1)),
             **behind, "basis_type": np.int64(1), **more}, (*_DEFLATED, *deflated))
+
+
+def _halves(sh: NDArray[np.floating[Any]]) -> NDArray[np.float16]:
+    return np.clip(sh, -6e4, 6e4).astype(np.float16)
+
+
+def read_back(field: FieldData) -> Loaded:
+    """What `load_field` gives of the file that `save_field` writes."""
+    behind, texture, drop = field.background, field.texture, field.backdrop
+    if behind is not None:
+        behind = Background(np.maximum(np.ascontiguousarray(behind.links, np.int32), -1),
+                            np.ascontiguousarray(behind.data, np.float32))
+    if texture is not None:
+        texture = replace(texture, projections=texture.projections.astype(np.float64))
+    if drop is not None:
+        drop = replace(drop, light=drop.light.astype(np.float64),
+                       points=drop.points.astype(np.float32))
+    return (np.maximum(field.links, -1, dtype=np.int32),
+            np.ascontiguousarray(field.density, np.float32), _halves(field.sh).astype(np.float32),
+            field.center.astype(np.float32).astype(np.float64),
+            field.radius.astype(np.float32).astype(np.float64),
+            field.frame.astype(np.float64), behind, texture, drop)
 
 
 def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],
@@ -135,6 +160,12 @@ def _write_arrays(archive: zipfile.ZipFile, arrays: dict[str, Any],
         member = file if name in deflated else zipfile.ZipInfo(file)
         with archive.open(member, "w", force_zip64=True) as target:
             np.lib.format.write_array(target, np.asanyarray(array), allow_pickle=False)
+
+
+def _array(path: Path, name: str) -> NDArray[Any]:
+    """One array of a file: threads that share one open archive read each other's bytes."""
+    with np.load(path, allow_pickle=False) as data:
+        return np.asarray(data[name])
 
 
 def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:
@@ -149,8 +180,9 @@ def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:
     try:
         with np.load(path, allow_pickle=False) as data:
             wanted = [name for name in data.files if name in names]
-            with ThreadPoolExecutor(usable_cores()) as threads:  # inflating lets go of the lock
-                return dict(zip(wanted, threads.map(data.__getitem__, wanted), strict=True))
+        with ThreadPoolExecutor(usable_cores()) as threads:  # inflating lets go of the lock
+            return dict(zip(wanted, threads.map(functools.partial(_array, path), wanted),
+                            strict=True))
     except FileNotFoundError as error:
         raise UserError(f"no such field file: {path}") from error
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, TypeError,
@@ -214,8 +246,12 @@ def _turned(links: NDArray[np.int32]) -> NDArray[np.int32]:
     Plane by plane, so that both fit into the cache: half the time of one copy of it all.
     """
     out = np.empty(links.shape[::-1], links.dtype)
-    for y in range(links.shape[1]):
-        out[:, y] = links[:, y].T
+
+    def turn(first: int, last: int) -> None:
+        for y in range(first, last):
+            out[:, y] = links[:, y].T
+
+    share_out(turn, links.shape[1])  # copies let go of Python's lock
     return out
 
 

@@ -113,16 +113,21 @@ def code_key(style: str, config: MakeConfig, display: Display) -> str:
     return stage_key("encode", style, config.encode, display)
 
 
+def _ground(config: MakeConfig) -> tuple[object, ...]:
+    """What the ground of page and sweep depends on."""
+    shown = config.encode
+    return shown.background, shown.ground, shown.ground_depth, shown.shadow
+
+
 def page_key(style: str, config: MakeConfig) -> str:
     """Key of its page."""
-    return stage_key("page", style, config.page)
+    return stage_key("page", style, config.page, *_ground(config))
 
 
 def sweep_key(style: str, config: MakeConfig, display: Display | None) -> str:
     """Key of its sweep over a display's cone."""
     return stage_key("sweep", style, config.sweep_size, display and display.cone,
-                     config.encode.background, config.encode.ground, config.encode.ground_depth,
-                     config.encode.shadow)
+                     *_ground(config))
 
 
 def share_key(code: str, config: MakeConfig) -> str:
@@ -160,6 +165,8 @@ class Task:
         Key of the skin that is painted; empty where none is.
     label
         What the file calls it: style, display, file name.
+    device
+        Where to compute, a choice of ``--device``; no part of the key.
     """
 
     name: str
@@ -175,6 +182,7 @@ class Task:
     display: Display | None = None
     skin_key: str = ""
     label: str = ""
+    device: str = "auto"
 
     @property
     def record(self) -> str:

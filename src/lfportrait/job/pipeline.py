@@ -26,7 +26,7 @@ from typing import Any
 
 from .. import models
 from ..capture import Capture
-from ..device import computing_device
+from ..device import gpu_adapter, used_device
 from ..errors import UserError
 from ..example import Exemplar
 from ..files import write_json
@@ -70,7 +70,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     config
         Parameters of the stages.
     device
-        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
+        Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"`` (`lfportrait.device`).
     seed
         Seed of all random choices.
     quiet
@@ -98,6 +98,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     if not isinstance(style, Exemplar) and not Path(style).is_file():
         style = Exemplar.load(style)  # a name: it needs no network
     check_writable(Path(out))
+    gpu_adapter(device)  # a GPU that is not here is told now, not when the picture is coded
     models.require(config.stylize.networks, download=not offline, quiet=quiet,
                    purpose=f"--method {config.stylize.method}")
     if not isinstance(photos, Capture):
@@ -142,7 +143,7 @@ class _Job:
         self.out, self.exemplar, self.display, self.quiet = out, exemplar, display, quiet
         self.plan = _plan(photos, exemplar, display, config, seed)
         self.stages = StageFolder(out, self._say)
-        self.tools = Tools(shown=not quiet, device=computing_device(device), exemplar=exemplar,
+        self.tools = Tools(shown=not quiet, device=device, exemplar=exemplar,
                            capture=photos if isinstance(photos, Capture) else None,
                            sheet=out.with_name(f"{out.name}-photos.jpg"))
 
@@ -173,11 +174,11 @@ class _Job:
                 "(report.html shows where); take photos from further left and right", stacklevel=2)
 
     def _figures(self) -> dict[str, Any]:
-        return run_figures(self.stages.figures, self.tools.device, self.exemplar.name,
-                           self.display.name, self.stages.resumed)
+        return run_figures(self.stages.figures, self.exemplar.name, self.display.name,
+                           self.stages.resumed)
 
 
-def run_figures(figures: dict[str, dict[str, Any]], device: str, style: str, display: str,
+def run_figures(figures: dict[str, dict[str, Any]], style: str, display: str,
                 resumed: list[str]) -> dict[str, Any]:
     """What ``run.json`` says of a job.
 
@@ -185,8 +186,6 @@ def run_figures(figures: dict[str, dict[str, Any]], device: str, style: str, dis
     ----------
     figures
         Of its stages, by name.
-    device
-        Where it was computed.
     style, display
         Names of the painting and of the panel.
     resumed
@@ -195,6 +194,6 @@ def run_figures(figures: dict[str, dict[str, Any]], device: str, style: str, dis
     seconds = {name: stage["stage_seconds"] for name, stage in figures.items()}
     peak = max([peak_memory_bytes(), *(int(stage.get("peak_memory_bytes", 0))
                                        for stage in figures.values())])
-    return {"version": __version__, "device": device, "machine": machine(), "style": style,
-            "display": display, "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
+    return {"version": __version__, "device": used_device(figures), "machine": machine(),
+            "style": style, "display": display, "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
             "peak_memory_bytes": peak, "resumed": resumed, **figures}

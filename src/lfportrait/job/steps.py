@@ -22,7 +22,7 @@ from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
-from ..files import RUNS, write_image
+from ..files import write_image
 from ..lightfield import (
     Display,
     EncodeConfig,
@@ -118,26 +118,27 @@ def save_folder(write: Callable[[Path], None], target: Path) -> None:
 
 
 def write_field(capture: Path, target: Path, config: MakeConfig, seed: int,
-                progress: Progress | None, checkpoint: Path | None = None) -> dict[str, Any]:
-    """Reconstruct the field of the capture in a folder; its figures."""
+                progress: Progress | None, checkpoint: Path | None = None,
+                ) -> tuple[dict[str, Any], VoxelField]:
+    """Reconstruct the field of the capture in a folder; its figures, and the field as written."""
     settings = replace(config.reconstruct, seed=seed)
     result, figures = reconstruct_with_figures(Capture.load(capture), settings, progress,
                                                checkpoint=checkpoint)
     result.save(target)
-    return figures
+    return figures, result.as_read()
 
 
 def write_styled(field: VoxelField, capture: Capture, exemplar: Exemplar, target: Path,
                  config: MakeConfig, seed: int, progress: Progress | None, *, device: str = "auto",
-                 skin: Skin | None = None) -> dict[str, Any]:
-    """Stylise a field by an exemplar; the figures."""
+                 skin: Skin | None = None) -> tuple[dict[str, Any], VoxelField]:
+    """Stylise a field by an exemplar; the figures, and the field as written."""
     from ..stylize import stylize_with_figures
 
     styled, figures = stylize_with_figures(field, capture, exemplar,
                                            replace(config.stylize, seed=seed), progress,
                                            device=device, skin=skin)
     styled.save(target)
-    return figures
+    return figures, styled.as_read()
 
 
 def write_code(styled: VoxelField, display: Display, folder: Path, name: str, config: MakeConfig,
@@ -171,5 +172,5 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
         written.result()
     for old in folder.glob(f"{prefix}quilt_*.png"):
         old.unlink()
-    write_image(folder / f"{prefix}{quilt}", picture, **RUNS)
+    write_image(folder / f"{prefix}{quilt}", picture, fast=True)
     return {**figures, "quilt": f"{prefix}{quilt}"}

@@ -8,8 +8,10 @@ what the eyes see of it, and the figures of all stages.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import cv2
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from ..capture import Camera, Capture
+from ..device import used_device
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
 from ..field import Coverage, VoxelField
 from ..files import write_image
@@ -61,7 +64,8 @@ Float32 = NDArray[np.float32]
 
 
 def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, Any],
-              progress: Progress | None = None, frames: int = 90) -> dict[str, Any]:
+              progress: Progress | None = None, frames: int = 90, *,
+              kept: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
     """Write ``portrait.html``, ``sweep.mp4``, ``hero.png`` and ``report.html`` of a finished job.
 
     Parameters
@@ -79,6 +83,8 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
         Progress line.
     frames
         Frames of the sweep.
+    kept
+        What the stages before have read: `Tools.kept`.
 
     Returns
     -------
@@ -95,13 +101,15 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
     say("page, sweep and report")
     # Much of the work leaves a core idle: packing, coding the video, NumPy's loops.
     with ThreadPoolExecutor(2) as threads:
-        loaded = threads.submit(load_styled, results / task.inputs["styled"])
-        taken = threads.submit(Capture.load, results / task.inputs["capture"])
-        field = VoxelField.load(results / task.inputs["field"])
+        loaded = threads.submit(load_styled, results / task.inputs["styled"], kept.get("styled"))
+        taken = threads.submit(lambda: kept.get("capture") or Capture.load(
+            results / task.inputs["capture"]))
+        field = kept.get("field") or VoxelField.load(results / task.inputs["field"])
         styled, capture = loaded.result(), taken.result()
-        # Laid out once, before several threads ask for it.
-        styled.bricks, styled.stretches  # noqa: B018
-        page = threads.submit(write_page, styled, folder / "portrait.html", config.page)
+        # Worked out once, before several threads ask for it.
+        styled.bricks, styled.stretches, styled.solid_extent  # noqa: B018
+        page = threads.submit(write_page, styled, folder / "portrait.html", config.page,
+                              config.encode)
         film = threads.submit(
             write_video, folder / "sweep.mp4",
             sweep_frames(styled, display.cone, frames, config.sweep_size,
@@ -379,5 +387,5 @@ def _figures(figures: dict[str, Any]) -> Section:
         Table(stages, ("stage", "seconds"), bars=1, caption="Time"),
         Table(metrics, ("figure", "value"), caption="Quality"),
         Table([("lfportrait", __version__),
-               ("device", figures.get("encode", {}).get("device", "cpu")),
+               ("device", used_device(figures)),
                *sorted(machine().items())], caption="Version and machine")])

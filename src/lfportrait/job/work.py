@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,10 @@ class Tools:
         Photos and painting that are in memory already, instead of the task's source.
     sheet
         Picture of the photos that were left out; by default in the task's folder.
+    kept
+        What a job's stages have read and written, for those after them in the same process, as
+        these would read it: ``capture``, ``field`` and ``styled``, the latter in the colors that
+        are coded.
     """
 
     shown: bool = False
@@ -61,6 +65,7 @@ class Tools:
     capture: Capture | None = None
     exemplar: Exemplar | None = None
     sheet: Path | None = None
+    kept: dict[str, Any] = field(default_factory=dict)
 
     @contextmanager
     def progress(self, stage: str) -> Iterator[Progress]:
@@ -96,7 +101,8 @@ def do_stage(task: Task, results: Path, folder: StageFolder, tools: Tools,
         if task.stage == "share":
             from .summary import share_job
 
-            return share_job(task, results, tools.painting(task), figures or {}, progress)
+            return share_job(task, results, tools.painting(task), figures or {}, progress,
+                             kept=tools.kept)
         return _WORK[task.stage](task, results, folder, tools, progress)
 
 
@@ -120,9 +126,9 @@ def _capture(task: Task, results: Path, folder: StageFolder, tools: Tools,
 def _field(task: Task, results: Path, folder: StageFolder, tools: Tools,
            progress: Progress) -> dict[str, Any]:
     checkpoint = f"{task.record}.npz"
-    figures = write_field(results / task.inputs["capture"],
-                          results / task.folder / task.outputs[0], task.config, task.seed,
-                          progress, folder.scratch(checkpoint))
+    figures, tools.kept["field"] = write_field(
+        results / task.inputs["capture"], results / task.folder / task.outputs[0], task.config,
+        task.seed, progress, folder.scratch(checkpoint))
     folder.remove_scratch(checkpoint)
     return figures
 
@@ -149,13 +155,16 @@ def _stylize(task: Task, results: Path, folder: StageFolder, tools: Tools,
              progress: Progress) -> dict[str, Any]:
     target, config = results / task.folder, task.config.stylize
     path = results / task.inputs["field"]
-    field, capture = VoxelField.load(path), Capture.load(results / task.inputs["capture"])
+    real = tools.kept.get("field") or VoxelField.load(path)
+    capture = Capture.load(results / task.inputs["capture"])
+    tools.kept.update(field=real, capture=capture)
     skin = None
     if config.on_skin:
         skin = (load_skin(results / task.inputs["skin"], task.skin_key)
-                if "skin" in task.inputs else kept_skin(path, field, capture, config.pixels))
-    figures = write_styled(field, capture, tools.painting(task), target / task.outputs[0],
-                           task.config, task.seed, progress, device=tools.device, skin=skin)
+                if "skin" in task.inputs else kept_skin(path, real, capture, config.pixels))
+    figures, tools.kept["styled"] = write_styled(
+        real, capture, tools.painting(task), target / task.outputs[0], task.config, task.seed,
+        progress, device=tools.device, skin=skin)
     for name in task.outputs[1:]:
         styled = load_styled(target / task.outputs[0])
         cameras: Camera = sweep_cameras(0.0, 1, _THUMBNAIL, styled)
@@ -166,7 +175,9 @@ def _stylize(task: Task, results: Path, folder: StageFolder, tools: Tools,
 def _encode(task: Task, results: Path, folder: StageFolder, tools: Tools,
             progress: Progress) -> dict[str, Any]:
     assert task.display is not None
-    figures = write_code(VoxelField.load(results / task.inputs["styled"]), task.display,
+    styled = tools.kept.get("styled") or VoxelField.load(results / task.inputs["styled"])
+    tools.kept["styled"] = styled
+    figures = write_code(styled, task.display,
                          results / task.folder, task.outputs[0], task.config,
                          prefix=f"{task.label}_" if task.label else "", device=tools.device)
     return {**figures, "more": [figures["quilt"]]}
@@ -175,7 +186,8 @@ def _encode(task: Task, results: Path, folder: StageFolder, tools: Tools,
 def _page(task: Task, results: Path, folder: StageFolder, tools: Tools,
           progress: Progress) -> dict[str, Any]:
     return write_page(load_styled(results / task.inputs["styled"]),
-                      results / task.folder / task.outputs[0], task.config.page)
+                      results / task.folder / task.outputs[0], task.config.page,
+                      task.config.encode)
 
 
 def _sweep(task: Task, results: Path, folder: StageFolder, tools: Tools,

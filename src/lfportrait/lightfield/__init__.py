@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .budget import DepthReport
     from .coded import lossless, read_coded, write_coded
     from .coding import (
+        code_on_device,
         depth_budget,
         encode,
         encode_rows,
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from .composition import composed
     from .deinterlacing import deinterlace, each_view
     from .display import Display
-    from .ground import Ground, ground_of, world_ground
+    from .ground import Ground, backdrop_of, ground_of, world_ground
     from .interlacing import (
         InterlaceConfig,
         QuiltLayout,
@@ -41,10 +42,10 @@ if TYPE_CHECKING:
     from .views import eight_bit, render_views
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "Ground", "InterlaceConfig", "Placement",
-           "QuiltLayout", "ViewMask", "assemble_quilt", "composed", "customary_views",
-           "deinterlace", "depth_budget", "each_view", "eight_bit", "encode", "encode_rows",
-           "encode_with_figures", "ground_of", "interlace", "lossless", "pattern", "quilt_of",
-           "quilt_tiles", "read_coded", "read_views", "render_view", "render_views", "simulate",
-           "view_camera", "world_ground", "write_coded"]
+           "QuiltLayout", "ViewMask", "assemble_quilt", "backdrop_of", "code_on_device", "composed",
+           "customary_views", "deinterlace", "depth_budget", "each_view", "eight_bit", "encode",
+           "encode_rows", "encode_with_figures", "ground_of", "interlace", "lossless", "pattern",
+           "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "render_views",
+           "simulate", "view_camera", "world_ground", "write_coded"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..files import RUNS, read_image, write_image
+from ..files import read_image, write_image
 from .display import Display
 
 __all__ = ["check_size", "lossless", "read_coded", "write_coded"]
@@ -63,4 +63,4 @@ def read_coded(path: str | Path, display: Display) -> NDArray[np.uint8]:
 def write_coded(path: str | Path, image: NDArray[np.uint8], display: Display) -> None:
     """Write a coded picture, uint8 [H, W, 3] as seen, so that the panel shows it right."""
     check_size(image, display)
-    write_image(lossless(path), display.to_panel(image), **RUNS)
+    write_image(lossless(path), display.to_panel(image), fast=True)

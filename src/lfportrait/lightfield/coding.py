@@ -17,19 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
-from ..device import computing_device
+from ..device import device_name, gpu_adapter
 from ..errors import UserError
 from ..field import VoxelField
+from ..gpu import Adapter, GpuProcess, attempted
 from .composition import composed
 from .display import Display
-from .ground import ground_of
+from .gpu.calling import code_on_gpu, viewpoints
+from .gpu.panel import PanelJob
+from .ground import Ground, ground_of
 from .kernels.encode import encode_kernel
 from .kernels.panel import mix_light
 from .kernels.slices import slice_kernel
 from .mask import ViewMask, row_views
 from .placement import EncodeConfig, Placement
 
-__all__ = ["encode", "encode_rows", "encode_with_figures", "render_view", "view_camera"]
+__all__ = ["code_on_device", "encode", "encode_rows", "encode_with_figures", "panel_job",
+           "render_view", "view_camera"]
 
 
 _FAINTEST = 1e-3
@@ -111,8 +115,44 @@ def _grey(config: EncodeConfig) -> float:
     return max(config.background, 0.0)
 
 
+def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height: int = 0,
+              fixed: int = -1, first: int = 0, apart: int = 1) -> PanelJob:
+    """A panel, or ``height`` of its rows, as a GPU takes it.
+
+    Parameters
+    ----------
+    field, display, config
+        As for `encode`.
+    height, first, apart
+        How many rows, the first one and how far apart they are; all by default.
+    fixed
+        One view for all sub-pixels, or -1.
+    """
+    placement = Placement.of(display, config)
+    distance = placement.deep_distance(display)
+    panel = _panel(display, config, placement, first, apart)
+    slices = _method(field, display, config) == "slices"
+    stride = 2 if config.draft else 1
+    step = max(config.step_size, 1.0) if config.draft else config.step_size
+    ground = ground_of(field, display, config)
+    to_world = np.column_stack([placement.to_world, -placement.to_world @ placement.deep_shift]
+                               ) / placement.scale
+    return PanelJob(
+        display.width, height or display.height, placement.to_lattice(field.lattice), panel,
+        display.eyes(), fixed, _RAYS if config.blend == "filtered" else 1,
+        2.0 * display.eye_reach * display.breadth / display.pitch, display.gamma,
+        3 if slices else 0, stride if slices else step,
+        _FAINTEST * field.lattice[5] / stride if slices else 1e-2, _STOP if slices else 1e-3,
+        slices, _grey(config),
+        viewpoints(field, display.eyes(), distance, display.eye_height, to_world),
+        None if ground is None else ground.planes,
+        (0.0,) * 6 if ground is None else (ground.depth / display.distance, ground.left, ground.top,
+                                           *ground.texel, display.eye_height))
+
+
 def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any],
-          fixed: int, first: int = 0, apart: int = 1) -> NDArray[np.uint8]:
+          fixed: int, first: int = 0, apart: int = 1,
+          ground: Ground | None = None) -> NDArray[np.uint8]:
     """Code the rows of a mask [h, W, 3]: of the panel from ``first`` on, ``apart`` apart."""
     bricks = field.bricks
     placement = Placement.of(display, config)
@@ -129,7 +169,7 @@ def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArr
     # Masks from the cache can't be written to; for all others kernels would be compiled once more.
     views.flags.writeable = False
     texture = field.texture_rows(_footprint(display, placement), whole=True)
-    background, ground = np.float32(_grey(config)), ground_of(field, display, config)
+    background, ground = np.float32(_grey(config)), ground or ground_of(field, display, config)
     if ground is not None:
         # Below 0: the picture holds what is behind the field already.
         background = np.float32(-1.0)
@@ -162,12 +202,14 @@ def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfi
                         ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
     """`encode`, and the figures of the run for ``--json``."""
     config = composed(field, display, config or EncodeConfig())
-    computes_on = computing_device(device)
+    if mask is not None and mask.display != display.hash():
+        raise ValueError("the mask was computed for another display")
+    coded = _coded_on_gpu(field, display, config, gpu_adapter(device))
+    if coded is not None:
+        return coded
     start = time.perf_counter()
     if mask is None:
         mask = ViewMask.build(display)
-    if mask.display != display.hash():
-        raise ValueError("the mask was computed for another display")
     views = np.asarray(mask.views)
     field.bricks  # noqa: B018 - laid out before the clock of the casting starts
     laid_out = time.perf_counter()
@@ -175,12 +217,42 @@ def encode_with_figures(field: VoxelField, display: Display, config: EncodeConfi
     end = time.perf_counter()
     figures = {
         "method": _method(field, display, config), "subpixels": 3 * display.width * display.height,
-        "views": display.views, "display": display.name, "device": computes_on,
+        "views": display.views, "display": display.name, "device": "cpu",
         "seconds": {"mask": round(mask.seconds, 4), "cast": round(end - laid_out, 4),
                     "total": round(end - start + mask.seconds, 4)},
         "mask": {"loaded": mask.loaded, "bytes": mask.nbytes},
         "depth_budget": depth_budget(display, Placement.of(display, config))}
     return image, figures
+
+
+def _coded_on_gpu(field: VoxelField, display: Display, config: EncodeConfig,
+                  adapter: Adapter | None) -> tuple[NDArray[np.uint8], dict[str, Any]] | None:
+    """What `encode_with_figures` gives, from a GPU; None where there is none, or it was lost."""
+    if adapter is None:
+        return None
+    start = time.perf_counter()
+    placement = Placement.of(display, config)
+    job = panel_job(field, display, config)
+    coded = attempted(adapter, lambda process: code_on_gpu(
+        process, field, job, _footprint(display, placement)))
+    if coded is None:
+        return None
+    image, seconds = coded
+    seconds.pop("field_bytes")
+    return image, {
+        "method": _method(field, display, config), "subpixels": 3 * display.width * display.height,
+        "views": display.views, "display": display.name, "device": device_name(adapter),
+        "seconds": {"mask": 0.0, **{name: round(spent, 4) for name, spent in seconds.items()},
+                    "total": round(time.perf_counter() - start, 4)},
+        "mask": {"loaded": False, "bytes": 0}, "depth_budget": depth_budget(display, placement)}
+
+
+def code_on_device(process: GpuProcess, field: VoxelField, display: Display, config: EncodeConfig,
+                   repeats: int) -> dict[str, float]:
+    """Figures of coding on a GPU with nothing read back (`lightfield.gpu.panel.code_panel`)."""
+    job = panel_job(field, display, config)
+    footprint = _footprint(display, Placement.of(display, config))
+    return code_on_gpu(process, field, job, footprint, read=False, repeats=repeats)[1]
 
 
 def encode(field: VoxelField, display: Display, config: EncodeConfig | None = None, *,
@@ -198,7 +270,7 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
     mask
         The display's mask guide; built or loaded from the cache if None.
     device
-        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
+        Where to compute (`lfportrait.device.gpu_adapter`); ``mask`` is not used on a GPU.
 
     Returns
     -------
@@ -210,7 +282,8 @@ def encode(field: VoxelField, display: Display, config: EncodeConfig | None = No
 
 def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None, first: int,
                 count: int, apart: int = 1, *,
-                views: NDArray[np.unsignedinteger] | None = None) -> NDArray[np.uint8]:
+                views: NDArray[np.unsignedinteger] | None = None,
+                ground: Ground | None = None) -> NDArray[np.uint8]:
     """Code some rows of a panel: the same as these rows of `encode`.
 
     So a picture that is too large for the memory is coded from the top down, and a small copy of it
@@ -224,6 +297,8 @@ def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None
         The first row, how many, and how far apart they are.
     views
         Their views (`row_views`), where the caller has them.
+    ground
+        What lies behind the head (`ground_of`), where the caller has it.
 
     Returns
     -------
@@ -235,7 +310,7 @@ def encode_rows(field: VoxelField, display: Display, config: EncodeConfig | None
     if views is None:
         views = row_views(display, first, count, apart)
     config = composed(field, display, config or EncodeConfig())
-    return _cast(field, display, config, views, -1, first, apart)
+    return _cast(field, display, config, views, -1, first, apart, ground)
 
 
 def render_view(field: VoxelField, display: Display, view: int,

@@ -90,6 +90,15 @@ class Ground:
 
     def seen(self, cameras: Camera, view: int = 0) -> Float32:
         """What a camera in the field's world sees of it, float32 [H, W, 3] in [0, 1]."""
+        out = np.empty((int(cameras.height[view]), int(cameras.width[view]), 3), np.float32)
+        view_ground(self.planes, *self.rays(cameras, view), out)
+        return out
+
+    def rays(self, cameras: Camera, view: int = 0) -> NDArray[np.float64]:
+        """A camera's rays in texels and height above the ground, float64 [4, 3].
+
+        Its place, their growth for a pixel to the right and for one below, and the first pixel's.
+        """
         placement = self.placement
         pose = cameras.pose[view]
         # The deep frame: x and y of the ground are the same before and after the flattening.
@@ -101,9 +110,7 @@ class Ground:
         across = turn[:, 0] / focal[0] * to_texels
         down = turn[:, 1] / focal[1] * to_texels
         corner = (turn[:, 2] * to_texels + (0.5 - center[0]) * across + (0.5 - center[1]) * down)
-        out = np.empty((int(cameras.height[view]), int(cameras.width[view]), 3), np.float32)
-        view_ground(self.planes, origin, across, down, corner, out)
-        return out
+        return np.stack([origin, across, down, corner])
 
 
 def panel_reach(display: Display, depth: float) -> tuple[float, float, float]:

@@ -6,14 +6,19 @@ seen through one slice of the field (`views`).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
+from ..device import gpu_adapter
 from ..field import VoxelField
+from ..gpu import attempted
 from .coding import view_camera
 from .composition import composed
 from .display import Display
+from .gpu.calling import pictures_on_gpu
 from .ground import ground_of
 from .interlacing import QuiltLayout
 from .placement import EncodeConfig
@@ -23,7 +28,7 @@ __all__ = ["quilt_of"]
 
 
 def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = None, *,
-             name: str | None = None) -> tuple[NDArray[np.uint8], str]:
+             name: str | None = None, device: str = "cpu") -> tuple[NDArray[np.uint8], str]:
     """Render a quilt of a field for a display.
 
     Parameters
@@ -32,6 +37,8 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
         As for `lfportrait.lightfield.coding`.
     name
         File name that gives columns and rows; the display's customary layout by default.
+    device
+        Where to compute (`lfportrait.device.gpu_adapter`).
 
     Returns
     -------
@@ -50,9 +57,14 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     eyes = display.eye_reach * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
     cameras = Camera.concatenate([view_camera(display, config, float(eye), width=width,
                                               height=height) for eye in eyes])
-    for view, seen in enumerate(render_views(field, cameras, background=config.background,
-                                             ground=ground)):
+    pictures: Iterable[NDArray[np.uint8]] | None
+    pictures = attempted(gpu_adapter(device), lambda process: pictures_on_gpu(
+        process, field, cameras, background=max(config.background, 0.0), ground=ground))
+    if pictures is None:
+        pictures = (eight_bit(seen.color) for seen in render_views(
+            field, cameras, background=config.background, ground=ground))
+    for view, seen in enumerate(pictures):
         row, column = divmod(view, layout.columns)
         top = full_height - (row + 1) * height
-        quilt[top:top + height, column * width:(column + 1) * width] = eight_bit(seen.color)
+        quilt[top:top + height, column * width:(column + 1) * width] = seen
     return quilt, f"quilt{layout.suffix()}.png"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera
-from ..device import computing_device
+from ..device import gpu_adapter
 from ..field import Rendering, VoxelField, camera_row
 from .ground import Ground
 from .kernels.views import view_kernel
@@ -91,7 +91,7 @@ def _beside(row: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
 
 def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None = None, *,
                  background: float | NDArray[np.floating] = 1.0,
-                 ground: Ground | None = None, device: str = "auto") -> Iterator[Rendering]:
+                 ground: Ground | None = None, device: str = "cpu") -> Iterator[Rendering]:
     """What `VoxelField.render` gives of several views, in their order, in less time.
 
     Level cameras that look at the lattice from its front are rendered by slices of the field, one
@@ -108,14 +108,13 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
     ground
         What is behind it instead.
     device
-        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
+        Where to compute (`lfportrait.device.gpu_adapter`).
 
     Yields
     ------
     rendering
         Of the next view. What it holds may be overwritten once the one after is asked for.
     """
-    computing_device(device)
     wanted = list(range(len(cameras)) if views is None else views)
     x, z = field.bounds[:, 0], field.bounds[:, 2]
     corners = np.array([(i, k) for i in x for k in z])
@@ -124,7 +123,7 @@ def render_views(field: VoxelField, cameras: Camera, views: Sequence[int] | None
         size = int(cameras.width[first]), int(cameras.height[first])
         row = camera_row(cameras, first)
         slopes = _rays(row, size, corners)
-        if not _fits(field, row, slopes):
+        if gpu_adapter(device) is not None or not _fits(field, row, slopes):
             behind = background if ground is None else ground.seen(cameras, first)
             yield field.render(cameras, first, background=behind, device=device)
             wanted.pop(0)

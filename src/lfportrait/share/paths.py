@@ -28,11 +28,7 @@ def head_extent(field: VoxelField | None) -> tuple[float, float, float]:
     """
     if field is None:
         return 1.0, -1.0, 1.0
-    # Thin fog does not count: only what stops light within about a twentieth of the head.
-    solid = field.density > 10.0
-    points = field.lattice_points()[solid] if solid.any() else field.bounds
-    reach = float(np.quantile(np.hypot(points[:, 0], points[:, 2]), 0.999))
-    low, high = (float(v) for v in np.quantile(points[:, 1], [0.001, 0.999]))
+    reach, low, high = field.solid_extent
     # The lattice points' own reach: interpolation fades to nothing one voxel further out.
     voxel = float((2.0 * field.radius / field.links.shape[::-1]).max())
     reach, low, high = reach + voxel, low - voxel, high + voxel
@@ -109,7 +105,7 @@ def sweep_ground(field: VoxelField, config: EncodeConfig, cameras: Camera) -> Gr
 
 def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: int = 512, *,
                  background: float | NDArray[Any] = 1.0, ground: EncodeConfig | None = None,
-                 device: str = "auto",
+                 device: str = "cpu",
                  ) -> Iterator[NDArray[np.uint8]]:
     """Frames of a sweep, rendered one at a time.
 
@@ -124,7 +120,7 @@ def sweep_frames(field: VoxelField, cone: float = 40.0, frames: int = 60, size: 
     ground
         What panels show behind the head is shown instead, where there is such a ground.
     device
-        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
+        Where to compute (`lfportrait.device.gpu_adapter`).
 
     Yields
     ------

@@ -13,11 +13,11 @@ import pickle
 import signal
 import struct
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
+from ..models import OFFLINE
 from .work.pipe import framed
 
 __all__ = ["Child"]
@@ -32,12 +32,13 @@ class Child:
         Module and function, ``"lfportrait.studio.work.jobs:serve"``.
     log
         File for what it prints.
-    settings
-        Environment variables beside the server's own.
+    offline
+        Whether it may ask no network for anything.
     """
 
-    def __init__(self, entry: str, log: Path, settings: Mapping[str, str] | None = None) -> None:
-        self._entry, self._log, self._settings = entry, log, dict(settings or {})
+    def __init__(self, entry: str, log: Path, *, offline: bool = True) -> None:
+        self._entry, self._log = entry, log
+        self._settings = {OFFLINE: "1"} if offline else {}
         self._process: asyncio.subprocess.Process | None = None
         self.paused = False
         self._ended = False

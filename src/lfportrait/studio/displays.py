@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,10 @@ __all__ = ["KINDS", "Displays", "Panel", "corrected", "wizard_steps"]
 KINDS = ("views", "slant", "fringe", "depth")
 """Test patterns."""
 _LARGEST = 256 << 10
+_COUNTS = 8
+"""Counts of bands that are kept."""
+_ALIKE = 0.2
+"""Numbers that differ by less, in bands, are the same."""
 
 
 @dataclass(frozen=True)
@@ -163,8 +168,7 @@ def wizard_steps() -> list[dict[str, Any]]:
         {"step": "slant", "kind": "slant", "fields": [
             {"name": "bands", "kind": "number", "min": 0, "max": 200},
             {"name": "lean", "kind": "choice", "choices": ["none", "upright", "level"]},
-            {"name": "color", "kind": "choice", "choices": ["white", "red", "blue"]},
-            {"name": "which", "kind": "choice", "choices": ["less", "more"]}]},
+            {"name": "color", "kind": "choice", "choices": ["white", "red", "blue"]}]},
         {"step": "views", "kind": "views", "fields": [
             {"name": "lit", "kind": "numbers"}, {"name": "grows", "kind": "yesno"}]},
         {"step": "fringe", "kind": "fringe", "fields": [
@@ -172,14 +176,15 @@ def wizard_steps() -> list[dict[str, Any]]:
 
 
 def corrected(display: Display, step: str, answer: dict[str, Any],
-              tried: dict[str, Any]) -> tuple[Display, str | None, str, dict[str, Any]]:
+              seen: dict[str, Any]) -> tuple[Display, str | None, str, dict[str, Any]]:
     """The display after an answer.
 
     The pattern ``slant`` is white from the middle where the numbers are right. With a pitch L
     instead of L', the phase runs away by 3 W (1 / L - 1 / L') lenses over the panel's width W, and
     each lens is one band of red beside one of blue. With a slant that is off, it runs away down
-    the rows, by H (shift - shift') / L lenses over the height H. The sign is not seen: the first
-    correction tries one, and where the bands become more, the other is taken.
+    the rows, by H (shift - shift') / L lenses over the height H. One count leaves the sign open:
+    the first correction tries one, and with the second count it is known. All counts together then
+    tell the number better than one does.
 
     Parameters
     ----------
@@ -189,12 +194,12 @@ def corrected(display: Display, step: str, answer: dict[str, Any],
         ``slant``, ``views`` or ``fringe``.
     answer
         What is seen.
-    tried
-        What the last correction of this step was; empty at first.
+    seen
+        What was counted before at this step; empty at first.
 
     Returns
     -------
-    display, next, said, tried
+    display, next, said, seen
         ``next``: the step to go on with, or None.
     """
     if step == "fringe":
@@ -208,38 +213,47 @@ def corrected(display: Display, step: str, answer: dict[str, Any],
     if lean == "none":
         return _by_color(display, answer)
     bands = number(answer, "bands", 0.25, 200.0)
-    worse = answer.get("which") == "more" and tried.get("lean") == lean
-    before = Display(**{**_numbers(display), **tried["before"]}) if worse else display
-    sign = -tried["sign"] if worse else 1.0
-    if worse:
-        bands = tried["bands"]
-    change = _change(before, lean, bands, sign)
-    kept = {"lean": lean, "sign": sign, "bands": bands,
-            "before": {name: getattr(before, name) for name in ("pitch", "slant", "offset")}}
-    words = "pitch" if lean == "upright" else "slant"
-    value = change.pitch if lean == "upright" else math.degrees(change.slant)
-    return change, "slant", f"The {words} is {value:.5f} now: are there fewer bands?", kept
-
-
-def _numbers(display: Display) -> dict[str, Any]:
-    from dataclasses import fields
-
-    return {entry.name: getattr(display, entry.name) for entry in fields(display)}
-
-
-def _change(display: Display, lean: str, bands: float, sign: float) -> Display:
-    """Another pitch or slant by so many bands; the middle of the panel keeps its view."""
-    if lean == "upright":
-        found = replace(display, pitch=1 / (1 / display.pitch - sign * bands
-                                            / (3 * display.width)))
+    unit, place = ((3 * display.width, 1 / display.pitch) if lean == "upright" else
+                   (display.height / display.pitch, display.shift))
+    counts = [*seen.get(lean, []), [place, bands]][-_COUNTS:]
+    best = _agreed(counts, unit)
+    if len(counts) > 2 and min(abs(best - one) for one, _ in counts) * unit < _ALIKE:
+        # The number that the counts agree on was tried already: counting can't tell more.
+        best = min((one for one, _ in counts), key=lambda one: abs(best - one))
+        following, words = "views", "as right as counting can tell"
     else:
-        shift = display.shift + sign * bands * display.pitch / display.height
-        found = replace(display, slant=math.atan(shift / 3))
-    # The view at the panel's middle stays: there the pattern was looked at.
+        following, words = "slant", "another one: look again"
+    change = _changed(display, pitch=1 / best) if lean == "upright" else (
+        _changed(display, slant=math.atan(best / 3)))
+    name, value = (("pitch", change.pitch) if lean == "upright"
+                   else ("slant", math.degrees(change.slant)))
+    return change, following, f"The {name} is {value:.5f} now, {words}.", {**seen, lean: counts}
+
+
+def _agreed(counts: list[list[float]], unit: float) -> float:
+    """The number that counts of bands at some numbers agree on best.
+
+    A count is the distance to the right number, in either direction: each is given the direction in
+    which all are closest to each other.
+    """
+    def spread(signs: tuple[int, ...]) -> tuple[float, float]:
+        places = [place + sign * bands / unit
+                  for sign, (place, bands) in zip(signs, counts, strict=True)]
+        mean = sum(places) / len(places)
+        return sum((place - mean) ** 2 for place in places), mean
+
+    # The first one of equals: a larger number.
+    return min((spread(signs) for signs in product((1, -1), repeat=len(counts))),
+               key=lambda found: found[0])[1]
+
+
+def _changed(display: Display, **entries: Any) -> Display:
+    """Another pitch or slant; the middle of the panel keeps its view."""
+    found = replace(display, **entries)
     row, column = display.height // 2, display.width // 2
-    share = display.phase(row, column, 1) / display.pitch
-    there = found.phase(row, column, 1) / found.pitch
-    gap = (float(share) - float(there)) * found.pitch * (-1 if found.inverted else 1)
+    share = float(display.phase(row, column, 1)) / display.pitch
+    there = float(found.phase(row, column, 1)) / found.pitch
+    gap = (share - there) * found.pitch * (-1 if found.inverted else 1)
     return replace(found, offset=(found.offset + gap) % found.pitch)
 
 

@@ -154,8 +154,8 @@ def target(project: Project, kind: Kind, name: str) -> Path:
     taken = [path.name.lower() for path in folder.iterdir()]
     # The ending says what the file holds: numbers go before it. A quilt's goes on.
     ending, count, found = kind.ending, 1, stem
-    while any(one == f"{found}{ending}".lower() or one.startswith(f"{found}_qs".lower())
-              and kind.kind == "quilt" for one in taken):
+    while any(one == f"{found}{ending}".lower() or (one.startswith(f"{found}_qs".lower())
+              and kind.kind == "quilt") for one in taken):
         count += 1
         found = f"{stem}-{count}"
     return folder / f"{found}{ending}"

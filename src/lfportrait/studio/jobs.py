@@ -206,7 +206,8 @@ class Jobs:
         job.started = job.started or round(time.time(), 3)
         try:
             order = self._order(job)
-            child = Child(self.ENTRY, self._folder / f"{job.id}.log")
+            child = Child(self.ENTRY, self._folder / f"{job.id}.log",
+                          offline=job.kind != "networks")
             await child.start()
         except (Refusal, UserError, OSError) as error:
             self._fail(job, getattr(error, "code", "user_error"), str(error))

@@ -60,8 +60,9 @@ def laplacian(image: torch.Tensor, pool: int = 1) -> torch.Tensor:
     x = image[:, None]
     if pool > 1:
         x = functional.avg_pool2d(x, pool)
-    kernel = image.new_tensor([[0.0, 1.0, 0.0], [1.0, -4.0, 1.0], [0.0, 1.0, 0.0]])[None, None]
-    return functional.conv2d(functional.pad(x, (1, 1, 1, 1), mode="replicate"), kernel)[:, 0]
+    kernel = torch.tensor([[0.0, 1.0, 0.0], [1.0, -4.0, 1.0], [0.0, 1.0, 0.0]])[None, None]
+    return functional.conv2d(functional.pad(x, (1, 1, 1, 1), mode="replicate"),
+                             kernel.to(image))[:, 0]
 
 
 def laplacian_loss(image: torch.Tensor, wanted: torch.Tensor, *, pool: int = 1,

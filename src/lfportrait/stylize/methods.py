@@ -55,6 +55,10 @@ class FieldTask:
         Folder for pictures of intermediates; None writes none.
     transfer
         How a view is painted by example, where a method starts from one.
+    device
+        Where networks compute, a choice of ``--device``; a method that has some calls
+        `lfportrait.device.torch_device` with it, and puts that device's name
+        (`lfportrait.device.device_name`) into its figures as ``device``.
     """
 
     field: VoxelField
@@ -65,6 +69,7 @@ class FieldTask:
     progress: Progress | None = None
     dump: Path | None = None
     transfer: TransferConfig = option(default_factory=TransferConfig)
+    device: str = "auto"
 
     def tell(self, note: str, steps: int = 0) -> None:
         """Count ``steps`` finished steps on the progress line and show ``note``."""

@@ -12,7 +12,8 @@ name           network                                       maps               
 =============  ============================================  ======================  =============
 
 Every network takes RGB in [0, 1], [1, 3, H, W], and does its own normalisation. Features are scaled
-to a mean square of about 1, so that a loss weight means the same with any of them.
+to a mean square of about 1, so that a loss weight means the same with any of them. A network
+computes where it was loaded to, the CPU or a GPU; its pictures must lie there, too.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def _read(path: Path) -> Weights:
 
 def _entering(image: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
     """A picture as the first convolution takes it: of its mean and spread, in its numbers."""
-    return ((image - _MEAN) / _STD).to(weight.dtype)
+    return ((image - _MEAN.to(image.device)) / _STD.to(image.device)).to(weight.dtype)
 
 
 def _vgg16(weights: Weights) -> FeatureNetwork:
@@ -160,7 +161,7 @@ _SHARED = {"vgg19-se-deep": "vgg19-se"}
 """Networks whose weights are those of another."""
 
 
-def _normalised(network: FeatureNetwork) -> FeatureNetwork:
+def _normalised(network: FeatureNetwork, place: str = "cpu") -> FeatureNetwork:
     """The network with each map scaled to a mean square of 1 on a fixed smooth noise picture.
 
     The same architecture comes with weights of very different scale (Caffe's, torchvision's);
@@ -169,6 +170,7 @@ def _normalised(network: FeatureNetwork) -> FeatureNetwork:
     generator = torch.Generator().manual_seed(0)
     noise = torch.rand(1, 3, 24, 24, generator=generator)
     picture = functional.interpolate(noise, size=(192, 192), mode="bicubic").clamp(0, 1)
+    picture = picture.to(place)
     with torch.no_grad():
         scales = [1.0 / float(values.square().mean().sqrt().clamp_min(1e-8))
                   for values in network(picture)]
@@ -189,7 +191,7 @@ def _halved(weights: Weights) -> Weights:
 
 
 @functools.lru_cache(maxsize=8)
-def load_network(name: str, half: bool = False) -> FeatureNetwork:
+def load_network(name: str, half: bool = False, place: str = "cpu") -> FeatureNetwork:
     """A feature network by its name, weights through the registry.
 
     Parameters
@@ -199,6 +201,10 @@ def load_network(name: str, half: bool = False) -> FeatureNetwork:
     half
         Let a large network compute in bfloat16 where the processor does (`has_half_numbers`): half
         the time, three digits. For descents; what is measured should not depend on the processor.
+        GPUs are fast enough without.
+    place
+        Torch's name of where it computes, and where its pictures must lie
+        (`lfportrait.device.torch_device`).
 
     Raises
     ------
@@ -207,12 +213,13 @@ def load_network(name: str, half: bool = False) -> FeatureNetwork:
     """
     if name == "embedded":
         file = resources.files("lfportrait.stylize") / "embedded.safetensors"
-        weights = {key: value.float() for key, value in load(file.read_bytes()).items()}
-        return _normalised(embedded_features(weights))
+        weights = {key: value.float().to(place) for key, value in load(file.read_bytes()).items()}
+        return _normalised(embedded_features(weights), place)
     if name not in _BUILDERS:
         raise UserError(f"there is no feature network {name!r}; choose vgg16, resnet50, vgg19-se "
                         "or embedded")
     weights = _read(models.fetch(_SHARED.get(name, name)))
-    if half and name in _HALVED and has_half_numbers():
+    if half and place == "cpu" and name in _HALVED and has_half_numbers():
         weights = _halved(weights)
-    return _normalised(_BUILDERS[name](weights))
+    weights = {key: value.to(place) for key, value in weights.items()}
+    return _normalised(_BUILDERS[name](weights), place)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
+from ..device import torch_device
 from ..example import Exemplar, Painting, Skin, SkinPainter, asked_lids
 from ..example.skin import canvas_of
 from ..field import SurfaceTexture, VoxelField
@@ -85,15 +86,20 @@ class Sitter:
         self.skin = skin or Skin.of(field, capture.landmarks, capture.cameras, config.pixels)
         canvas_of(self.skin, self.step)
         # What is shared takes a while: a painting is looked at meanwhile.
+        self._views: dict[int, list[StyleView]] = {}
         aside = ThreadPoolExecutor(1)
         self._shared = aside.submit(self._share)
         aside.shutdown(wait=False)
-        self._views: dict[int, list[StyleView]] = {}
 
     def _share(self) -> None:
         if self.config.preview and self.config.texture:
             chart_lattice(self.field, self.skin, self.step)
         row_labels(self.skin)
+        if not self.config.preview and self.config.refinements > 0:
+            from .refinement import Refinement
+
+            Refinement.load(self.config, torch_device().place)
+            self._charts(2)
 
     def wait(self) -> None:
         """Wait for the data that all paintings share."""
@@ -101,10 +107,14 @@ class Sitter:
 
     def views(self, painting: Painting, step: int) -> list[StyleView]:
         """The charts at every ``step``-th pixel as views that should show a painting."""
-        background = self.config.background
+        views = self._charts(step)
+        show_painting(views, painting, self.config.background, step)
+        return views
+
+    def _charts(self, step: int) -> list[StyleView]:
+        """The charts at every ``step``-th pixel as views, made once."""
         if step not in self._views:
-            self._views[step] = chart_views(self.field, self.skin, background, step)
-        show_painting(self._views[step], painting, background, step)
+            self._views[step] = chart_views(self.field, self.skin, self.config.background, step)
         return self._views[step]
 
 
@@ -137,8 +147,12 @@ class Painters:
 
 def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeConfig,
                  progress: Progress | None, dump: Path | None, painters: Painters | None = None,
+                 device: str = "auto",
                  ) -> tuple[list[Float32], list[SurfaceTexture], dict[str, Any]]:
-    """Colors of a field's rows, float32 [N, 3], and textures, by exemplar, and figures."""
+    """Colors of a field's rows, float32 [N, 3], and textures, by exemplar, and figures.
+
+    The networks of the refinement compute on ``device``, everything else on the CPU.
+    """
     colors, textures, rows = [], [], []
     constants: Any = None
     lattice: ChartLattice | None = None
@@ -175,7 +189,7 @@ def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeC
 
             constants = constants or Constants()
             figures["refinement"] = Refinement(model, sitter.views(painting, 2), config,
-                                               constants).run(progress)
+                                               constants, device).run(progress)
         end = time.perf_counter()
         figures["seconds"] = {"paint": round(painted - clock, 3),
                               "fit": round(fitted - painted, 3),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
-from ..device import computing_device
+from ..device import check_device
 from ..errors import UserError
 from ..example import Exemplar, Skin, known_ground
 from ..field import C0, Backdrop, SurfaceTexture, VoxelField, head_points
@@ -59,7 +59,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     progress
         Progress line.
     device
-        Where to compute: ``"auto"`` or ``"cpu"`` (`lfportrait.device.computing_device`).
+        Where to compute: ``"auto"``, ``"cpu"``, ``"gpu"`` or ``"gpu:NAME"`` (`lfportrait.device`).
     dump
         Folder for pictures of intermediates; None writes none.
     skin
@@ -72,7 +72,8 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     styled, figures
         A field with the same density and direction-independent colors, which can be mixed again
         (`StyledField.mix`), and the figures for ``--json``: per-term losses and gradient norms,
-        networks, ``seconds``, ``notices`` on what sitter and exemplar do not share.
+        networks, ``device`` (where the networks computed; painting and fit are on the CPU),
+        ``seconds``, ``notices`` on what sitter and exemplar do not share.
 
     Raises
     ------
@@ -88,23 +89,25 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
     if capture.landmarks is None and config.needs_face:
         raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on the "
                         "photos, or use --method arf")
-    computes_on = computing_device(device)
+    check_device(device)
     start = time.perf_counter()
-    figures: dict[str, Any] = {"method": config.method, "device": computes_on}
+    figures: dict[str, Any] = {"method": config.method, "device": "cpu"}
     textures: list[SurfaceTexture] = []
     blocks = None
     if config.on_skin:
         sitter = Sitter(field, capture, config, skin)
         colors, textures, found = stylize_skin(sitter, exemplars, config, progress, dump,
-                                                painters)
+                                                painters, device)
         labels, regions = row_labels(sitter.skin)
         if textures:
             blocks = texel_rows(sitter.skin, textures[0])
     else:
         regions = PICTURE_LABELS
         labels = np.zeros((len(field.density), len(regions)), np.uint8)
-        colors, found = _by_views(field, capture, exemplars, config, progress, dump)
+        colors, found = _by_views(field, capture, exemplars, config, progress, dump, device)
     figures.update(found)
+    # That of the networks: painting and fit are on the CPU in any case.
+    figures["device"] = found.get("device", found.get("refinement", {}).get("device", "cpu"))
     figures["notices"] = notices(capture, exemplars, config)
     photo = np.clip(C0 * field.sh[:, :, 0] + 0.5, 0.0, 1.0).astype(np.float32)
     styled = StyledField.of(field, np.stack(colors), [one.name for one in exemplars], photo,
@@ -121,7 +124,7 @@ def stylize_with_figures(field: VoxelField, capture: Capture,
 
 
 def _by_views(field: VoxelField, capture: Capture, exemplars: list[Exemplar],
-              config: StylizeConfig, progress: Progress | None, dump: Path | None,
+              config: StylizeConfig, progress: Progress | None, dump: Path | None, device: str,
               ) -> tuple[list[Float32], dict[str, Any]]:
     """Colors for each exemplar by the paper's or another package's method."""
     # Here: their losses need torch, which paints of a skin do without.
@@ -131,10 +134,11 @@ def _by_views(field: VoxelField, capture: Capture, exemplars: list[Exemplar],
     for one in exemplars:
         if config.other is not None:
             task = FieldTask(field, capture, one, config.background, config.seed, progress, dump,
-                             config.transfer)
+                             config.transfer, device)
             painted, row = config.other.paint(task, config.parameters_of(config.other))
         else:
-            painted, row = stylize_views(field, capture, one, config, progress, dump)
+            painted, row = stylize_views(field, capture, one, config, progress, dump,
+                                         device)
         colors.append(painted)
         rows.append(row)
     return colors, {**rows[0], **({"styles": rows} if len(rows) > 1 else {})}

@@ -33,8 +33,12 @@ Float32 = NDArray[np.float32]
 
 
 def stylize_views(field: VoxelField, capture: Capture, exemplar: Exemplar, config: StylizeConfig,
-                  progress: Progress | None, dump: Path | None) -> tuple[Float32, dict[str, Any]]:
-    """Colors of a field's rows, float32 [N, 3], by painted views, and figures."""
+                  progress: Progress | None, dump: Path | None, device: str = "auto",
+                  ) -> tuple[Float32, dict[str, Any]]:
+    """Colors of a field's rows, float32 [N, 3], by painted views, and figures.
+
+    The networks of the refinement compute on ``device``.
+    """
     start = time.perf_counter()
     views, transfer_seconds = _prepare(field, capture, exemplar, config, progress, dump)
     prepared = time.perf_counter()
@@ -44,7 +48,8 @@ def stylize_views(field: VoxelField, capture: Capture, exemplar: Exemplar, confi
     figures: dict[str, Any] = {"views": len(views), "transfer": transfer_seconds,
                                "fit": {"rmse": [round(float(np.sqrt(e)), 5) for e in errors]}}
     if config.refinements > 0:
-        figures["refinement"] = Refinement(model, views, config).run(progress)
+        figures["refinement"] = Refinement(model, views, config,
+                                           device=device).run(progress)
     refined = time.perf_counter()
     figures["unseen_share"] = round(model.fill_unseen(), 4)
     figures["seconds"] = {"views": round(prepared - start, 3), "fit": round(fitted - prepared, 3),

@@ -7,6 +7,7 @@ the real views, and of the examples - is computed once a view.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -15,6 +16,7 @@ import torch
 from numpy.typing import NDArray
 
 from .. import models
+from ..device import TorchDevice, device_name, torch_device
 from ..progress import Progress
 from .config import StylizeConfig
 from .fit import ColorModel
@@ -39,32 +41,51 @@ class Refinement:
         Weights, networks, steps.
     constants
         Content features by view of an earlier refinement of the same views (`Constants`).
+    device
+        Where the networks compute, a choice of ``--device``. The colors stay in the main memory: a
+        step takes one render there and one gradient back.
     """
 
     def __init__(self, model: ColorModel, views: list[StyleView], config: StylizeConfig,
-                 constants: Constants | None = None) -> None:
+                 constants: Constants | None = None, device: str = "auto") -> None:
         self.constants = constants if constants is not None else Constants()
-        self._wanted: dict[int, torch.Tensor] = {}
         self.model, self.views, self.config = model, views, config
-        names = {"content": (config.content_network, "vgg16"),
-                 "style": (config.style_network, "resnet50")}
-        self.names = {term: ((paper if models.available(paper) else "embedded")
-                             if chosen == "auto" else chosen)
-                      for term, (chosen, paper) in names.items()}
-        self.half = has_half_numbers() and self.names["style"] != "embedded"
-        self.content: FeatureNetwork = load_network(self.names["content"], half=True)
-        self.style: FeatureNetwork = load_network(self.names["style"], half=True)
         self.scale: dict[str, float] = {}
+        self.device = torch_device(device)
+
+    def _load(self, device: TorchDevice) -> None:
+        """Load the networks to a device; what was computed on another is forgotten."""
+        self.device, place = device, device.place
+        self._wanted: dict[int, torch.Tensor] = {}
+        self.names, self.content, self.style = self.load(self.config, place)
+        self.half = place == "cpu" and has_half_numbers() and self.names["style"] != "embedded"
+
+    def _tensor(self, picture: NDArray[np.float32]) -> torch.Tensor:
+        """A picture [h, w, 3] as the networks take it, [1, 3, h, w], on their device."""
+        return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None].to(
+            self.device.place)
+
+    @staticmethod
+    def load(config: StylizeConfig, place: str = "cpu",
+             ) -> tuple[dict[str, str], FeatureNetwork, FeatureNetwork]:
+        """Names of the networks by term, that of the content and that of the style; kept.
+
+        ``place`` is torch's name of where they compute.
+        """
+        asked = {"content": (config.content_network, "vgg16"),
+                 "style": (config.style_network, "resnet50")}
+        names = {term: ((paper if models.available(paper) else "embedded")
+                        if chosen == "auto" else chosen)
+                 for term, (chosen, paper) in asked.items()}
+        content, style = (load_network(names[term], True, place) for term in asked)
+        return names, content, style
 
     def _terms(self, view: StyleView, image: torch.Tensor) -> dict[str, torch.Tensor]:
         """The losses of one render [1, 3, h, w]."""
-        def tensor(picture: NDArray[np.float32]) -> torch.Tensor:
-            return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None]
-
-        wanted = tensor(view.example)
-        content = tensor(view.content)
-        content_features = self.constants.content(view, self.names["content"],
-                                                  lambda: stacked(self.content(content)))
+        wanted, content = self._tensor(view.example), self._tensor(view.content)
+        content_features = self.constants.content(
+            view, f"{self.names['content']} on {self.device.place}",
+            lambda: stacked(self.content(content)))
         features = stacked(self.style(image))
         inside = _inside(view, features)
         if id(view) not in self._wanted:
@@ -92,8 +113,7 @@ class Refinement:
     def _gradients(self, view: StyleView) -> tuple[dict[str, float], dict[str, float],
                                                    dict[str, torch.Tensor]]:
         """Losses, gradient norms and image gradients of each term for the colors as they are."""
-        image = torch.from_numpy(np.ascontiguousarray(
-            self.model.picture(view).transpose(2, 0, 1)))[None].requires_grad_(True)
+        image = self._tensor(self.model.picture(view)).requires_grad_(True)
         losses, norms, gradients = {}, {}, {}
         terms = self._terms(view, image)
         for name, loss in terms.items():
@@ -111,7 +131,28 @@ class Refinement:
         return {"losses": losses, "gradient_norms": norms, "scales": dict(self.scale)}
 
     def run(self, progress: Progress | None) -> dict[str, Any]:
-        """Take the steps; returns losses and gradient norms before and after."""
+        """Take the steps; returns losses and gradient norms before and after.
+
+        Where a GPU is lost, or its memory is too small, all of them are taken on the CPU.
+        """
+        colors, done = self.model.colors.copy(), 0 if progress is None else progress.done
+        try:
+            self._load(self.device)
+            return self._steps(progress)
+        except RuntimeError as error:
+            why = _failing(error)
+            if self.device.place == "cpu" or not why:
+                raise
+            warnings.warn(f"{self.device.name} {why}: the networks compute on the CPU",
+                          stacklevel=2)
+        self.constants.forget()
+        self.model.colors[:] = colors
+        if progress is not None:
+            progress.update(done, "networks on the CPU")
+        self._load(TorchDevice())
+        return self._steps(progress)
+
+    def _steps(self, progress: Progress | None) -> dict[str, Any]:
         config, model = self.config, self.model
         before = self._calibrate()
         mean, square = np.zeros_like(model.colors), np.zeros_like(model.colors)
@@ -122,13 +163,12 @@ class Refinement:
             if not order:
                 order = list(generator.permutation(len(self.views)))
             view = self.views[order.pop()]
-            image = torch.from_numpy(np.ascontiguousarray(
-                model.picture(view).transpose(2, 0, 1)))[None].requires_grad_(True)
+            image = self._tensor(model.picture(view)).requires_grad_(True)
             terms = self._terms(view, image)
             # Eq. 9, with the fit to the painted views as a fourth term.
             loss = torch.stack([self.scale[name] * value for name, value in terms.items()]).sum()
             slope, = torch.autograd.grad(loss, image)
-            picture = slope[0].permute(1, 2, 0).numpy() * view.trusted[..., None]
+            picture = slope[0].permute(1, 2, 0).cpu().numpy() * view.trusted[..., None]
             model.pulled_back(view, np.ascontiguousarray(picture), gradient)
             rate = config.rate * 0.1 ** (step / max(1, config.refinements))
             adam_step(model.colors, gradient, mean, square, np.float32(rate), step + 1)
@@ -136,8 +176,17 @@ class Refinement:
                 progress.update(progress.done + 1, f"refine {step + 1} of {config.refinements}: "
                                 f"style {float(terms['style'].detach()):.4f}")
         after, norms, _ = self._gradients(self.views[len(self.views) // 2])
-        return {"networks": self.names, "steps": config.refinements, "before": before,
+        return {"networks": self.names, "device": device_name(self.device),
+                "steps": config.refinements, "before": before,
                 "after": {"losses": after, "gradient_norms": norms}}
+
+
+def _failing(error: RuntimeError) -> str:
+    """Why a GPU can't go on, in words; empty for errors of other kinds."""
+    if "out of memory" in str(error).lower() or type(error).__name__ == "OutOfMemoryError":
+        return "has too little memory"
+    # Versions before 2.8 raise what can't be told from other errors.
+    return "was lost" if type(error).__name__ == "AcceleratorError" else ""
 
 
 class Constants:
@@ -146,9 +195,13 @@ class Constants:
     def __init__(self) -> None:
         self._known: dict[tuple[int, str], torch.Tensor] = {}
 
+    def forget(self) -> None:
+        """Give back their memory."""
+        self._known.clear()
+
     def content(self, view: StyleView, network: str,
                 compute: Callable[[], torch.Tensor]) -> torch.Tensor:
-        """Content features of a view, computed when first asked for."""
+        """Content features of a view by a network on a device, computed when first asked for."""
         key = id(view), network
         if key not in self._known:
             with torch.no_grad():
@@ -160,4 +213,4 @@ def _inside(view: StyleView, features: torch.Tensor) -> torch.Tensor:
     """Places of a feature map [C, h, w] that show the head, bool [h, w]."""
     share = torch.nn.functional.interpolate(torch.from_numpy(view.alpha)[None, None],
                                             size=features.shape[-2:], mode="area")
-    return share[0, 0] > 0.3
+    return (share[0, 0] > 0.3).to(features.device)

@@ -35,4 +35,5 @@ def rehearse(field: VoxelField, capture: Capture, exemplar: Exemplar) -> None:
     show_painting(views, painting, 1.0)
     model.fit(views, 1)
     Refinement(model, views, StylizeConfig(
-        steps=1, content_network="embedded", style_network="embedded")).run(None)
+        steps=1, content_network="embedded", style_network="embedded"),
+        device="cpu").run(None)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lfportrait.device import device_name, gpu_adapter
 from lfportrait.field import VoxelField
 from lfportrait.lightfield import (
     Display,
@@ -24,6 +25,7 @@ from lfportrait.measure import memory_of
 from lfportrait.metrics import psnr
 from lfportrait.progress import Progress
 
+from .on_gpu import device_figures
 from .transfer import say, timed
 
 __all__ = ["bench_encode", "bench_masks"]
@@ -44,7 +46,7 @@ def _display(preset: str, views: int = VIEWS, cone: float = CONE) -> Display:
 
 def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", "8k"),
                  masks: tuple[str, ...] = ("1k", "2k", "4k", "8k"), rivals: str = "1080p",
-                 repeats: int = 3, config: EncodeConfig | None = None,
+                 repeats: int = 3, config: EncodeConfig | None = None, device: str = "cpu",
                  progress: Progress | None = None) -> dict[str, Any]:
     """Speed of the coding at several panel sizes, with quality, the mask's benefit and a baseline.
 
@@ -64,25 +66,33 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
         The shortest of so many runs counts.
     config
         Coding.
+    device
+        Where to code, a choice of ``--device``; on a GPU there is no mask, and ``masks`` is left
+        out.
     progress
         Progress line.
 
     Returns
     -------
     figures
-        Per size ``seconds``, ``draft_seconds``, ``subpixels``, ``views``, ``method``, ``psnr`` and
-        ``draft_psnr`` (dB, against direct casting in steps of half a voxel), ``memory_bytes`` (on
-        top of field and mask). ``direct``: casting in half-voxel steps; ``view_by_view``: all views
-        rendered, then interlaced; both with ``times_slower``. ``views`` and ``cones``: seconds at
-        the middle size by their number and by degrees. ``mask``: a list with ``build_seconds``,
+        ``device``, by its name. Per size ``seconds``, ``draft_seconds``, ``subpixels``,
+        ``views``, ``method``, ``psnr`` and ``draft_psnr`` (dB, against direct casting in steps of
+        half a voxel), ``memory_bytes`` (on top of field and mask); on a GPU also those of
+        `on_gpu.device_figures`. ``direct``: casting in half-voxel steps; ``view_by_view``: all
+        views rendered, then interlaced; both with ``times_slower``. ``views`` and ``cones``:
+        seconds at the middle size by their number and by degrees. ``mask``: a list with
+        ``build_seconds``,
         ``load_seconds``, ``with_seconds`` (load and code), ``without_seconds`` (build and code),
         ``bytes``.
     """
     config = config or EncodeConfig()
-    figures: dict[str, Any] = {}
+    adapter = gpu_adapter(device)
+    figures: dict[str, Any] = {"device": device_name(adapter)}
     for size in sizes:
         say(progress, f"coding {size}")
-        figures[size] = _coded(field, _display(PANELS[size]), config, repeats)
+        figures[size] = _coded(field, _display(PANELS[size]), config, repeats, device)
+        if adapter is not None:
+            figures[size] |= device_figures(field, _display(PANELS[size]), config, adapter)
     panel, ours = PANELS[rivals], figures[rivals]["seconds"]
     figures["direct"] = {key.removeprefix("direct_"): figures[rivals][key] for key in (
         "direct_seconds", "subpixels", "views")}
@@ -96,11 +106,11 @@ def bench_encode(field: VoxelField, *, sizes: tuple[str, ...] = ("1080p", "4k", 
     middle = PANELS[sizes[len(sizes) // 2]]
     displays = ({f"views {n}": _display(middle, views=n) for n in MANY_VIEWS}
                 | {f"cone {c:g}": _display(middle, cone=c) for c in WIDE_CONES})
-    seconds = _alternating(field, displays, config, repeats)
+    seconds = _alternating(field, displays, config, repeats, device)
     figures["views"] = {str(n): seconds[f"views {n}"] for n in MANY_VIEWS}
     figures["cones"] = {f"{c:g}": seconds[f"cone {c:g}"] for c in WIDE_CONES}
     figures["mask"] = (bench_masks(field, masks, repeats=repeats, config=config, progress=progress)
-                       if masks else [])
+                       if masks and adapter is None else [])
     return figures
 
 
@@ -125,7 +135,8 @@ def bench_masks(field: VoxelField, sizes: tuple[str, ...] = tuple(MASKS), *, rep
     """
     config = config or EncodeConfig()
     # A small picture compiles the kernels before the clock starts.
-    encode_with_figures(field, replace(_display(MASKS[sizes[0]]), width=64, height=8), config)
+    encode_with_figures(field, replace(_display(MASKS[sizes[0]]), width=64, height=8), config,
+                        device="cpu")
     rows = []
     for size in sizes:
         say(progress, f"mask guide, {size}")
@@ -134,36 +145,40 @@ def bench_masks(field: VoxelField, sizes: tuple[str, ...] = tuple(MASKS), *, rep
 
 
 def _alternating(field: VoxelField, displays: dict[str, Display], config: EncodeConfig,
-                 repeats: int) -> dict[str, float]:
+                 repeats: int, device: str) -> dict[str, float]:
     """Shortest times, the panels one after the other in each round: noise hits all alike."""
     masks = {name: ViewMask.build(display, cache=False) for name, display in displays.items()}
     seconds = dict.fromkeys(displays, float("inf"))
     for _ in range(repeats):
         for name, display in displays.items():
             start = time.perf_counter()
-            encode_with_figures(field, display, config, mask=masks[name])
+            encode_with_figures(field, display, config, mask=masks[name], device=device)
             seconds[name] = min(seconds[name], time.perf_counter() - start)
     return seconds
 
 
 def _coded(field: VoxelField, display: Display, config: EncodeConfig, repeats: int,
-           ) -> dict[str, Any]:
+           device: str) -> dict[str, Any]:
     mask = ViewMask.build(display, cache=False)
     ways = {"": config, "draft_": replace(config, draft=True),
             "direct_": replace(config, method="direct", step_size=0.5, draft=False)}
     row: dict[str, Any] = {}
     pictures = {}
     for way, chosen in ways.items():
-        encode_with_figures(field, replace(display, width=64, height=8), chosen)
+        encode_with_figures(field, replace(display, width=64, height=8), chosen, device=device)
         # Half-voxel steps take so long that one run suffices.
         row[f"{way}seconds"], (pictures[way], run) = timed(
-            functools.partial(encode_with_figures, field, display, chosen, mask=mask),
+            functools.partial(encode_with_figures, field, display, chosen, mask=mask,
+                              device=device),
             1 if way == "direct_" else repeats)
         if not way:
             row |= {name: run[name] for name in ("subpixels", "views", "method")}
             row["subpixels_per_second"] = run["subpixels"] / row["seconds"]
             row["memory_bytes"], _ = memory_of(
-                lambda: encode_with_figures(field, display, config, mask=mask))
+                lambda: encode_with_figures(field, display, config, mask=mask, device=device))
+    if gpu_adapter(device) is not None:  # held against the CPU's, not against its own
+        pictures["direct_"] = encode_with_figures(field, display, ways["direct_"], mask=mask,
+                                                  device="cpu")[0]
     reference = pictures["direct_"].astype(np.float32) / 255
     for way in ("", "draft_"):
         quality = psnr(pictures[way].astype(np.float32) / 255, reference)
@@ -199,7 +214,7 @@ def _mask(field: VoxelField, display: Display, config: EncodeConfig, repeats: in
         load, _ = timed(lambda: ViewMask.build(display, cache=Path(name)), repeats)
 
         def code(cache: bool | Path) -> None:
-            encode_with_figures(field, display, config,
+            encode_with_figures(field, display, config, device="cpu",
                                 mask=ViewMask.build(display, cache=cache))
 
         stored, _ = timed(lambda: code(Path(name)), repeats)

@@ -25,7 +25,7 @@ from .encode import bench_encode
 from .floor import machine_rates, training_floor
 from .plot import line_plot
 from .print import bench_print
-from .transfer import bench_transfer, say, timed
+from .transfer import SHORT_NETWORK, bench_transfer, say, timed
 
 __all__ = ["BENCHES", "bench", "bench_encode", "bench_print", "bench_reconstruct",
            "bench_stylize", "bench_transfer"]
@@ -117,7 +117,7 @@ def _curve_plot(curve: list[dict[str, Any]]) -> NDArray[np.uint8]:
 def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None = None, *,
                   size: int = 320, views: int = 5, steps: int = 6,
                   pixels: float | None = None, progress: Progress | None = None,
-                  ) -> dict[str, Any]:
+                  device: str = "auto") -> dict[str, Any]:
     """Stylisation, its parts apart: on the skin, and by a few painted views beside it.
 
     Parameters
@@ -134,12 +134,14 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
         Of the skin per world unit; None: as by default.
     progress
         Progress line.
+    device
+        Where the networks compute, a choice of ``--device``.
 
     Returns
     -------
     figures
-        ``skin_seconds``; ``preview_seconds`` (the second one, with another seed);
-        ``exemplar_seconds`` (preparing a painting); ``paint_seconds``,
+        ``device`` of the networks; ``skin_seconds``; ``preview_seconds`` (the second one, with
+        another seed); ``exemplar_seconds`` (preparing a painting); ``paint_seconds``,
         ``fit_iteration_seconds``, ``step_seconds`` on the skin; the networks; and ``views`` by
         painted views: ``view_seconds`` (render, transfer, weights of a view),
         ``fit_iteration_seconds``, ``step_seconds``.
@@ -158,8 +160,10 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
     preview = replace(config, preview=True)
     by_views = StylizeConfig(method="paper", size=size, views=views, pitches=(8.0,), steps=steps)
     # Miniature runs compile the kernels and load the networks before the clock starts.
-    stylize_with_figures(field, capture, exemplar, replace(config, pixels=96.0, steps=1))
-    stylize_with_figures(field, capture, exemplar, replace(by_views, size=96, views=1, steps=1))
+    stylize_with_figures(field, capture, exemplar, replace(config, pixels=96.0, steps=1),
+                         device=device)
+    stylize_with_figures(field, capture, exemplar, replace(by_views, size=96, views=1, steps=1),
+                         device=device)
     say(progress, "skin")
     clock = [time.perf_counter()]
     skin = Skin.of(field, capture.landmarks, capture.cameras, config.pixels)
@@ -175,12 +179,14 @@ def bench_stylize(field: VoxelField, capture: Capture, exemplar: Exemplar | None
     painter.paint(skin, 2)
     clock.append(time.perf_counter())
     say(progress, "stylising")
-    _, run = stylize_with_figures(field, capture, exemplar, config, progress, skin=skin)
+    _, run = stylize_with_figures(field, capture, exemplar, config, progress, device=device,
+                                  skin=skin)
     seconds = run["seconds"]
     say(progress, "by views")
-    _, viewed = stylize_with_figures(field, capture, exemplar, by_views, progress)
+    _, viewed = stylize_with_figures(field, capture, exemplar, by_views, progress, device=device)
     others = viewed["seconds"]
-    return {"skin_seconds": clock[1] - clock[0], "exemplar_seconds": clock[2] - clock[1],
+    return {"device": run["device"],
+            "skin_seconds": clock[1] - clock[0], "exemplar_seconds": clock[2] - clock[1],
             "preview_seconds": clock[3] - clock[2], "again_seconds": clock[5] - clock[4],
             "paint_seconds": seconds["paint"], "seconds": seconds, "steps": steps,
             "fit_iteration_seconds": seconds["fit"] / max(config.iterations, 1),
@@ -197,7 +203,7 @@ BENCHES = ("encode", "print", "reconstruct", "transfer", "stylize")
 
 
 def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
-          plot: Path | None = None, full: bool = False,
+          plot: Path | None = None, full: bool = False, device: str = "auto",
           progress: Progress | None = None) -> dict[str, Any]:
     """Run one measurement, or all.
 
@@ -213,6 +219,8 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
         File for a picture of the reconstruction's PSNR over time.
     full
         Reconstruct by the default schedule instead of in seconds.
+    device
+        Where to compute, a choice of ``--device``.
     progress
         Progress line.
 
@@ -224,18 +232,18 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
     """
     def run(name: str) -> dict[str, Any]:
         if name == "encode":
-            return bench_encode(_field(field, progress), progress=progress)
+            return bench_encode(_field(field, progress), device=device, progress=progress)
         if name == "print":
             return bench_print(_field(field, progress), progress=progress)
         if name == "transfer":
-            return bench_transfer(progress=progress)
+            return bench_transfer(progress=progress, network=replace(SHORT_NETWORK, device=device))
         photos = Capture.load(capture) if capture is not None else _embedded_capture()
         if name == "reconstruct":
             return bench_reconstruct(photos, ReconstructConfig() if full else SHORT, plot=plot,
                                      progress=progress)
         voxels = (VoxelField.load(field) if field is not None
                   else reconstruct_with_figures(photos, SHORT, progress)[0])
-        return bench_stylize(voxels, photos, progress=progress)
+        return bench_stylize(voxels, photos, progress=progress, device=device)
 
     if what != "all" and what not in BENCHES:
         raise ValueError(f"there is no measurement {what!r}")

@@ -21,8 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait import models
+from lfportrait.device import torch_device
 
 from .inception import inception_features
+from .weights import exact
 
 __all__ = ["feature_distance", "frechet_distance", "kernel_distance", "style_distance"]
 
@@ -56,7 +58,7 @@ def kernel_distance(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
 
 
 def style_distance(pictures: Sequence[NDArray[np.uint8]], exemplar: Sequence[NDArray[np.uint8]],
-                   ) -> dict[str, Any]:
+                   device: str = "auto") -> dict[str, Any]:
     """FID of 64, 192 and 768 dimensions and KID-768 between two sets of pictures (or crops).
 
     Returns
@@ -65,7 +67,7 @@ def style_distance(pictures: Sequence[NDArray[np.uint8]], exemplar: Sequence[NDA
         ``fid_64``, ``fid_192``, ``fid_768``, ``kid_768`` and the numbers of pictures; see the
         module for what these are, and are not.
     """
-    ours, theirs = inception_features(pictures), inception_features(exemplar)
+    ours, theirs = (inception_features(those, device=device) for those in (pictures, exemplar))
     figures: dict[str, Any] = {f"fid_{name}": frechet_distance(ours[name], theirs[name])
                                for name in ours}
     figures["kid_768"] = kernel_distance(ours["768"], theirs["768"])
@@ -73,7 +75,7 @@ def style_distance(pictures: Sequence[NDArray[np.uint8]], exemplar: Sequence[NDA
 
 
 def feature_distance(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = None,
-                     network: str = "auto") -> float:
+                     network: str = "auto", device: str = "auto") -> float:
     """Mean squared distance of unit-length features of two pictures.
 
     Parameters
@@ -85,6 +87,8 @@ def feature_distance(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] |
     network
         Name for `lfportrait.stylize.load_network`; ``"auto"``: vgg16 if it is at hand, else the
         embedded network.
+    device
+        Where the network computes, a choice of ``--device``.
 
     Returns
     -------
@@ -97,13 +101,14 @@ def feature_distance(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] |
 
     if network == "auto":
         network = "vgg16" if models.available("vgg16") else "embedded"
-    run = load_network(network)
+    place = torch_device(device).place
+    run = load_network(network, place=place)
 
     def maps(image: NDArray[Any]) -> list[Any]:
         values = np.ascontiguousarray(np.asarray(image, np.float32).transpose(2, 0, 1))
-        with torch.no_grad():
+        with exact(place):
             return [m / m.norm(dim=1, keepdim=True).clamp_min(1e-8)
-                    for m in run(torch.from_numpy(values)[None])]
+                    for m in run(torch.from_numpy(values)[None].to(place))]
 
     distances = []
     for first, second in zip(maps(a), maps(b), strict=True):
@@ -111,7 +116,7 @@ def feature_distance(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] |
         if mask is not None:
             cover = torch.nn.functional.interpolate(
                 torch.from_numpy(np.asarray(mask, np.float32))[None, None],
-                size=squared.shape, mode="area")[0, 0]
+                size=squared.shape, mode="area")[0, 0].to(place)
             distances.append(float((squared * cover).sum() / cover.sum().clamp_min(1e-8)))
         else:
             distances.append(float(squared.mean()))

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait import models
+from lfportrait.device import torch_device
 
-from .weights import read_weights
+from .weights import exact, read_weights
 
 __all__ = ["inception_features"]
 
@@ -38,8 +39,8 @@ def _folded(weights: dict[str, Any], epsilon: float = 1e-3) -> dict[str, Any]:
 
 
 @functools.lru_cache(maxsize=1)
-def _inception_weights(path: Path) -> dict[str, Any]:
-    return _folded(read_weights(path))
+def _inception_weights(path: Path, place: str) -> dict[str, Any]:
+    return {name: value.to(place) for name, value in _folded(read_weights(path)).items()}
 
 
 class _Inception:
@@ -128,7 +129,7 @@ class _Inception:
 
 
 def inception_features(pictures: Iterable[NDArray[np.uint8]], batch: int = 8, *,
-                       full: bool = False) -> Features:
+                       full: bool = False, device: str = "auto") -> Features:
     """Pooled features of the FID network.
 
     Parameters
@@ -139,6 +140,8 @@ def inception_features(pictures: Iterable[NDArray[np.uint8]], batch: int = 8, *,
         Pictures at once.
     full
         Also the features of 2048 dimensions, after the last block (the usual FID).
+    device
+        Where the network computes, a choice of ``--device``.
 
     Returns
     -------
@@ -152,15 +155,16 @@ def inception_features(pictures: Iterable[NDArray[np.uint8]], batch: int = 8, *,
     """
     import torch
 
+    place = torch_device(device).place
     network = _Inception(_inception_weights(
-        models.fetch("inception-2048" if full else "inception")))
+        models.fetch("inception-2048" if full else "inception"), place))
     found: dict[str, list[NDArray[np.float64]]] = {}
     waiting: list[Any] = []
 
     def flush() -> None:
-        with torch.no_grad():
-            for name, values in network(torch.cat(waiting), full).items():
-                found.setdefault(name, []).append(values.double().numpy())
+        with exact(place):
+            for name, values in network(torch.cat(waiting).to(place), full).items():
+                found.setdefault(name, []).append(values.cpu().double().numpy())
         waiting.clear()
 
     for picture in pictures:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lfportrait import models
 from lfportrait.capture import Camera, Capture
+from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar
 from lfportrait.field import VoxelField, held_out_quality
@@ -46,7 +47,8 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
                    cone: float = 40.0, views: int = 21, size: int = 384, crops: int = 48,
                    seed: int = 0, labels: RowLabels | None = None,
                    landmarks: NDArray[np.floating] | None = None, wanted: Wanted | None = None,
-                   close: int = 768, progress: Progress | None = None) -> dict[str, Any]:
+                   close: int = 768, progress: Progress | None = None,
+                   device: str = "auto") -> dict[str, Any]:
     """Measure a stylised field against the real one, and against the exemplar.
 
     Parameters
@@ -75,16 +77,18 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
         Width and height in pixels of the renders for repeats and sharpness.
     progress
         Progress line.
+    device
+        Where networks compute, a choice of ``--device``.
 
     Returns
     -------
     figures
-        ``consistency``, ``contours``, ``identity`` (if the face detector is at hand), ``content``
-        (feature distance of stylised and real views; LPIPS, too, if its networks are at hand),
-        ``style`` (if an exemplar is given), ``repeats`` (`region_repeats` at the ends and the
-        middle of the arc, in profile and from behind; needs an exemplar and labels), ``sharpness``
-        (of the views at the ends and in the middle, and their ``mean``; needs ``wanted``). What
-        could not be measured is None.
+        ``device`` of the networks, ``consistency``, ``contours``, ``identity`` (if the face
+        detector is at hand), ``content`` (feature distance of stylised and real views; LPIPS, too,
+        if its networks are at hand), ``style`` (if an exemplar is given), ``repeats``
+        (`region_repeats` at the ends and the middle of the arc, in profile and from behind; needs
+        an exemplar and labels), ``sharpness`` (of the views at the ends and in the middle, and
+        their ``mean``; needs ``wanted``). What could not be measured is None.
     """
     def say(text: str) -> None:
         if progress is not None:
@@ -94,21 +98,23 @@ def evaluate_field(field: VoxelField, styled: VoxelField, exemplar: Exemplar | N
     painted = arc.seen(styled)
     say("consistency")
     figures: dict[str, Any] = {
+        "device": device_name(torch_device(device)),
         "arc": {"cone": cone, "views": views, "size": size},
         "consistency": arc.consistency(painted),
         "contours": {"gradient_correlation": arc.contours(painted)}}
     middle = views // 2
     photo = np.clip(arc.real[middle].color, 0, 1)
     figures["content"] = {
-        "feature_distance": feature_distance(painted[middle], photo, arc.masks[middle])}
+        "feature_distance": feature_distance(painted[middle], photo, arc.masks[middle],
+                                             device=device)}
     if not models.missing(LPIPS_NETWORKS["vgg"]):
-        figures["content"]["lpips"] = lpips(painted[middle], photo)
+        figures["content"]["lpips"] = lpips(painted[middle], photo, device=device)
     if models.available("face-landmarker"):
         say("identity")
         figures["identity"] = landmarks_kept(field, styled, size)
     if exemplar is not None:
         say("style")
-        figures["style"] = _style(painted, arc.masks, exemplar, crops, seed)
+        figures["style"] = _style(painted, arc.masks, exemplar, crops, seed, device)
     labels = labels or RowLabels.of(styled)
     ends_and_middle = (-cone / 2, 0.0, cone / 2)
     figures["repeats"] = figures["sharpness"] = None
@@ -162,7 +168,7 @@ def _sharpness(styled: VoxelField, wanted: Wanted, degrees: tuple[float, ...],
 
 
 def _style(painted: Pictures, masks: list[NDArray[np.bool_]], exemplar: Exemplar, crops: int,
-           seed: int) -> dict[str, Any]:
+           seed: int, device: str) -> dict[str, Any]:
     """Distances of the stylised views to the exemplar."""
     middle = len(painted) // 2
     figures: dict[str, Any] = {"patch_fidelity": patch_fidelity(
@@ -179,7 +185,7 @@ def _style(painted: Pictures, masks: list[NDArray[np.bool_]], exemplar: Exemplar
         theirs = max(int(0.6 * float(np.ptp(exemplar.landmarks[:, 0]))), 16)
         figures.update(style_distance(
             spread_crops([_bytes(image) for image in painted], masks, ours, crops, seed),
-            spread_crops([exemplar.image], [mask], theirs, crops, seed + 1)))
+            spread_crops([exemplar.image], [mask], theirs, crops, seed + 1), device))
     return figures
 
 

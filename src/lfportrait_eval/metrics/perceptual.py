@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait import models
+from lfportrait.device import torch_device
 
-from .weights import read_weights
+from .weights import exact, read_weights
 
 __all__ = ["LPIPS_NETWORKS", "lpips"]
 
@@ -40,10 +41,10 @@ _SCALE = (0.458, 0.448, 0.450)
 
 
 @functools.lru_cache(maxsize=2)
-def _weights(linear: Path, backbone: Path) -> tuple[Weights, Weights]:
-    convolutions = {name: value for name, value in read_weights(backbone).items()
+def _weights(linear: Path, backbone: Path, place: str) -> tuple[Weights, Weights]:
+    convolutions = {name: value for name, value in read_weights(backbone, place).items()
                     if name.startswith("features.")}  # nine tenths of the file classify
-    return read_weights(linear), convolutions
+    return read_weights(linear, place), convolutions
 
 
 def _vgg_maps(weights: Weights, x: Any) -> list[Any]:
@@ -82,7 +83,7 @@ _BACKBONES: dict[Backbone, Callable[[Weights, Any], list[Any]]] = {
 
 
 def lpips(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = None, *,
-          network: Backbone = "vgg") -> float:
+          network: Backbone = "vgg", device: str = "auto") -> float:
     """LPIPS v0.1 of two pictures.
 
     Parameters
@@ -93,6 +94,8 @@ def lpips(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = Non
         bool [H, W], the pixels that count; all by default.
     network
         Whose features.
+    device
+        Where the network computes, a choice of ``--device``.
 
     Returns
     -------
@@ -110,15 +113,17 @@ def lpips(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = Non
     models.require(names, download=False, purpose="LPIPS")
     if mask is not None and not mask.any():
         return float("nan")
-    linear, convolutions = _weights(*(models.fetch(name) for name in names))
-    with torch.no_grad():
-        first, second = (_unit_maps(_BACKBONES[network], convolutions, image, mask)
+    place = torch_device(device).place
+    first_file, second_file = (models.fetch(name) for name in names)
+    linear, convolutions = _weights(first_file, second_file, place)
+    with exact(place):
+        first, second = (_unit_maps(_BACKBONES[network], convolutions, image, mask, place)
                          for image in (a, b))
         layers = [((x - y).square() * linear[f"lin{layer}.model.1.weight"]).sum(
             dim=1, keepdim=True) for layer, (x, y) in enumerate(zip(first, second, strict=True))]
         if mask is None:
             return float(sum(layer.mean() for layer in layers))
-        inside = torch.from_numpy(np.asarray(mask, bool))
+        inside = torch.from_numpy(np.asarray(mask, bool)).to(place)
         whole = torch.stack([torch.nn.functional.interpolate(
             layer, size=inside.shape, mode="bilinear", align_corners=False)
             for layer in layers]).sum(0)
@@ -126,7 +131,7 @@ def lpips(a: NDArray[Any], b: NDArray[Any], mask: NDArray[np.bool_] | None = Non
 
 
 def _unit_maps(maps: Callable[[Weights, Any], list[Any]], weights: Weights, image: NDArray[Any],
-               mask: NDArray[np.bool_] | None) -> list[Any]:
+               mask: NDArray[np.bool_] | None, place: str) -> list[Any]:
     """Unit-length features of a picture [H, W, 3], black outside the mask."""
     import torch
 
@@ -135,5 +140,5 @@ def _unit_maps(maps: Callable[[Weights, Any], list[Any]], weights: Weights, imag
         values = values * np.asarray(mask, np.float32)[..., None]
     shift, scale = (torch.tensor(three)[:, None, None] for three in (_SHIFT, _SCALE))
     picture = torch.from_numpy(np.ascontiguousarray(values.transpose(2, 0, 1)))
-    x = ((2.0 * picture - 1.0 - shift) / scale)[None]
+    x = ((2.0 * picture - 1.0 - shift) / scale)[None].to(place)
     return [found / (found.norm(dim=1, keepdim=True) + 1e-10) for found in maps(weights, x)]

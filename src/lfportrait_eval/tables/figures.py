@@ -53,9 +53,9 @@ def missing_networks() -> dict[str, list[str]]:
     return {name: networks for name, networks in found.items() if networks}
 
 
-def distances() -> dict[str, Comparison]:
-    """LPIPS of each backbone whose weights are at hand."""
-    return {f"lpips_{name}": functools.partial(lpips, network=name)
+def distances(device: str = "auto") -> dict[str, Comparison]:
+    """LPIPS of each backbone whose weights are at hand, computed on ``device``."""
+    return {f"lpips_{name}": functools.partial(lpips, network=name, device=device)
             for name, networks in LPIPS_NETWORKS.items() if not models.missing(networks)}
 
 
@@ -95,7 +95,7 @@ class Target:
             mask = exemplar.mask > 0.5
         return inception_features(spread_crops(
             [exemplar.image], [mask], max(int(CROP * width), 16), self.crops, self.seed + 1),
-            full=models.available("inception-2048"))
+            full=models.available("inception-2048"), device=self.sitter.device)
 
     @functools.cached_property
     def regions(self) -> list[dict[str, NDArray[np.bool_]]]:
@@ -167,7 +167,8 @@ def agreement(views: Views, sitter: Sitter) -> Figures:
         ``contrast``: gradient energy over the real field's.
     """
     arc, painted = sitter.arc, _floats(views.arc)
-    rows = consistency(painted, arc.real, arc.cameras, gaps=(1, 7), compare=distances())
+    rows = consistency(painted, arc.real, arc.cameras, gaps=(1, 7),
+                       compare=distances(sitter.device))
     figures: Figures = {}
     for name, gap in (("short", "gap_1"), ("long", "gap_7"), ("ends", "extremes")):
         for key, value in rows.get(gap, {}).items():
@@ -214,7 +215,8 @@ def _likeness(views: Views, target: Target) -> Figures:
     mask = sitter.close[middle].alpha > 0.5
     front = _floats([views.close[middle]])[0]
     figures: Figures = {"contours": contour_correlation(front, real, mask),
-                        "content": feature_distance(front, real, mask)}
+                        "content": feature_distance(front, real, mask,
+                                                    device=sitter.device)}
     if models.available("face-landmarker"):
         found = identity(views.close, real_views(sitter).close, detect_landmarks)
         figures |= {"identity_error": found["nme"], "identity_found": found["detected"]}
@@ -236,7 +238,7 @@ def _pairs(views: Views, sitter: Sitter, example: Views | None) -> Figures:
             continue  # the reference itself
         figures[f"psnr_{name}"] = float(np.mean(values))
         figures[f"ssim_{name}"] = float(np.mean([ssim(a, b) for a, b in zip(painted, wanted)]))
-        for key, distance in distances().items():
+        for key, distance in distances(sitter.device).items():
             figures[f"{key}_{name}"] = float(np.mean([
                 distance(painted[view], np.asarray(wanted[view], np.float32), arc.masks[view])
                 for view in some]))
@@ -250,7 +252,8 @@ def _style(views: Views, target: Target) -> Figures:
                                       sitter.landmarks)[:, 0]))
     ours = inception_features(spread_crops(
         views.close, [shot.alpha > 0.5 for shot in sitter.close], max(int(CROP * width), 16),
-        target.crops, target.seed), full=models.available("inception-2048"))
+        target.crops, target.seed), full=models.available("inception-2048"),
+        device=sitter.device)
     figures: Figures = {f"fid_{name}": frechet_distance(ours[name], target.features[name])
                         for name in ours}
     figures["kid_768"] = kernel_distance(ours["768"], target.features["768"])

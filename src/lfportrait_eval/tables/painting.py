@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait.capture import Camera
+from lfportrait.device import device_name, torch_device
 from lfportrait.example import Exemplar, Transfer, prepare
 from lfportrait.field import Rendering, VoxelField
 from lfportrait.files import atomic_write
@@ -18,6 +19,7 @@ from lfportrait.measure import cost_of
 from lfportrait.progress import Progress
 from lfportrait.stylize import StylizeConfig, stylize_with_figures
 
+from ..baselines.transfer import NetworkConfig
 from .methods import METHODS, field_config, view_config
 from .sitters import Sitter, bytes_of, landmarks_in
 from .sizes import Sizes
@@ -78,9 +80,9 @@ def paint_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
     Returns
     -------
     views, figures
-        ``seconds``: ``once`` (what is done for all views), ``view`` (what each view takes on top
-        of it); ``cpu_seconds`` and ``peak_memory_bytes`` of all of it; ``networks``, where there
-        are some.
+        ``device`` of the networks; ``seconds``: ``once`` (what is done for all views), ``view``
+        (what each view takes on top of it); ``cpu_seconds`` and ``peak_memory_bytes`` of all of
+        it; ``networks``, where there are some.
     """
     if METHODS[method].kind == "field":
         return _by_field(method, sitter, exemplar, sizes, stylize, seed, progress)
@@ -93,13 +95,15 @@ def _by_field(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes,
     config = field_config(method, stylize, sizes, seed)
     skin = sitter.skin if config.on_skin else None
     cost, (styled, found) = cost_of(lambda: stylize_with_figures(
-        sitter.field, sitter.capture, exemplar, config, progress, skin=skin))
+        sitter.field, sitter.capture, exemplar, config, progress, device=sitter.device,
+        skin=skin))
     start = time.perf_counter()
     views = Views(_seen(styled, sitter.arc.cameras), _seen(styled, sitter.close_cameras))
     each = (time.perf_counter() - start) / (len(views.arc) + len(views.close))
     networks = found.get("networks", found.get("refinement", {}).get("networks"))
     return views, {"seconds": {"once": cost.seconds, "view": round(each, 4)},
                    "cpu_seconds": cost.cpu_seconds, "peak_memory_bytes": cost.peak_memory_bytes,
+                   "device": found["device"],
                    **({"networks": networks} if networks else {})}
 
 
@@ -110,6 +114,10 @@ def _seen(styled: VoxelField, cameras: Camera) -> Pictures:
 def _by_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes, seed: int,
               progress: Progress | None) -> tuple[Views, dict[str, Any]]:
     config = view_config(method, sizes, seed)
+    device = "cpu"
+    if isinstance(config, NetworkConfig):
+        config = replace(config, device=sitter.device)
+        device = device_name(torch_device(sitter.device))
     middle = len(sitter.close) // 2
     front = (bytes_of(sitter.close[middle].color),
              landmarks_in(sitter.close_cameras, middle, sitter.landmarks))
@@ -126,7 +134,7 @@ def _by_views(method: str, sitter: Sitter, exemplar: Exemplar, sizes: Sizes, see
     cost, views = cost_of(lambda: Views(painted(sitter.arc.cameras, sitter.arc.real),
                                         painted(sitter.close_cameras, sitter.close)))
     each = cost.seconds / (len(views.arc) + len(views.close))
-    return views, {"seconds": {"once": once.seconds, "view": round(each, 4)},
+    return views, {"device": device, "seconds": {"once": once.seconds, "view": round(each, 4)},
                    "cpu_seconds": round(once.cpu_seconds + cost.cpu_seconds, 3),
                    "peak_memory_bytes": max(once.peak_memory_bytes, cost.peak_memory_bytes)}
 

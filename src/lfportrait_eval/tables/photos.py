@@ -52,7 +52,7 @@ def photo_pairs(cameras: Camera, degrees: float, count: int = PAIRS) -> list[tup
 
 
 def photo_agreement(field: VoxelField, capture: Capture, gaps: dict[str, float],
-                    size: int) -> dict[str, float | None]:
+                    size: int, device: str = "auto") -> dict[str, float | None]:
     """Consistency of the photos.
 
     Parameters
@@ -63,6 +63,8 @@ def photo_agreement(field: VoxelField, capture: Capture, gaps: dict[str, float],
         Angle in degrees by name (``short``, ``long``).
     size
         Width in pixels that the photos are reduced to.
+    device
+        Where networks compute, a choice of ``--device``.
 
     Returns
     -------
@@ -81,8 +83,8 @@ def photo_agreement(field: VoxelField, capture: Capture, gaps: dict[str, float],
                 if view not in shots:
                     shots[view] = field.render(cameras, view)
             rows.append(_pair(cameras, shots, first, second, _photo(capture, cameras, first),
-                              _photo(capture, cameras, second)))
-        names = ["rmse", "normalised", *distances()]
+                              _photo(capture, cameras, second), device))
+        names = ["rmse", "normalised", *distances(device)]
         means = np.full(len(names), np.nan) if not rows else _known_means(np.array(rows))
         figures |= {f"{name}_{key}": float(value) if np.isfinite(value) else None
                     for key, value in zip(names, means)}
@@ -112,8 +114,8 @@ def _photo(capture: Capture, cameras: Camera, view: int) -> NDArray[np.float32]:
 
 
 def _pair(cameras: Camera, shots: dict[int, Rendering], first: int, second: int,
-          target: NDArray[np.float32], source: NDArray[np.float32]) -> list[Any]:
+          target: NDArray[np.float32], source: NDArray[np.float32], device: str) -> list[Any]:
     """Errors of one pair."""
     warped, valid = warp(source, cameras, second, first, shots[second].depth, shots[first].depth)
     return [*pair_error(target, warped, valid),
-            *(distance(target, warped, valid) for distance in distances().values())]
+            *(distance(target, warped, valid) for distance in distances(device).values())]

@@ -44,7 +44,8 @@ __all__ = ["write_tables"]
 
 def write_tables(sources: Sequence[Source], exemplars: Sequence[Exemplar], out: Path,
                  config: TablesConfig | None = None, *, open_capture: Opener = Capture.load,
-                 seed: int = 0, progress: Progress | None = None) -> dict[str, Any]:
+                 seed: int = 0, progress: Progress | None = None,
+                 device: str = "auto") -> dict[str, Any]:
     """Compare methods as in the paper, and write the tables.
 
     Parameters
@@ -64,6 +65,8 @@ def write_tables(sources: Sequence[Source], exemplars: Sequence[Exemplar], out: 
         Of all random choices.
     progress
         Progress line.
+    device
+        Where networks compute, a choice of ``--device``.
 
     Returns
     -------
@@ -85,7 +88,7 @@ def write_tables(sources: Sequence[Source], exemplars: Sequence[Exemplar], out: 
     if twice is not None:
         raise UserError(f"two styles are called {twice!r}; rename a file")
     check_writable(out)
-    return _Run(sources, exemplars, out, config, open_capture, seed, progress).all()
+    return _Run(sources, exemplars, out, config, open_capture, seed, progress, device).all()
 
 
 def _networks(group: Sequence[str]) -> list[str]:
@@ -98,10 +101,10 @@ class _Run:
 
     def __init__(self, sources: Sequence[Source], exemplars: Sequence[Exemplar], out: Path,
                  config: TablesConfig, open_capture: Opener, seed: int,
-                 progress: Progress | None) -> None:
+                 progress: Progress | None, device: str) -> None:
         self.sources, self.exemplars, self.out = sources, exemplars, out
         self.config, self.sizes, self.seed = config, config.sizes(), seed
-        self.open_capture, self.progress = open_capture, progress
+        self.open_capture, self.progress, self.device = open_capture, progress, device
         self.folder = StageFolder(out)
         self.measuring = tuple(models.GROUPS["evaluate"])
         self.keys: dict[str, str] = {}
@@ -182,6 +185,7 @@ class _Run:
         key = key_of("field.reconstruction", self.keys[source.name], self.seed)
         self.folder.run(f"field.{source.name}", key, [f"{home}/field.npz"], field)
         return Sitter(source.name, VoxelField.load(file), capture, file, pixels=self.sizes.pixels,
+                      device=self.device,
                       views=self.config.views, cone=self.config.cone,
                       render_size=self.sizes.render_size, close_size=self.sizes.close_size)
 
@@ -206,7 +210,8 @@ class _Run:
             step = self.config.cone / (self.config.views - 1)
             return {"field": _plain(agreement(real, one)),
                     "photos": photo_agreement(one.field, one.capture, {
-                        "short": step, "long": 7 * step}, self.sizes.render_size),
+                        "short": step, "long": 7 * step}, self.sizes.render_size,
+                        self.device),
                     "content_network": "vgg16" if models.available("vgg16") else "embedded",
                  "skin_seconds": seconds, "skin_pixels": len(skin.index)}
 

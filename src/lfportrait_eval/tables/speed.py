@@ -44,7 +44,8 @@ def speed_tables(sitter: Sitter, exemplar: Exemplar, sizes: Sizes, size: str,
     masks = bench_masks(sitter.field, repeats=repeats + 1, progress=progress)
     found = bench_transfer(exemplar=exemplar, repeats=repeats, progress=progress,
                            network=NetworkConfig(pairs=sizes.network_pairs,
-                                                 budget=sizes.network_seconds))
+                                                 budget=sizes.network_seconds,
+                                                 device=sitter.device))
     views = 3 * sizes.painted_views
     rows = {}
     for method in TRANSFERS:

@@ -200,6 +200,6 @@ def test_lists_are_spread_over_the_pixels_that_name_them():
     random = np.random.default_rng(11)
     values = random.random((30, 3)).astype(np.float32)
     slots = random.integers(-1, 30, (9, 14)).astype(np.int32)
-    out = np.full((9, 14, 3), 5, np.float32)
-    atlas.spread(values, slots, out)
+    out = np.empty((9, 14, 3), np.float32)
+    atlas.spread(values, slots, np.float32(5), out)
     assert np.array_equal(out, np.where(slots[..., None] >= 0, values[slots], np.float32(5)))

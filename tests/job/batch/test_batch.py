@@ -275,6 +275,21 @@ def test_a_fault_of_ours_is_a_failure_with_a_traceback_kept(studio, copy, inline
     assert "Traceback" in (copy / ".batch" / "faults.txt").read_text()
 
 
+def test_tasks_compute_where_the_batch_is_to(studio, copy, inline, monkeypatch):
+    (copy / "anna/ken/desk.png").unlink()
+    devices, start = [], Inline.start
+
+    def noted(self, task, memory):
+        devices.append(task.device)
+        start(self, task, memory)
+
+    monkeypatch.setattr(Inline, "start", noted)
+    figures = batch(studio / "jobs.toml", copy, device="cpu")
+    assert devices == ["cpu"] and not figures["failed"]
+    with pytest.raises(UserError, match="auto, cpu, gpu or gpu:NAME"):
+        batch(studio / "jobs.toml", copy, device="tpu")
+
+
 def test_one_batch_at_a_time(studio, copy):
     from lfportrait.job.batch.journal import locked
 

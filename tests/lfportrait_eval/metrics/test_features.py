@@ -10,7 +10,13 @@ from safetensors.torch import save_file
 from lfportrait import models
 from lfportrait.errors import UserError
 from lfportrait.models import ModelFile
-from lfportrait_eval.metrics import inception, inception_features, lpips, perceptual
+from lfportrait_eval.metrics import (
+    feature_distance,
+    inception,
+    inception_features,
+    lpips,
+    perceptual,
+)
 
 
 @pytest.fixture
@@ -145,6 +151,26 @@ def test_lpips_is_its_formula(shelf):
     assert lpips(a, b) == pytest.approx(expected, rel=1e-4)
     assert lpips(a, a) == 0
     assert lpips(a, b) == pytest.approx(lpips(b, a), rel=1e-6)
+
+
+def test_metrics_on_another_device_are_the_same(shelf, other_device):
+    folder, enter = shelf
+    random_lpips(folder)
+    enter("vgg16-torchvision", folder / "vgg16.pth")
+    enter("lpips", folder / "linear.pth")
+    torch.save(official_state(narrow_inception()), folder / "inception.pth")
+    enter("inception", folder / "inception.pth")
+    random = np.random.default_rng(1)
+    a, b = (random.random((32, 48, 3)).astype(np.float32) for _ in range(2))
+    mask = random.random((32, 48)) < 0.7
+
+    def measured(device):
+        features = inception_features([(255 * a).astype(np.uint8)], device=device)
+        return [lpips(a, b, device=device), lpips(a, b, mask, device=device),
+                feature_distance(a, b, mask, network="embedded", device=device),
+                *features["768"][0]]
+
+    assert measured(other_device) == pytest.approx(measured("cpu"), rel=1e-5)
 
 
 def test_lpips_without_its_networks_tells_how_to_get_them(shelf):

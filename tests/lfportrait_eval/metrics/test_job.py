@@ -65,7 +65,7 @@ def test_lpips_is_measured_where_its_networks_are(no_models, monkeypatch):
     field = ball()
     assert "lpips" not in evaluate_field(field, field, views=3, size=48)["content"]
     monkeypatch.setattr(models, "missing", lambda names: [])
-    monkeypatch.setattr(job, "lpips", lambda a, b: float(np.abs(a - b).max()) + 0.25)
+    monkeypatch.setattr(job, "lpips", lambda a, b, device: float(np.abs(a - b).max()) + 0.25)
     assert evaluate_field(field, field, views=3, size=48)["content"]["lpips"] == 0.25
 
 

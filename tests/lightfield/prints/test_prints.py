@@ -18,6 +18,7 @@ from lfportrait.lightfield import (
     ViewMask,
     encode,
     encode_rows,
+    ground_of,
     render_view,
     simulate,
 )
@@ -34,6 +35,7 @@ from lfportrait.lightfield.prints.lenses import lens_heights, write_lenses
 from lfportrait.lightfield.prints.trial import TrialPage
 from lfportrait.metrics import psnr
 from tests.fields import head_field, shell_field
+from tests.lightfield.test_ground import analytic, checkered, nothing
 
 SHEETS = [(40, 600, "40x50mm"), (60.12, 720, "35x40mm"), (75, 1440, "25x25mm")]
 PLAIN = {"bleed": 0.0, "margin": 0.0}
@@ -103,6 +105,31 @@ def test_rows_are_those_of_the_whole_picture(method, name):
             assert np.array_equal(rows, whole[first:first + (count - 1) * apart + 1:apart])
     with pytest.raises(ValueError, match="panel"):
         encode_rows(field, display, None, display.height - 1, 2)
+
+
+@pytest.mark.parametrize("lpi, dpi, size", SHEETS)
+def test_the_ground_lies_at_its_depth_and_goes_on_through_the_bleed(lpi, dpi, size, tmp_path):
+    field = checkered(nothing())
+    sheet = PrintSheet.of(PrintConfig(lpi=lpi, dpi=dpi, size=size, bleed=2.0, margin=0.0,
+                                      marks=False))
+    display = sheet.display
+    config = EncodeConfig(blend="continuous", shadow=0.0, ground_blur=0.0)
+    write_print(field, sheet, tmp_path / "print.png", coding=config)
+    with Image.open(tmp_path / "print.png") as file:
+        page = np.asarray(file)
+    share = ground_of(field, display, config).depth / display.distance
+    for eye in display.eyes()[[60, 128, 196]]:
+        seen = through_lenses(page, display, eye)[:, 1:-1]
+        wide, near = (through_lenses((255 * analytic(
+            field, display, config, eye + more, display.width, display.height) + 0.5
+            ).astype(np.uint8), display, eye)[:, 1:-1] for more in (0.0, 0.02))
+        # A lens is as wide as all its directions: the ground moves by a part of one.
+        assert psnr(seen, wide) > 28
+        slope = (near - wide) / 0.02
+        aside = float(((seen - wide) * slope).sum() / np.square(slope).sum())
+        lens = 2 * display.pitch / (3 * display.height)
+        assert abs(aside) * share / (1 + share) < 0.1 * lens
+    assert np.abs(np.diff(page[[0, -1]].astype(int), axis=1)).max() > 0 and page[0].min() > 5
 
 
 def test_the_head_is_kept_within_the_depth_budget():

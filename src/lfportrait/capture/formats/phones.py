@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ...errors import UserError
 from ...files import read_json
@@ -98,6 +97,8 @@ def load_record3d(path: Path, holdout: int) -> Views:
     UserError
         If a file is missing or damaged.
     """
+    from scipy.spatial.transform import Rotation  # a tenth of a second that few commands need
+
     files = record3d_files(path)
     if files is None:
         raise UserError(f"{path} is not a Record3D export: it needs rgb and metadata.json")

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..distortion import Lens
 from .placed import Placed, brown, centred
@@ -38,6 +37,8 @@ def is_camera_table(file: Path) -> bool:
 
 def read_camera_table(file: Path) -> list[Placed]:
     """RealityCapture's and RealityScan's "internal/external camera parameters"."""
+    from scipy.spatial.transform import Rotation  # a tenth of a second that few commands need
+
     if not is_camera_table(file):
         raise ValueError("it lacks the columns name, x, y, alt, heading, pitch, roll, f; export "
                          "the registration as internal/external camera parameters")
@@ -112,6 +113,8 @@ def _listed(line: str) -> str:
 
 def read_visualsfm(file: Path) -> list[Placed]:
     """VisualSfM's ``.nvm``, its first model."""
+    from scipy.spatial.transform import Rotation
+
     lines = [line.strip() for line in file.read_text(encoding="utf-8").splitlines()]
     if not lines or not lines[0].startswith("NVM_V3"):
         raise ValueError("it does not begin with NVM_V3")

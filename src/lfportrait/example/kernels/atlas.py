@@ -332,18 +332,17 @@ def look_up_colors(since, until, colors, places, out):
 
 @shared("slots")
 @lean_kernel
-def spread(since, until, values, slots, out):
+def spread(since, until, values, slots, empty, out):
     """Rows of values [N, C] at the pixels whose slots [H, W] name them, into out [H, W, C].
 
-    Pixels without a slot (-1) are left as they are.
+    Pixels without a slot (-1) are ``empty``.
     """
     width = slots.shape[1]
     for row in range(since, until):
         for column in range(width):
             slot = slots[row, column]
-            if slot >= 0:
-                for channel in range(values.shape[1]):
-                    out[row, column, channel] = values[slot, channel]
+            for channel in range(values.shape[1]):
+                out[row, column, channel] = values[slot, channel] if slot >= 0 else empty
 
 
 @shared("places")

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.ndimage import distance_transform_edt, gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d
 
 from ...labels import MATERIALS
 from ..exemplar import Exemplar
@@ -115,13 +115,17 @@ def _nearest(there: Bools, shape: tuple[int, ...]) -> NDArray[np.int32]:
     rows, columns = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
     if not there.any():
         return np.asarray(rows * shape[1] + columns, np.int32)
-    _, found = distance_transform_edt(~there, return_indices=True)
-    away = found[:, rows // 2, columns // 2]
+    # Each pixel of the mask has a number of its own, which is the nearest one's elsewhere.
+    _, number = cv2.distanceTransformWithLabels(
+        (~there).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL)
+    y, x = np.nonzero(there)
+    place = np.zeros(int(number.max()) + 1, np.int32)
+    place[number[y, x]] = np.minimum(2 * y, shape[0] - 1) * shape[1] + np.minimum(
+        2 * x, shape[1] - 1)
+    out = np.repeat(np.repeat(place[number], 2, 0), 2, 1)[:shape[0], :shape[1]]
     # On the mask a pixel is its own nearest one.
-    own = there[rows // 2, columns // 2]
-    y = np.where(own, rows, np.minimum(2 * away[0], shape[0] - 1))
-    x = np.where(own, columns, np.minimum(2 * away[1], shape[1] - 1))
-    return np.asarray(y * shape[1] + x, np.int32)
+    own = np.repeat(np.repeat(there, 2, 0), 2, 1)[:shape[0], :shape[1]]
+    return np.where(own, (rows * shape[1] + columns).astype(np.int32), out)
 
 
 def light_neck(shares: Float32, tone: Float32, theirs: ExemplarMaterials,

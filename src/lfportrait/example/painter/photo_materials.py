@@ -17,6 +17,7 @@ from ..guides.regions import Regions
 from ..guides.shapes import disk
 from .looks import BLUR, contours
 from .materials import STAND_INS, ExemplarMaterials, matched_looks
+from .photo_beard import grow_beard
 from .picture_materials import CLOTHES, GROUND, HAIR, NECK, PLAIN, SKIN, picture_shares
 
 __all__ = ["has_plain_ground", "photo_looks", "photo_shares"]
@@ -77,6 +78,7 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
     else:
         _, down = regions.frame.local(photo.shape[:2])
         _set_apart(photo, shares, np.asarray(down, np.float32))
+        grow_beard(photo, regions, labels, shares)
     for material, stand_in in STAND_INS:
         if not present[material]:
             shares[..., stand_in] += shares[..., material]

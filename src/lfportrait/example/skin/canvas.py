@@ -55,8 +55,8 @@ class Canvas:
 
     def spread(self, values: Float32, empty: float = 0.0) -> Float32:
         """Values [N, C] of a skin's lists as a picture [H, W, C]."""
-        out = np.full((*self.slots.shape, values.shape[1]), empty, np.float32)
-        spread(np.ascontiguousarray(values, np.float32), self.slots, out)
+        out = np.empty((*self.slots.shape, values.shape[1]), np.float32)
+        spread(np.ascontiguousarray(values, np.float32), self.slots, np.float32(empty), out)
         return out
 
     def gathered(self, picture: Float32, count: int, empty: float = 0.0) -> Float32:

@@ -313,8 +313,8 @@ class SkinPainter:
             # A little around, for the votes.
             crop = (slice(max(rows[0] - 8, 0), rows[-1] + 9),
                     slice(max(columns[0] - 8, 0), columns[-1] + 9))
-            values = np.full((*slots[crop].shape, planes.shape[1]), np.nan, np.float32)
-            spread(planes, np.ascontiguousarray(slots[crop]), values)
+            values = np.empty((*slots[crop].shape, planes.shape[1]), np.float32)
+            spread(planes, np.ascontiguousarray(slots[crop]), np.float32(np.nan), values)
             places = np.ascontiguousarray(values[..., :2])
             labels = sample_labels(transfer.labels, places)
             known = np.nan_to_num(values)

@@ -58,7 +58,7 @@ BESIDE_RIMS, RIMS = 0.02, (0.2, 0.1, 0.05, 0.03)
 """The same beside the rims of spectacles."""
 SMALL = 4
 """Broad colors are computed every Nth pixel."""
-RIM, SHADE, THROUGH = 0.15, 0.015, np.float32(0.1)
+RIM, SHADE, THROUGH = 0.15, 0.02, np.float32(0.1)
 """What is so surely a rim is filled; rims have a shade of this breadth, over the face's height; and
 the weight of what is seen through a lens."""
 
@@ -105,7 +105,8 @@ def without_spectacles(exemplar: Exemplar) -> Exemplar:
         if worn is None:
             return {}
         height = FaceFrame.of(points).height
-        lines = drawn(worn, shape) > RIM
+        # Strong rims shine and shade within themselves: a nose between them stays.
+        lines = drawn(worn, shape, min(worn.width, worn.unsure)) > RIM
         behind = lenses(worn, shape, points) > 0
         nose = polygon(shape, np.concatenate([points[27:28], points[[31, 33, 35]]])) > 0
         hole = lines | (behind & ~nose)

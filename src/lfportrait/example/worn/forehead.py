@@ -49,6 +49,9 @@ OTHER, LEAST_OTHER = 1.2, 0.5
 """What is further than this times that, and a little more in Lab, is no skin."""
 THICK = 0.04
 """What is narrower, over the face's height, is a wrinkle."""
+STRIP = 0.2
+"""Skin below a hat, down to the brows, that is no higher than this over the face's height: the edge
+of a shade runs through it."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,9 @@ def covered_forehead(exemplar: Exemplar, regions: Regions, labels: NDArray[np.ui
     share, other = float(cover.sum()) / whole, float((cover & ~hair).sum()) / whole
     bare = flesh & ~features & ~unlike & ~cover & ~hair
     if other >= HIDES:
+        cover |= _strip(cover, oval & (down < 0) & ~features, round(
+            STRIP * regions.frame.height / small.factor))
+        bare &= ~cover
         # Where hair begins under a hat nobody knows: as high as on most heads.
         cover |= (high < 1) & (down < 0) & ~oval
     crown = np.hypot(right / (CROWN[0] * half), np.maximum(-down, 0) / CROWN[1]) < 1
@@ -148,6 +154,16 @@ def _unlike(small: SmallPicture, sample: Bools, where: Bools) -> tuple[Bools, Bo
     own = np.quantile(tree.query(skin, k=near)[0], USUAL)
     unlike[where] = tree.query(lab[where], k=near)[0][:, 0] > OTHER * own + LEAST_OTHER
     return unlike, unlike & (lab[..., 0] > np.quantile(skin[:, 0], USUAL))
+
+
+def _strip(cover: Bools, forehead: Bools, most: int) -> Bools:
+    """What of a forehead lies below a cover in columns where that is ``most`` rows at most."""
+    below = forehead & ~cover & (np.maximum.accumulate(cover, axis=0))
+    count = below.sum(axis=0)
+    # Single columns are as their neighbours are.
+    thin = cv2.morphologyEx((count <= most).astype(np.uint8)[None], cv2.MORPH_OPEN,
+                            np.ones((1, max(1, most // 2)), np.uint8))[0] > 0
+    return np.asarray(below & thin)
 
 
 def _from_above(cover: Bools, forehead: Bools, radius: int) -> Bools:

@@ -34,8 +34,9 @@ LINE = np.exp(-((ACROSS / 4) ** 2))
 """What of it is the line, rather than what lies beside it."""
 GRAIN = 0.01
 """Cross-sections with less contrast than this, of 1, are alike by chance."""
-BESIDE = 1.0
-"""Width of the highlight and the shadow beside a line, in its own widths, on either side."""
+BESIDE, UNSURE = 1.0, 0.01
+"""Width of the highlight and the shadow beside a line, in its own widths, on either side; and how
+far off a line that was found may be, in the head's units."""
 LEAST_WIDTH = 0.01
 """Of a line, in the head's units."""
 BRIDGE = 0.6
@@ -60,14 +61,15 @@ class Spectacles:
     ----------
     curves
         float64 [n, 2] each: the rims (closed), then bridge and temples where they are seen (open).
-    width
-        Of the lines.
+    width, unsure
+        Of the lines, and how far off they may be.
     score
         Product of the three measures, in [0, 1].
     """
 
     curves: tuple[Float64, ...]
     width: float
+    unsure: float
     score: float
 
 
@@ -94,15 +96,19 @@ def spectacles(image: NDArray[np.uint8], landmarks: NDArray[np.floating],
     return np.zeros(shape, np.float32) if found is None else drawn(found, shape)
 
 
-def drawn(found: Spectacles, shape: tuple[int, int]) -> Float32:
-    """The lines of spectacles, with what lies right beside them; float32 [H, W] in [0, 1]."""
+def drawn(found: Spectacles, shape: tuple[int, int], beside: float | None = None) -> Float32:
+    """The lines of spectacles, with what lies right beside them; float32 [H, W] in [0, 1].
+
+    ``beside`` is how much of that on either side, in pixels; None: as wide as the lines shine.
+    """
+    beside = BESIDE * found.width if beside is None else beside
     mask = np.zeros(shape, np.float32)
     points = np.concatenate(found.curves)
     room = 4 * found.width + 4
     low = np.maximum(np.floor(points.min(axis=0) - room).astype(int), 0)
     high = np.minimum(np.ceil(points.max(axis=0) + room).astype(int), mask.shape[::-1])
     part = np.zeros((high - low)[::-1], np.uint8)
-    thick = max(round((1 + 2 * BESIDE) * found.width), 2)
+    thick = max(round(found.width + 2 * beside), 2)
     for number, curve in enumerate(found.curves):
         places = np.round((curve - low) * 16).astype(np.int32)
         cv2.polylines(part, [places], number < 2, 255, thick, cv2.LINE_AA, 4)
@@ -151,8 +157,9 @@ def find_spectacles(image: NDArray[np.uint8], landmarks: NDArray[np.floating],
     curves = [*(rim.points for rim in rims), *_bridges(both.max(axis=0), rims),
               *(one for one in temples if one is not None)]
     scale = pose.scale / UNIT
-    return Spectacles(tuple(face.back(one) for one in curves),
-                      max(width * scale, LEAST_WIDTH * pose.scale), best)
+    width = max(width * scale, LEAST_WIDTH * pose.scale)
+    return Spectacles(tuple(face.back(one) for one in curves), width,
+                      UNSURE * pose.scale, best)
 
 
 def _cross_sections(grey: Float32, rims: list[Rim]) -> tuple[float, float]:

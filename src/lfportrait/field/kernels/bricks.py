@@ -14,6 +14,7 @@ They are laid out when colors are first asked for: what needs densities alone do
 from __future__ import annotations
 
 import functools
+import uuid
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,6 +85,11 @@ class Bricks:
             part = slice(since, since + _TOGETHER)
             view[part, :columns] = np.clip(values[part], -60000, 60000)
         return rows.view(np.uint16)
+
+    @functools.cached_property
+    def token(self) -> str:
+        """A name of its own, by which a copy elsewhere, on a GPU, is known."""
+        return uuid.uuid4().hex
 
     @property
     def nbytes(self) -> int:

@@ -19,7 +19,8 @@ from ...lanes.threads import share_out, shared
 from ...lanes.vectors import LANES
 from .march import make_locate
 
-__all__ = ["add_texture", "cell_charts", "halve", "make_detail", "make_texture_share"]
+__all__ = ["PROBES", "REACH", "add_texture", "cell_charts", "halve", "make_detail",
+           "make_texture_share"]
 
 NONE = 255
 """The chart of a row that none shows; a cell's is -1."""
@@ -239,6 +240,11 @@ def _add_lines(since, until, table, cells, charts, texels, covered, lattice, cam
         cy = (y + 0.5 - camera[15]) / camera[13]
         for first in range(0, width, 16):
             many = min(16, width - first)
+            some = False
+            for pixel in range(y * width + first, y * width + first + many):
+                some |= alpha[pixel] > np.float32(0.5)
+            if not some:
+                continue
             seen, most = 0, 1
             for i in range(16):
                 x = first + min(i, many - 1)

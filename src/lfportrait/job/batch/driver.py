@@ -11,11 +11,12 @@ import contextlib
 import heapq
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ... import models
+from ...device import checked_choice
 from ...errors import UserError
 from ...example import Exemplar
 from ...files import atomic_write, write_json
@@ -112,7 +113,8 @@ def _ask_for_networks(found: Batch, offline: bool, quiet: bool) -> None:
 
 
 def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offline: bool = False,
-          quiet: bool = True, watchers: list[Watcher] | None = None) -> dict[str, Any]:
+          quiet: bool = True, watchers: list[Watcher] | None = None,
+          device: str = "auto") -> dict[str, Any]:
     """Make all portraits of a jobs file.
 
     Parameters
@@ -130,6 +132,8 @@ def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offli
         Print no progress of what comes before the first task.
     watchers
         Called with each event (`lfportrait.job.batch.journal`).
+    device
+        Where tasks compute, a choice of ``--device``; each machine of a cluster finds its own.
 
     Returns
     -------
@@ -139,7 +143,7 @@ def batch(path: Path, results: Path, config: BatchConfig | None = None, *, offli
     config = config or BatchConfig()
     found = prepare_batch(path, results, offline=offline, quiet=quiet)
     with locked(results):
-        return _Run(found, config, quiet, watchers or []).run()
+        return _Run(found, config, quiet, watchers or [], checked_choice(device)).run()
 
 
 class _Left:
@@ -196,8 +200,8 @@ class _Run:
     """One run of a batch."""
 
     def __init__(self, found: Batch, config: BatchConfig, quiet: bool,
-                 watchers: list[Watcher]) -> None:
-        self.batch, self.config, self.quiet = found, config, quiet
+                 watchers: list[Watcher], device: str) -> None:
+        self.batch, self.config, self.quiet, self.device = found, config, quiet, device
         self.left = _Left(found.plan.to_do(found.done))
         self.ran: Counter[str] = Counter()
         self.journal = Journal(found.results, watchers)
@@ -249,7 +253,7 @@ class _Run:
                     break
                 self.left.take()
                 self.journal.tell("started", task=task.name, stage=task.stage)
-                runner.start(task, memory)
+                runner.start(replace(task, device=self.device), memory)
             for outcome in runner.wait(0.5):
                 self._take(outcome)
 

@@ -96,7 +96,8 @@ def _done(task: Task, results: Path) -> dict[str, Any]:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("ignore")
             warnings.filterwarnings("always", category=UserWarning, module=r"lfportrait\w*\.")
-            cost, figures = cost_of(lambda: do_stage(task, results, folder, Tools()))
+            tools = Tools(device=task.device)
+            cost, figures = cost_of(lambda: do_stage(task, results, folder, tools))
         written = sum(_size(folder.folder / name)
                       for name in (*task.outputs, *figures.get("more", ())))
         notes = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))

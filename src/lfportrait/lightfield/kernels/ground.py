@@ -18,6 +18,8 @@ __all__ = ["fill_ground", "shade_ground", "view_ground"]
 
 _floats, _gather, _ints, _load, _store = (LANES.floats, LANES.gather, LANES.ints, LANES.load,
                                           LANES.store)
+_floor, _iota, _lane, _maximum, _minimum, _where = (
+    LANES.floor, LANES.iota, LANES.lane, LANES.maximum, LANES.minimum, LANES.where)
 
 
 @shared("rows")
@@ -149,8 +151,18 @@ def _round(values, out):
         out[x] = np.uint8(values[x] * np.float32(1.0 / 128.0) + np.float32(0.5))
 
 
+@identified("ground mirrored")
+@lean
+def _mirrored(place, size):
+    """Places (lanes) within ``size`` texels whose mirror images lie side by side."""
+    last = np.float32(size - 1)
+    turned = place - np.float32(2.0) * last * _floor(place * (np.float32(0.5) / last))
+    return _where(turned > last, np.float32(2.0) * last - turned, turned)
+
+
 @shared("out")
-@lean_kernel
+@identified("view ground")
+@kernel
 def view_ground(since, until, planes, origin, across, down, corner, out):
     """What a camera sees of the ground.
 
@@ -165,26 +177,53 @@ def view_ground(since, until, planes, origin, across, down, corner, out):
         float32 [H, W, 3] in [0, 1]; beyond the borders of the planes they are mirrored.
     """
     high, wide = planes.shape[1], planes.shape[2]
+    width = out.shape[1]
+    flat = planes.reshape(planes.size)
+    # Where a row of pixels looks at one line of the ground, that is mixed once.
+    level = across[1] == 0.0 and across[2] == 0.0
+    lines = np.zeros(3 * wide, np.float32)
+    seen = np.zeros(48, np.float32)
+    unit, zero = np.float32(1.0 / 255.0), np.float32(0.0)
+    # Rays that never get there see it as it is far away.
+    least = np.float32(1e-3 * origin[2])
+    height = np.float32(origin[2])
+    last_x, last_y = np.float32(wide - 2), np.float32(high - 2)
     for y in range(since, until):
-        for x in range(out.shape[1]):
-            sink = -(corner[2] + x * across[2] + y * down[2])
-            # Rays that never get there see it as it is far away.
-            reach = origin[2] / max(sink, 1e-3 * origin[2])
-            u = origin[0] + reach * (corner[0] + x * across[0] + y * down[0])
-            v = origin[1] + reach * (corner[1] + x * across[1] + y * down[1])
-            u, v = _mirrored(u, wide), _mirrored(v, high)
-            i, j = min(int(u), wide - 2), min(int(v), high - 2)
-            right, low = u - i, v - j
+        ray_x, ray_y = corner[0] + y * down[0], corner[1] + y * down[1]
+        sink = -(corner[2] + y * down[2])
+        if level:
+            line = _floats(np.float32(origin[1] + origin[2] / max(sink, 1e-3 * origin[2]) * ray_y))
+            place = _lane(_mirrored(line, high), 0)
+            row = min(int(place), high - 2)
             for c in range(3):
-                upper = planes[c, j, i] + right * (planes[c, j, i + 1] - planes[c, j, i])
-                lower = (planes[c, j + 1, i]
-                         + right * (planes[c, j + 1, i + 1] - planes[c, j + 1, i]))
-                out[y, x, c] = (upper + low * (lower - upper)) * (1.0 / 255.0)
-
-
-@lean
-def _mirrored(place, size):
-    """A place within ``size`` texels whose mirror images lie side by side."""
-    last = size - 1.0
-    turned = place - 2.0 * last * np.floor(place / (2.0 * last))
-    return 2.0 * last - turned if turned > last else turned
+                _mix(planes[c, row], planes[c, row + 1], place - np.float32(row),
+                     lines[c * wide:(c + 1) * wide])
+        for x in range(0, width, 16):
+            step = _floats(_iota() + np.int32(x))
+            reach = height / _maximum(np.float32(sink) - np.float32(across[2]) * step, least)
+            u = _mirrored(np.float32(origin[0]) + reach * (
+                np.float32(ray_x) + np.float32(across[0]) * step), wide)
+            i = _ints(_minimum(u, last_x))
+            right = u - _floats(i)
+            if level:
+                for c in range(3):
+                    at = i + np.int32(c * wide)
+                    left = _gather(lines, at)
+                    _store(seen, np.uintp(16 * c), unit * (
+                        left + right * (_gather(lines, at + np.int32(1)) - left)))
+            else:
+                v = _mirrored(np.float32(origin[1]) + reach * (
+                    np.float32(ray_y) + np.float32(across[1]) * step), high)
+                j = _ints(_minimum(v, last_y))
+                low = v - _floats(j)
+                first = j * np.int32(wide) + i
+                for c in range(3):
+                    at = first + np.int32(c * high * wide)
+                    a, b = _gather(flat, at), _gather(flat, at + np.int32(1))
+                    at = at + np.int32(wide)
+                    d, e = _gather(flat, at), _gather(flat, at + np.int32(1))
+                    upper, lower = a + right * (b - a), d + right * (e - d)
+                    _store(seen, np.uintp(16 * c), unit * (upper + low * (lower - upper)))
+            for n in range(min(16, width - x)):
+                for c in range(3):
+                    out[y, x + n, c] = max(seen[16 * c + n], zero)

@@ -2,8 +2,7 @@
 
 Pages are larger than memory should be, so nothing here holds one. Both formats carry the resolution
 and an sRGB profile. TIFF: one strip a band, uncompressed, which every print program reads at once.
-PNG: each row as its difference to the one above it, as neighbouring rows of a print are alike and
-neighbouring pixels are not; the pieces of a band are deflated side by side.
+PNG: by all cores (`lfportrait.png`).
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ import functools
 import struct
 import zlib
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
 from typing import BinaryIO
@@ -23,7 +21,8 @@ from numpy.typing import NDArray
 
 from ...errors import UserError
 from ...files import atomic_write
-from ...measure import free_disk_bytes, usable_cores
+from ...measure import free_disk_bytes
+from ...png import PngWriter
 from .sizes import INCH
 
 __all__ = ["PngRows", "RowFile", "TiffRows", "check_file", "row_file", "srgb_profile"]
@@ -150,56 +149,23 @@ class TiffRows(RowFile):
 
 
 class PngRows(RowFile):
-    """A PNG, compressed at the lowest level by all cores."""
+    """A PNG, compressed by all cores."""
 
     def _begin(self) -> None:
-        self._above = np.zeros(self.width * (2 if self.grey else 3), np.uint8)
-        self._check = 1
-        self.stream.write(b"\x89PNG\r\n\x1a\n")
-        self._chunk(b"IHDR", struct.pack(">IIBBBBB", self.width, self.height,
-                                         16 if self.grey else 8, 0 if self.grey else 2, 0, 0, 0))
-        if not self.grey:
-            self._chunk(b"iCCP", b"sRGB\0\0" + zlib.compress(srgb_profile(), 9))
         meter = round(self.dpi / INCH * 1000)
-        self._chunk(b"pHYs", struct.pack(">IIB", meter, meter, 1))
+        chunks = [(b"pHYs", struct.pack(">IIB", meter, meter, 1))]
+        if not self.grey:
+            chunks.insert(0, (b"iCCP", b"sRGB\0\0" + zlib.compress(srgb_profile(), 9)))
         if self.note:
-            self._chunk(b"tEXt", b"Description\0" + self.note.encode("latin-1", "replace"))
-        # A stream of blocks that are deflated apart from each other.
-        self._chunk(b"IDAT", b"\x78\x01")
+            chunks.append((b"tEXt", b"Description\0" + self.note.encode("latin-1", "replace")))
+        self._png = PngWriter(self.stream, self.width, self.height, channels=1 if self.grey else 3,
+                              bits=16 if self.grey else 8, chunks=chunks)
 
     def _append(self, rows: NDArray[np.unsignedinteger]) -> None:
-        lines = rows.astype(">u2", copy=False).view(np.uint8) if self.grey else rows
-        lines = np.asarray(lines).reshape(len(rows), -1)
-        filtered = np.empty((len(rows), 1 + lines.shape[1]), np.uint8)
-        filtered[:, 0] = 2
-        np.subtract(lines[0], self._above, out=filtered[0, 1:])
-        np.subtract(lines[1:], lines[:-1], out=filtered[1:, 1:])
-        self._above = lines[-1].copy()
-        self._check = zlib.adler32(filtered.data, self._check)
-        for piece in _threads().map(_deflated, np.array_split(filtered, usable_cores())):
-            self._chunk(b"IDAT", piece)
+        self._png.write(rows)
 
     def _finish(self) -> None:
-        self._chunk(b"IDAT", b"\x03\x00" + struct.pack(">I", self._check))
-        self._chunk(b"IEND", b"")
-
-    def _chunk(self, kind: bytes, data: bytes) -> None:
-        self.stream.write(struct.pack(">I", len(data)) + kind)
-        self.stream.write(data)
-        self.stream.write(struct.pack(">I", zlib.crc32(data, zlib.crc32(kind))))
-
-
-@functools.cache
-def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(usable_cores(), "deflate")
-
-
-def _deflated(piece: NDArray[np.uint8]) -> bytes:
-    """A piece of a deflated stream that ends at a whole byte."""
-    if not piece.size:
-        return b""
-    packer = zlib.compressobj(1, zlib.DEFLATED, -15)
-    return packer.compress(piece.data) + packer.flush(zlib.Z_SYNC_FLUSH)
+        self._png.end()
 
 
 def check_file(path: Path, width: int, height: int, *, grey: bool = False) -> None:

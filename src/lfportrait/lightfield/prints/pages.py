@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from ...field import VoxelField
 from ...progress import Progress
 from ..coding import encode_rows
+from ..composition import composed
 from ..display import Display
+from ..ground import ground_of
 from ..mask import row_views
 from ..placement import EncodeConfig
 from .depth import fitted
@@ -38,10 +40,13 @@ def coded_bands(field: VoxelField, display: Display, config: EncodeConfig,
                 ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
     """First row and rows, uint8 [n, W, 3], of a page's bands."""
     views: NDArray[np.unsignedinteger] | None = None
+    config = composed(field, display, config)
+    ground = ground_of(field, display, config)
     for first, count in bands(display):
         if views is None or not display.alike:
             views = row_views(display, first, count)
-        yield first, encode_rows(field, display, config, first, count, views=views[:count])
+        yield first, encode_rows(field, display, config, first, count, views=views[:count],
+                                 ground=ground)
 
 
 def write_print(field: VoxelField, sheet: PrintSheet, path: Path,

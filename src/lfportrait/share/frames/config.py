@@ -28,8 +28,9 @@ class FrameConfig:
     """Pairs and anaglyphs: distance of the eyes from the screen in millimetres, where no display of
     known size gives it."""
     backdrop: float | None = None
-    """Grey level behind the head, 0 to 1; by default white in flat videos, as these panels add
-    their own depth to what is bright, and that of the coding in all others."""
+    """Grey level behind the head, 0 to 1, instead of a painted ground. Without either it is white
+    in flat videos, as these panels add their own depth to what is bright, and that of the coding in
+    all others."""
     frames: int = 0
     """Videos: number of frames of one loop; 0 = 120. A .hop file with frames holds a video."""
     fps: float = 30.0

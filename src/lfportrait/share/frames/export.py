@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...errors import UserError
 from ...field import VoxelField
 from ...files import write_json
-from ...lightfield import EncodeConfig
+from ...lightfield import EncodeConfig, backdrop_of
 from .config import FrameConfig
 from .eyes import TwoEyes, anaglyph_of
 from .framing import Margins, framed
@@ -67,11 +67,12 @@ def export_frame(field: VoxelField, path: Path, config: FrameConfig | None = Non
         raise UserError(f"{path.name} is no name of a picture, a video or a package")
     config = config or FrameConfig()
     encode = encode or EncodeConfig()
-    backdrop = config.backdrop
-    if backdrop is None and kind == "flat":
-        backdrop = _WHITE
-    if backdrop is not None:
-        encode = dataclasses.replace(encode, background=backdrop)
+    if config.backdrop is not None:
+        # Who asks for a grey level, be it black, gets no painting.
+        ground = "black" if encode.ground == "painted" else encode.ground
+        encode = dataclasses.replace(encode, background=config.backdrop, ground=ground)
+    elif kind == "flat" and backdrop_of(field, encode) is None and encode.ground != "black":
+        encode = dataclasses.replace(encode, background=_WHITE)
     make = {"quilt": _quilt, "hop": _hop, "flat": _flat}.get(kind, _two_eyes)
     figures = make(field, path, config, encode, step, kind)
     out = figures.setdefault("out", path)

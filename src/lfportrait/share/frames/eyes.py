@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from ...color import linear_light
 from ...field import Rendering, VoxelField
-from ...lightfield import Display, EncodeConfig, Placement, view_camera
+from ...lightfield import Display, EncodeConfig, Ground, Placement, ground_of, view_camera
 from .config import FrameConfig
 
-__all__ = ["TwoEyes", "anaglyph_of"]
+__all__ = ["TwoEyes", "anaglyph_of", "window_ground"]
 
 _PIXELS = (1536, 2048)
 _OUTERMOST = 1e-3
@@ -50,14 +50,24 @@ class TwoEyes:
                   else (panel.width, panel.height) if panel else _PIXELS)
         # Where the screen's size is unknown, only the angle between the eyes is right.
         unit = millimetres or config.view_distance / distance
-        return TwoEyes(Display(*pixels, views=2, pitch=6.0, distance=distance),
+        return TwoEyes(Display(*pixels, views=1, pitch=3.0, distance=distance),
                        config.eye_distance / unit)
 
-    def look(self, field: VoxelField, encode: EncodeConfig, eye: float) -> Rendering:
-        """What an eye at ``eye``, from -1 (left) to 1 (right), sees in the window."""
+    def look(self, field: VoxelField, encode: EncodeConfig, eye: float,
+             ground: Ground | None = None) -> Rendering:
+        """What an eye at ``eye``, from -1 (left) to 1 (right), sees in the window.
+
+        Where it sees the ground, the depth is the ground's.
+        """
         camera = view_camera(self.window, encode, eye * self.baseline / 2,
                              width=self.window.width, height=self.window.height)
-        return field.render(camera, 0, background=encode.background)
+        if ground is None:
+            return field.render(camera, 0, background=encode.background)
+        shot = field.render(camera, 0, background=ground.seen(camera))
+        # The window's axis is upright on the ground: all of it is equally far.
+        place = ground.placement
+        plane = (place.deep_distance(self.window) + ground.depth / place.depth) / place.scale
+        return replace(shot, depth=np.minimum(shot.depth, np.float32(plane)))
 
     def parallax(self, shot: Rendering, encode: EncodeConfig) -> list[float]:
         """How far apart the eyes see the farthest and the nearest point, in % of the width.
@@ -76,16 +86,18 @@ class TwoEyes:
     def both(self, field: VoxelField, encode: EncodeConfig,
              ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], list[float]]:
         """The left and the right picture, uint8 [H, W, 3], and their `parallax`."""
-        left, right = (self.look(field, encode, eye) for eye in (-1.0, 1.0))
+        ground = window_ground(field, self.window, encode)
+        left, right = (self.look(field, encode, eye, ground) for eye in (-1.0, 1.0))
         return _bytes(left.color), _bytes(right.color), self.parallax(left, encode)
 
     def with_depth(self, field: VoxelField, encode: EncodeConfig,
                    ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
         """A picture, and its depth right of it: white is near; uint8 [H, 2 W, 3].
 
-        The nearest point is 255, the farthest 1, where there is nothing 0.
+        The nearest point is 255, the farthest 1, where there is nothing 0. ``covered`` of the
+        figures is the share of the picture where there is something.
         """
-        shot = self.look(field, encode, 0.0)
+        shot = self.look(field, encode, 0.0, window_ground(field, self.window, encode))
         seen = np.isfinite(shot.depth)
         depth = np.zeros(shot.depth.shape, np.uint8)
         if seen.any():
@@ -94,6 +106,11 @@ class TwoEyes:
             depth[seen] = 1.5 + 254 * np.clip(share, 0, 1)
         return np.hstack([_bytes(shot.color), np.repeat(depth[..., None], 3, axis=2)]), {
             "covered": round(float(seen.mean()), 4)}
+
+
+def window_ground(field: VoxelField, window: Display, encode: EncodeConfig) -> Ground | None:
+    """The ground behind a head in a window, as sharp as it is: there are no lenses to blur it."""
+    return ground_of(field, window, replace(encode, ground_blur=0.0))
 
 
 def _bytes(color: NDArray[np.float32]) -> NDArray[np.uint8]:

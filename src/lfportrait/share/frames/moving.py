@@ -21,6 +21,7 @@ from ...field import VoxelField
 from ...lightfield import Display, EncodeConfig, view_camera
 from ..video import ENCODERS, Codec, has_encoder, write_video
 from .config import FrameConfig
+from .eyes import window_ground
 from .framing import Margins, framed
 
 __all__ = ["FLAT", "Flat", "codec_for", "write_moving"]
@@ -150,6 +151,8 @@ class Flat:
         """A frame, uint8 [H, W, 3]."""
         camera = view_camera(self.window, encode, 0.0, width=self.window.width,
                              height=self.window.height)
-        color = field.render(camera, 0, background=encode.background).color
+        ground = window_ground(field, self.window, encode)
+        behind = encode.background if ground is None else ground.seen(camera)
+        color = field.render(camera, 0, background=behind).color
         frame = (np.clip(color, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
         return np.ascontiguousarray(np.rot90(frame)) if self.turned else frame

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import struct
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +11,7 @@ from PIL import Image
 
 from ...errors import UserError
 from ...files import atomic_write
+from ...png import write_png
 from .names import PICTURES
 
 __all__ = ["check_picture", "picture_bytes", "write_picture"]
@@ -21,10 +20,8 @@ _LARGEST = {".webp": 16383, ".jpg": 65500, ".jpeg": 65500}
 """Pixels a side. JPEG's format has 35 more; libjpeg, which all use, does not write them."""
 _MOST = 2 << 30
 """Bytes of a decoded picture: what is larger, most programs refuse to open."""
-_PNG_HEAD = 33
-"""Bytes of a PNG file's signature and its first chunk."""
 _OPTIONS: dict[str, dict[str, int]] = {
-    ".png": {"compress_level": 4}, ".webp": {"quality": 92, "method": 4},
+    ".webp": {"quality": 92, "method": 4},
     # Colors at full size: a quilt's tiles are small, and anaglyphs and depth live in colors.
     ".jpg": {"quality": 94, "subsampling": 0}, ".jpeg": {"quality": 94, "subsampling": 0}}
 
@@ -54,18 +51,15 @@ def picture_bytes(suffix: str, image: NDArray[np.uint8], exif: Image.Exif | None
     """A picture [H, W, 3] as the contents of a file with this suffix."""
     suffix = suffix.lower()
     buffer = io.BytesIO()
-    more = {} if exif is None or suffix == ".png" else {"exif": exif}
-    Image.fromarray(image).save(buffer, format=Image.registered_extensions()[suffix],
-                                **_OPTIONS[suffix], **more)
-    contents = buffer.getvalue()
-    return contents if exif is None or suffix != ".png" else _with_exif(contents, exif)
-
-
-def _with_exif(png: bytes, exif: Image.Exif) -> bytes:
-    """A PNG file with EXIF before the pixels; Pillow puts it behind them, where few look."""
-    chunk = b"eXIf" + exif.tobytes().removeprefix(b"Exif\0\0")
-    whole = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
-    return png[:_PNG_HEAD] + whole + png[_PNG_HEAD:]
+    if suffix == ".png":
+        # Before the pixels; Pillow puts EXIF behind them, where few look.
+        blocks = () if exif is None else ((b"eXIf", exif.tobytes().removeprefix(b"Exif\0\0")),)
+        write_png(buffer, image, blocks)
+    else:
+        more = {} if exif is None else {"exif": exif}
+        Image.fromarray(image).save(buffer, format=Image.registered_extensions()[suffix],
+                                    **_OPTIONS[suffix], **more)
+    return buffer.getvalue()
 
 
 def write_picture(path: Path, image: NDArray[np.uint8], exif: Image.Exif | None = None) -> None:

@@ -13,15 +13,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...errors import UserError
-from ...field import VoxelField
+from ...field import C0, VoxelField
 from ...files import atomic_write
-from ...lightfield import Display, customary_views
+from ...lightfield import Display, EncodeConfig, customary_views
 from ...version import __version__
 from .budget import fit
 from .colors import ColorSet, color_sets
 from .config import PageConfig
-from .ground import ground_style
+from .ground import PageGround, ground_style
 from .packing import Lattice
 from .poster import poster, start_view
 from .texels import PageTexture
@@ -30,7 +32,10 @@ __all__ = ["page_script", "write_page"]
 
 _SCRIPTS = ("unpack", "bricks", "texels", "renderer", "camera", "displays", "panel", "viewer",
             "input", "interface", "panelmode", "main")
-_SHADERS = ("march", "texture", "view", "panel")
+_ROUNDED = 1 / 255 / C0
+"""Coefficients of degree 0 that are so near to each other are a level of an 8-bit picture apart, as
+those of a file may be."""
+_SHADERS = ("march", "texture", "ground", "view", "panel")
 _DISPLAY = ("name", "width", "height", "views", "pitch", "slant", "offset", "subpixels", "cone",
             "distance", "eye_height", "inverted", "flip_x", "flip_y", "cells", "cell_pattern",
             "gamma", "calibrated")
@@ -75,11 +80,17 @@ def _at_first(voxels: VoxelField, sets: list[ColorSet]) -> VoxelField:
     texture = None
     if voxels.texture is not None and shown.texels is not None:
         texture = voxels.texture.with_texels(shown.texels)
-    return replace(voxels.with_sh(shown.sh), texture=texture, background=None)
+    first = replace(voxels.with_sh(shown.sh), texture=texture, background=None)
+    same = texture is None or (voxels.texture is not None and np.array_equal(
+        texture.texels, voxels.texture.texels))
+    if same and first.sh.shape == voxels.sh.shape and (
+            np.abs(first.sh - voxels.sh).max(initial=0) < _ROUNDED):
+        first.take_layouts(voxels)
+    return first
 
 
 def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None = None,
-               ) -> dict[str, Any]:
+               ground: EncodeConfig | None = None) -> dict[str, Any]:
     """Write a page that shows a field.
 
     Parameters
@@ -91,6 +102,8 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
         File, ending in ``.html``.
     config
         Caption and size.
+    ground
+        What is behind the head; by default the painted ground, if the field has one.
 
     Returns
     -------
@@ -119,11 +132,13 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     view = start_view(voxels)
     picture = poster(_at_first(voxels, sets), view)
     script, style = page_script(), _text("page.css")
-    tint, light = ground_style(voxels.backdrop)
-    fixed = len(script) + len(style) + len(picture) * 4 // 3 + 20_000
+    plane = PageGround.of(voxels, ground or EncodeConfig())
+    tint, light = ground_style(plane.drop if plane else None)
+    fixed = len(script) + len(style) + len(picture) * 4 // 3 + 20_000 + (plane.size if plane else 0)
     packed = fit(lattice, config.max_size * 1e6 - fixed, texture)
     header = {**packed.header, "start": view, "displays": _presets(),
-              "quilts": customary_views(), "version": __version__}
+              "quilts": customary_views(), "version": __version__,
+              **({"ground": plane.header} if plane else {})}
     title = config.title or "Portrait"
     styles = [each.name for each in sets if each.kind in ("style", "mix")]
     after = config.artist or ", ".join(styles)
@@ -147,6 +162,7 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     with atomic_write(path) as stream:
         stream.write(page)
     return {"bytes": len(page), "script_bytes": len(script), "poster_bytes": len(picture),
+            "ground_bytes": plane.size if plane else 0,
             "stream_bytes": {name: len(data) for name, data in packed.streams.items()},
             "rows": packed.header["rows"], "shape": packed.header["shape"],
             "texture": packed.header["texture"]["shape"][::2] if texture else None,

@@ -9,7 +9,6 @@ from __future__ import annotations
 import shutil
 from typing import Any
 
-from ...device import computing_device
 from ...errors import UserError
 from ...example import Exemplar
 from ...field import VoxelField
@@ -70,7 +69,7 @@ def fine(order: Order, teller: Teller) -> dict[str, Any]:
         teller.picture("share", read_image(hero))
     resumed: list[str] = [name for name in ("capture", "reconstruct") if name in figures]
     write_json(order.version / "run.json", run_figures(
-        figures, computing_device("auto"), exemplar.name, panel.name, resumed))
+        figures, exemplar.name, panel.name, resumed))
     return {"display": panel.name, "key": key}
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ... import models
 from ...capture import FAIR, GOOD
-from ...errors import UserError
 from ...example import Exemplar
 from ...face import detect_faces, write_landmarks
 from ...files import read_image, write_image, write_json
@@ -29,13 +29,9 @@ def _faces(sitting: Sitting, facts: Facts) -> dict[str, Any]:
     path = Path(facts["style"])
     if path.is_file():
         image = np.ascontiguousarray(read_image(path)[..., :3])
-        try:
-            found = detect_faces(image)
-        except UserError as error:
-            # Without the network for faces all points are set by hand.
-            if "face-landmarker" not in str(error):
-                raise
-            found = []
+        if not models.available("face-landmarker"):  # all points are set by hand
+            return {"width": image.shape[1], "height": image.shape[0], "faces": []}
+        found = detect_faces(image)
     else:
         exemplar = sitting.exemplar(str(path))
         image, found = exemplar.image, [exemplar.landmarks]

@@ -20,7 +20,7 @@ from typing import Any, BinaryIO
 
 __all__ = ["Pipe", "framed"]
 
-_DIES_WITH = 1
+_WOKEN_BY = 1
 """Linux: prctl's number for the signal that a process gets when its parent ends."""
 
 
@@ -72,11 +72,14 @@ def _end() -> None:
 
 
 def _end_with_parent() -> None:
-    """Linux: a process that is paused does not read its pipe, but ends by this, too."""
+    """Linux: a process that is paused goes on when its parent has ended, and finds the pipe ended.
+
+    Elsewhere the system itself wakes and ends paused processes that nobody could wake any more.
+    """
     if sys.platform != "linux":
         return
     parent = os.getppid()
     with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(_DIES_WITH, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(_WOKEN_BY, signal.SIGCONT)
     if os.getppid() != parent:
         _end()

@@ -295,15 +295,22 @@ class StyledField(VoxelField):
                    mix=np.str_(json.dumps(self.mixture, ensure_ascii=False)))
 
     @staticmethod
-    def load(path: Any) -> StyledField:
+    def load(path: Any, shown: VoxelField | None = None) -> StyledField:
         """Read a field that `save` wrote.
+
+        Parameters
+        ----------
+        path
+            The file.
+        shown
+            The same file as `VoxelField.load` reads it, where it has been read already.
 
         Raises
         ------
         UserError
             If the file is missing, damaged, or a field without colors to mix.
         """
-        plain_field = VoxelField.load(path)
+        plain_field = VoxelField.load(path) if shown is None else shown
         arrays = read_arrays(path, (*_KEYS, *_TEXTURE_KEYS))
         texture, rows = plain_field.texture, arrays.get("texel_rows")
         texels = arrays.get("painted_texels")
@@ -325,7 +332,7 @@ class StyledField(VoxelField):
             mixture = json.loads(str(arrays["mix"]))
             if not isinstance(mixture, dict):
                 raise ValueError("it does not record what it was mixed from")
-            return StyledField(
+            styled = StyledField(
                 plain_field.links, plain_field.density, plain_field.sh, plain_field.center,
                 plain_field.radius, plain_field.frame, plain_field.background, texture,
                 plain_field.backdrop,
@@ -335,10 +342,20 @@ class StyledField(VoxelField):
                 painted_texels=texels, texel_rows=rows)
         except ValueError as error:
             raise UserError(f"{path} is damaged: {error}") from error
+        styled.take_layouts(plain_field)
+        return styled
 
 
-def load_styled(path: Any) -> VoxelField:
+def load_styled(path: Any, shown: VoxelField | None = None) -> VoxelField:
     """Read a field with all its colors, where it has any to mix.
+
+    Parameters
+    ----------
+    path
+        The file.
+    shown
+        The same file as `VoxelField.load` reads it, where it has been read already; what is laid
+        out of it is used.
 
     Returns
     -------
@@ -350,8 +367,9 @@ def load_styled(path: Any) -> VoxelField:
     UserError
         If the file is missing, damaged or not a field.
     """
-    plain_field = VoxelField.load(path)
-    return StyledField.load(path) if "painted" in read_arrays(path, ("painted",)) else plain_field
+    plain_field = VoxelField.load(path) if shown is None else shown
+    mixable = "painted" in read_arrays(path, ("painted",))
+    return StyledField.load(path, plain_field) if mixable else plain_field
 
 
 def _bytes(colors: Float32) -> NDArray[np.uint8]:

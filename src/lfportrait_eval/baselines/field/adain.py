@@ -31,13 +31,17 @@ class AdainNetwork:
     weights
         ``encoder4.conv0`` ... ``encoder4.conv41`` and ``decoder4.conv41`` ... ``decoder4.conv11``,
         ``.weight`` and ``.bias`` each. They are copied.
+    place
+        Torch's name of the device that computes, and that pictures must lie on.
     """
 
-    def __init__(self, weights: Weights) -> None:
-        self.encoder = {name.removeprefix("encoder4."): value.float()
-                        for name, value in weights.items() if name.startswith("encoder4.")}
-        self.decoder = {name.removeprefix("decoder4."): value.float().clone().requires_grad_(True)
-                        for name, value in weights.items() if name.startswith("decoder4.")}
+    def __init__(self, weights: Weights, place: str = "cpu") -> None:
+        self.place = place
+        placed = {name: value.float().to(place) for name, value in weights.items()}
+        self.encoder = {name.removeprefix("encoder4."): value
+                        for name, value in placed.items() if name.startswith("encoder4.")}
+        self.decoder = {name.removeprefix("decoder4."): value.clone().requires_grad_(True)
+                        for name, value in placed.items() if name.startswith("decoder4.")}
 
     def encode(self, image: torch.Tensor) -> list[torch.Tensor]:
         """Features relu1_1, relu2_1, relu3_1 and relu4_1 of RGB in [0, 1], [1, 3, h, w].
@@ -72,15 +76,20 @@ def _padded(x: torch.Tensor, weights: Weights, name: str) -> torch.Tensor:
                              weights[f"conv{name}.weight"], weights[f"conv{name}.bias"])
 
 
-def load_adain() -> AdainNetwork:
+def load_adain(place: str = "cpu") -> AdainNetwork:
     """The network with its published weights, through the registry.
+
+    Parameters
+    ----------
+    place
+        Torch's name of the device that computes.
 
     Raises
     ------
     UserError
         If the weights are missing.
     """
-    return AdainNetwork(load(models.fetch("adain").read_bytes()))
+    return AdainNetwork(load(models.fetch("adain").read_bytes()), place)
 
 
 def statistics_of(features: torch.Tensor, inside: torch.Tensor) -> Statistics:

@@ -32,6 +32,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from lfportrait.device import device_name, torch_device
 from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel
 from lfportrait.stylize.losses import content_loss, nearest_neighbour_loss, stacked, total_variation
@@ -71,7 +72,8 @@ def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict
     """
     config.check()
     start = time.perf_counter()
-    name, network = best_network(config.network)
+    device = torch_device(task.device)
+    name, network = best_network(config.network, device.place)
     if task.progress is not None:
         task.progress.total = min(config.views, len(task.capture.training())) + config.steps
     views = photo_views(task, config.size, config.views)
@@ -79,7 +81,7 @@ def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict
     model = ColorModel(task.field, task.background)
     fit = _recolored(model, task, views, config.fit_iterations)
     fitted = time.perf_counter()
-    losses = _Losses(network, task, config)
+    losses = _Losses(network, task, config, device.place)
     descent = ColorDescent(model, task.field, config.learning_rate, config.color_smoothness,
                            config.smoothed_share, task.random(3))
     probe = views[len(views) // 2]
@@ -96,7 +98,8 @@ def paint_by_features(task: FieldTask, config: ArfConfig) -> tuple[Float32, dict
     unseen = model.fill_unseen()
     dump_views(task, model, views)
     return model.colors, {
-        "views": len(views), "fit": {"rmse": fit}, "refit": {"rmse": refit},
+        "device": device_name(device), "views": len(views), "fit": {"rmse": fit},
+        "refit": {"rmse": refit},
         "refinement": {"networks": {"features": name}, "steps": config.steps, "before": before,
                        "after": after},
         "unseen_share": round(unseen, 4),
@@ -134,9 +137,10 @@ def _rms(errors: list[float]) -> list[float]:
 class _Losses:
     """ARF's losses of a rendered view at half its size."""
 
-    def __init__(self, network: FeatureNetwork, task: FieldTask, config: ArfConfig) -> None:
-        self.network, self.config = network, config
-        self.style = style_features(network, task, config.size // 2)
+    def __init__(self, network: FeatureNetwork, task: FieldTask, config: ArfConfig,
+                 place: str) -> None:
+        self.network, self.config, self.place = network, config, place
+        self.style = style_features(network, task, config.size // 2, place)
         self._content: dict[int, torch.Tensor] = {}
 
     def terms(self, view: PhotoView, image: torch.Tensor) -> Terms:
@@ -152,20 +156,21 @@ class _Losses:
     def _content_of(self, view: PhotoView) -> torch.Tensor:
         if id(view) not in self._content:
             with torch.no_grad():
-                self._content[id(view)] = stacked(self.network(half_sized(tensor(view.content))))
+                self._content[id(view)] = stacked(self.network(half_sized(
+                    tensor(view.content, self.place))))
         return self._content[id(view)]
 
     def slope(self, model: ColorModel, view: PhotoView) -> tuple[dict[str, float], Float32]:
         """Values of the losses, and the slope of their sum at each pixel [h, w, 3]."""
-        image = tensor(model.picture(view)).requires_grad_(True)
+        image = tensor(model.picture(view), self.place).requires_grad_(True)
         terms = self.terms(view, image)
         slope, = torch.autograd.grad(torch.stack(list(terms.values())).sum(), image)
         return ({name: float(value.detach()) for name, value in terms.items()},
-                slope[0].permute(1, 2, 0).numpy())
+                slope[0].permute(1, 2, 0).cpu().numpy())
 
     def report(self, model: ColorModel, view: PhotoView) -> dict[str, dict[str, float]]:
         """Losses and norms of their gradients on one view, for the figures."""
-        image = tensor(model.picture(view)).requires_grad_(True)
+        image = tensor(model.picture(view), self.place).requires_grad_(True)
         terms = self.terms(view, image)
         return {"losses": {name: float(value.detach()) for name, value in terms.items()},
                 "gradient_norms": {

@@ -52,9 +52,10 @@ class PhotoView(StyleView):
         return self.alpha > 0.9
 
 
-def tensor(picture: Float32) -> torch.Tensor:
-    """A picture [h, w, 3] as the networks take it, [1, 3, h, w]."""
-    return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1), np.float32))[None]
+def tensor(picture: Float32, place: str = "cpu") -> torch.Tensor:
+    """A picture [h, w, 3] as the networks take it, [1, 3, h, w], on torch's device of that name."""
+    return torch.from_numpy(
+        np.ascontiguousarray(picture.transpose(2, 0, 1), np.float32))[None].to(place)
 
 
 def photo_views(task: FieldTask, size: int, count: int) -> list[PhotoView]:

@@ -38,6 +38,7 @@ from torch.nn import functional
 
 from lfportrait import models
 from lfportrait.capture import Camera
+from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
 from lfportrait.example import Transfer
 from lfportrait.stylize import FieldTask
@@ -94,8 +95,9 @@ def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, 
     """
     config.check()
     start = time.perf_counter()
-    name, network = best_network(config.network)
-    deep_name, deep = _deep_network(name, network)
+    device = torch_device(task.device)
+    name, network = best_network(config.network, device.place)
+    deep_name, deep = _deep_network(name, network, device.place)
     if task.progress is not None:
         task.progress.total = min(config.views, len(task.capture.training())) + config.steps
     reference = painted_view(task, config.size)
@@ -105,7 +107,7 @@ def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, 
     model = ColorModel(task.field, task.background)
     errors = model.fit([reference, *views], config.fit_iterations, task.progress)
     fitted = time.perf_counter()
-    losses = _Losses(network, deep, model, reference, config)
+    losses = _Losses(network, deep, model, reference, config, device.place)
     descent = ColorDescent(model, task.field, config.learning_rate, config.color_smoothness,
                            config.smoothed_share, task.random(6))
     probe = views[len(views) // 2]
@@ -124,7 +126,8 @@ def paint_by_reference(task: FieldTask, config: RefNprConfig) -> tuple[Float32, 
     unseen = model.fill_unseen()
     dump_views(task, model, [reference, *views])
     return model.colors, {
-        "views": len(views), "registered_share": round(float(np.mean(shares)), 4),
+        "device": device_name(device), "views": len(views),
+        "registered_share": round(float(np.mean(shares)), 4),
         "fit": {"rmse": [round(float(np.sqrt(error)), 5) for error in errors]},
         "refinement": {"networks": {"features": name, "coarse colors": deep_name},
                        "steps": config.steps,
@@ -181,10 +184,10 @@ def registered(view: PhotoView, reference: PhotoView) -> float:
     return float(known.sum() / max(int(view.inside.sum()), 1))
 
 
-def _deep_network(name: str, network: FeatureNetwork) -> tuple[str, FeatureNetwork]:
+def _deep_network(name: str, network: FeatureNetwork, place: str) -> tuple[str, FeatureNetwork]:
     """Features of coarse patches, stride 16, and their name."""
     if models.available("vgg19-se") and name != "embedded":
-        return "vgg19-se", load_network("vgg19-se-deep")
+        return "vgg19-se", load_network("vgg19-se-deep", place=place)
     return f"{name}, pooled", lambda image: [functional.avg_pool2d(stacked(network(image))[None],
                                                                    PATCH // 4)]
 
@@ -193,26 +196,27 @@ class _Losses:
     """Ref-NPR's losses of a view and of the reference."""
 
     def __init__(self, network: FeatureNetwork, deep: FeatureNetwork, model: ColorModel,
-                 reference: PhotoView, config: RefNprConfig) -> None:
+                 reference: PhotoView, config: RefNprConfig, place: str) -> None:
         self.network, self.deep, self.model = network, deep, model
-        self.reference, self.config = reference, config
+        self.reference, self.config, self.place = reference, config, place
+        known, painted = tensor(reference.content, place), tensor(reference.example, place)
         with torch.no_grad():
-            content = stacked(network(tensor(reference.content)))
+            content = stacked(network(known))
             self._inside = head_places(reference, content)
             self._bank = content[:, self._inside].T
-            self._painted = stacked(network(tensor(reference.example)))[:, self._inside].T
-            coarse = deep(tensor(reference.content))[0][0]
+            self._painted = stacked(network(painted))[:, self._inside].T
+            coarse = deep(known)[0][0]
             self._coarse_inside = head_places(reference, coarse)
             self._coarse_bank = coarse[:, self._coarse_inside].T
             self._painted_colors = functional.avg_pool2d(
-                tensor(reference.example), PATCH)[0][:, self._coarse_inside].T
-        self._wanted = torch.from_numpy(reference.example)
+                painted, PATCH)[0][:, self._coarse_inside].T
+        self._wanted = torch.from_numpy(reference.example).to(place)
         self._known: dict[int, tuple[torch.Tensor, ...]] = {}
 
     def _matches(self, view: PhotoView) -> tuple[torch.Tensor, ...]:
         """Features of a view's photo, its places' matches in the reference, fine and coarse."""
         if id(view) not in self._known:
-            photo = tensor(view.content)
+            photo = tensor(view.content, self.place)
             with torch.no_grad():
                 content = stacked(self.network(photo))
                 inside = head_places(view, content)
@@ -239,7 +243,7 @@ class _Losses:
         terms = {"painted": config.painted_weight * _error(shown, self._wanted,
                                                            self.reference.trusted),
                  "registered": config.painted_weight * _error(
-                     image, torch.from_numpy(view.example), view.trusted),
+                     image, torch.from_numpy(view.example).to(self.place), view.trusted),
                  "match": (LAST_WEIGHT if last else config.match_weight) * match,
                  "smoothness": config.image_smoothness * total_variation(image)}
         if not last:
@@ -252,16 +256,16 @@ class _Losses:
 
     def slopes(self, view: PhotoView, last: bool) -> tuple[dict[str, float], list[Float32]]:
         """Values of the losses, and slopes of their sum at each pixel of view and reference."""
-        image, shown = (tensor(self.model.picture(one)).requires_grad_(True)
+        image, shown = (tensor(self.model.picture(one), self.place).requires_grad_(True)
                         for one in (view, self.reference))
         terms = self.terms(view, image, shown, last)
         slopes = torch.autograd.grad(torch.stack(list(terms.values())).sum(), (image, shown))
         return ({name: float(value.detach()) for name, value in terms.items()},
-                [slope[0].permute(1, 2, 0).numpy() for slope in slopes])
+                [slope[0].permute(1, 2, 0).cpu().numpy() for slope in slopes])
 
     def report(self, view: PhotoView) -> dict[str, dict[str, float]]:
         """Losses and norms of their gradients, for the figures."""
-        image, shown = pictures = [tensor(self.model.picture(one)).requires_grad_(True)
+        image, shown = pictures = [tensor(self.model.picture(one), self.place).requires_grad_(True)
                                    for one in (view, self.reference)]
         terms = self.terms(view, image, shown)
         norms = {}
@@ -275,6 +279,6 @@ class _Losses:
 
 def _error(image: torch.Tensor, wanted: torch.Tensor, trust: Float32) -> torch.Tensor:
     """Mean squared difference of [1, 3, h, w] and [h, w, 3] where it is trusted; 0 if nowhere."""
-    weight = torch.from_numpy(trust)
+    weight = torch.from_numpy(trust).to(image.device)
     squared = (image[0].permute(1, 2, 0) - wanted).square().mean(-1)
     return (squared * weight).sum() / weight.sum().clamp_min(1.0)

@@ -30,6 +30,7 @@ import torch
 from numpy.typing import NDArray
 from torch.nn import functional
 
+from lfportrait.device import device_name, torch_device
 from lfportrait.stylize import FieldTask
 from lfportrait.stylize.fit import ColorModel
 
@@ -59,7 +60,7 @@ def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
     config
         Parameters.
     network
-        Encoder and decoder; None loads the published weights.
+        Encoder and decoder; None loads the published weights, to the task's device.
 
     Returns
     -------
@@ -74,7 +75,8 @@ def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
     """
     config.check()
     start = time.perf_counter()
-    network = network or load_adain()
+    device = torch_device(task.device)
+    network = network or load_adain(device.place)
     if task.progress is not None:
         task.progress.total = (min(config.views, len(task.capture.training())) + config.tune_steps
                                + (config.rounds - 1) * config.round_steps)
@@ -96,7 +98,7 @@ def paint_by_mutual_teaching(task: FieldTask, config: StylizedNerfConfig,
     unseen = model.fill_unseen()
     dump_views(task, model, views)
     return model.colors, {
-        "views": len(views), "networks": {"painting": "adain"},
+        "device": device_name(device), "views": len(views), "networks": {"painting": "adain"},
         "fit": {"rmse": [[round(value, 5) for value in row] for row in errors]},
         "disagreement": {"before": round(untaught, 5), "after": round(teacher.disagreement(), 5)},
         "unseen_share": round(unseen, 4),
@@ -124,17 +126,21 @@ class PaintingTeacher:
         self.network, self.views, self.task, self.config = network, views, task, config
         self.random = task.random(4)
         self._links: dict[tuple[int, int], Correspondence] = {}
-        self._inside = [[_reduced(view.alpha, 2 ** level) for level in range(4)] for view in views]
+        self._inside = [[_reduced(view.alpha, 2 ** level).to(network.place) for level in range(4)]
+                        for view in views]
         with torch.no_grad():
             self.style = self._style_statistics()
             # As published the encoder's mean activation is 1 in each layer; that of the small one
             # is 3 to 10, and losses would not have the weights they are said to have.
             self._scale = [float(mean.mean().clamp_min(1e-3)) ** -2 for mean, _ in self.style]
-            self.wanted = [normalised_to(network.encode(tensor(view.content))[-1], inside[-1],
+            self.wanted = [normalised_to(network.encode(self._tensor(view.content))[-1], inside[-1],
                                          self.style[-1])
                            for view, inside in zip(views, self._inside)]
         self._adam = torch.optim.Adam(list(network.decoder.values()), lr=config.learning_rate)
         self._taken = 0
+
+    def _tensor(self, picture: Float32) -> torch.Tensor:
+        return tensor(picture, self.network.place)
 
     def _style_statistics(self) -> list[Statistics]:
         """Statistics of the painted person's features, at the views' size."""
@@ -145,21 +151,22 @@ class PaintingTeacher:
                          for value in (tensor(exemplar.image.astype(np.float32) / np.float32(255)),
                                        torch.from_numpy(person.astype(np.float32))[None, None]))
         inside = mask[0, 0].numpy()
-        return [statistics_of(features, _reduced(inside, 2 ** level))
-                for level, features in enumerate(self.network.encode(picture))]
+        place = self.network.place
+        return [statistics_of(features, _reduced(inside, 2 ** level).to(place))
+                for level, features in enumerate(self.network.encode(picture.to(place)))]
 
     def picture(self, index: int) -> Float32:
         """A view painted, float32 [h, w, 3], on the background."""
         view = self.views[index]
         with torch.no_grad():
-            painted = self.network.decode(self.wanted[index])[0].permute(1, 2, 0).numpy()
+            painted = self.network.decode(self.wanted[index])[0].permute(1, 2, 0).cpu().numpy()
         alpha = view.alpha[..., None]
         return (np.clip(painted, 0, 1) * alpha
                 + np.float32(self.task.background) * (1 - alpha)).astype(np.float32)
 
     def disagreement(self) -> float:
         """RMS difference of every view to the next one where both show the same place."""
-        pictures = [tensor(self.picture(index)) for index in range(len(self.views))]
+        pictures = [self._tensor(self.picture(index)) for index in range(len(self.views))]
         total, count = 0.0, 0
         for index in range(len(self.views) - 1):
             link = self._link(index, index + 1)
@@ -170,7 +177,8 @@ class PaintingTeacher:
 
     def _link(self, index: int, other: int) -> Correspondence:
         if (index, other) not in self._links:
-            self._links[index, other] = seen_from(self.views[index], self.views[other])
+            self._links[index, other] = seen_from(self.views[index], self.views[other],
+                                                   place=self.network.place)
         return self._links[index, other]
 
     def tune(self, steps: int, shown: list[Float32] | None) -> None:
@@ -207,7 +215,8 @@ class PaintingTeacher:
                 loss = loss + config.agreement_weight * (
                     painted - warped)[0, :, link.visible].square().mean()
         if shown is not None:
-            loss = loss + config.field_weight * _mean_inside(painted - tensor(shown), inside[0])
+            loss = loss + config.field_weight * _mean_inside(
+                painted - self._tensor(shown), inside[0])
         return loss
 
 

@@ -43,8 +43,9 @@ class Correspondence:
                                       align_corners=False)
 
 
-def seen_from(view: PhotoView, other: PhotoView, tolerance: float = TOLERANCE) -> Correspondence:
-    """Where ``other`` sees what ``view`` shows.
+def seen_from(view: PhotoView, other: PhotoView, tolerance: float = TOLERANCE,
+              place: str = "cpu") -> Correspondence:
+    """Where ``other`` sees what ``view`` shows, for pictures on torch's device ``place``.
 
     Visibility is tested by depth: the surface's point, projected into the other view, must lie as
     far away as what that view shows there, at that pixel or between it and the next ones.
@@ -63,7 +64,7 @@ def seen_from(view: PhotoView, other: PhotoView, tolerance: float = TOLERANCE) -
     visible = known & (within & same & other.inside[rows, columns]).reshape(height, width)
     grid = np.stack([2 * x / other.shape[1] - 1, 2 * y / other.shape[0] - 1], -1)
     grid = np.clip(grid, -2, 2).reshape(1, height, width, 2).astype(np.float32)
-    return Correspondence(torch.from_numpy(grid), torch.from_numpy(visible),
+    return Correspondence(torch.from_numpy(grid).to(place), torch.from_numpy(visible).to(place),
                           _cosine(points, view, other).reshape(height, width))
 
 

@@ -96,3 +96,5 @@ class NetworkConfig:
     """Weight of the discriminator, 0 to 1: higher is sharper and less faithful."""
     seed: tyro.conf.Suppress[int] = 0
     """Seed of examples and weights."""
+    device: tyro.conf.Suppress[str] = "auto"
+    """Where the network computes, a choice of ``--device``."""

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
 from lfportrait.example.exemplar import Exemplar, face_size
 from lfportrait.example.providers import Sitting, provided_sittings
@@ -65,10 +66,11 @@ class StyleNetwork:
                  own: list[Sitting] | None = None) -> None:
         self.exemplar = exemplar
         self.config = config or NetworkConfig()
+        self._device = torch_device(self.config.device)
         start = time.perf_counter()
         path = self.config.checkpoint
         if path is not None and path.exists():
-            self._trained = _load(path, _digest(exemplar))
+            self._trained = _load(path, _digest(exemplar), self._device.place)
         else:
             self._trained = self._train(own or [])
             if path is not None:
@@ -120,12 +122,14 @@ class StyleNetwork:
         painted = time.perf_counter()
         painter, steps, loss = train(
             pairs, config.width, steps=config.steps, seconds=config.budget, rate=config.rate,
-            adversarial=config.adversarial, seed=config.seed)
+            adversarial=config.adversarial, seed=config.seed,
+            place=self._device.place)
         return _Trained(painter, {
             "format": FORMAT, "style": _digest(self.exemplar), "width": config.width,
             "size": config.size, "face": faces, "pairs": len(pairs), "steps": steps, "loss": loss,
             "teacher": config.teacher, "teacher_seconds": painted - start,
-            "training_seconds": time.perf_counter() - painted})
+            "training_seconds": time.perf_counter() - painted,
+            "device": device_name(self._device)})
 
     def _examples(self, own: list[Sitting],
                   ) -> tuple[list[tuple[NDArray[np.uint8], NDArray[np.float32]]], float]:
@@ -174,12 +178,13 @@ def _digest(exemplar: Exemplar) -> str:
 def _save(path: Path, trained: _Trained) -> None:
     from safetensors.torch import save
 
-    tensors = {name: value.contiguous() for name, value in trained.painter.state_dict().items()}
+    tensors = {name: value.cpu().contiguous()
+               for name, value in trained.painter.state_dict().items()}
     with atomic_write(path) as stream:
         stream.write(save(tensors, metadata={"facts": json.dumps(trained.facts)}))
 
 
-def _load(path: Path, style: str) -> _Trained:
+def _load(path: Path, style: str, place: str) -> _Trained:
     import torch
     from safetensors import SafetensorError, safe_open
 
@@ -200,4 +205,4 @@ def _load(path: Path, style: str) -> _Trained:
         raise UserError(f"the network in {path} was trained on another style; name another "
                         "--network.checkpoint")
     # In the layout that it was trained in: other layouts round differently.
-    return _Trained(painter.eval().to(memory_format=torch.channels_last), facts)
+    return _Trained(painter.eval().to(place, memory_format=torch.channels_last), facts)

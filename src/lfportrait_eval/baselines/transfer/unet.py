@@ -89,13 +89,13 @@ def _discriminator(channels: int = 12) -> nn.Module:
         nn.LeakyReLU(0.2), nn.Conv2d(2 * channels, 1, 4, 1, 1))
 
 
-def _tensor(image: NDArray[np.generic]) -> torch.Tensor:
+def _tensor(image: NDArray[np.generic], place: str = "cpu") -> torch.Tensor:
     """[H, W, 3], uint8 or float in [0, 1], as float [1, 3, H', W'], sides padded."""
     values = np.asarray(image, np.float32) / (255 if image.dtype == np.uint8 else 1)
     tensor = torch.from_numpy(np.ascontiguousarray(values.transpose(2, 0, 1)))[None]
     height, width = tensor.shape[2:]
     tensor = functional.pad(tensor, (0, -width % STRIDE, 0, -height % STRIDE), mode="replicate")
-    return tensor.contiguous(memory_format=torch.channels_last)
+    return tensor.contiguous(memory_format=torch.channels_last).to(place)
 
 
 def _edges(image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -104,7 +104,8 @@ def _edges(image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 def train(pairs: list[tuple[NDArray[np.uint8], NDArray[np.float32]]], width: int, *,
           steps: int, seconds: float, rate: float, adversarial: float, seed: int,
-          report: Callable[[int, float], None] | None = None) -> tuple[Painter, int, float]:
+          report: Callable[[int, float], None] | None = None, place: str = "cpu",
+          ) -> tuple[Painter, int, float]:
     """Train a painter on photos and their paintings.
 
     Parameters
@@ -123,19 +124,22 @@ def train(pairs: list[tuple[NDArray[np.uint8], NDArray[np.float32]]], width: int
         Of the weights and of the order; with ``steps`` the same seed gives the same network.
     report
         Called with the step and the loss.
+    place
+        Torch's name of the device that trains; the weights begin the same on all.
 
     Returns
     -------
     painter, steps, loss
-        The network, the steps taken, and the mean absolute difference over the last steps.
+        The network (on that device), the steps taken, and the mean absolute difference over the
+        last steps.
     """
-    shown = [(_tensor(photo), _tensor(painting)) for photo, painting in pairs]
+    shown = [(_tensor(photo, place), _tensor(painting, place)) for photo, painting in pairs]
     order = np.random.default_rng(seed)
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         painter, judge = Painter(width), _discriminator()
     for network in (painter, judge):
-        cast(Any, network).to(memory_format=torch.channels_last)
+        cast(Any, network).to(place, memory_format=torch.channels_last)
     optimisers = [torch.optim.Adam(network.parameters(), rate, betas=(0.5, 0.99))
                   for network in (painter, judge)]
     start, step, losses = time.perf_counter(), 0, [1.0]
@@ -148,6 +152,7 @@ def train(pairs: list[tuple[NDArray[np.uint8], NDArray[np.float32]]], width: int
         photo, wanted = shown[int(order.integers(len(shown)))]
         # Exposure and color of the light vary; the painting stays.
         light = torch.from_numpy(order.uniform(0.85, 1.15, (1, 3, 1, 1)).astype(np.float32))
+        light = light.to(place)
         photo = (photo * light).clamp(0, 1)
         made = painter(photo)
         loss = (made - wanted).abs().mean()
@@ -175,5 +180,6 @@ def train(pairs: list[tuple[NDArray[np.uint8], NDArray[np.float32]]], width: int
 def run(painter: Painter, photo: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Painting float32 [H, W, 3] in [0, 1] of a photo uint8 [H, W, 3]."""
     height, width = photo.shape[:2]
-    made = painter(_tensor(photo))[0, :, :height, :width].permute(1, 2, 0)
-    return np.ascontiguousarray(made.clamp(0, 1).numpy(), np.float32)
+    place = next(painter.parameters()).device
+    made = painter(_tensor(photo, str(place)))[0, :, :height, :width].permute(1, 2, 0)
+    return np.ascontiguousarray(made.clamp(0, 1).cpu().numpy(), np.float32)

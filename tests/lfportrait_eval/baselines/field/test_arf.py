@@ -111,6 +111,13 @@ def test_a_head_in_arfs_manner(small_head):
     assert np.array_equal(again.sh, styled.sh)
 
 
+def test_arf_on_another_device_gives_the_same(small_head, other_device):
+    here, there = (stylize_with_figures(*small_head, SMALL, device=device)
+                   for device in ("cpu", other_device))
+    assert (here[1]["device"], there[1]["device"]) == ("cpu", "gpu: Other 9 (Test)")
+    assert np.allclose(here[0].sh, there[0].sh, atol=1e-5)
+
+
 def test_arf_needs_no_landmarks_and_writes_its_views(small_head, tmp_path):
     field, capture, exemplar = small_head
     quick = SMALL.with_section(replace(SMALL.parameters[0], steps=1))

@@ -101,6 +101,13 @@ def test_a_head_in_the_manner_of_one_painted_view(small_head):
     assert np.array_equal(again.sh, styled.sh)
 
 
+def test_ref_npr_on_another_device_gives_the_same(small_head, other_device):
+    here, there = (stylize_with_figures(*small_head, SMALL, device=device)
+                   for device in ("cpu", other_device))
+    assert (here[1]["device"], there[1]["device"]) == ("cpu", "gpu: Other 9 (Test)")
+    assert np.allclose(here[0].sh, there[0].sh, atol=1e-5)
+
+
 def test_the_deep_network_has_one_map_of_stride_16():
     random = torch.Generator().manual_seed(0)
     widths = {"1": 16, "2": 32, "3": 64, "4": 128, "5": 128}

@@ -23,13 +23,14 @@ from lfportrait_eval.baselines.field.latent_colors import LatentColors
 from lfportrait_eval.baselines.field.photo_views import photo_views, tensor
 from lfportrait_eval.baselines.field.stylized_nerf import PaintingTeacher, paint_by_mutual_teaching
 from lfportrait_eval.baselines.field.warp import seen_from
+from tests.other_memory import PLACE
 
 SMALL = StylizedNerfConfig(size=96, views=4, tune_steps=4, round_steps=2, rounds=2,
                            fit_iterations=2, latent=1)
 WIDTHS = (16, 16, 32, 32, 64, 64, 64, 64, 128)
 
 
-def random_network(seed=0):
+def random_network(seed=0, place="cpu"):
     """Encoder and decoder of the right shapes with random weights."""
     random = torch.Generator().manual_seed(seed)
 
@@ -43,7 +44,7 @@ def random_network(seed=0):
         weights |= layer(f"encoder4.conv{name}", after, before, 3)
     for name, before, after in zip(DECODER, WIDTHS[::-1], (*WIDTHS[-2::-1], 3)):
         weights |= layer(f"decoder4.conv{name}", after, before, 3)
-    return AdainNetwork(weights)
+    return AdainNetwork(weights, place)
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +134,14 @@ def test_a_head_and_a_network_teach_each_other(small_head):
     assert np.abs(colors - ColorModel(field, 1.0).colors).mean() > 0.03
     again, _ = paint_by_mutual_teaching(FieldTask(*small_head), SMALL, random_network())
     assert np.array_equal(again, colors)
+
+
+def test_the_teacher_on_another_device_gives_the_same(small_head, other_device):
+    (here, _), (there, figures) = (paint_by_mutual_teaching(
+        FieldTask(*small_head, device=device), SMALL, random_network(place=place))
+        for device, place in (("cpu", "cpu"), (other_device, PLACE)))
+    assert figures["device"] == "gpu: Other 9 (Test)"
+    assert np.allclose(here, there, atol=1e-4)
 
 
 def test_missing_weights_are_told(small_head, monkeypatch, tmp_path):

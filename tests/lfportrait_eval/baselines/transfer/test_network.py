@@ -18,6 +18,7 @@ from lfportrait.files import read_image, read_json, write_image
 from lfportrait_eval.baselines.transfer import NetworkConfig, StyleNetwork
 from lfportrait_eval.baselines.transfer.training_photos import folder_sittings, varied
 from lfportrait_eval.bench import METHODS
+from tests.other_memory import PLACE
 from tests.portraits import drawn_face
 
 TINY = NetworkConfig(teacher="styleblit", pairs=3, steps=2, size=64, width=4)
@@ -72,6 +73,26 @@ def test_the_same_seed_gives_the_same_network_and_the_budget_ends_the_training()
     assert results[0].tobytes() == results[1].tobytes() != results[2].tobytes()
     _, steps, _ = train([pair], 4, steps=0, seconds=0.5, rate=1e-3, adversarial=0, seed=0)
     assert steps >= 1
+
+
+def test_training_on_another_device_gives_the_same(other_device):
+    from lfportrait_eval.baselines.transfer.unet import run, train
+
+    photo = drawn_face(40, 36).image
+    pair = photo, photo.astype(np.float32) / 255
+    here, there = (run(train([pair], 4, steps=3, seconds=0, rate=1e-3, adversarial=0.5, seed=1,
+                             place=place)[0], photo) for place in ("cpu", PLACE))
+    assert np.allclose(here, there, atol=1e-4)
+
+
+def test_a_checkpoint_goes_from_device_to_device(tmp_path, other_device):
+    style, photo = drawn_face(96, 72, skin=(120, 90, 200)), drawn_face(90, 80, seed=1)
+    config = replace(TINY, checkpoint=tmp_path / "style.safetensors", device=other_device)
+    trained = StyleNetwork(style, config)
+    read = StyleNetwork(style, replace(config, device="cpu"))
+    assert read.facts["device"] == "gpu: Other 9 (Test)"
+    first, second = (one.apply(photo.image, photo.landmarks).image for one in (trained, read))
+    assert np.allclose(first, second, atol=1e-4)
 
 
 def test_a_checkpoint_is_written_read_and_checked(tmp_path):

@@ -80,10 +80,17 @@ class Mix {
 /** The buttons in the corner. */
 function tools(viewer, stage) {
   const press = (name, act) => find(name).addEventListener("click", act);
+  const root = document.documentElement, first = root.dataset.ground;
   press("ground", () => {
-    const root = document.documentElement;
-    root.dataset.ground = root.dataset.ground === "dark" ? "light" : "dark";
+    const { renderer } = viewer;
+    // From a painted ground to plain ones, and back.
+    if (renderer.painted) renderer.painted = false;
+    else {
+      root.dataset.ground = root.dataset.ground === "dark" ? "light" : "dark";
+      renderer.painted = Boolean(renderer.header.ground) && root.dataset.ground === first;
+    }
     find("ground").setAttribute("aria-pressed", String(root.dataset.ground === "light"));
+    viewer.change();
   });
   press("picture", () => keepPicture(viewer));
   const full = find("full");

@@ -26,6 +26,9 @@ uniform mat3 toWorld;
 uniform int rays;              // of each sub-pixel, over the directions that its lens sends it to
 uniform float gamma;
 uniform vec3 ground;
+#ifdef GROUNDED
+uniform vec2 groundMoved;      // where the head's middle lies, in half panel heights
+#endif
 
 out vec4 result;
 
@@ -36,7 +39,13 @@ float seen(vec3 eye, vec3 place, int channel) {
   float norm = length(along);
   vec4 shown = seenAlong(toLattice * eye + latticeShift, along / norm,
     stepSize / (norm * perUnit), 0.0);
-  return clamp(shown[channel] + (1.0 - shown.a) * ground[channel], 0.0, 1.0);
+  vec3 behind = ground;
+#ifdef GROUNDED
+  // The ground stands still, and is as far behind the head as on all panels.
+  vec3 seen = groundSeen((eye - vec3(groundMoved, 0.0)) / perUnit, (place - eye) / eyeDistance);
+  behind = mix(behind, seen, groundShare);
+#endif
+  return clamp(shown[channel] + (1.0 - shown.a) * behind[channel], 0.0, 1.0);
 }
 
 void main() {

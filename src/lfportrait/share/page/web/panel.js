@@ -43,6 +43,21 @@ class Panel {
     return "";
   }
 
+  /** The ground behind the head, as lightfield/ground.py has it. */
+  drawGround(at, place, perUnit, reach) {
+    const { renderer, display } = this;
+    const { gl } = renderer;
+    const { back, behind, blur } = renderer.header.ground;
+    const depth = Math.max(behind - (perUnit * back * place.depth + place.focus), 0);
+    const share = depth / display.distance;
+    const rays = 2 / display.height * Math.sqrt(Math.max(display.pitch / 3, 1)) * (1 + share);
+    // What a panel can't tell apart at that depth would break into a comb.
+    const soft = blur * 2 * reach / display.pitch * share / Math.sqrt(12);
+    const level = Math.log2(Math.max(rays, soft) / perUnit * renderer.groundPixels);
+    renderer.ground(at, { depth: depth / place.depth / perUnit, level: Math.max(level, 0) });
+    gl.uniform2f(at("groundMoved"), place.shiftX, place.shiftY);
+  }
+
   /**
    * Draw the coded picture, or some rows of it, into the framebuffer that is bound.
    * @param {object} place `size`, `shiftX`, `shiftY`, `focus`, `turn` (radians), `depth`,
@@ -92,6 +107,7 @@ class Panel {
     gl.uniform1i(at("rays"), place.filtered ? 3 : 1);
     gl.uniform1f(at("gamma"), display.gamma);
     gl.uniform3fv(at("ground"), place.ground);
+    if (renderer.header.ground) this.drawGround(at, place, perUnit, reach);
     renderer.draw([display.width, display.height], place.rows);
   }
 }

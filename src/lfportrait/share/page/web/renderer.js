@@ -19,10 +19,34 @@ function half(value) {
 }
 
 /** Units of the textures of the surface; 4 and 5 are a panel's, 6 is drawn into. */
-const CELLS = 7, CHARTS = 8, TEXELS = 9;
+const CELLS = 7, CHARTS = 8, TEXELS = 9, GROUND = 11;
 
 /** Width in pixels of the texture's detail in a view, as in field/grid.py. */
 const DETAIL = 1.6;
+
+/** So far from straight on one sees the ground as it stands; beyond, it turns along. */
+const ASIDE = 40 * Math.PI / 180, ABOVE = 25 * Math.PI / 180;
+
+/**
+ * The frame of the ground for an eye: the world's own, or turned after the eye, so that there is a
+ * ground behind the head from all sides. From behind, one looks straight at it again.
+ * @param {number[]} away From what is looked at to the eye.
+ * @returns {number[]} World to ground, [9] by columns.
+ */
+function groundFrame([x, y, z]) {
+  const yaw = Math.atan2(x, z), pitch = Math.atan2(y, Math.hypot(x, z));
+  const far = Math.abs(yaw);
+  const aside = far <= ASIDE ? yaw : Math.sign(yaw) * ASIDE * (Math.PI - far) / (Math.PI - ASIDE);
+  const above = Math.min(Math.max(pitch, -ABOVE), ABOVE);
+  // Rows of the eye's frame in the world, and, transposed, of the eye's in the ground's.
+  const frame = (turn, rise) => {
+    const c = Math.cos(turn), s = Math.sin(turn), u = Math.cos(rise), v = Math.sin(rise);
+    return [[c, 0, -s], [-s * v, u, -c * v], [s * u, v, c * u]];
+  };
+  const world = frame(yaw, pitch), own = frame(aside, above);
+  return [0, 1, 2].flatMap((column) => [0, 1, 2].map((row) => own.reduce(
+    (sum, axis, i) => sum + axis[row] * world[i][column], 0)));
+}
 
 class Renderer {
   /**
@@ -45,7 +69,8 @@ class Renderer {
     this.points = [width, height, depth];
     this.scale = this.points.map((n, axis) => n / (2 * header.radius[axis]));
     this.shift = this.points.map((n, axis) => n / 2 - 0.5 - header.center[axis] * this.scale[axis]);
-    this.defines = `#define BANDS ${this.bands}\n${header.texture ? "#define TEXTURED\n" : ""}`;
+    this.defines = `#define BANDS ${this.bands}\n${header.texture ? "#define TEXTURED\n" : ""}${header.ground ? "#define GROUNDED\n" : ""}`;
+    this.painted = Boolean(header.ground); // whether the painted ground is shown
   }
 
   /** Nothing is on the device, or no longer. */
@@ -75,6 +100,43 @@ class Renderer {
     this.bricks.fill((texel, row) => { density[texel] = row < 0 ? 0 : value[codes[row]]; });
     this.upload(1, "R16F", this.bricks.atlas, "RED", "HALF_FLOAT", density, "LINEAR");
     if (header.texture) await this.loadTexture();
+    if (header.ground) await this.loadGround();
+  }
+
+  /** Read the painted ground's picture, and upload it. */
+  async loadGround() {
+    const { gl } = this;
+    const picture = new Image();
+    picture.src = this.header.ground.picture;
+    await picture.decode();
+    gl.activeTexture(gl.TEXTURE0 + GROUND);
+    this.textures[GROUND] = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, this.textures[GROUND]);
+    gl.pixelStorei(gl.UNPACK_COLORSPACE_CONVERSION_WEBGL, gl.NONE);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, picture);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    for (const name of ["WRAP_S", "WRAP_T"]) {
+      gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}`], gl.MIRRORED_REPEAT);
+    }
+    this.bytes[GROUND] = Math.round(4 / 3 * 4 * picture.width * picture.height);
+    this.groundPixels = picture.width / this.header.ground.width;
+  }
+
+  /**
+   * What a program needs to draw the ground.
+   * @param {object} how `frame` [9], `depth`, `level`: see ground.glsl.
+   */
+  ground(at, { frame = [1, 0, 0, 0, 1, 0, 0, 0, 1], depth, level = -1 }) {
+    const { gl } = this;
+    const { ground, sets } = this.header;
+    gl.uniform1i(at("groundPicture"), GROUND);
+    gl.uniform4f(at("groundPlace"), ground.left, ground.top, ground.width, ground.height);
+    gl.uniform1f(at("groundDepth"), depth);
+    gl.uniform1f(at("groundLevel"), level);
+    gl.uniformMatrix3fv(at("groundTurn"), false, frame);
+    // It belongs to the painting: the photo has the page's plain ground.
+    gl.uniform1f(at("groundShare"), this.painted ? (sets.length > 1 ? this.blend : 1) : 0);
   }
 
   /** Read what the textures of all color sets share, and upload it. */
@@ -183,7 +245,7 @@ class Renderer {
     const head = `#version 300 es\n${this.defines}${defines}`;
     const program = gl.createProgram();
     const sources = [[gl.VERTEX_SHADER, CORNERS],
-      [gl.FRAGMENT_SHADER, `${head}\n${SHADERS.march}\n${SHADERS.texture}\n${SHADERS[name]}`]];
+      [gl.FRAGMENT_SHADER, `${head}\n${SHADERS.march}\n${SHADERS.texture}\n${SHADERS.ground}\n${SHADERS[name]}`]];
     for (const [kind, source] of sources) {
       const shader = gl.createShader(kind);
       gl.shaderSource(shader, source);
@@ -255,6 +317,11 @@ class Renderer {
     gl.uniform3fv(at("shift"), this.shift);
     gl.uniform2fv(at("nudge"), nudge);
     gl.uniform2fv(at("jitter"), jitter);
+    const { ground, start } = this.header;
+    if (ground) {
+      const away = camera.eye.map((value, axis) => value - start.target[axis]);
+      this.ground(at, { frame: groundFrame(away), depth: ground.depth });
+    }
     this.draw(size, rows);
   }
 

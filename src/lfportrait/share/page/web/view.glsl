@@ -13,12 +13,16 @@ out vec4 result;
 
 void main() {
   vec2 pixel = vec2(gl_FragCoord.x, size.y - gl_FragCoord.y) + nudge;
-  vec3 direction = normalize(turn * vec3((pixel - lens.zw) / lens.xy, 1.0));
+  vec3 ray = turn * vec3((pixel - lens.zw) / lens.xy, 1.0);
+  vec3 direction = normalize(ray);
   prepare(direction);
   vec3 along = direction * scale;
   float norm = length(along);
   float moved = fract(jitter.x + jitter.y * noise(gl_FragCoord.xy));
   result = seenAlong(eye * scale + shift, along / norm, stepSize / norm, moved);
+#ifdef GROUNDED
+  result += (1.0 - result.a) * groundShare * vec4(groundSeen(eye, ray), 1.0);
+#endif
 #ifdef COUNT
   result = vec4(mod(fetches, 256.0) / 255.0, floor(fetches / 256.0) / 255.0, result.a, 1.0);
 #endif

@@ -1,0 +1,214 @@
+"""A field laid out on a device: the table of its bricks, their masks, and the atlas texture.
+
+`march.wgsl` casts through it. On the CPU a sample gathers eight densities and eight color rows;
+here both are one look-up of a texture of half floats, which the GPU interpolates itself. What is
+uploaded is what `Bricks` holds; colors are evaluated on the device for an eye (`Atlas.shade`), so
+that a mixture or another eye uploads nothing but coefficients.
+
+Buffers larger than a shader may see at once are uploaded in pages: of bricks for links and
+densities, of rows for coefficients. The texture itself has no such bound.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...gpu.device import BINDING, Device
+from ..kernels.bricks import SLOTS, Bricks
+from .shaders import shader
+
+__all__ = ["Atlas", "FieldParts", "field_parts", "upload"]
+
+_LEAST = 1e-2
+"""Density from which a cell is looked at: the least threshold that casting uses."""
+_SIDE = 409
+"""Most bricks along a side of the atlas: 5 x 409 texels, under the limit of 2048."""
+_KEPT = 3
+"""Fields that stay on a device."""
+_ACROSS = 32768
+"""Workgroups along x of a dispatch."""
+
+
+@dataclass(frozen=True)
+class FieldParts:
+    """What a field sends to a device.
+
+    Attributes
+    ----------
+    table, links, density, rows, basis, width, shape
+        As `Bricks` has them.
+    lattice
+        float64 [9], `VoxelField.lattice`.
+    """
+
+    table: NDArray[np.int32]
+    links: NDArray[np.int32]
+    density: NDArray[np.uint16]
+    rows: NDArray[np.uint16]
+    basis: int
+    width: int
+    lattice: NDArray[np.float64]
+
+    @property
+    def bricks(self) -> int:
+        """Number of bricks, at least one."""
+        return len(self.links) // SLOTS
+
+    @property
+    def empty(self) -> int:
+        """The row that stands for empty points."""
+        return (len(self.rows) - 32) // self.width - 1
+
+
+def field_parts(bricks: Bricks, lattice: NDArray[np.float64]) -> FieldParts:
+    """What a field of this layout sends to a device."""
+    return FieldParts(bricks.table, bricks.links, bricks.density, bricks.rows, bricks.basis,
+                      bricks.width, lattice)
+
+
+class Atlas:
+    """A field on a device.
+
+    Parameters
+    ----------
+    device
+        The device.
+    parts
+        The field.
+    layers
+        How many eyes colors are kept for; fields of one coefficient need one.
+
+    Attributes
+    ----------
+    table, masks, texture
+        For `march.wgsl`: buffers and the texture.
+    side, down, deep
+        Bricks of the atlas along x, y and, of one layer, z.
+    layers
+        As above.
+    parts
+        Without the arrays that were uploaded.
+    """
+
+    def __init__(self, device: Device, parts: FieldParts, layers: int = 1,
+                 page: int = BINDING) -> None:
+        if max(parts.table.shape) > 1024:
+            raise MemoryError("lattices of more than 4096 points a side")
+        self.layers = 1 if parts.basis == 1 else layers
+        count = parts.bricks
+        self.side = self.down = min(_SIDE, max(8, math.ceil((count * self.layers) ** (1 / 3))))
+        self.deep = -(-count // (self.side * self.down))
+        if self.deep * self.layers > _SIDE:
+            self.side = self.down = _SIDE
+            self.deep = -(-count // (_SIDE * _SIDE))
+        if self.deep * self.layers > _SIDE:
+            raise MemoryError("its bricks do not fit a texture")
+        self._device, self.lattice, self.basis = device, parts.lattice, parts.basis
+        self.tables, self.count, self.empty = parts.table.shape, count, parts.empty
+        self.table = device.buffer(parts.table)
+        self.masks = device.buffer(8 * count)
+        self.texture = device.texture(
+            (5 * self.side, 5 * self.down, 5 * self.deep * self.layers), "rgba16float",
+            written=True)
+        self._kernel = device.kernel(shader("field/gpu/atlas.wgsl"), "main",
+                                     {"basis": parts.basis, "width": parts.width})
+        self._places = device.buffer(_places(parts.table, count))
+        self._width, self._page = parts.width, page
+        self._links = [(start, device.buffer(part), device.buffer(
+            parts.density[start * SLOTS:start * SLOTS + len(part)]))
+            for start, part in _brick_pages(parts.links, page)]
+        self._rows: list[tuple[int, int, Any]] = []
+        self.set_rows(parts.rows)
+
+    def set_rows(self, rows: NDArray[np.uint16]) -> None:
+        """Other coefficients of the same points (`Bricks.rows`)."""
+        together = self._page // (2 * self._width) // 128 * 128
+        for number, start in enumerate(range(0, self.empty + 1, together)):
+            end = min(start + together, self.empty + 1)
+            part = rows[start * self._width:end * self._width]
+            if number < len(self._rows):
+                self._device.write(self._rows[number][2], part)
+            else:
+                self._rows.append((start, end, self._device.buffer(part)))
+
+    def shade(self, eyes: NDArray[np.float64]) -> None:
+        """Evaluate the colors of all points as eyes see them.
+
+        Parameters
+        ----------
+        eyes
+            float64 [layers, 3], in the field's world.
+        """
+        device = self._device
+        steps = []
+        for layer, eye in enumerate(eyes[:self.layers]):
+            for first, links, density in self._links:
+                many = min(links.size // 4 // SLOTS, self.count - first)
+                columns = min(many, _ACROSS)
+                for start, end, rows in self._rows:
+                    uniform = np.zeros(96, np.uint8)
+                    floats, words = uniform.view(np.float32), uniform.view(np.uint32)
+                    floats[0:3], floats[4:7] = self.lattice[3:6], self.lattice[6:9]
+                    floats[8:11] = eye
+                    words[12:16] = first, many, self.side, self.down
+                    words[16:20] = start, end, self.empty, 5 * self.deep * layer
+                    floats[20], words[21] = _LEAST, columns
+                    group = device.bind(self._kernel, {
+                        0: device.buffer(uniform, uniform=True), 1: links, 2: density, 3: rows,
+                        4: self._places, 5: self.masks, 6: self.texture})
+                    steps.append((self._kernel, group, (columns, -(-many // columns), 1)))
+        device.run(*steps)
+
+    def march_uniform(self, threshold: float, stop: float, whole: bool,
+                      textured: bool) -> NDArray[np.uint8]:
+        """The uniform ``field`` of `march.wgsl`, uint8 [64]."""
+        uniform = np.zeros(64, np.uint8)
+        floats, words = uniform.view(np.float32), uniform.view(np.uint32)
+        floats[0:3], floats[3] = self.lattice[0:3], threshold
+        words[4:8] = *self.tables[::-1], self.side
+        floats[8:11] = 1.0 / np.array(self.texture.size)
+        floats[11] = self.down
+        floats[12:15] = stop, whole, textured
+        return uniform
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the device."""
+        texels = int(np.prod(self.texture.size))
+        pages = sum(links.size + density.size for _, links, density in self._links)
+        return int(8 * texels + self.table.size + self.masks.size + pages
+                   + sum(rows.size for _, _, rows in self._rows))
+
+
+def _places(table: NDArray[np.int32], count: int) -> NDArray[np.uint32]:
+    """Where each brick lies in the table: x, y and z, ten bits each."""
+    z, y, x = np.nonzero(table >= 0)
+    out = np.zeros(count, np.uint32)
+    out[table[z, y, x]] = x | y << 10 | z << 20
+    return out
+
+
+def _brick_pages(links: NDArray[np.int32], page: int) -> list[tuple[int, NDArray[np.int32]]]:
+    """Links of the bricks, in pages: the first one's number, and the page."""
+    together = page // (4 * SLOTS)
+    return [(start, links[start * SLOTS:(start + together) * SLOTS])
+            for start in range(0, len(links) // SLOTS, together)]
+
+
+def upload(device: Device, key: str, parts: FieldParts, layers: int,
+           page: int = BINDING) -> list[str]:
+    """Keep a field on a device under a name; returns the names of all that it keeps.
+
+    Fields that were kept longest go when there are more than `_KEPT` of them.
+    """
+    kept = device.kept.setdefault("fields", {})
+    kept.pop(key, None)
+    while len(kept) >= _KEPT:
+        kept.pop(next(iter(kept)))
+    kept[key] = Atlas(device, parts, layers, page)
+    return list(kept)

@@ -1,0 +1,270 @@
+"""One WebGPU device: the only module that calls wgpu's device, since its interface may change.
+
+Buffers and textures are wgpu's own objects, for the stages to hold. Kernels are compiled once for
+each source, entry point and set of constants. Arrays go in and out as NumPy's.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .adapters import Adapter, handle_of, quiet_driver
+
+__all__ = ["BINDING", "LIMITS", "Device", "Kernel", "bands"]
+
+LIMITS = {
+    "max-buffer-size": 256 << 20,
+    "max-storage-buffer-binding-size": 128 << 20,
+    "max-uniform-buffer-binding-size": 64 << 10,
+    "max-storage-buffers-per-shader-stage": 8,
+    "max-storage-textures-per-shader-stage": 4,
+    "max-sampled-textures-per-shader-stage": 16,
+    "max-samplers-per-shader-stage": 16,
+    "max-texture-dimension-2d": 8192,
+    "max-texture-dimension-3d": 2048,
+    "max-texture-array-layers": 256,
+    "max-compute-workgroup-storage-size": 16384,
+    "max-compute-invocations-per-workgroup": 256,
+    "max-compute-workgroup-size-x": 256,
+    "max-compute-workgroup-size-y": 256,
+    "max-compute-workgroup-size-z": 64,
+    "max-compute-workgroups-per-dimension": 65535,
+    "max-bind-groups": 4,
+    "max-bindings-per-bind-group": 1000,
+}
+"""WebGPU's default limits, asked for by number: what is not asked for, wgpu fills with all that
+the card has, and code then fails on a smaller one."""
+
+BINDING = LIMITS["max-storage-buffer-binding-size"]
+"""Bytes of a buffer that a shader can see at once."""
+_STAGED = 32 << 20
+"""Bytes that are read back at once."""
+_DISPATCH = 0.05
+"""Seconds that one dispatch should take: some systems reset a driver after two."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A compiled entry point of a shader."""
+
+    pipeline: Any
+    layout: Any
+
+
+class Device:
+    """A device on an adapter, with WebGPU's default limits.
+
+    Parameters
+    ----------
+    adapter
+        One of `lfportrait.gpu.adapters`.
+
+    Attributes
+    ----------
+    adapter
+        As above.
+    kept
+        Whatever stages keep here from call to call, by names of their own.
+    """
+
+    def __init__(self, adapter: Adapter) -> None:
+        with quiet_driver():
+            import wgpu
+
+            self._flags = wgpu
+            self.adapter = adapter
+            self._device = handle_of(adapter).request_device_sync(required_limits=dict(LIMITS))
+        self._kernels: dict[tuple[Any, ...], Kernel] = {}
+        self.kept: dict[str, Any] = {}
+
+    @property
+    def raw(self) -> Any:
+        """The device of wgpu itself, for a window that shows what it computes."""
+        return self._device
+
+    # -- memory -----------------------------------------------------------------------------------
+
+    def buffer(self, data: NDArray[Any] | int, *, uniform: bool = False) -> Any:
+        """A buffer with an array's bytes, or an empty one (zeros) of so many bytes."""
+        usage = self._flags.BufferUsage
+        flags = usage.COPY_DST | usage.COPY_SRC | (usage.UNIFORM if uniform else usage.STORAGE)
+        if isinstance(data, (int, np.integer)):
+            return self._device.create_buffer(size=max(16, -(-int(data) // 4) * 4), usage=flags)
+        raw = np.ascontiguousarray(data).reshape(-1).view(np.uint8)
+        buffer = self._device.create_buffer(size=max(16, -(-raw.nbytes // 4) * 4), usage=flags)
+        self.write(buffer, raw)
+        return buffer
+
+    def write(self, buffer: Any, data: NDArray[Any], offset: int = 0) -> None:
+        """Copy an array's bytes into a buffer, from a byte (a multiple of 4) on."""
+        raw = np.ascontiguousarray(data).reshape(-1).view(np.uint8)
+        whole = raw.nbytes // 4 * 4
+        if whole:
+            self._device.queue.write_buffer(buffer, offset, raw[:whole])
+        if whole < raw.nbytes:
+            rest = np.zeros(4, np.uint8)
+            rest[:raw.nbytes - whole] = raw[whole:]
+            self._device.queue.write_buffer(buffer, offset + whole, rest)
+
+    def read(self, buffer: Any, dtype: Any, shape: int | Sequence[int],
+             offset: int = 0) -> NDArray[Any]:
+        """An array of what a buffer holds, from a byte on."""
+        out = np.empty(shape, dtype)
+        raw = out.reshape(-1).view(np.uint8)
+        for start in range(0, raw.nbytes, _STAGED):
+            part = raw[start:start + _STAGED]
+            size = -(-part.nbytes // 4) * 4
+            staged = self._staging(size)
+            encoder = self._device.create_command_encoder()
+            encoder.copy_buffer_to_buffer(buffer, offset + start, staged, 0, size)
+            self._device.queue.submit([encoder.finish()])
+            staged.map_sync("READ", 0, size)
+            part[:] = np.frombuffer(staged.read_mapped(0, size, copy=False),
+                                    np.uint8)[:part.nbytes]
+            staged.unmap()
+        return out
+
+    def _staging(self, size: int) -> Any:
+        """A buffer that this process reads, kept: a new one's memory has to be found first."""
+        kept = self.kept.get("staging")
+        if kept is None or kept.size < size:
+            usage = self._flags.BufferUsage
+            kept = self._device.create_buffer(size=min(_STAGED, 1 << (size - 1).bit_length()),
+                                              usage=usage.COPY_DST | usage.MAP_READ)
+            self.kept["staging"] = kept
+        return kept
+
+    def texture(self, size: tuple[int, ...], format: str, *, written: bool = False) -> Any:
+        """A texture of (width, height) or (width, height, depth) texels.
+
+        ``written``: a shader writes it.
+        """
+        usage = self._flags.TextureUsage
+        flags = usage.TEXTURE_BINDING | usage.COPY_DST | usage.COPY_SRC
+        return self._device.create_texture(
+            size=(*size, 1) if len(size) == 2 else size, dimension="2d" if len(size) == 2 else "3d",
+            format=format, usage=flags | (usage.STORAGE_BINDING if written else 0))
+
+    def fill_texture(self, texture: Any, data: NDArray[Any]) -> None:
+        """Copy texels [H, W, ...] or [D, H, W, ...] into a texture of that size."""
+        width, height, depth = texture.size
+        raw = np.ascontiguousarray(data).reshape(-1).view(np.uint8)
+        per_row = raw.nbytes // (height * depth)
+        # One copy must fit the buffers that it goes through.
+        rows = max(1, (64 << 20) // per_row)
+        for layer in range(depth):
+            for row in range(0, height, rows):
+                some = min(rows, height - row)
+                start = (layer * height + row) * per_row
+                self._device.queue.write_texture(
+                    {"texture": texture, "origin": (0, row, layer)},
+                    raw[start:start + some * per_row],
+                    {"bytes_per_row": per_row, "rows_per_image": some}, (width, some, 1))
+
+    def sampler(self) -> Any:
+        """A sampler that interpolates, and repeats the texels at the borders."""
+        key = "linear sampler"
+        if key not in self.kept:
+            self.kept[key] = self._device.create_sampler(
+                mag_filter="linear", min_filter="linear", address_mode_u="clamp-to-edge",
+                address_mode_v="clamp-to-edge", address_mode_w="clamp-to-edge")
+        return self.kept[key]
+
+    # -- work -------------------------------------------------------------------------------------
+
+    def kernel(self, source: str, entry: str, constants: Mapping[str, float] | None = None,
+               ) -> Kernel:
+        """Compile an entry point of a shader (WGSL); its ``override`` constants may be set."""
+        values = dict(constants or {})
+        key = (source, entry, *sorted(values.items()))
+        if key not in self._kernels:
+            module = self._device.create_shader_module(code=source)
+            pipeline = self._device.create_compute_pipeline(
+                layout="auto", compute={"module": module, "entry_point": entry,
+                                        "constants": values})
+            self._kernels[key] = Kernel(pipeline, pipeline.get_bind_group_layout(0))
+        return self._kernels[key]
+
+    def bind(self, kernel: Kernel, bindings: Mapping[int, Any]) -> Any:
+        """Resources of a kernel by their numbers: buffers, textures, samplers, or buffers' parts.
+
+        A part of a buffer is (buffer, first byte, bytes); the first byte is a multiple of 256.
+        """
+        entries = []
+        for number, resource in bindings.items():
+            if isinstance(resource, tuple):
+                buffer, offset, size = resource
+                resource = {"buffer": buffer, "offset": offset, "size": size}
+            elif hasattr(resource, "create_view"):
+                resource = resource.create_view()
+            elif hasattr(resource, "map_state"):
+                resource = {"buffer": resource, "offset": 0, "size": resource.size}
+            entries.append({"binding": number, "resource": resource})
+        return self._device.create_bind_group(layout=kernel.layout, entries=entries)
+
+    def run(self, *steps: tuple[Kernel, Any, tuple[int, int, int]]) -> None:
+        """Run kernels one after the other: (kernel, bound resources, workgroups)."""
+        encoder = self._device.create_command_encoder()
+        for kernel, group, count in steps:
+            if min(count) < 1:
+                continue
+            work = encoder.begin_compute_pass()
+            work.set_pipeline(kernel.pipeline)
+            work.set_bind_group(0, group)
+            work.dispatch_workgroups(*count)
+            work.end()
+        self._device.queue.submit([encoder.finish()])
+
+    def wait(self) -> None:
+        """Wait until all work is done."""
+        # A read comes after all that was submitted; wgpu-py's own way to wait fails in 0.32.
+        if "wait" not in self.kept:
+            self.kept["wait"] = self.buffer(16)
+        self.read(self.kept["wait"], np.uint32, 1)
+
+
+def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callable[[], None],
+          longest: float = _DISPATCH) -> list[tuple[int, int]]:
+    """Run work on ``total`` rows in bands, sized by what the first ones take.
+
+    Parameters
+    ----------
+    total
+        Rows of work.
+    first
+        Rows of the calibration dispatch.
+    run
+        ``run(since, until)`` sends a band off.
+    wait
+        Waits until all that was sent off is done.
+    longest
+        Seconds that a band should take at most.
+
+    Returns
+    -------
+    sizes
+        The bands that were run, (since, until).
+    """
+    done: list[tuple[int, int]] = []
+    since, size = 0, max(1, min(first, total))
+    wait()
+    while since < total:
+        until = min(total, since + size)
+        start = time.perf_counter()
+        run(since, until)
+        done.append((since, until))
+        if until < total and len(done) <= 3:
+            wait()
+            spent = max(time.perf_counter() - start, 1e-5)
+            # A first dispatch may include compiling: grow step by step.
+            size = int(min(math.ceil((until - since) * longest / spent), 16 * (until - since)))
+            size = max(1, size)
+        since = until
+    return done

@@ -1,0 +1,59 @@
+"""The child of `lfportrait.gpu.process`: one device, one call after the other."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import sys
+from typing import Any
+
+from .device import Device
+from .process import GpuLostError, receive, send
+
+__all__ = ["main"]
+
+
+def _answer(device: Device, name: str, arguments: tuple[Any, ...]) -> tuple[bool, Any]:
+    """What a call returns, or the error that it raised."""
+    module, function = name.split(":")
+    try:
+        return True, getattr(importlib.import_module(module), function)(device, *arguments)
+    except MemoryError as error:
+        return False, GpuLostError(f"{device.adapter.title} has too little memory: {error}")
+    except Exception as error:
+        text = str(error)
+        kind = type(error).__name__
+        if "memory" in text.lower() or kind == "GPUOutOfMemoryError":
+            return False, GpuLostError(f"{device.adapter.title} has too little memory")
+        if "lost" in text.lower():
+            return False, GpuLostError(f"{device.adapter.title} was lost")
+        if type(error).__module__.startswith(("wgpu", "builtins", "lfportrait")) is False:
+            return False, RuntimeError(f"{kind}: {text}")
+        if type(error).__module__.startswith("wgpu"):
+            return False, RuntimeError(f"{kind}: {text}")
+        return False, error
+
+
+def main() -> None:
+    """Answer calls until the parent is gone."""
+    # Drivers and libraries print: that must not get between the answers.
+    incoming = os.fdopen(os.dup(0), "rb", buffering=0)
+    outgoing = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)
+    sys.stdin.close()
+    with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
+        adapter = receive(incoming)
+        try:
+            device = Device(adapter)
+        except Exception as error:
+            receive(incoming)
+            send(outgoing, (False, GpuLostError(f"{adapter.title} can't be used: {error}")))
+            return
+        while True:
+            name, arguments = receive(incoming)
+            send(outgoing, _answer(device, name, arguments))
+
+
+if __name__ == "__main__":
+    main()

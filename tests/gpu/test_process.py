@@ -1,0 +1,152 @@
+"""The process of a GPU: calls, its end, and another start."""
+
+import subprocess
+import sys
+import time
+import warnings
+
+import numpy as np
+import pytest
+
+from lfportrait.errors import UserError
+from lfportrait.gpu import Adapter, GpuLostError, GpuProcess, adapters, attempted, chosen
+from lfportrait.gpu.device import LIMITS
+from lfportrait.gpu.process import receive, send
+
+WORK = "tests.gpu.work:"
+
+
+@pytest.fixture(scope="module")
+def process(adapter):
+    one = GpuProcess(adapter)
+    yield one
+    one.close()
+
+
+def test_arrays_go_in_and_out(process):
+    values = np.random.default_rng(0).normal(size=1001).astype(np.float32)
+    np.testing.assert_array_equal(process.call(WORK + "double", values), 2 * values)
+    mixed = (np.arange(7, dtype=np.int8)[::2], "text", {"a": 1}, np.zeros((0, 3), np.float32))
+    got = process.call(WORK + "echo", *mixed)
+    np.testing.assert_array_equal(got[0], mixed[0])
+    assert got[1:3] == mixed[1:3] and got[3].shape == (0, 3)
+    got[0][:] = 5  # a result is the caller's own
+
+
+def test_a_device_has_the_default_limits_whatever_the_card_could(process):
+    limits = process.call(WORK + "limits")
+    asked = ("max-storage-buffer-binding-size", "max-buffer-size")
+    assert {name: limits[name] for name in asked} == {name: LIMITS[name] for name in asked}
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 5), (257, 130)])
+def test_textures_of_odd_sizes_are_filled(process, size):
+    texels = np.random.default_rng(1).integers(0, 256, (*size, 4)).astype(np.uint8)
+    np.testing.assert_array_equal(process.call(WORK + "texture_back", texels), texels)
+
+
+def test_an_error_there_is_an_error_here_and_the_process_lives_on(process):
+    starts = process.starts
+    with pytest.raises(ValueError, match="no such thing"):
+        process.call(WORK + "wrong")
+    with pytest.raises(RuntimeError, match=r"(?i)validation|shader"):
+        process.call(WORK + "bad_shader")
+    assert process.call(WORK + "print_much") == 7
+    assert process.starts == starts
+
+
+def test_bands_cover_all_rows_once(process):
+    for total in (1, 2, 7, 100):
+        sizes, seen = process.call(WORK + "banded", total)
+        assert sizes == seen
+        assert [row for since, until in seen for row in range(since, until)] == list(range(total))
+
+
+def test_what_is_kept_is_forgotten_with_the_process(adapter):
+    own = GpuProcess(adapter)
+    own.note("fields", own.call(WORK + "keep", "a", 1))
+    assert own.holds("fields", "a") and not own.holds("fields", "b")
+    own.close()
+    assert not own.holds("fields", "a")
+
+
+def test_a_lost_device_is_replaced_once_and_then_given_up(adapter):
+    own = GpuProcess(adapter)
+    with pytest.raises(GpuLostError, match="was lost"):
+        own.call(WORK + "die")
+    np.testing.assert_array_equal(own.call(WORK + "double", np.ones(3, np.float32)), 2)
+    with pytest.raises(GpuLostError, match="was lost"):
+        own.call(WORK + "die")
+    with pytest.raises(GpuLostError, match="lost twice"):
+        own.call(WORK + "double", np.ones(3, np.float32))
+    own.close()
+
+
+def test_a_driver_that_hangs_is_ended(adapter):
+    own = GpuProcess(adapter, timeout=3.0)
+    own.call(WORK + "echo")
+    own.timeout = 0.5
+    start = time.monotonic()
+    with pytest.raises(GpuLostError, match=r"did not answer within 0\.5 s"):
+        own.call(WORK + "hang")
+    assert time.monotonic() - start < 20
+    own.close()
+
+
+def test_work_that_can_not_be_done_leaves_a_line_and_the_caller_goes_on(adapter, monkeypatch):
+    own = GpuProcess(adapter)
+    monkeypatch.setattr("lfportrait.gpu.process.gpu_process", lambda _: own)
+    with pytest.warns(UserWarning, match="too little memory.*: the CPU computes instead"):
+        assert attempted(adapter, lambda one: one.call(WORK + "lose_memory")) is None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert attempted(None, lambda one: one.call(WORK + "lose_memory")) is None
+        assert attempted(adapter, lambda one: one.call(WORK + "print_much")) == 7
+    own.close()
+
+
+def test_an_adapter_that_is_gone_is_a_lost_one():
+    own = GpuProcess(Adapter("none", "discrete", "Vulkan"))
+    with pytest.raises(GpuLostError, match=r"can't be used|was lost"):
+        own.call(WORK + "echo")
+    own.close()
+
+
+def test_the_child_ends_with_its_parent(adapter):
+    code = ("import os, sys; from lfportrait.gpu import GpuProcess, adapters;"
+            "found = [one for one in adapters() if one.title == sys.argv[1]];"
+            "own = GpuProcess(found[0]); own.call('tests.gpu.work:echo');"
+            "print(own._child.pid, flush=True); os.kill(os.getpid(), 9)")
+    done = subprocess.run([sys.executable, "-c", code, adapter.title], capture_output=True,
+                          text=True, check=False)
+    child = int(done.stdout)
+    for _ in range(100):
+        # Ended, or a zombie that nobody waited for.
+        state = subprocess.run(["ps", "-o", "stat=", "-p", str(child)], capture_output=True,
+                               text=True, check=False).stdout.strip()
+        if not state or state.startswith("Z"):
+            return
+        time.sleep(0.1)
+    pytest.fail("the child outlives its parent")
+
+
+def test_messages_survive_the_pipe(tmp_path):
+    values = {"a": np.arange(12).reshape(3, 4)[:, ::2], "b": [None, 1.5], "c": np.float64(3)}
+    with open(tmp_path / "pipe", "wb", buffering=0) as stream:
+        send(stream, values)
+    with open(tmp_path / "pipe", "rb", buffering=0) as stream:
+        got = receive(stream)
+        np.testing.assert_array_equal(got["a"], values["a"])
+        assert got["b"] == values["b"] and got["c"] == 3
+        with pytest.raises(EOFError):
+            receive(stream)
+
+
+def test_the_software_adapter_is_taken_only_if_asked_for(adapter):
+    assert chosen("cpu") is None
+    real = [one for one in adapters() if one.real]
+    assert chosen("auto") == (real[0] if real else None)
+    assert chosen("gpu") in adapters()
+    assert chosen(f"gpu:{adapter.name[:5]}") in adapters()
+    with pytest.raises(UserError, match="there are"):
+        chosen("gpu:no such card")
