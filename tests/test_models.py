@@ -130,3 +130,12 @@ def test_the_networks_at_hand_pass_the_check(shared_weights, monkeypatch):
             assert models.fetch(name, download=False).parent == shared_weights
     assert set(models.expand(["portrait", "paper", "inception"])) <= {
         name for name in models.registry() if models.available(name)}
+
+
+def test_an_offline_process_downloads_nothing(monkeypatch, tmp_path):
+    monkeypatch.setenv("LFPORTRAIT_MODELS", str(tmp_path))
+    monkeypatch.setattr(models, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(models, "_download", lambda *_, **__: pytest.fail("it was asked for"))
+    monkeypatch.setenv(models.OFFLINE, "1")
+    with pytest.raises(UserError, match="face-landmarker.*missing"):
+        models.fetch("face-landmarker")

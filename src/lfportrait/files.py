@@ -27,9 +27,9 @@ from .measure import usable_cores
 from .png import write_png
 
 __all__ = [
-    "RAW", "atomic_path", "atomic_write", "map_arrays", "open_picture", "picture_format",
-    "read_image", "read_images", "read_json", "temporary_home", "write_exr", "write_image",
-    "write_json", "write_mappable",
+    "HEIC", "PHOTOS", "RAW", "VIDEOS", "atomic_path", "atomic_write", "map_arrays",
+    "open_picture", "picture_format", "read_image", "read_images", "read_json", "temporary_home",
+    "write_exr", "write_image", "write_json", "write_mappable",
 ]
 
 
@@ -150,7 +150,12 @@ def read_json(path: str | os.PathLike[str]) -> Any:
         raise UserError(f"{path} is not valid JSON: {error}") from error
 
 
-_HEIC = {".heic", ".heif", ".hif"}
+HEIC = {".heic", ".heif", ".hif"}
+"""Endings of what phones write; read by pillow-heif."""
+PHOTOS = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif"} | HEIC
+"""Endings of photos that are read."""
+VIDEOS = {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"}
+"""Endings of videos that are read."""
 RAW = {".3fr", ".arw", ".cr2", ".cr3", ".crw", ".dng", ".erf", ".iiq", ".nef", ".nrw", ".orf",
        ".pef", ".raf", ".raw", ".rw2", ".srw", ".x3f"}
 """Endings of raw photos, which are not read."""
@@ -208,7 +213,7 @@ def open_picture(path: str | os.PathLike[str]) -> Iterator[Image.Image]:
     if suffix in RAW:
         # Pillow would take some for a TIFF and show their thumbnail.
         raise OSError("raw photos are not read; export it as JPEG or TIFF")
-    if suffix in _HEIC:
+    if suffix in HEIC:
         _read_heic()
     # A stream is not mapped: Pillow maps the rows of a TIFF that is to be turned by a wrong width.
     with _PIXEL_BOUND, open(path, "rb") as stream, Image.open(stream) as picture:

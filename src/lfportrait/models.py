@@ -3,8 +3,8 @@
 A network may come in several files that serve the same purpose (the official download, or a
 repacked one). A file is looked for in the folder that ``LFPORTRAIT_MODELS`` names, then in the
 user's cache, and is then downloaded from its official address, or by its name from the server that
-``LFPORTRAIT_MIRROR`` names. Nothing is downloaded that is there already, and nothing is trusted
-whose SHA-256 does not match.
+``LFPORTRAIT_MIRROR`` names. Nothing is downloaded that is there already, nor by a process that has
+``LFPORTRAIT_OFFLINE`` in its environment, and nothing is trusted whose SHA-256 does not match.
 """
 
 from __future__ import annotations
@@ -26,8 +26,12 @@ from .download import megabytes
 from .errors import UserError
 from .files import atomic_path
 
-__all__ = ["GROUPS", "PURPOSES", "ModelFile", "add", "available", "cache_folder", "expand", "fetch",
-           "fetchable", "in_use", "listing", "missing", "registry", "require"]
+__all__ = ["GROUPS", "OFFLINE", "PURPOSES", "ModelFile", "add", "available", "cache_folder",
+           "expand", "fetch", "fetchable", "in_use", "listing", "missing", "registry", "require"]
+
+OFFLINE = "LFPORTRAIT_OFFLINE"
+"""Environment variable of processes that download nothing."""
+
 
 @dataclass(frozen=True)
 class ModelFile:
@@ -169,7 +173,8 @@ def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
     name
         Name in the registry.
     download
-        False downloads nothing: a missing file is an error then.
+        False downloads nothing: a missing file is an error then. So it is in a process whose
+        environment has ``LFPORTRAIT_OFFLINE``.
     quiet
         Draw no progress line.
 
@@ -191,7 +196,7 @@ def fetch(name: str, *, download: bool = True, quiet: bool = False) -> Path:
         _check(path, *(other for other in _entries(name) if other.file == entry.file))
         return path
     remote = _remote(name)
-    if not download or remote is None:
+    if not download or remote is None or os.environ.get(OFFLINE):
         raise UserError(f"the network {name!r} is missing: {_how_to_get(name)}")
     url, entry = remote
     return _download(url, cache_folder() / entry.file, entry.sha256, entry.size, quiet=quiet)

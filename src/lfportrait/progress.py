@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from typing import TextIO
 
 __all__ = ["Progress"]
@@ -52,6 +53,9 @@ class Progress:
         if self.enabled and now - self._last >= (0.1 if self._tty else 10.0):
             self._last = now
             self._write(note)
+
+    def show(self, make: Callable[[], object]) -> None:
+        """Offer an intermediate result, made by a call where it is wanted: a line wants none."""
 
     def say(self, line: str) -> None:
         """Write a line that stays, above the one that is redrawn."""

@@ -22,15 +22,12 @@ from PIL import Image
 
 from ..color import srgb
 from ..errors import UserError
-from ..files import RAW, open_picture
+from ..files import PHOTOS, RAW, VIDEOS, open_picture
 from .exif import noted
 
 __all__ = ["Photo", "is_video", "picture_files", "read_photos"]
 
-_PICTURES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif"}
-_HEIC = {".heic", ".heif", ".hif"}
 _ORIENTATION = 0x0112
-_VIDEOS = {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm"}
 
 
 @dataclass(frozen=True)
@@ -94,7 +91,7 @@ def _picture_files(folder: Path) -> list[Path]:
     Cameras keep photos in ``DCIM/100NAME``. Several folders are several people, or an error.
     """
     for place in (folder, folder / "images"):
-        found = _within(place, _PICTURES | _HEIC)
+        found = _within(place, PHOTOS)
         if found:
             raw = {path.stem for path in _within(place, RAW)} - {path.stem for path in found}
             if raw:
@@ -102,7 +99,7 @@ def _picture_files(folder: Path) -> list[Path]:
                               "JPEG or TIFF", stacklevel=2)
             return found
     below = {place: found for place in sorted(folder.rglob("*"))
-             if place.is_dir() and (found := _within(place, _PICTURES | _HEIC))}
+             if place.is_dir() and (found := _within(place, PHOTOS))}
     if len(below) > 1:
         names = [str(place.relative_to(folder)) for place in below]
         raise UserError(f"{folder} has photos in several folders ({', '.join(names[:4])}"
@@ -199,4 +196,4 @@ def _tried(path: Path, max_side: int) -> Photo | str:
 
 def is_video(path: Path) -> bool:
     """Whether a path names a video file."""
-    return path.is_file() and path.suffix.lower() in _VIDEOS
+    return path.is_file() and path.suffix.lower() in VIDEOS

@@ -42,6 +42,7 @@ it is freed; making and zeroing these pages again each time takes a fifth of a p
 _LAB = "lfportrait_eval.commands"
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "demo": ("make", "Demo", "run all stages on the embedded capture and exemplar"),
+    "studio": ("studio", "Studio", "open the studio: everything on a page in the browser"),
     "make": ("make", "Make", "photos + painting -> coded light field, all stages"),
     "batch": ("make", "BatchCommand", "make many portraits from one jobs file, locally or on Ray"),
     "batch status": ("make", "BatchStatus", "how far a batch is"),

@@ -6,13 +6,12 @@ import contextlib
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
 from ..errors import UserError
-from ..field import ReconstructConfig
-from ..job import MakeConfig, Warmup, make
+from ..job import FULL, QUICK, MakeConfig, Warmup, make
 from ..job.batch import (
     BatchConfig,
     BatchTable,
@@ -25,35 +24,10 @@ from ..job.batch import (
     prepare_batch,
 )
 from ..measure import usable_cores
-from ..stylize import StylizeConfig
 from .common import Common
 
 __all__ = ["BatchCommand", "BatchStatus", "Demo", "Make"]
 
-
-class _Scale(NamedTuple):
-    """How large the demo is."""
-
-    size: int
-    """Width and height of the capture's pictures in pixels."""
-    views: int
-    """Number of cameras."""
-    exemplar: int
-    """Height of the painting in pixels; it is three quarters as wide."""
-    display: str
-    """Preset of the display."""
-    config: MakeConfig
-    """Parameters of the stages, with the embedded networks."""
-
-
-FULL = _Scale(384, 60, 1024, "generic-4k", MakeConfig(
-    reconstruct=ReconstructConfig(resolutions=(64, 128, 256), rays=(0.5, 2.5, 6.0)),
-    stylize=StylizeConfig(content_network="embedded", style_network="embedded")))
-QUICK = _Scale(256, 32, 768, "generic-1080p", MakeConfig(
-    reconstruct=ReconstructConfig(resolutions=(80, 160), rays=(0.4, 1.4)),
-    stylize=StylizeConfig(pixels=256.0, steps=7, content_network="embedded",
-                          style_network="embedded"),
-    sweep_size=384))
 
 KERNELS = ("photograph", "transfer", "reconstruct", "stylize", "encode")
 """What the demo compiles, the longest early; photographs are what it needs first."""

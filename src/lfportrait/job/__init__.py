@@ -14,19 +14,37 @@ from ..lazy import attach
 
 if TYPE_CHECKING:
     from .check_drawing import check_picture
+    from .graph import (
+        STAGES,
+        Task,
+        capture_key,
+        code_key,
+        field_key,
+        finished,
+        share_key,
+        stage_key,
+        style_key,
+    )
     from .known_captures import capture_of_face
+    from .networks import get_networks
     from .person import cut_person
     from .photo_check import PhotoCheck, PhotoFacts, check_photos
-    from .pipeline import MakeConfig, make
+    from .pipeline import MakeConfig, make, run_figures
     from .prepare import find_face, prepare_capture
+    from .scales import FULL, QUICK, Scale
     from .session import Session
+    from .steps import fitted, look_at, painting_key, source_key
     from .style_check import StyleCheck, check_style, chosen_face
     from .style_drawing import style_picture
     from .style_landmarks import add_style
     from .warmup import Warmup
+    from .work import Tools, do_stage
 
-__all__ = ["MakeConfig", "PhotoCheck", "PhotoFacts", "Session", "StyleCheck", "Warmup",
-           "add_style", "capture_of_face", "check_photos", "check_picture", "check_style",
-           "chosen_face", "cut_person", "find_face", "make", "prepare_capture", "style_picture"]
+__all__ = ["FULL", "QUICK", "STAGES", "MakeConfig", "PhotoCheck", "PhotoFacts", "Scale", "Session",
+           "StyleCheck", "Task", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
+           "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",
+           "do_stage", "field_key", "find_face", "finished", "fitted", "get_networks", "look_at",
+           "make", "painting_key", "prepare_capture", "run_figures", "share_key", "source_key",
+           "stage_key", "style_key", "style_picture"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

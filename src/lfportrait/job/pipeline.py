@@ -48,7 +48,7 @@ from .steps import MakeConfig, fitted, look_at, painting_key, source_key
 from .warmup import Warmup
 from .work import Tools, do_stage
 
-__all__ = ["MakeConfig", "make"]
+__all__ = ["MakeConfig", "make", "run_figures"]
 
 
 def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
@@ -174,11 +174,26 @@ class _Job:
                 "(report.html shows where); take photos from further left and right", stacklevel=2)
 
     def _figures(self) -> dict[str, Any]:
-        figures = self.stages.figures
-        seconds = {name: stage["stage_seconds"] for name, stage in figures.items()}
-        peak = max([peak_memory_bytes(), *(int(stage.get("peak_memory_bytes", 0))
-                                           for stage in figures.values())])
-        return {"version": __version__, "device": used_device(figures),
-                "machine": machine(), "style": self.exemplar.name, "display": self.display.name,
-                "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
-                "peak_memory_bytes": peak, "resumed": self.stages.resumed, **figures}
+        return run_figures(self.stages.figures, self.exemplar.name, self.display.name,
+                           self.stages.resumed)
+
+
+def run_figures(figures: dict[str, dict[str, Any]], style: str, display: str,
+                resumed: list[str]) -> dict[str, Any]:
+    """What ``run.json`` says of a job.
+
+    Parameters
+    ----------
+    figures
+        Of its stages, by name.
+    style, display
+        Names of the painting and of the panel.
+    resumed
+        Names of the stages that were done before.
+    """
+    seconds = {name: stage["stage_seconds"] for name, stage in figures.items()}
+    peak = max([peak_memory_bytes(), *(int(stage.get("peak_memory_bytes", 0))
+                                       for stage in figures.values())])
+    return {"version": __version__, "device": used_device(figures), "machine": machine(),
+            "style": style, "display": display, "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
+            "peak_memory_bytes": peak, "resumed": resumed, **figures}

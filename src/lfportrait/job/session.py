@@ -13,6 +13,7 @@ head::
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -82,14 +83,21 @@ class Session:
         """The field in a style at half the resolution, without fit and refinement."""
         return self.stylize(style, replace(config or self.config, preview=True))
 
-    def stylize(self, style: str | Path | Exemplar, config: StylizeConfig | None = None,
-                progress: Progress | None = None) -> StyledField:
+    def preview_all(self, styles: Sequence[str | Path | Exemplar],
+                    config: StylizeConfig | None = None) -> StyledField:
+        """A preview in several styles at once, for mixes of them; it shows the first."""
+        return self.stylize(styles, replace(config or self.config, preview=True))
+
+    def stylize(self, style: str | Path | Exemplar | Sequence[str | Path | Exemplar],
+                config: StylizeConfig | None = None, progress: Progress | None = None,
+                ) -> StyledField:
         """The field in a style.
 
         Parameters
         ----------
         style
-            A picture's path, a built-in style's name, or an `Exemplar`.
+            A picture's path, a built-in style's name, an `Exemplar`, or several of these: the field
+            shows the first.
         config
             Parameters; by default the session's.
         progress
@@ -102,9 +110,10 @@ class Session:
         """
         config = config or self.config
         skin = self.skin(config.pixels) if config.on_skin else None
+        styles = [style] if isinstance(style, (str, Path, Exemplar)) else style
         self.shown, self.figures = stylize_with_figures(
-            self.field, self.capture, self.exemplar(style), config, progress, skin=skin,
-            painters=self._painters)
+            self.field, self.capture, [self.exemplar(one) for one in styles], config, progress,
+            skin=skin, painters=self._painters)
         return self.shown
 
     def mix(self, **choices: Any) -> StyledField:

@@ -71,7 +71,7 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
     Parameters
     ----------
     task
-        What to write: its folder holds ``capture/``, ``field.npz``, ``styled.npz`` and
+        What to write: its inputs are the capture, the field and the styled field, its folder holds
         ``lightfield.png``; its parameters are listed at the end of the report.
     results
         Folder that the task's is relative to.
@@ -101,9 +101,10 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
     say("page, sweep and report")
     # Much of the work leaves a core idle: packing, coding the video, NumPy's loops.
     with ThreadPoolExecutor(2) as threads:
-        loaded = threads.submit(load_styled, folder / "styled.npz", kept.get("styled"))
-        taken = threads.submit(lambda: kept.get("capture") or Capture.load(folder / "capture"))
-        field = kept.get("field") or VoxelField.load(folder / "field.npz")
+        loaded = threads.submit(load_styled, results / task.inputs["styled"], kept.get("styled"))
+        taken = threads.submit(lambda: kept.get("capture") or Capture.load(
+            results / task.inputs["capture"]))
+        field = kept.get("field") or VoxelField.load(results / task.inputs["field"])
         styled, capture = loaded.result(), taken.result()
         # Worked out once, before several threads ask for it.
         styled.bricks, styled.stretches, styled.solid_extent  # noqa: B018
@@ -114,7 +115,8 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
             sweep_frames(styled, display.cone, frames, config.sweep_size,
                          background=config.encode.background, ground=config.encode),
             preset="veryfast")
-        report, share = _report(folder, display, config, exemplar, figures, capture, field, styled)
+        report, share = _report(folder, results / task.inputs["field"], display, config, exemplar,
+                                figures, capture, field, styled)
         film.result()
         say("report")
         write_report(folder / "report.html", report)
@@ -122,10 +124,13 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
                 "head_covered": round(share, 3)}
 
 
-def _report(folder: Path, display: Display, config: MakeConfig, exemplar: Exemplar,
+def _report(folder: Path, file: Path, display: Display, config: MakeConfig, exemplar: Exemplar,
             figures: dict[str, Any], capture: Capture, field: VoxelField, styled: VoxelField,
             ) -> tuple[Report, float]:
-    """The report, and the share of the head that photos show well; writes ``hero.png``."""
+    """The report, and the share of the head that photos show well; writes ``hero.png``.
+
+    ``file`` is the field's.
+    """
     cameras = sweep_cameras(90.0, 1, 480, styled)
     strip = _strip(styled, cameras, (-45, -22, 0, 22, 45), background=1.0)
     covered, share = _coverage_section(field, capture)
@@ -141,7 +146,7 @@ def _report(folder: Path, display: Display, config: MakeConfig, exemplar: Exempl
             _inputs(capture, exemplar),
             _field_section(field, capture),
             covered,
-            _style_section(field, styled, capture, exemplar, folder, config),
+            _style_section(field, styled, capture, exemplar, file, config),
             Section("Stylised views", "The optimised field; every view shows the same strokes.",
                     [Picture(image, f"{angle:+d} degrees", width=480)
                      for image, angle in zip(strip, (-45, -22, 0, 22, 45))], layout="strip"),
@@ -259,11 +264,11 @@ def _turned(field: VoxelField, size: int = 448) -> Camera:
 
 
 def _style_section(field: VoxelField, styled: VoxelField, capture: Capture, exemplar: Exemplar,
-                   folder: Path, config: MakeConfig) -> Section:
+                   file: Path, config: MakeConfig) -> Section:
     """How the style came onto the head: on its surface, or by painted views."""
     if capture.landmarks is None or not config.stylize.on_skin:
         return _guides(field, capture, exemplar, config.stylize.transfer)
-    skin = kept_skin(folder / "field.npz", field, capture, config.stylize.pixels)
+    skin = kept_skin(file, field, capture, config.stylize.pixels)
     labels, names = skin.labels
     palette = np.array([_PALETTE[name] for name in names], np.float32)
     shown = np.vstack([labels.astype(np.float32) / 255 @ palette, np.ones((1, 3), np.float32)])

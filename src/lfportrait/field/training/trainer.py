@@ -361,6 +361,7 @@ class Trainer:
             self.progress.update(int(1000 * done),
                                  f"{resolution}^3, {self.lattice.count / 1e6:.2f} M voxels, "
                                  f"{-10 * np.log10(max(error, 1e-12)):.1f} dB")
+            self.progress.show(self.field)
         if self.meter is not None and self.meter.due():
             self.record()
 

@@ -8,8 +8,9 @@ does one; `journal`, `table` and `index` report it.
 from .driver import BatchConfig, batch, prepare_batch
 from .jobs_file import load_jobs
 from .journal import Watcher
+from .settings import overlaid
 from .state import dry_figures
 from .table import BatchTable, JsonLines, batch_status, dry_table
 
 __all__ = ["BatchConfig", "BatchTable", "JsonLines", "Watcher", "batch", "batch_status",
-           "dry_figures", "dry_table", "load_jobs", "prepare_batch"]
+           "dry_figures", "dry_table", "load_jobs", "overlaid", "prepare_batch"]

@@ -6,7 +6,6 @@ The same objects are the lines of ``--json-lines``, the rows of the table and th
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import time
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...errors import UserError
+from ...locks import lock
 
 __all__ = ["FOLDER", "Event", "Journal", "Watcher", "is_running", "locked",
            "locked_file", "read_events"]
@@ -77,36 +77,11 @@ def read_events(results: Path) -> list[Event]:
     return events
 
 
-def _lock(stream: IO[bytes], wait: bool = False) -> None:
-    """Lock a file for this process; `BlockingIOError` where another has it and is not waited for.
-
-    Network drives without locks leave it unlocked.
-    """
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        import msvcrt
-
-        how = msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK  # type: ignore[attr-defined]
-        try:
-            msvcrt.locking(stream.fileno(), how, 1)  # type: ignore[attr-defined]
-        except OSError as error:
-            raise BlockingIOError(*error.args) from error
-    else:
-        try:
-            fcntl.flock(stream.fileno(), fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        except OSError as error:
-            if error.errno in (errno.EACCES, errno.EAGAIN):
-                raise BlockingIOError(*error.args) from error
-            if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.EINVAL, errno.ENOSYS):
-                raise
-
-
 @contextmanager
 def locked_file(path: Path) -> Iterator[None]:
     """A block that one process of a machine is in at a time; others wait."""
     with open(path, "ab") as stream:
-        _lock(stream, wait=True)
+        lock(stream, wait=True)
         yield
 
 
@@ -127,7 +102,7 @@ def locked(results: Path) -> Iterator[None]:
                         "--out") from error
     with stream:
         try:
-            _lock(stream)
+            lock(stream)
         except OSError as error:
             raise UserError(f"another batch is writing to {results}; wait for it, or choose "
                             "another folder with --out") from error
@@ -141,7 +116,7 @@ def is_running(results: Path) -> bool:
         return False
     try:
         with open(path, "ab") as stream:
-            _lock(stream)
+            lock(stream)
     except OSError:
         return True
     return False

@@ -1,0 +1,211 @@
+"""A job as the page sees it: its stages, how far it is and how long the rest takes.
+
+A job's state lies in a small file, so that a server that is started again goes on with what was
+running.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..errors import UserError
+from ..files import read_json, write_json
+
+__all__ = ["ENDED", "JobState", "StageState", "Times", "load_jobs"]
+
+ENDED = ("done", "failed", "cancelled")
+
+
+@dataclass
+class StageState:
+    """One stage of a job.
+
+    Attributes
+    ----------
+    name
+        Fixed, for the page.
+    state
+        ``waiting``, ``running``, ``done``, ``failed`` or ``skipped``.
+    progress
+        0 to 1, or None where it is not known.
+    note
+        What is being done, in English.
+    seconds
+        It has taken so far.
+    need
+        It will take, as far as is known.
+    pictures
+        How often it was drawn.
+    begun
+        When it began, in seconds since 1970.
+    """
+
+    name: str
+    state: str = "waiting"
+    progress: float | None = None
+    note: str = ""
+    seconds: float = 0.0
+    need: float = 0.0
+    pictures: int = 0
+    begun: float = 0.0
+
+    def left(self, now: float) -> float:
+        """Seconds that it will go on."""
+        if self.state == "waiting":
+            return self.need
+        if self.state != "running":
+            return 0.0
+        spent = now - self.begun
+        if self.progress is not None and self.progress > 0.02:
+            return spent / self.progress - spent
+        return max(self.need - spent, 0.0)
+
+
+@dataclass
+class JobState:
+    """One job.
+
+    Attributes
+    ----------
+    id, kind, project, version, export
+        What is done, for whom.
+    state
+        ``waiting``, ``running``, ``paused``, ``done``, ``failed``, ``cancelled`` or ``stopped``.
+    order
+        What the process needs to know beside that.
+    created, started, ended
+        In seconds since 1970.
+    stages
+        In their order.
+    notes
+        Warnings.
+    error
+        Code and message of a failure.
+    result
+        What the process said at its end.
+    """
+
+    id: str
+    kind: str
+    project: str | None = None
+    version: str | None = None
+    export: str | None = None
+    name: str = ""
+    state: str = "waiting"
+    order: dict[str, Any] = field(default_factory=dict)
+    created: float = 0.0
+    started: float | None = None
+    ended: float | None = None
+    stages: list[StageState] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    error: dict[str, str] | None = None
+    result: dict[str, Any] | None = None
+
+    @property
+    def heavy(self) -> bool:
+        """Whether it takes all cores, so that such jobs run one after the other."""
+        return self.kind in ("head", "fine")
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended."""
+        return self.state in ENDED
+
+    def stage(self, name: str) -> StageState:
+        """A stage by its name; one that was not foretold is added."""
+        for one in self.stages:
+            if one.name == name:
+                return one
+        self.stages.append(StageState(name))
+        return self.stages[-1]
+
+    def left(self) -> float | None:
+        """Seconds to its end; None before its stages are known."""
+        if not self.stages:
+            return None
+        now = time.time()
+        return round(sum(one.left(now) for one in self.stages), 1)
+
+    def progress(self) -> float | None:
+        """How much of it is done, 0 to 1, by time."""
+        left = self.left()
+        if self.state == "done" or left is None:
+            return 1.0 if self.state == "done" else None
+        now = time.time()
+        spent = sum(now - one.begun if one.state == "running" else one.seconds
+                    for one in self.stages)
+        return round(spent / max(spent + left, 1e-6), 4)
+
+    def entry(self, place: int) -> dict[str, Any]:
+        """As the page sees it; ``place`` is its place in the queue, 0 is next."""
+        now, running = time.time(), self.state == "running"
+        stages = [{
+            "name": one.name, "title": one.name, "state": one.state, "note": one.note,
+            "progress": None if one.progress is None else round(one.progress, 4),
+            "seconds": round(now - one.begun if one.state == "running" and running
+                             else one.seconds, 1),
+            "left": round(one.left(now), 1) if not self.over else 0.0,
+            "picture": f"/api/jobs/{self.id}/stages/{one.name}/picture?v={one.pictures}"
+            if one.pictures else None} for one in self.stages]
+        return {"id": self.id, "kind": self.kind, "project": self.project, "name": self.name,
+                "version": self.version, "export": self.export, "state": self.state,
+                "place": place, "created": self.created, "started": self.started,
+                "ended": self.ended, "stages": stages, "progress": self.progress(),
+                "left": None if self.over else self.left(), "notes": self.notes,
+                "error": self.error, "result": self.result}
+
+    def save(self, folder: Path) -> None:
+        """Write the state into the folder of jobs."""
+        write_json(folder / f"{self.id}.json", asdict(self))
+
+
+def load_jobs(folder: Path) -> list[JobState]:
+    """The jobs of earlier runs, in their order; what was running then is ``stopped``."""
+    found = []
+    for path in folder.glob("j-*.json"):
+        try:
+            data = read_json(path)
+            job = JobState(**{**data, "stages": [StageState(**one) for one in data["stages"]]})
+        except (UserError, TypeError, KeyError):
+            continue
+        if job.state in ("running", "paused"):
+            job.state = "stopped"
+        for one in job.stages:
+            if one.state == "running":
+                one.state, one.progress = "waiting", None
+        found.append(job)
+    return sorted(found, key=lambda job: (job.created, job.id))
+
+
+class Times:
+    """How long stages took here, as an estimate for the next ones.
+
+    Parameters
+    ----------
+    path
+        File that keeps them.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            found = read_json(path)
+        except UserError:
+            found = {}
+        self._seconds = {str(name): float(value) for name, value in found.items()
+                         if isinstance(value, int | float)} if isinstance(found, dict) else {}
+
+    def need(self, stage: str, usual: float) -> float:
+        """Seconds that a stage will take."""
+        return self._seconds.get(stage, usual)
+
+    def learn(self, stage: str, seconds: float) -> None:
+        """A stage took so long: the newest counts half."""
+        before = self._seconds.get(stage, seconds)
+        self._seconds[stage] = round(0.5 * before + 0.5 * seconds, 2)
+        with contextlib.suppress(UserError):  # a full disk loses an estimate
+            write_json(self._path, self._seconds)

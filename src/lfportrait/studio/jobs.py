@@ -1,0 +1,308 @@
+"""The queue of jobs: heavy ones one after the other, light ones beside them, each a process.
+
+All of it runs in the server's loop. A process tells what it does (`lfportrait.studio.work`); when
+it ends without a word it was killed, and the job says so and can go on where its last stage ended.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..errors import UserError
+from .answers import Refusal
+from .child import Child
+from .events import Events
+from .job_state import JobState, StageState, Times, load_jobs
+
+__all__ = ["Jobs"]
+
+_KEPT = 100
+_LIGHT = 2
+"""Light jobs that run at once."""
+_NOTES = 20
+
+OrderMaker = Callable[[JobState], Any]
+"""Makes what a job's process is sent; raises a `Refusal` where something is missing."""
+
+
+class Jobs:
+    """All jobs of a studio.
+
+    Parameters
+    ----------
+    folder
+        For their states, logs and pictures.
+    events
+        Told of every change.
+    order
+        Makes the order of a job (`lfportrait.studio.work.orders`).
+    changed
+        Called with a job whose stage or state has changed, for what depends on it.
+    """
+
+    ENTRY = "lfportrait.studio.work.jobs:serve"
+    """What a job's process runs."""
+
+    def __init__(self, folder: Path, events: Events, order: OrderMaker,
+                 changed: Callable[[JobState], None] = lambda job: None) -> None:
+        self._folder, self._events, self._order, self._changed = folder, events, order, changed
+        folder.mkdir(parents=True, exist_ok=True)
+        self.jobs: dict[str, JobState] = {job.id: job for job in load_jobs(folder)}
+        self._times = Times(folder / "times.json")
+        self._children: dict[str, Child] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._closing = False
+
+    # -- asked by the page ------------------------------------------------------------------------
+
+    def get(self, name: str) -> JobState:
+        """A job by its id."""
+        if name not in self.jobs:
+            raise Refusal("not_found", "there is no such job any more")
+        return self.jobs[name]
+
+    def entries(self) -> list[dict[str, Any]]:
+        """All jobs as the page sees them, in their order."""
+        return [self.entry(job) for job in self.jobs.values()]
+
+    def entry(self, job: JobState) -> dict[str, Any]:
+        """A job as the page sees it."""
+        waiting = [one.id for one in self.jobs.values() if one.heavy and one.state == "waiting"]
+        return job.entry(waiting.index(job.id) if job.id in waiting else 0)
+
+    def of(self, project: str, kind: str = "") -> JobState | None:
+        """The job that runs or waits for a project, the first one if there are several."""
+        return next((job for job in self.jobs.values() if job.project == project and not job.over
+                     and (job.kind == kind if kind else job.heavy)), None)
+
+    def add(self, kind: str, project: str | None, name: str, **more: Any) -> JobState:
+        """A new job, at the end of the queue."""
+        job = JobState(f"j-{secrets.token_hex(4)}", kind, project, name=name,
+                       created=round(time.time(), 3), **more)
+        self._order(job)  # what is missing is said now
+        self.jobs[job.id] = job
+        self._keep(job)
+        self._forget()
+        self._pump()
+        return job
+
+    async def cancel(self, job: JobState) -> None:
+        """End a job; finished stages stay."""
+        if job.over:
+            return
+        job.state, job.ended = "cancelled", round(time.time(), 3)
+        child = self._children.pop(job.id, None)
+        if child is not None:
+            await child.end()
+        self._settle(job)
+
+    def pause(self, job: JobState) -> None:
+        """Stop a job where it is; its memory stays, and the next one does not begin."""
+        child = self._children.get(job.id)
+        if job.state != "running" or child is None:
+            raise Refusal("busy", "only a job that runs can be paused")
+        child.pause(True)
+        job.state = "paused"
+        for one in job.stages:
+            if one.state == "running":
+                one.seconds = time.time() - one.begun
+        self._keep(job)
+
+    def resume(self, job: JobState) -> None:
+        """Let a job go on: one that is paused, or has failed or was cancelled."""
+        child = self._children.get(job.id)
+        if job.state == "paused" and child is not None:
+            for one in job.stages:
+                if one.state == "running":
+                    one.begun = time.time() - one.seconds
+            job.state = "running"
+            child.pause(False)
+            self._keep(job)
+        elif job.state in ("failed", "cancelled", "stopped"):
+            self._order(job)
+            job.state, job.error, job.ended, job.notes = "waiting", None, None, []
+            job.stages = [StageState(one.name, need=one.need) for one in job.stages]
+            self._keep(job)
+            self._pump()
+        else:
+            raise Refusal("busy", "this job runs or waits already")
+
+    def move(self, job: JobState, place: int) -> None:
+        """Put a waiting job at a place of the queue."""
+        waiting = [one for one in self.jobs.values() if one.heavy and one.state == "waiting"]
+        if job not in waiting:
+            raise Refusal("busy", "only a job that waits can be moved")
+        waiting.remove(job)
+        waiting.insert(max(0, place), job)
+        others = [one for one in self.jobs.values() if one not in waiting]
+        times = sorted(one.created for one in waiting)
+        for one, created in zip(waiting, times, strict=True):
+            one.created = created
+        self.jobs = {one.id: one for one in (*others, *waiting)}
+        for one in waiting:
+            self._keep(one)
+
+    def remove(self, job: JobState) -> None:
+        """Take a job that has ended from the list."""
+        if not job.over:
+            raise Refusal("busy", "cancel the job first")
+        del self.jobs[job.id]
+        (self._folder / f"{job.id}.json").unlink(missing_ok=True)
+        (self._folder / f"{job.id}.log").unlink(missing_ok=True)
+        for path in self.pictures(job).glob("*.jpg"):
+            path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self.pictures(job).rmdir()
+        self._events.tell("job-removed", {"job": job.id})
+
+    def pictures(self, job: JobState) -> Path:
+        """Folder of a job's pictures."""
+        return self._folder / job.id
+
+    # -- running ----------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Go on with what an earlier run of the server left."""
+        for job in self.jobs.values():
+            if job.state == "stopped":
+                job.state = "waiting"
+        self._pump()
+
+    async def close(self) -> None:
+        """End all processes; what ran goes on with the next run of the server."""
+        self._closing = True
+        for name, child in list(self._children.items()):
+            self.jobs[name].state = "stopped"
+            self._keep(self.jobs[name])
+            await child.end()
+        for task in list(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _pump(self) -> None:
+        """Begin what can begin."""
+        if self._closing:
+            return
+        active = [job for job in self.jobs.values() if job.state in ("running", "paused")]
+        heavy = any(job.heavy for job in active)
+        light = sum(not job.heavy for job in active)
+        for job in list(self.jobs.values()):
+            if job.state != "waiting" or (heavy if job.heavy else light >= _LIGHT):
+                continue
+            heavy, light = heavy or job.heavy, light + (not job.heavy)
+            job.state = "running"
+            task = asyncio.get_running_loop().create_task(self._run(job))
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+
+    async def _run(self, job: JobState) -> None:
+        """One job from its process's begin to its end."""
+        job.started = job.started or round(time.time(), 3)
+        try:
+            order = self._order(job)
+            child = Child(self.ENTRY, self._folder / f"{job.id}.log",
+                          offline=job.kind != "networks")
+            await child.start()
+        except (Refusal, UserError, OSError) as error:
+            self._fail(job, getattr(error, "code", "user_error"), str(error))
+            self._settle(job)
+            return
+        self._children[job.id] = child
+        self._keep(job)
+        await child.send(order)
+        while (message := await child.receive()) is not None:
+            if self._children.get(job.id) is child:
+                self._hear(job, message[0], message[1:])
+            if job.over:
+                break
+        child.kill()
+        if self._children.get(job.id) is child:  # else it was cancelled, and may run again already
+            del self._children[job.id]
+            if job.state in ("running", "paused"):
+                self._fail(job, "killed", "the job's process was ended from outside, as it happens "
+                           "where memory is short: close other programs, then let it go on; what "
+                           "is finished is kept")
+            if not self._closing:
+                self._settle(job)
+        await child.end()
+
+    def _hear(self, job: JobState, kind: str, facts: tuple[Any, ...]) -> None:
+        """A message of a job's process."""
+        if job.over or job.state == "stopped":
+            return
+        if kind == "progress":
+            self._progress(job, *facts)
+            return
+        if kind == "stages":
+            known = {one.name: one for one in job.stages}
+            job.stages = []
+            for name, usual in facts[0]:
+                one = known.get(name) or StageState(name)
+                one.need = self._times.need(name, usual)
+                job.stages.append(one)
+        elif kind == "note":
+            if facts[0] not in job.notes:
+                job.notes = [*job.notes, facts[0]][-_NOTES:]
+        elif kind == "end":
+            job.state, job.result, job.ended = "done", facts[0], round(time.time(), 3)
+        elif kind == "failed":
+            self._fail(job, facts[0], facts[1])
+        else:
+            self._stage(job, kind, job.stage(facts[0]), facts)
+        if not job.over:
+            self._keep(job)
+
+    def _stage(self, job: JobState, kind: str, stage: StageState, facts: tuple[Any, ...]) -> None:
+        if kind == "begin":
+            stage.state, stage.progress, stage.note = "running", None, ""
+            stage.begun = time.time()
+        elif kind == "picture":
+            stage.pictures += 1
+        elif kind == "done":
+            stage.state, stage.progress, stage.note = "done", 1.0, ""
+            stage.seconds = facts[1]
+            self._times.learn(stage.name, facts[1])
+        elif kind == "skipped":
+            stage.state, stage.progress = "skipped", 1.0
+
+    def _progress(self, job: JobState, name: str, share: float | None, note: str) -> None:
+        stage = job.stage(name)
+        stage.progress, stage.note = share, note
+        self._events.tell("progress", {
+            "job": job.id, "stage": name, "note": note,
+            "progress": None if share is None else round(share, 4),
+            "left": round(stage.left(time.time()), 1), "total_progress": job.progress(),
+            "total_left": job.left()}, numbered=False)
+
+    def _fail(self, job: JobState, code: str, message: str) -> None:
+        job.state, job.ended = "failed", round(time.time(), 3)
+        job.error = {"code": code, "message": message}
+        for one in job.stages:
+            if one.state == "running":
+                one.state, one.seconds = "failed", round(time.time() - one.begun, 1)
+
+    def _settle(self, job: JobState) -> None:
+        """A job has ended."""
+        for one in job.stages:
+            if one.state == "running":
+                one.state, one.seconds = "waiting", round(time.time() - one.begun, 1)
+        self._keep(job)
+        self._pump()
+
+    def _keep(self, job: JobState) -> None:
+        """Write a job's state, and tell it; a full disk only loses the file."""
+        with contextlib.suppress(UserError):
+            job.save(self._folder)
+        self._events.tell("job", self.entry(job))
+        self._changed(job)
+
+    def _forget(self) -> None:
+        ended = [job for job in self.jobs.values() if job.over]
+        for job in ended[:max(0, len(self.jobs) - _KEPT)]:
+            self.remove(job)

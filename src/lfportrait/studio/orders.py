@@ -1,0 +1,103 @@
+"""What a job's process is asked for: paths and choices, and the parameters that they stand for.
+
+The server writes orders, and imports nothing that is slow; the processes read them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import UserError
+from ..files import read_json
+from ..lightfield import Display
+from ..stages import fingerprint_files
+
+if TYPE_CHECKING:
+    from ..job import MakeConfig
+
+__all__ = ["Order"]
+
+
+@dataclass(frozen=True)
+class Order:
+    """One job.
+
+    Attributes
+    ----------
+    kind
+        ``head``, ``fine``, ``check``, ``export`` or ``networks``.
+    pictures
+        Folder for the stages' pictures.
+    folder, job, source
+        The project's, the job's (`lfportrait make --out`), and what the capture is made of.
+    demo
+        Whether the built-in head is to be photographed first.
+    options
+        ``quick``, and ``parameters`` by their dotted names.
+    display
+        A preset's name or a display file.
+    style, style_id, name
+        The painting (a picture or a built-in name), its id, and the project's name.
+    version
+        Folder of the version.
+    mix
+        Arguments of `lfportrait.stylize.StyledField.mix`.
+    more
+        What else the kind needs.
+    """
+
+    kind: str
+    pictures: Path
+    folder: Path = Path()
+    job: Path = Path()
+    source: Path = Path()
+    demo: bool = False
+    options: dict[str, Any] = field(default_factory=dict)
+    display: str = "generic-4k"
+    style: str = ""
+    style_id: str = ""
+    name: str = ""
+    version: Path = Path()
+    mix: dict[str, Any] = field(default_factory=dict)
+    more: dict[str, Any] = field(default_factory=dict)
+
+    def panel(self) -> Display:
+        """The display."""
+        return Display.resolve(self.display)
+
+    def config(self) -> MakeConfig:
+        """The parameters of all stages, as `lfportrait make` has them for this display."""
+        from ..job import FULL, QUICK, MakeConfig, fitted
+        from ..job.batch import overlaid
+
+        quick = bool(self.options.get("quick"))
+        config = QUICK.config if quick else FULL.config if self.demo else MakeConfig()
+        nested: dict[str, Any] = {}
+        for name, value in self.options.get("parameters", {}).items():
+            place = nested
+            *path, last = str(name).split(".")
+            for part in path:
+                place = place.setdefault(part, {})
+                if not isinstance(place, dict):
+                    raise UserError(f"there is no parameter {name}")
+            place[last] = value
+        config = overlaid(config, nested, "options")
+        return fitted(config, [(self.panel(), config.encode)])
+
+    def inside(self, path: Path) -> str:
+        """A path in the project's folder as tasks have it."""
+        return path.relative_to(self.folder).as_posix() if path != self.folder else ""
+
+    def inputs(self) -> dict[str, str]:
+        """The files of the head that later stages read."""
+        return {"capture": self.inside(self.job / "capture"),
+                "field": self.inside(self.job / "field.npz")}
+
+    def field_key(self) -> str:
+        """Key of the field that is there, whatever it was made of."""
+        try:
+            return str(read_json(self.job / ".stages" / "reconstruct.json")["key"])
+        except (UserError, KeyError, TypeError):
+            return fingerprint_files([self.job / "field.npz"])

@@ -1,0 +1,266 @@
+"""Projects: one folder for each sitter, with the files that the commands read and write.
+
+::
+
+    FOLDER/                      all projects
+        .studio/                 the studio's own: jobs, logs
+        paintings/               the user's paintings, for all sitters
+        displays/                the user's panels, as display files
+        anna/                    a project
+            studio.json          what was last chosen
+            photos/              photos, or one video; a calibrated data set
+            left-out/            photos that are left out
+            paintings/           paintings of this project, with NAME.landmarks.txt beside them
+            portrait/            the job's folder: capture/, field.npz, as `lfportrait make` does
+            painted/STYLE/       the head painted in full, one folder a painting
+            versions/NAME/       a version: version.json, styled.npz, lightfield.png, ...
+            exports/             what was exported
+            .studio/             small pictures, checks, unfinished uploads: may be deleted
+
+``lfportrait make anna/photos --style anna/paintings/ken.png --out anna/portrait`` goes on where the
+studio stopped, and the reverse: nothing of a project's state lies anywhere else.
+"""
+
+from __future__ import annotations
+
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from ..errors import UserError
+from ..files import PHOTOS, VIDEOS, read_json, write_json
+from ..locks import lock
+from .answers import Refusal
+from .names import folder_name, free_name, id_of, is_id
+
+__all__ = ["OWN", "Project", "Projects"]
+
+OWN = ".studio"
+"""Folder of the studio's own files, in the projects' folder and in each project."""
+_TAKEN = ("paintings", "displays", "exports")
+_MARKS = ("studio.json", "photos", "portrait", "capture", "field.npz")
+"""A folder with one of these is a project."""
+
+
+class Project:
+    """One sitter's folder.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.id = id_of(folder.name)
+
+    # -- places -----------------------------------------------------------------------------------
+
+    @property
+    def photos(self) -> Path:
+        """Folder of photos, or of a data set."""
+        return self.folder / "photos"
+
+    @property
+    def left_out(self) -> Path:
+        """Folder of photos that are left out."""
+        return self.folder / "left-out"
+
+    @property
+    def own(self) -> Path:
+        """Folder of what may be deleted."""
+        return self.folder / OWN
+
+    @property
+    def job(self) -> Path:
+        """Folder of the job: ``portrait/``, or the project's where it is a job's folder itself."""
+        inside = self.folder / "portrait"
+        plain = not inside.exists() and any((self.folder / name).exists()
+                                            for name in ("capture", "field.npz"))
+        return self.folder if plain else inside
+
+    @property
+    def source(self) -> Path:
+        """What a capture is made of: the folder of photos, or the video in it."""
+        videos = [path for path in self.files() if path.suffix.lower() in VIDEOS]
+        return videos[0] if videos else self.photos
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the photos are a data set with cameras, so that none can be left out."""
+        return any(self.photos.glob("transforms*.json"))
+
+    def files(self, place: Path | None = None) -> list[Path]:
+        """The photos and videos in a folder, by default those that are used."""
+        place = place or self.photos
+        if place == self.photos and (place / "images").is_dir():
+            place = place / "images"
+        return _files(place)
+
+    # -- state ------------------------------------------------------------------------------------
+
+    def settings(self) -> dict[str, Any]:
+        """What was last chosen."""
+        try:
+            found = read_json(self.folder / "studio.json")
+        except UserError:
+            return {}
+        return found if isinstance(found, dict) else {}
+
+    def change(self, **entries: Any) -> None:
+        """Keep choices."""
+        with _WRITING:
+            write_json(self.folder / "studio.json", {**self.settings(), **entries})
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return str(self.settings().get("name") or self.folder.name)
+
+    @property
+    def display(self) -> str:
+        """Id of the panel that the portrait is made for."""
+        return str(self.settings().get("display") or "generic-4k")
+
+    def has(self) -> dict[str, bool]:
+        """What of the work is there."""
+        return {"photos": bool(self.files()) or self.settings().get("demo", False),
+                "checked": (self.own / "check.json").is_file(),
+                "capture": (self.job / "capture" / "transforms.json").is_file(),
+                "field": (self.job / "field.npz").is_file(),
+                "styled": any(self._styled())}
+
+    def _styled(self) -> Iterator[Path]:
+        yield from (path for path in (self.job / "styled.npz",) if path.is_file())
+        yield from (self.folder / "versions").glob("*/styled.npz")
+
+    def need(self, *things: str) -> None:
+        """Raise a `Refusal` where something is missing."""
+        has, advice = self.has(), {
+            "photos": "add photos of the sitter first",
+            "capture": "make the head first: its cameras are not known yet",
+            "field": "make the head first: its field is not there yet"}
+        for thing in things:
+            if not has[thing]:
+                raise Refusal("not_ready", advice[thing], needs=thing)
+
+    def entry(self) -> dict[str, Any]:
+        """As the page sees it, but for its job."""
+        settings = self.settings()
+        files = self.files()
+        return {"id": self.id, "name": self.name,
+                "created": settings.get("created", self.folder.stat().st_mtime),
+                "changed": self._changed(), "photos": len(files),
+                "left_out": len(self.files(self.left_out)),
+                "video": any(path.suffix.lower() in VIDEOS for path in files), "has": self.has(),
+                "display": self.display, "style": settings.get("style"),
+                "version": settings.get("version"), "demo": bool(settings.get("demo")),
+                "options": settings.get("options", {}), "size_bytes": folder_bytes(self.folder)}
+
+    def _changed(self) -> float:
+        places = (self.folder / "studio.json", self.photos, self.job, self.job / "field.npz",
+                  self.folder / "versions")
+        return max([self.folder.stat().st_mtime, *(path.stat().st_mtime for path in places
+                                                   if path.exists())])
+
+
+class Projects:
+    """All projects in one folder, which one studio has open at a time.
+
+    Parameters
+    ----------
+    folder
+        The folder; made if it does not exist.
+
+    Raises
+    ------
+    UserError
+        If it can't be written to, or another studio has it open.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.absolute()
+        try:
+            self.own.mkdir(parents=True, exist_ok=True)
+            self._lock = open(self.own / "lock", "ab")  # noqa: SIM115
+        except OSError as error:
+            raise UserError(f"can't write to {folder}: {error.strerror}; choose another folder "
+                            "with --folder") from error
+        try:
+            lock(self._lock)
+        except OSError as error:
+            self._lock.close()
+            raise UserError(f"another studio has {folder} open; use that one, or choose another "
+                            "folder with --folder") from error
+
+    @property
+    def own(self) -> Path:
+        """Folder of the studio's own files."""
+        return self.folder / OWN
+
+    def close(self) -> None:
+        """Let another studio open the folder."""
+        self._lock.close()
+
+    def all(self) -> list[Project]:
+        """All projects, by name."""
+        folders = sorted(path for path in self.folder.iterdir()
+                         if path.is_dir() and path.name[0] != "." and path.name not in _TAKEN)
+        return [Project(path) for path in folders
+                if any((path / mark).exists() for mark in _MARKS)]
+
+    def get(self, name: str) -> Project:
+        """A project by its id."""
+        if is_id(name):
+            for project in self.all():
+                if project.id == name:
+                    return project
+        raise Refusal("not_found", "there is no such project any more")
+
+    def create(self, name: str, demo: bool = False) -> Project:
+        """A new project."""
+        folder = folder_name(name)
+        if folder.lower() in _TAKEN:
+            raise Refusal("bad_name", f"{name!r} is taken by the studio's own folders")
+        if folder.lower() in {path.name.lower() for path in self.folder.iterdir()}:
+            raise Refusal("exists", f"there is a project or folder {name!r} already; choose "
+                          "another name")
+        project = Project(self.folder / folder)
+        project.photos.mkdir(parents=True)
+        project.change(name=name, created=round(time.time(), 3), demo=demo,
+                       display="generic-1080p" if demo else "generic-4k",
+                       **({"options": {"quick": True}} if demo else {}))
+        return project
+
+    def remove(self, project: Project) -> None:
+        """Move a project into the trash."""
+        trash = self.folder / ".trash"
+        trash.mkdir(exist_ok=True)
+        target = free_name(project.folder.name, [path.name for path in trash.iterdir()])
+        shutil.move(project.folder, trash / target)
+
+
+_WRITING = threading.RLock()
+
+
+def _files(place: Path) -> list[Path]:
+    try:
+        return sorted(path for path in place.iterdir() if path.name[0] != "."
+                      and path.suffix.lower() in PHOTOS | VIDEOS and path.is_file())
+    except OSError:
+        return []
+
+
+def folder_bytes(folder: Path) -> int:
+    """Bytes of all files of a folder."""
+    total = 0
+    for path in folder.rglob("*"):
+        try:
+            total += path.stat().st_size if path.is_file() else 0
+        except OSError:
+            continue
+    return total

@@ -1,0 +1,127 @@
+"""A request with what handlers need of it, and the table of handlers."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from ...errors import UserError
+from ..answers import Refusal, failed
+from ..desk import Desk
+from ..projects import Project
+
+__all__ = ["Call", "Table", "attachment", "picture", "query_number"]
+
+Handler = Callable[["Call"], Any]
+
+
+class Call:
+    """One request.
+
+    Attributes
+    ----------
+    request, desk
+        The request, and the studio.
+    data
+        Its JSON; empty for uploads and for what only reads.
+    """
+
+    def __init__(self, request: Request, desk: Desk, data: dict[str, Any]) -> None:
+        self.request, self.desk, self.data = request, desk, data
+
+    def word(self, name: str) -> str:
+        """A part of the address: an id."""
+        return str(self.request.path_params[name])
+
+    @property
+    def project(self) -> Project:
+        """The project of the address."""
+        return self.desk.projects.get(self.word("project"))
+
+    @property
+    def query_project(self) -> Project | None:
+        """The project of the query; None where there is none."""
+        name = self.request.query_params.get("project")
+        return None if name is None else self.desk.projects.get(name)
+
+
+class Table:
+    """The routes of some handlers."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[str, str, Handler]] = []
+
+    def add(self, method: str, path: str) -> Callable[[Handler], Handler]:
+        """Have a function answer a method and a path."""
+        def kept(handler: Handler) -> Handler:
+            self._rows.append((method, path, handler))
+            return handler
+
+        return kept
+
+    def routes(self, desk: Desk) -> list[Route]:
+        """As Starlette takes them."""
+        return [Route(path, partial(_answer, desk, handler), methods=[method])
+                for method, path, handler in self._rows]
+
+
+async def _answer(desk: Desk, handler: Handler, request: Request) -> Response:
+    """Answer a request by a handler."""
+    try:
+        call = Call(request, desk, await _json(request))
+        found = await handler(call) if inspect.iscoroutinefunction(handler) else (
+            await run_in_threadpool(handler, call))
+    except (Refusal, UserError, OSError) as error:
+        return failed(error).answer()
+    except ClientDisconnect:
+        return Response(status_code=400)  # nobody reads it
+    if isinstance(found, Response):
+        return found
+    status, body = found if isinstance(found, tuple) else (200, found)
+    return JSONResponse(body, status)
+
+
+async def _json(request: Request) -> dict[str, Any]:
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if request.method == "GET" or kind != "application/json":
+        return {}
+    try:
+        found = json.loads(await request.body() or b"{}")
+    except (ValueError, RecursionError) as error:
+        raise Refusal("bad_request", "the request is no JSON") from error
+    if not isinstance(found, dict):
+        raise Refusal("bad_request", "the request must be an object")
+    return found
+
+
+def query_number(call: Call, name: str, default: int) -> int:
+    """A whole number of the query."""
+    word = call.request.query_params.get(name, str(default))
+    if not (word.isascii() and word.isdigit() and len(word) < 16):
+        raise Refusal("bad_request", f"{name} must be a number", field=name)
+    return int(word)
+
+
+def picture(call: Call, path: Path) -> Response:
+    """A picture of ours; the browser keeps it as long as it is the same."""
+    state = path.stat()
+    tag = f'"{state.st_mtime_ns:x}-{state.st_size:x}"'
+    headers = {"etag": tag, "cache-control": "private, no-cache"}
+    if call.request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    return FileResponse(path, headers=headers)
+
+
+def attachment(path: Path) -> Response:
+    """A file to be saved, never shown."""
+    return FileResponse(path, media_type="application/octet-stream", filename=path.name,
+                        content_disposition_type="attachment")

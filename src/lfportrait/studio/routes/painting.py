@@ -1,0 +1,325 @@
+"""The fourth screen: the gallery, landmarks, regions, previews on the sitter."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from starlette.responses import Response
+
+from ...errors import UserError
+from ...files import read_json
+from ..answers import Refusal, number, numbers, points, text, truth, whole
+from ..mixes import checked_mix
+from ..projects import Project
+from ..styles import GROUPS, LABELS, LARGEST, LINES, MIRROR, Style, preview_file, write_regions
+from .call import Call, Table, picture, query_number
+
+TABLE = Table()
+__all__ = ["TABLE", "cameras_of"]
+
+_SIZES = (320, 0)
+_FRONT = [(0.0, 0.0, 1.0)]
+
+
+def _style(call: Call) -> tuple[Style, Project | None]:
+    project = call.query_project
+    return call.desk.styles.get(call.word("style"), project), project
+
+
+def _tell(call: Call, project: Project | None) -> None:
+    call.desk.events.tell("styles", {"project": None if project is None else project.id})
+
+
+@TABLE.add("GET", "/api/styles")
+def gallery(call: Call) -> dict[str, Any]:
+    """The gallery."""
+    project = call.query_project
+    return {"styles": [call.desk.styles.entry(one, project)
+                       for one in call.desk.styles.all(project)]}
+
+
+@TABLE.add("PUT", "/api/styles")
+async def add(call: Call) -> tuple[int, dict[str, Any]]:
+    """Take in a painting."""
+    project = call.query_project
+    data = await _body(call)
+    style, fresh = await asyncio.to_thread(call.desk.styles.add,
+                                           call.request.query_params.get("name", ""), data, project)
+    _tell(call, project)
+    return (201 if fresh else 200), call.desk.styles.entry(style, project)
+
+
+async def _body(call: Call) -> bytes:
+    """The bytes of an upload that is held in memory."""
+    if int(call.request.headers.get("content-length", "0")) > LARGEST:
+        raise Refusal("too_large", f"a picture may have {LARGEST >> 20} MB")
+    data = bytearray()
+    async for chunk in call.request.stream():
+        data += chunk
+        if len(data) > LARGEST:
+            raise Refusal("too_large", f"a picture may have {LARGEST >> 20} MB")
+    return bytes(data)
+
+
+@TABLE.add("PATCH", "/api/styles/{style}")
+def rename(call: Call) -> dict[str, Any]:
+    """Give a painting another name."""
+    style, project = _style(call)
+    style = call.desk.styles.rename(style, text(call.data, "name"), project)
+    _tell(call, project)
+    return call.desk.styles.entry(style, project)
+
+
+@TABLE.add("DELETE", "/api/styles/{style}")
+def remove(call: Call) -> dict[str, Any]:
+    """Remove a painting."""
+    style, project = _style(call)
+    call.desk.styles.remove(style)
+    _tell(call, project)
+    return {"ok": True}
+
+
+@TABLE.add("POST", "/api/styles/{style}/copy")
+async def copy(call: Call) -> tuple[int, dict[str, Any]]:
+    """Copy a style into the project, where it can be changed."""
+    style, project = _style(call)
+    target = call.desk.styles.folder(project) / f"{style.name}.png"
+    if target.exists():
+        raise Refusal("exists", f"there is a painting {style.name!r} already")
+    found = await call.desk.previews.ask("copy_style", {"style": style.source,
+                                                        "file": str(target)})
+    _tell(call, project)
+    word = "own" if project is not None else "mine"
+    fresh = next(one for one in call.desk.styles.all(project)
+                 if one.path == target and one.id.startswith(word))
+    del found
+    return 201, call.desk.styles.entry(fresh, project)
+
+
+@TABLE.add("GET", "/api/styles/{style}/picture")
+async def style_picture(call: Call) -> Any:
+    """A painting's picture, made anew by us."""
+    style, project = _style(call)
+    size = query_number(call, "size", 320)
+    if size not in _SIZES:
+        raise Refusal("bad_request", f"size must be one of {_SIZES}", field="size")
+    stamp = f"{style.path.stat().st_mtime_ns:x}" if style.path is not None else "0"
+    name = f"{style.id}-{stamp}-{size}.{'jpg' if size else 'png'}"
+    path = call.desk.styles.own(project) / name
+    if not path.is_file():
+        await call.desk.previews.ask("style_picture", {"style": style.source, "size": size,
+                                                       "file": str(path)})
+    return picture(call, path)
+
+
+@TABLE.add("GET", "/api/styles/{style}/check")
+async def check(call: Call) -> Any:
+    """What a painting will give."""
+    style, _ = _style(call)
+    return await call.desk.previews.ask("check_style", {"style": style.source})
+
+
+async def _found(call: Call, style: Style, project: Project | None) -> dict[str, Any]:
+    """The faces that are found in a painting."""
+    path = call.desk.styles.faces_file(style, project)
+    if path.is_file():
+        try:
+            data = read_json(path)
+            if isinstance(data, dict):
+                return data
+        except UserError:
+            pass
+    found: dict[str, Any] = await call.desk.previews.ask(
+        "faces", {"style": style.source, "file": str(path)})
+    return found
+
+
+@TABLE.add("GET", "/api/styles/{style}/faces")
+async def faces(call: Call) -> dict[str, Any]:
+    """All faces of a painting."""
+    style, project = _style(call)
+    data = await _found(call, style, project)
+    used = _points(style, data)
+    entries = []
+    for count, face in enumerate(data["faces"], 1):
+        x, y = ([one[axis] for one in face] for axis in (0, 1))
+        entries.append({"number": count, "landmarks": face,
+                        "box": [min(x), min(y), max(x) - min(x), max(y) - min(y)]})
+    return {"faces": entries, "width": data["width"], "height": data["height"],
+            "chosen": _nearest(used, data["faces"])}
+
+
+def _nearest(used: list[list[float]] | None, found: list[list[list[float]]]) -> int | None:
+    """Number of the face that some landmarks are those of."""
+    if used is None or not found:
+        return None
+
+    def middle(face: list[list[float]]) -> tuple[float, float]:
+        return sum(one[0] for one in face) / len(face), sum(one[1] for one in face) / len(face)
+
+    x, y = middle(used)
+    apart = [(middle(face)[0] - x) ** 2 + (middle(face)[1] - y) ** 2 for face in found]
+    return apart.index(min(apart)) + 1
+
+
+def _points(style: Style, data: dict[str, Any]) -> list[list[float]] | None:
+    """The landmarks that are used: those beside the painting, else the largest face's."""
+    if style.path is not None and style.beside("landmarks.txt").is_file():
+        lines = style.beside("landmarks.txt").read_text("utf-8").replace(",", " ").splitlines()
+        rows = [[float(word) for word in line.split()] for line in lines if line.strip()]
+        if len(rows) == 68 and all(len(row) == 2 for row in rows):
+            return rows
+    return data["faces"][0] if data["faces"] else None
+
+
+async def _landmarks(call: Call, style: Style, project: Project | None) -> dict[str, Any]:
+    data = await _found(call, style, project)
+    used = _points(style, data)
+    chosen = _nearest(used, data["faces"])
+    return {"points": used, "found": data["faces"][chosen - 1] if chosen else None,
+            "edited": style.path is not None and style.beside("landmarks.txt").is_file(),
+            "width": data["width"], "height": data["height"], "lines": LINES, "groups": GROUPS,
+            "mirror": MIRROR}
+
+
+@TABLE.add("POST", "/api/styles/{style}/face")
+async def choose(call: Call) -> dict[str, Any]:
+    """Choose a face by its number, or by a place on it."""
+    style, project = _style(call)
+    style.beside("landmarks.txt")
+    facts: dict[str, Any] = {"style": style.source}
+    if "at" in call.data:
+        facts["at"] = numbers(call.data, "at", 2)
+    else:
+        facts["face"] = whole(call.data, "face", 1, 100)
+    await call.desk.previews.ask("choose", facts)
+    _tell(call, project)
+    return await _landmarks(call, style, project)
+
+
+@TABLE.add("GET", "/api/styles/{style}/landmarks")
+async def landmarks(call: Call) -> dict[str, Any]:
+    """The landmarks of a painting."""
+    return await _landmarks(call, *_style(call))
+
+
+@TABLE.add("PUT", "/api/styles/{style}/landmarks")
+async def place(call: Call) -> dict[str, Any]:
+    """Write the landmarks beside the painting, in the file that the commands read."""
+    from ...files import atomic_write
+
+    style, project = _style(call)
+    found = points(call.data, "points")
+    with atomic_write(style.beside("landmarks.txt")) as stream:
+        stream.write("".join(f"{x:.2f} {y:.2f}\n" for x, y in found).encode())
+    _tell(call, project)
+    return await _landmarks(call, style, project)
+
+
+@TABLE.add("DELETE", "/api/styles/{style}/landmarks")
+async def reset(call: Call) -> dict[str, Any]:
+    """Back to the landmarks that are found."""
+    style, project = _style(call)
+    style.beside("landmarks.txt").unlink(missing_ok=True)
+    _tell(call, project)
+    return await _landmarks(call, style, project)
+
+
+@TABLE.add("GET", "/api/styles/{style}/regions")
+async def regions(call: Call) -> dict[str, Any]:
+    """The regions of a painting: what is found, and what was painted over."""
+    return await _regions(call, *_style(call))
+
+
+async def _regions(call: Call, style: Style, project: Project | None) -> dict[str, Any]:
+    data = await _found(call, style, project)
+    painted = style.path is not None and style.beside("regions.png").is_file()
+    query = f"project={project.id}&" if project is not None else ""
+    address = f"/api/styles/{style.id}/regions/picture?{query}v={style.stamp()}&which="
+    return {"width": data["width"], "height": data["height"], "labels": list(LABELS),
+            "painted": painted, "found": f"{address}found",
+            "picture": f"{address}painted" if painted else None}
+
+
+@TABLE.add("PUT", "/api/styles/{style}/regions")
+async def paint_regions(call: Call) -> dict[str, Any]:
+    """Keep what was painted over."""
+    style, project = _style(call)
+    style.beside("regions.png")
+    data = await _found(call, style, project)
+    await asyncio.to_thread(write_regions, style, await _body(call),
+                            (data["width"], data["height"]))
+    _tell(call, project)
+    return await _regions(call, style, project)
+
+
+@TABLE.add("DELETE", "/api/styles/{style}/regions")
+async def forget_regions(call: Call) -> dict[str, Any]:
+    """Leave all regions to the detectors."""
+    style, project = _style(call)
+    style.beside("regions.png").unlink(missing_ok=True)
+    _tell(call, project)
+    return await _regions(call, style, project)
+
+
+@TABLE.add("GET", "/api/styles/{style}/regions/picture")
+async def regions_picture(call: Call) -> Any:
+    """A picture of regions."""
+    style, project = _style(call)
+    if call.request.query_params.get("which") == "painted":
+        path = style.beside("regions.png")
+        if not path.is_file():
+            raise Refusal("not_found", "nothing was painted over")
+        return picture(call, path)
+    path = call.desk.styles.own(project) / f"{style.id}-{style.stamp()}.regions.png"
+    if not path.is_file():
+        await call.desk.previews.ask("regions", {"style": style.source, "file": str(path)})
+    return picture(call, path)
+
+
+def cameras_of(data: dict[str, Any]) -> list[tuple[float, float, float]]:
+    """The cameras of a request, the front by default."""
+    cameras = data.get("cameras")
+    if cameras is None:
+        return _FRONT
+    if not isinstance(cameras, list) or not 1 <= len(cameras) <= 9 or not all(
+            isinstance(one, dict) for one in cameras):
+        raise Refusal("bad_request", "cameras must be a list of 1 to 9", field="cameras")
+    return [(number(one, "yaw", -360, 360, 0.0), number(one, "pitch", -89, 89, 0.0),
+             number(one, "zoom", 0.2, 8, 1.0)) for one in cameras]
+
+
+@TABLE.add("POST", "/api/projects/{project}/preview")
+async def preview(call: Call) -> Any:
+    """The sitter in a style."""
+    project, data = call.project, call.data
+    style = data.get("style")
+    if style is not None:
+        style = call.desk.styles.get(text(data, "style"), project)
+    mix = checked_mix(data.get("mix"))
+    cameras = cameras_of(data)
+    more: dict[str, Any] = {"draft": truth(data, "draft")}
+    if data.get("landmarks") is not None:
+        more["landmarks"] = points(data, "landmarks")
+    look = call.desk.look(project, None if style is None else style.id, mix, **more)
+    facts = {"look": look, "cameras": cameras, "size": whole(data, "size", 64, 2048, 480)}
+    plain = style is not None and not mix and "landmarks" not in more and cameras == _FRONT
+    keep = preview_file(project, style) if plain and style is not None else None
+    if keep is not None and not more["draft"]:
+        facts["keep"] = str(keep)
+    found = await call.desk.previews.ask("preview", facts, text(data, "slot", ""))
+    if keep is not None:
+        _tell(call, project)
+    return Response(found["picture"], media_type="image/jpeg", headers={
+        "x-lfportrait-seconds": f"{found['seconds']:.3f}", "x-lfportrait-preview": found["key"]})
+
+
+@TABLE.add("GET", "/api/projects/{project}/previews/{style}")
+def kept_preview(call: Call) -> Any:
+    """The preview that is kept."""
+    project = call.project
+    path = preview_file(project, call.desk.styles.get(call.word("style"), project))
+    if not path.is_file():
+        raise Refusal("not_found", "there is no preview yet")
+    return picture(call, path)

@@ -1,0 +1,172 @@
+"""The first screen: session, state of the studio, projects, networks, checks of the machine."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Any
+
+from ... import models
+from ...measure import free_disk_bytes, usable_cores
+from ...version import __version__
+from ..answers import Refusal, text, truth
+from ..projects import Project
+from ..versions import Versions, make_command
+from .call import Call, Table, picture
+
+TABLE = Table()
+__all__ = ["TABLE"]
+
+
+@TABLE.add("GET", "/api/state")
+def state(call: Call) -> dict[str, Any]:
+    """All that the start screen shows."""
+    desk = call.desk
+    number = desk.events.number  # what happens from here on comes as events
+    return {"version": __version__, "folder": str(desk.projects.folder),
+            "free_bytes": free_disk_bytes(desk.projects.folder), "cores": usable_cores(),
+            "projects": [desk.project_entry(one) for one in desk.projects.all()],
+            "jobs": desk.jobs.entries(), "networks": _networks(), "event": number,
+            "features": {"colors": True, "pause": hasattr(__import__("os"), "killpg")}}
+
+
+def _networks() -> list[dict[str, Any]]:
+    needed = {*models.GROUPS["portrait"]}
+    return [{"name": name, "for": models.PURPOSES.get(name, ""),
+             "size_bytes": min(entry.size for entry in entries),
+             "present": models.available(name), "needed": name in needed,
+             "licence": entries[0].licence}
+            for name, entries in models.registry().items()]
+
+
+@TABLE.add("GET", "/api/doctor")
+def doctor(call: Call) -> dict[str, Any]:
+    """What the installation lacks."""
+    from ...health import examine
+
+    grades = {"good": "good", "optional": "fair", "bad": "bad"}
+    return {"checks": [{"name": fact.name, "group": fact.group, "grade": grades[fact.state],
+                        "text": fact.text, "advice": fact.remedy}
+                       for fact in examine(call.desk.projects.folder)]}
+
+
+@TABLE.add("POST", "/api/networks")
+async def networks(call: Call) -> tuple[int, dict[str, Any]]:
+    """Download networks."""
+    names, known = call.data.get("names"), models.registry()
+    if not isinstance(names, list) or not names or not all(one in known for one in names):
+        raise Refusal("bad_request", "names must be networks of the list", field="names")
+    jobs = call.desk.jobs
+    return 202, jobs.entry(jobs.add("networks", None, "", order={"names": names}))
+
+
+@TABLE.add("POST", "/api/shutdown")
+async def shutdown(call: Call) -> tuple[int, dict[str, Any]]:
+    """End the studio."""
+    asyncio.get_running_loop().call_later(0.2, call.desk.stop)
+    return 202, {"ok": True}
+
+
+@TABLE.add("GET", "/api/projects")
+def projects(call: Call) -> dict[str, Any]:
+    """All projects."""
+    return {"projects": [call.desk.project_entry(one) for one in call.desk.projects.all()]}
+
+
+@TABLE.add("POST", "/api/projects")
+def create(call: Call) -> tuple[int, dict[str, Any]]:
+    """A new project."""
+    project = call.desk.projects.create(text(call.data, "name"), truth(call.data, "demo"))
+    call.desk.tell_project(project)
+    return 201, call.desk.project_entry(project)
+
+
+@TABLE.add("GET", "/api/projects/{project}")
+def show(call: Call) -> dict[str, Any]:
+    """One project."""
+    return call.desk.project_entry(call.project)
+
+
+@TABLE.add("PATCH", "/api/projects/{project}")
+def change(call: Call) -> dict[str, Any]:
+    """Keep choices."""
+    project, data = call.project, call.data
+    found: dict[str, Any] = {}
+    if "name" in data:
+        found["name"] = text(data, "name")
+    if "display" in data:
+        found["display"] = call.desk.displays.get(text(data, "display")).id
+    if "style" in data:
+        found["style"] = None if data["style"] is None else call.desk.styles.get(
+            text(data, "style"), project).id
+    if "version" in data:
+        found["version"] = None if data["version"] is None else Versions(project).get(
+            text(data, "version")).id
+    if "options" in data:
+        found["options"] = _options(data["options"])
+    project.change(**found)
+    call.desk.tell_project(project)
+    return call.desk.project_entry(project)
+
+
+def _options(data: Any) -> dict[str, Any]:
+    """Options of jobs: they are checked in full by the job that reads them."""
+    known = ("quick", "parameters", "size", "views", "pixels")
+    if not isinstance(data, dict) or not set(data) <= {*known}:
+        raise Refusal("bad_request", f"options are {', '.join(known)}", field="options")
+    parameters = data.get("parameters", {})
+    if not isinstance(parameters, dict) or not all(
+            isinstance(value, (bool, int, float, str, list)) for value in parameters.values()):
+        raise Refusal("bad_request", "parameters must be an object of values", field="parameters")
+    return data
+
+
+@TABLE.add("DELETE", "/api/projects/{project}")
+async def remove(call: Call) -> dict[str, Any]:
+    """Move a project into the trash."""
+    project = call.project
+    if call.data.get("confirm") != project.name:
+        raise Refusal("bad_request", "confirm must be the project's name", field="confirm")
+    for job in [one for one in call.desk.jobs.jobs.values() if one.project == project.id]:
+        if not job.over:
+            raise Refusal("busy", "a job works on this project; cancel it first")
+        call.desk.jobs.remove(job)
+    await asyncio.to_thread(call.desk.projects.remove, project)
+    call.desk.events.tell("project-removed", {"project": project.id})
+    return {"ok": True}
+
+
+@TABLE.add("GET", "/api/projects/{project}/thumbnail")
+def thumbnail(call: Call) -> Any:
+    """A picture of a project."""
+    path = call.desk.thumbnail(call.project)
+    if path is None:
+        raise Refusal("not_found", "there is no picture yet")
+    return picture(call, path)
+
+
+@TABLE.add("GET", "/api/projects/{project}/command")
+def command(call: Call) -> dict[str, Any]:
+    """The same on the command line."""
+    project = call.project
+    style = project.settings().get("style")
+    source = None
+    if style:
+        try:
+            source = call.desk.styles.get(str(style), project).source
+        except Refusal:
+            source = None
+    return {"make": make_command(project, source, call.desk.displays.of(project).source),
+            "folder": str(project.folder), "at": round(time.time(), 3)}
+
+
+def options_of(data: Any) -> dict[str, Any]:
+    """Options of a job in a request."""
+    return _options({} if data is None else data)
+
+
+def heavy(call: Call, project: Project) -> None:
+    """Raise a `Refusal` where a job works on a project already."""
+    job = call.desk.jobs.of(project.id, "head")
+    if job is not None:
+        raise Refusal("busy", "the head of this sitter is being made already", job=job.id)

@@ -1,0 +1,163 @@
+"""Versions: a style and a mix under a name, in the project's folder.
+
+A version is a folder ``versions/NAME/`` with ``version.json``; made fine, it also holds what
+``lfportrait make`` writes. A job's folder that ``make`` itself filled is a version, too.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import UserError
+from ..files import read_json, write_json
+from .answers import Refusal
+from .names import folder_name, free_name, id_of
+from .projects import Project
+
+__all__ = ["PORTRAIT", "Version", "Versions", "make_command"]
+
+PORTRAIT = "portrait"
+"""Id of the version that `lfportrait make` wrote into the job's folder."""
+
+
+@dataclass(frozen=True)
+class Version:
+    """One version.
+
+    Attributes
+    ----------
+    id, folder
+        Of the version.
+    data
+        What ``version.json`` holds: ``name``, ``created``, ``style`` (its id), ``mix``, ``fine``
+        (stamp of what was made fine).
+    """
+
+    id: str
+    folder: Path
+    data: dict[str, Any]
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return str(self.data.get("name") or self.id)
+
+    @property
+    def style(self) -> str | None:
+        """Id of its style; None where `make` made it."""
+        return self.data.get("style")
+
+    @property
+    def mix(self) -> dict[str, Any]:
+        """Its mix (`lfportrait.studio.mixes`)."""
+        return dict(self.data.get("mix") or {})
+
+    @property
+    def from_command_line(self) -> bool:
+        """Whether `make` made it."""
+        return self.id == PORTRAIT
+
+    def wanted(self) -> list[Any]:
+        """What a fine version is made of, to be compared."""
+        return [self.style, self.mix]
+
+    @property
+    def fine(self) -> bool:
+        """Whether it is there in full."""
+        there = all((self.folder / name).is_file() for name in ("styled.npz", "lightfield.png"))
+        return there and (self.from_command_line or self.data.get("fine") == self.wanted())
+
+    @property
+    def styled(self) -> Path:
+        """Its painted field, once it is fine."""
+        return self.folder / "styled.npz"
+
+    def save(self, **entries: Any) -> Version:
+        """The version with other entries, written."""
+        data = {**self.data, **entries}
+        write_json(self.folder / "version.json", data)
+        return Version(self.id, self.folder, data)
+
+
+class Versions:
+    """The versions of a project."""
+
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self.folder = project.folder / "versions"
+
+    def all(self) -> list[Version]:
+        """All versions, the oldest first."""
+        found = []
+        for path in self.folder.glob("*/version.json"):
+            data = _read(path)
+            if data is not None:
+                found.append(Version(f"v-{id_of(path.parent.name)}", path.parent, data))
+        found.sort(key=lambda version: (version.data.get("created", 0.0), version.id))
+        job = self.project.job
+        if (job / "styled.npz").is_file():
+            run = _read(job / "run.json") or {}
+            state = (job / "styled.npz").stat()
+            found.insert(0, Version(PORTRAIT, job, {
+                "name": str(run.get("style") or "portrait"), "created": state.st_mtime}))
+        return found
+
+    def get(self, version: str) -> Version:
+        """A version by its id."""
+        found = next((one for one in self.all() if one.id == version), None)
+        if found is None:
+            raise Refusal("not_found", "there is no such version any more")
+        return found
+
+    def create(self, name: str, style: str, mix: dict[str, Any]) -> Version:
+        """A new version."""
+        clean = folder_name(name)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        folder = self.folder / free_name(clean, [path.name for path in self.folder.iterdir()])
+        version = Version(f"v-{id_of(folder.name)}", folder, {})
+        return version.save(name=name, created=round(time.time(), 3), style=style, mix=mix)
+
+    def remove(self, version: Version) -> None:
+        """Move a version into the project's trash."""
+        if version.from_command_line:
+            raise Refusal("exists", "this version lies in the job's folder itself and stays there")
+        trash = self.project.own / "trash"
+        trash.mkdir(parents=True, exist_ok=True)
+        shutil.move(version.folder, trash / free_name(
+            version.folder.name, [path.name for path in trash.iterdir()]))
+
+    def entry(self, version: Version, job: str | None) -> dict[str, Any]:
+        """A version as the page sees it."""
+        styles = [value["style"] for value in version.mix.get("regions", {}).values()
+                  if isinstance(value, dict)]
+        stamp = f"{version.styled.stat().st_mtime_ns:x}" if version.fine else id_of(
+            repr(version.wanted()))
+        return {"id": version.id, "name": version.name, "created": version.data.get("created"),
+                "style": version.style,
+                "styles": list(dict.fromkeys([one for one in (version.style, *styles) if one])),
+                "mix": version.mix, "landmarks": None, "fine": version.fine, "job": job,
+                "thumbnail": f"/api/projects/{self.project.id}/versions/{version.id}/thumbnail"
+                             f"?v={stamp}", "from_command_line": version.from_command_line}
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    try:
+        found = read_json(path)
+    except UserError:
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def make_command(project: Project, style: str | None, display: str) -> str:
+    """The command that makes the same portrait without the studio."""
+    import shlex
+
+    words = ["lfportrait", "make", str(project.source), "--style", style or "PAINTING", "--out",
+             str(project.job)]
+    if display != "generic-4k":
+        words += ["--display", display]
+    return shlex.join(words)

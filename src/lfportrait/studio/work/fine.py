@@ -1,0 +1,101 @@
+"""A version in full: the head painted at full resolution, mixed, coded, and shown in a page.
+
+The painted head is kept for each painting (``painted/STYLE/``), so that another mix of it takes
+seconds. Without a mix all files are those that ``lfportrait make`` writes.
+"""
+
+from __future__ import annotations
+
+import shutil
+from typing import Any
+
+from ...errors import UserError
+from ...example import Exemplar
+from ...field import VoxelField
+from ...files import atomic_path, read_image, read_json, write_json
+from ...job import (
+    Task,
+    Warmup,
+    code_key,
+    painting_key,
+    run_figures,
+    share_key,
+    stage_key,
+    style_key,
+)
+from ...stages import StageFolder, finished_record
+from ...stylize import StyledField
+from ..orders import Order
+from .jobs import do_task, expected
+from .pictures import coded_picture, head_picture
+from .telling import Teller
+
+__all__ = ["fine", "mixed_file"]
+
+
+def fine(order: Order, teller: Teller) -> dict[str, Any]:
+    """Paint, mix, code, and write the page, the video and the report."""
+    teller.tell("stages", expected(("stylize", "stylize"), ("encode", "encode"),
+                                   ("share", "share")))
+    config, panel = order.config(), order.panel()
+    exemplar = Exemplar.load(order.style)
+    figures: dict[str, Any] = {}
+    for name in ("capture", "reconstruct"):
+        found = _record(order, name)
+        if found is not None:
+            figures[name] = found
+    where = order.inside(order.version)
+    inputs = {**order.inputs(), "styled": f"{where}/styled.npz"}
+    painted = f"painted/{order.style_id}"
+    key = style_key(order.field_key(), config, painting_key(exemplar))
+    with Warmup(("transfer", "stylize", "encode")) as warmup:
+        do_task(order, teller, Task(
+            "stylize", "stylize", painted, ("styled.npz",), key, (), config, 0, inputs,
+            source=order.style), "stylize", figures, warmup, exemplar=exemplar)
+        key = mixed_file(order, key, f"{painted}/styled.npz")
+        styled = VoxelField.load(order.version / "styled.npz")
+        teller.picture("stylize", head_picture(styled))
+        code = code_key(key, config, panel)
+        do_task(order, teller, Task(
+            "encode", "encode", where, ("lightfield.png",), code, (), config, 0, inputs,
+            display=panel), "encode", figures, warmup)
+        teller.picture("encode", coded_picture(read_image(order.version / "lightfield.png")))
+        do_task(order, teller, Task(
+            "share", "share", where, ("portrait.html", "sweep.mp4", "report.html"),
+            share_key(code, config), (), config, 0, inputs, source=order.style, display=panel),
+            "share", figures, warmup, exemplar=exemplar)
+    hero = order.version / "hero.png"
+    if hero.is_file():
+        teller.picture("share", read_image(hero))
+    resumed: list[str] = [name for name in ("capture", "reconstruct") if name in figures]
+    write_json(order.version / "run.json", run_figures(
+        figures, exemplar.name, panel.name, resumed))
+    return {"display": panel.name, "key": key}
+
+
+def _record(order: Order, name: str) -> dict[str, Any] | None:
+    """The figures of a stage of the head, whatever it was made of."""
+    try:
+        return dict(read_json(order.job / ".stages" / f"{name}.json")["figures"])
+    except (UserError, KeyError, TypeError, ValueError):
+        return None
+
+
+def mixed_file(order: Order, key: str, painted: str) -> str:
+    """Write the version's ``styled.npz``: the painted head, or its mix; the key of that file."""
+    source, target = order.folder / painted, order.version / "styled.npz"
+    own = stage_key("stylize", "mix", key, order.mix) if order.mix else key
+    record = "mix"
+    if finished_record(order.version, record, own, ("styled.npz",)) is not None:
+        return own
+
+    def write() -> dict[str, Any]:
+        if order.mix:
+            StyledField.load(source).mix(**order.mix).save(target)
+        else:
+            with atomic_path(target) as temporary:
+                shutil.copyfile(source, temporary)
+        return {}
+
+    StageFolder(order.version).run(record, own, ("styled.npz",), write)
+    return own

@@ -1,0 +1,180 @@
+"""A job in a process of its own: it gets one order, does it stage by stage, and ends."""
+
+from __future__ import annotations
+
+import errno
+import traceback
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from ... import models
+from ...demo import demo_capture
+from ...errors import UserError
+from ...files import write_json
+from ...job import (
+    FULL,
+    QUICK,
+    STAGES,
+    Task,
+    Warmup,
+    capture_key,
+    check_photos,
+    do_stage,
+    field_key,
+    finished,
+    get_networks,
+    look_at,
+    source_key,
+)
+from ...measure import peak_memory_bytes, usable_cores
+from ...stages import StageFolder
+from ..orders import Order
+from .pictures import cameras_picture, head_picture, turned
+from .pipe import Pipe
+from .telling import Teller
+
+__all__ = ["do_task", "serve"]
+
+
+def serve() -> None:
+    """Do the one order that comes through the pipe."""
+    pipe = Pipe()
+    order: Order = pipe.requests.get()
+    teller = Teller(pipe.tell, order.pictures)
+    try:
+        teller.tell("end", _KINDS[order.kind](order, teller))
+    except UserError as error:
+        full = "No space left" in str(error)
+        teller.tell("failed", "disk_full" if full else "user_error", str(error))
+    except MemoryError:
+        teller.tell("failed", "killed", "the memory is too small: close other programs, or make "
+                    "the field smaller (reconstruct.max_voxels)")
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            _fault(teller, error)
+        else:
+            teller.tell("failed", "disk_full", "the disk is full: make room, then let the job go "
+                        "on; what is finished is kept")
+    except Exception as error:
+        _fault(teller, error)
+
+
+def _fault(teller: Teller, error: Exception) -> None:
+    traceback.print_exc()
+    teller.tell("failed", "internal", f"internal error: {type(error).__name__}: "
+                f"{' '.join(str(error).split())}")
+
+
+def do_task(order: Order, teller: Teller, task: Task, name: str, figures: dict[str, Any],
+            warmup: Warmup | None, draw: Callable[[Any], Any] | None = None,
+            **tools: Any) -> bool:
+    """Do a stage, unless it is done; whether it was done now. Its figures are kept by its name."""
+    stages = StageFolder(order.folder / task.folder)
+    if finished(task, order.folder) is not None:
+        figures[task.record] = stages.run(task.record, task.key, task.outputs, dict)
+        teller.tell("skipped", name)
+        return False
+    own = teller.tools(name, draw, warmup=warmup, **tools)
+
+    def work() -> dict[str, Any]:
+        found = do_stage(task, order.folder, stages, own, figures)
+        return {**found, "peak_memory_bytes": peak_memory_bytes()}
+
+    figures[task.record] = stages.run(task.record, task.key, task.outputs, work)
+    return True
+
+
+def expected(*stages: tuple[str, str]) -> list[tuple[str, float]]:
+    """Names of stages with the seconds that they take here, before any was measured."""
+    cores = usable_cores()
+    return [(name, STAGES[stage].need.core_seconds / cores) for name, stage in stages]
+
+
+def _head(order: Order, teller: Teller) -> dict[str, Any]:
+    """Cameras, field and surface: all that previews need."""
+    from ...capture import Capture
+    from ...field import VoxelField
+    from ...stylize import kept_skin
+
+    teller.tell("stages", expected(("capture", "capture"), ("reconstruct", "field"),
+                                   ("surface", "skin")))
+    config = order.config()
+    kernels = ("reconstruct", "transfer", "stylize", "encode")
+    with Warmup(("photograph", *kernels) if order.demo else kernels) as warmup:
+        if order.demo and not any(order.source.glob("transforms.json")):
+            _photograph(order, teller, warmup)
+        look_at(order.source)
+        get_networks(order.source, None, config.keep_background, offline=True, quiet=True)
+        capture = capture_key(source_key(order.source), config, 0)
+        inputs, figures = order.inputs(), {}  # type: dict[str, str], dict[str, Any]
+        where = order.inside(order.job)
+        do_task(order, teller, Task(
+            "capture", "capture", where, ("capture",), capture, (), config, 0, inputs,
+            source=str(order.source)), "capture", figures, warmup,
+            sheet=order.folder / ".studio" / "photos-left-out.jpg")
+        taken = Capture.load(order.job / "capture")
+        teller.picture("capture", cameras_picture(taken))
+        number = iter(range(1 << 30))
+        do_task(order, teller, Task(
+            "reconstruct", "field", where, ("field.npz",), field_key(capture, config), ("capture",),
+            config, 0, inputs), "reconstruct", figures, warmup,
+            draw=lambda field: head_picture(field, 320, (turned(next(number)),)))
+        field = VoxelField.load(order.job / "field.npz")
+        picture = head_picture(field)
+        teller.picture("reconstruct", picture)
+        with teller.stage("surface") as progress:
+            warmup.wait(("transfer",), progress)
+            progress.update(0, "the head's surface")
+            kept_skin(order.job / "field.npz", field, taken, config.stylize.pixels)
+        teller.picture("surface", picture)
+    return {"views": len(taken), "voxels": len(field.density)}
+
+
+def _photograph(order: Order, teller: Teller, warmup: Warmup) -> None:
+    """Photos of the built-in head."""
+    scale = QUICK if order.options.get("quick") else FULL
+    size, views = (int(order.options.get(name, usual)) for name, usual in (
+        ("size", scale.size), ("views", scale.views)))
+    with teller.stage("capture") as progress:
+        progress.total = views
+        warmup.wait(("photograph",), progress)
+        demo_capture(size=size, views=views, progress=progress).save(order.source)
+
+
+def _check(order: Order, teller: Teller) -> dict[str, Any]:
+    """Look at each photo."""
+    teller.tell("stages", [("check", 10.0)])
+    with teller.stage("check") as progress:
+        progress.total = int(order.more["count"])
+        found = check_photos(order.source, progress)
+    figures = found.figures()
+    facts = {one.pop("name"): one for one in figures.pop("photos")}
+    write_json(order.folder / ".studio" / "check.json",
+               {**figures, "key": order.more["key"], "facts": facts})
+    return {"faces": figures["faces"], "useless": figures["useless"]}
+
+
+def _networks(order: Order, teller: Teller) -> dict[str, Any]:
+    """Download networks: the only thing that asks the network for anything."""
+    names = list(order.more["names"])
+    teller.tell("stages", [("networks", 10.0)])
+    with teller.stage("networks") as progress:
+        progress.total = len(names)
+        for name in names:
+            progress.update(progress.done, name)
+            models.require([name], download=True, quiet=True)
+            progress.step(name)
+    return {"names": names}
+
+
+def _later(module: str, name: str, order: Order, teller: Teller) -> dict[str, Any]:
+    from importlib import import_module
+
+    found: dict[str, Any] = getattr(import_module(module, __package__), name)(order, teller)
+    return found
+
+
+_KINDS: dict[str, Callable[[Order, Teller], dict[str, Any]]] = {
+    "head": _head, "check": _check, "networks": _networks,
+    "fine": partial(_later, ".fine", "fine"), "export": partial(_later, ".exports", "export")}

@@ -1,0 +1,97 @@
+"""What is found in a painting: its faces, its regions, and what it will give."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ... import models
+from ...capture import FAIR, GOOD
+from ...example import Exemplar
+from ...face import detect_faces, write_landmarks
+from ...files import read_image, write_image, write_json
+from ...job import check_style, chosen_face
+from .sitting import Sitting
+
+__all__ = ["PAINTING_ANSWERS"]
+
+HAIR, HAT, NECK, SKIN, BACKGROUND = 1, 2, 3, 4, 5
+"""Values of a picture of regions; 0 is left to the detector."""
+
+Facts = Mapping[str, Any]
+
+
+def _faces(sitting: Sitting, facts: Facts) -> dict[str, Any]:
+    """All faces of a picture, kept in a file."""
+    path = Path(facts["style"])
+    if path.is_file():
+        image = np.ascontiguousarray(read_image(path)[..., :3])
+        if not models.available("face-landmarker"):  # all points are set by hand
+            return {"width": image.shape[1], "height": image.shape[0], "faces": []}
+        found = detect_faces(image)
+    else:
+        exemplar = sitting.exemplar(str(path))
+        image, found = exemplar.image, [exemplar.landmarks]
+    data = {"width": image.shape[1], "height": image.shape[0],
+            "faces": [np.round(points, 2).tolist() for points in found]}
+    write_json(facts["file"], data)
+    return data
+
+
+def _choose(sitting: Sitting, facts: Facts) -> dict[str, Any]:
+    """Write the landmarks of the face that is meant beside the painting."""
+    path = Path(facts["style"])
+    image = np.ascontiguousarray(read_image(path)[..., :3])
+    at = facts.get("at")
+    points, _ = chosen_face(path, image, int(facts.get("face", 0)),
+                            None if at is None else (float(at[0]), float(at[1])))
+    write_landmarks(path.with_suffix(".landmarks.txt"), points)
+    return {"points": points.tolist()}
+
+
+def _check(sitting: Sitting, facts: Facts) -> dict[str, Any]:
+    """What a painting will give, without a preview."""
+    found = check_style(facts["style"], preview=False)
+    return {"facts": [{"grade": "good" if color == GOOD else "fair" if color == FAIR else "bad",
+                       "text": text} for color, text in found.facts],
+            "pose": found.figures["pose"], "face_pixels": found.figures["face_pixels"]}
+
+
+def _regions(sitting: Sitting, facts: Facts) -> dict[str, Any]:
+    """Write what the detectors see in a painting as a picture of regions."""
+    style = facts["style"]
+    path = Path(style)
+    exemplar = sitting.exemplar(style)
+    if path.is_file():
+        # Without what was painted over by hand.
+        exemplar = Exemplar(exemplar.image, exemplar.landmarks, exemplar.name)
+    regions = exemplar.regions()
+    picture = np.full(exemplar.image.shape[:2], BACKGROUND, np.uint8)
+    person = regions.person > 0.5
+    picture[person] = SKIN
+    height, width = exemplar.image.shape[:2]
+    _, down = regions.frame.local((height, width))
+    picture[person & (down > 1.02)] = NECK
+    if regions.hair is not None:
+        picture[person & (regions.hair > 0.5)] = HAIR
+    write_image(facts["file"], picture)
+    return {"width": width, "height": height}
+
+
+def _copy(sitting: Sitting, facts: Facts) -> dict[str, Any]:
+    """Copy a style as a picture with its landmarks beside it."""
+    exemplar = sitting.exemplar(facts["style"])
+    target = Path(facts["file"])
+    write_image(target, exemplar.image)
+    write_landmarks(target.with_suffix(".landmarks.txt"), exemplar.landmarks)
+    if exemplar.mask is not None:
+        write_image(target.with_suffix(".mask.png"), exemplar.mask)
+    return {}
+
+
+PAINTING_ANSWERS: dict[str, Callable[[Sitting, Facts], dict[str, Any]]] = {
+    "faces": _faces, "choose": _choose, "check_style": _check, "regions": _regions,
+    "copy_style": _copy}

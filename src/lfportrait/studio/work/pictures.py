@@ -1,0 +1,130 @@
+"""Pictures of a job's stages: placed cameras, the field while it trains, the painted head."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from ...capture import Camera, Capture, font
+from ...field import VoxelField
+from ...lightfield import eight_bit, render_views
+
+__all__ = ["cameras_picture", "coded_picture", "head_picture", "views_of"]
+
+_PAPER, _INK, _FAINT, _BLUE = (250, 250, 248), (40, 40, 44), (200, 200, 204), (30, 110, 200)
+_MARGIN = 1.12
+"""Of a head in its picture."""
+_DISTANCE = 4.0
+
+Uint8 = NDArray[np.uint8]
+
+
+def views_of(field: VoxelField, cameras: Sequence[tuple[float, float, float]], size: int) -> Camera:
+    """Square cameras on a head, framed so that all of it shows.
+
+    Parameters
+    ----------
+    field
+        The head.
+    cameras
+        (yaw, pitch, zoom) of each: degrees to its left side and up, and how much nearer than all of
+        the head.
+    size
+        Of the pictures in pixels.
+    """
+    from ...share import sweep_cameras
+
+    plain = sweep_cameras(0.0, 1, size, field)
+    target_y = float(plain.position[0, 1])
+    focal = float(plain.focal[0, 0]) / _MARGIN * 1.04
+    arcs = [Camera.arc(np.array([yaw]), distance=_DISTANCE, width=size, height=size,
+                       focal=focal * zoom, target=(0.0, target_y, 0.0), pitch=pitch)
+            for yaw, pitch, zoom in cameras]
+    return Camera(*(np.concatenate([getattr(one, name) for one in arcs])
+                    for name in ("pose", "focal", "center", "width", "height")))
+
+
+def head_picture(field: VoxelField, size: int = 320, yaws: Sequence[float] = (-40.0, 0.0, 40.0),
+                 ) -> Uint8:
+    """A head from some sides, side by side: uint8 [size, size * views, 3]."""
+    cameras = views_of(field, [(yaw, 0.0, 1.0) for yaw in yaws], size)
+    return np.concatenate([eight_bit(seen.color) for seen in render_views(
+        field, cameras, background=1.0)], axis=1)
+
+
+def cameras_picture(capture: Capture, size: int = 480) -> Uint8:
+    """The placed cameras from above, beside the photos of some of them.
+
+    Returns
+    -------
+    picture
+        uint8 [size, 2 * size, 3].
+    """
+    sheet = Image.new("RGB", (2 * size, size), _PAPER)
+    draw = ImageDraw.Draw(sheet)
+    places = capture.cameras.position
+    reach = 1.12 * float(np.abs(places[:, [0, 2]]).max(initial=1.0))
+    middle = 0.5 * size
+
+    def spot(x: float, z: float) -> tuple[float, float]:
+        return middle + x / reach * middle, middle + z / reach * middle
+
+    head = max(0.6 / reach * middle, 6.0)
+    draw.ellipse((middle - head, middle - head, middle + head, middle + head), outline=_INK,
+                 width=2)
+    draw.line((middle, middle + head, middle, middle + 1.35 * head), fill=_INK, width=2)
+    for place, pose in zip(places, capture.cameras.pose, strict=True):
+        x, y = spot(float(place[0]), float(place[2]))
+        ahead = pose[[0, 2], 2]
+        ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
+        side = np.array([-ahead[1], ahead[0]])
+        length = 0.05 * size
+        wedge = [(x, y), *((x + length * (ahead[0] + s * 0.4 * side[0]),
+                            y + length * (ahead[1] + s * 0.4 * side[1])) for s in (-1, 1))]
+        draw.polygon(wedge, outline=_BLUE)
+        draw.ellipse((x - 2, y - 2, x + 2, y + 2), fill=_BLUE)
+    draw.text((10, size - 24), f"{len(capture)} cameras, from above", fill=_INK, font=font(14))
+    _photos(sheet, capture, size)
+    return np.asarray(sheet, np.uint8)
+
+
+def _photos(sheet: Image.Image, capture: Capture, size: int) -> None:
+    """Photos from left to right in the right half of a sheet."""
+    places = capture.cameras.position
+    order = np.argsort(np.arctan2(places[:, 0], places[:, 2]))
+    columns = 4
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, min(len(order), 16)).astype(int))]
+    cell = size // columns
+    for number, view in enumerate(chosen):
+        image = (np.clip(capture.image_float(int(view)), 0, 1) * 255 + 0.5).astype(np.uint8)
+        small = Image.fromarray(image)
+        small.thumbnail((cell - 6, cell - 6))
+        column, row = number % columns, number // columns
+        sheet.paste(small, (size + column * cell + 3, row * cell + 3))
+
+
+def coded_picture(coded: Uint8, size: int = 320) -> Uint8:
+    """The whole coded picture, small, beside a piece of it enlarged four times."""
+    height, width = coded.shape[:2]
+    wide = round(size * width / height)
+    whole = Image.fromarray(coded).resize((wide, size), Image.Resampling.BOX)
+    side = size // 4
+    y, x = int(0.42 * height), int(0.5 * width)
+    piece = Image.fromarray(np.ascontiguousarray(coded[y:y + side, x:x + side])).resize(
+        (size, size), Image.Resampling.NEAREST)
+    return np.concatenate([np.asarray(whole), np.asarray(piece)], axis=1)
+
+
+def pieces(images: Sequence[Any]) -> Uint8:
+    """Pictures of one height side by side."""
+    return np.concatenate([np.asarray(one, np.uint8) for one in images], axis=1)
+
+
+def turned(number: int) -> float:
+    """Yaw in degrees of a head that turns slowly from one picture to the next."""
+    return 35.0 * math.sin(0.7 * number)

@@ -1,0 +1,210 @@
+"""The queue: one heavy job after the other, paused, cancelled, killed, gone on with."""
+
+import os
+import time
+
+import pytest
+
+from lfportrait.studio.jobs import Jobs
+
+from .conftest import jpeg, opened
+
+
+@pytest.fixture(autouse=True)
+def slow_work(monkeypatch):
+    monkeypatch.setattr(Jobs, "ENTRY", "tests.studio.slow_work:serve")
+
+
+def sitter(page, name, *marks):
+    """A project with photos, whose jobs do what the marks say."""
+    project = page.do("POST", "/api/projects", {"name": name})["id"]
+    folder = page.desk.projects.get(project).folder
+    for number in range(3):
+        (folder / "photos" / f"{number}.jpg").write_bytes(jpeg(number))
+    for mark in marks:
+        (folder / mark).touch()
+    return project, folder
+
+
+def head(page, project):
+    return page.do("POST", "/api/jobs", {"kind": "head", "project": project})["id"]
+
+
+def pids(folder):
+    """Numbers of a job's process and of the one that it has started."""
+    until = time.monotonic() + 30
+    while time.monotonic() < until:
+        if (folder / "steps.txt").exists():
+            return [int(word) for word in (folder / "pids.txt").read_text().split()]
+        time.sleep(0.02)
+    raise AssertionError("the job's process did not begin")
+
+
+def alive(pid):
+    """Whether a process runs: not ended, and not ended without having been waited for."""
+    try:
+        with open(f"/proc/{pid}/stat") as stream:
+            return stream.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def gone(*numbers):
+    until = time.monotonic() + 5
+    while any(map(alive, numbers)) and time.monotonic() < until:
+        time.sleep(0.02)
+    return not any(map(alive, numbers))
+
+
+def test_a_job_goes_through_its_stages(page):
+    project, folder = sitter(page, "Anna")
+    job = page.wait(head(page, project))
+    assert job["state"] == "done" and job["result"] == {"kind": "head"} and job["error"] is None
+    assert [one["state"] for one in job["stages"]] == ["done", "skipped"]
+    assert job["notes"] == ["a warning"] and job["progress"] == 1.0
+    assert page.ask("GET", job["stages"][0]["picture"]).content == b"\xff\xd8"
+    assert job["stages"][1]["picture"] is None
+    assert gone(*map(int, (folder / "pids.txt").read_text().split()))
+    assert page.get("/api/state")["jobs"] == [job]
+    page.do("DELETE", f"/api/jobs/{job['id']}")
+    assert page.get("/api/jobs")["jobs"] == []
+    assert not list((page.desk.projects.own / "jobs").glob("j-*"))
+
+
+def test_what_is_missing_is_said_before_a_job_is_made(page):
+    project = page.do("POST", "/api/projects", {"name": "Anna"})["id"]
+    answer = page.ask("POST", "/api/jobs", {"kind": "head", "project": project})
+    assert answer.status_code == 409 and answer.json()["error"]["about"] == {"needs": "photos"}
+    for data in ({"kind": "export", "project": project}, {"kind": "head", "project": "bob"},
+                 {"kind": "head"}, {"project": project},
+                 {"kind": "head", "project": project, "options": {"evil": 1}}):
+        assert page.ask("POST", "/api/jobs", data).status_code in (400, 404)
+    assert page.get("/api/jobs")["jobs"] == []
+
+
+def test_sitters_queue_and_one_can_be_cancelled(page):
+    sitters = [sitter(page, name, "wait") for name in ("Anna", "Bob", "Carl", "Dora")]
+    jobs = [head(page, project) for project, _ in sitters]
+    assert page.error("POST", "/api/jobs", {"kind": "head", "project": sitters[1][0]}) == "busy"
+    numbers = pids(sitters[0][1])
+    states = {job["id"]: (job["state"], job["place"]) for job in page.get("/api/jobs")["jobs"]}
+    assert [states[job] for job in jobs] == [("running", 0), ("waiting", 0), ("waiting", 1),
+                                             ("waiting", 2)]
+    order = page.do("POST", f"/api/jobs/{jobs[3]}/move", {"place": 0})["jobs"]
+    assert [job["id"] for job in order] == [jobs[0], jobs[3], jobs[1], jobs[2]]
+    assert page.do("POST", f"/api/jobs/{jobs[1]}/cancel")["state"] == "cancelled"
+    assert page.do("POST", f"/api/jobs/{jobs[0]}/cancel")["state"] == "cancelled"
+    assert gone(*numbers), "its children end with it"
+    others = pids(sitters[3][1])
+    assert page.get(f"/api/jobs/{jobs[3]}")["state"] == "running"
+    assert not (sitters[1][1] / "pids.txt").exists()
+    for _, folder in sitters:
+        (folder / "wait").unlink()
+    assert page.wait(jobs[3])["state"] == page.wait(jobs[2])["state"] == "done"
+    assert gone(*others)
+    again = page.do("POST", f"/api/jobs/{jobs[0]}/resume")
+    assert again["state"] in ("waiting", "running") and page.wait(jobs[0])["state"] == "done"
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system can't pause processes")
+def test_a_paused_job_stands_still_and_goes_on(page):
+    project, folder = sitter(page, "Anna", "wait")
+    other, _ = sitter(page, "Bob")
+    job, waits = head(page, project), head(page, other)
+    pids(folder)
+    page.wait(job, "running")
+    assert page.do("POST", f"/api/jobs/{job}/pause")["state"] == "paused"
+    time.sleep(0.1)
+    before = (folder / "steps.txt").read_text()
+    time.sleep(0.2)
+    assert (folder / "steps.txt").read_text() == before
+    assert page.get(f"/api/jobs/{waits}")["state"] == "waiting"
+    assert page.error("POST", f"/api/jobs/{job}/pause") == "busy"
+    assert page.do("POST", f"/api/jobs/{job}/resume")["state"] == "running"
+    (folder / "wait").unlink()
+    assert page.wait(job)["state"] == page.wait(waits)["state"] == "done"
+    # A job that is paused ends with the rest, too.
+    (folder / "wait").touch()
+    (folder / "steps.txt").unlink()
+    job = head(page, project)
+    numbers = pids(folder)
+    page.wait(job, "running")
+    page.do("POST", f"/api/jobs/{job}/pause")
+    page.do("POST", f"/api/jobs/{job}/cancel")
+    assert gone(*numbers)
+
+
+@pytest.mark.parametrize("how", ["die", "kill", "fail", "full"])
+def test_a_job_that_fails_says_why_and_can_go_on(page, how):
+    project, folder = sitter(page, "Anna", *(["wait"] if how == "kill" else [how]))
+    job = head(page, project)
+    if how == "kill":
+        os.kill(pids(folder)[0], 9)
+    found = page.wait(job)
+    assert found["state"] == "failed"
+    code = {"die": "killed", "kill": "killed", "fail": "user_error", "full": "disk_full"}[how]
+    assert found["error"]["code"] == code and found["error"]["message"]
+    assert found["stages"][0]["state"] == "failed" and found["left"] is None
+    assert gone(*map(int, (folder / "pids.txt").read_text().split()))
+    (folder / "wait").unlink(missing_ok=True)
+    page.do("POST", f"/api/jobs/{job}/resume")
+    found = page.wait(job)
+    assert found["state"] == "done" and found["error"] is None
+
+
+def test_a_server_that_is_started_again_goes_on(page, tmp_path):
+    folder = tmp_path / "other"
+    first = opened(folder)
+    other = next(first)
+    sitters = [sitter(other, name, "wait") for name in ("Anna", "Bob")]
+    jobs = [head(other, project) for project, _ in sitters]
+    numbers = pids(sitters[0][1])
+    with pytest.raises(StopIteration):
+        next(first)
+    assert gone(*numbers), "no process stays behind"
+    (sitters[0][1] / "steps.txt").unlink()
+    second = opened(folder)  # it closes when nobody holds it
+    again = next(second)
+    assert gone(*numbers) and pids(sitters[0][1]) != numbers
+    states = [job["state"] for job in again.get("/api/jobs")["jobs"]]
+    assert states == ["running", "waiting"]
+    for _, place in sitters:
+        (place / "wait").unlink()
+    assert all(again.wait(job)["state"] == "done" for job in jobs)
+
+
+def test_photos_are_checked_by_themselves(page, monkeypatch):
+    monkeypatch.setattr("lfportrait.studio.desk._QUIET", 0.1)
+    project = page.do("POST", "/api/projects", {"name": "Anna"})["id"]
+    for number in range(3):
+        page.send(project, f"{number}.jpg", jpeg(number))
+    until = time.monotonic() + 30
+    while not (jobs := page.get("/api/jobs")["jobs"]) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert [job["kind"] for job in jobs] == ["check"]
+    assert page.wait(jobs[0]["id"])["state"] == "done"
+
+
+def test_a_project_with_a_job_is_not_removed(page):
+    project, folder = sitter(page, "Anna", "wait")
+    job = head(page, project)
+    pids(folder)
+    path = f"/api/projects/{project}"
+    assert page.error("DELETE", path, {"confirm": "Bob"}) == "bad_request"
+    assert page.error("DELETE", path, {"confirm": "Anna"}) == "busy"
+    page.do("POST", f"/api/jobs/{job}/cancel")
+    page.do("DELETE", path, {"confirm": "Anna"})
+    assert page.get("/api/projects") == {"projects": []} and page.get("/api/jobs") == {"jobs": []}
+    assert (page.desk.projects.folder / ".trash/Anna/photos/0.jpg").is_file()
+    assert page.error("POST", "/api/jobs", {"kind": "head", "project": project}) == "not_found"
+
+
+def test_a_full_disk_does_not_stop_the_queue(page, monkeypatch):
+    from lfportrait.errors import UserError
+
+    def full(*_):
+        raise UserError("can't write: No space left on device")
+
+    project, _ = sitter(page, "Anna")
+    monkeypatch.setattr("lfportrait.studio.job_state.write_json", full)
+    assert page.wait(head(page, project))["state"] == "done"

@@ -1,0 +1,300 @@
+"""A portrait from photos to the coded picture, by the page's requests alone, on a small head."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import re
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lfportrait.demo import demo_capture, demo_exemplar
+from lfportrait.face import read_landmarks
+from lfportrait.files import read_image, read_json
+from lfportrait.job import make
+from tests.job.test_pipeline import CONFIG, PANEL
+
+from .conftest import opened
+
+PARAMETERS = {
+    "reconstruct.resolutions": [24, 48], "reconstruct.rays": [0.05, 0.12],
+    "reconstruct.batch": [1024], "reconstruct.sh_degree": 0, "stylize.pixels": 72.0,
+    "stylize.fit_iterations": 2, "stylize.steps": 2, "stylize.content_network": "embedded",
+    "stylize.style_network": "embedded", "sweep_size": 48}
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    before = os.environ.get("LFPORTRAIT_MODELS")
+    folder = tmp_path_factory.mktemp("studio")
+    yield from opened(folder)
+    assert os.environ.get("LFPORTRAIT_MODELS") == before
+
+
+@pytest.fixture(scope="module")
+def project(page):
+    """A sitter with photos whose cameras are known, a small panel, and small parameters."""
+    panel = page.do("POST", "/api/displays", {"name": "tiny", "text": PANEL.to_toml()})
+    made = page.do("POST", "/api/projects", {"name": "Anna"})["id"]
+    photos = page.desk.projects.get(made).photos
+    photos.rmdir()
+    demo_capture(size=72, views=16).save(photos)
+    page.do("PATCH", f"/api/projects/{made}", {
+        "display": panel["id"], "options": {"parameters": PARAMETERS, "pixels": 72.0}})
+    return made
+
+
+@pytest.fixture(scope="module")
+def head(page, project):
+    """The head, whose process is killed while it trains."""
+    job = page.do("POST", "/api/jobs", {"kind": "head", "project": project})["id"]
+    until = time.monotonic() + 120
+    while time.monotonic() < until:
+        found = page.get(f"/api/jobs/{job}")
+        states = {one["name"]: one["state"] for one in found["stages"]}
+        if states.get("reconstruct") == "running" or found["state"] != "running":
+            break
+        time.sleep(0.005)
+    page.desk.jobs._children[job]._signal(9)
+    found = page.wait(job)
+    assert found["state"] == "failed" and found["error"]["code"] == "killed"
+    page.do("POST", f"/api/jobs/{job}/resume")
+    found = page.wait(job)
+    assert found["state"] == "done", found
+    return found
+
+
+@pytest.fixture(scope="module")
+def style(page, project):
+    exemplar = demo_exemplar(width=180, height=240)
+    buffer = io.BytesIO()
+    Image.fromarray(exemplar.image).save(buffer, "PNG")
+    found = page.do("PUT", f"/api/styles?name=Ken.png&project={project}", buffer.getvalue())
+    again = page.ask("PUT", f"/api/styles?name=Other.png&project={project}", buffer.getvalue())
+    assert again.status_code == 200 and again.json()["id"] == found["id"]
+    path = page.desk.projects.get(project).folder / "paintings/Ken.png"
+    points = exemplar.landmarks.tolist()
+    written = page.do("PUT", f"/api/styles/{found['id']}/landmarks?project={project}",
+                      {"points": points})
+    assert written["edited"] and len(written["lines"]) == 9
+    kept = read_landmarks(path.with_suffix(".landmarks.txt"))
+    assert np.abs(kept - exemplar.landmarks).max() < 0.006
+    return found["id"]
+
+
+def test_the_head_is_made_and_was_not_begun_again(page, project, head):
+    states = [one["state"] for one in head["stages"]]
+    assert [one["name"] for one in head["stages"]] == ["capture", "reconstruct", "surface"]
+    assert states == ["skipped", "done", "done"]
+    folder = page.desk.projects.get(project).folder
+    assert (folder / "portrait/field.npz").is_file()
+    for stage in head["stages"]:
+        answer = page.ask("GET", stage["picture"])
+        picture = Image.open(io.BytesIO(answer.content))
+        assert picture.format == "JPEG" and min(picture.size) >= 300
+    has = page.get(f"/api/projects/{project}")["has"]
+    assert has == {"photos": True, "checked": False, "capture": True, "field": True,
+                   "styled": False}
+    sheet = page.get(f"/api/projects/{project}/photos")
+    assert len(sheet["photos"]) == 16
+
+
+def shown(answer):
+    assert answer.status_code == 200, answer.text
+    return np.asarray(Image.open(io.BytesIO(answer.content)), np.float32)
+
+
+@pytest.fixture(scope="module")
+def negative(page, project, style):
+    """The same painting in the opposite colors, of the user's own: for all sitters."""
+    folder = page.desk.projects.get(project).folder
+    buffer = io.BytesIO()
+    Image.fromarray(255 - read_image(folder / "paintings/Ken.png")).save(buffer, "PNG")
+    found = page.do("PUT", "/api/styles?name=Negative.png", buffer.getvalue())
+    assert found["kind"] == "mine"
+    page.do("PUT", f"/api/styles/{found['id']}/landmarks", {"points": read_landmarks(
+        folder / "paintings/Ken.landmarks.txt").tolist()})
+    return found["id"]
+
+
+def test_previews_follow_landmarks_mixes_and_cameras(page, project, head, style, negative):
+    path = f"/api/projects/{project}/preview"
+
+    def picture(**data):
+        return shown(page.ask("POST", path, {"style": style, "size": 96, **data}))
+
+    plain = picture()
+    assert plain.shape == (96, 96, 3) and plain.std() > 10
+    assert np.array_equal(plain, picture()), "the same again"
+    kept = page.get(f"/api/styles?project={project}")["styles"]
+    preview = next(one["preview"] for one in kept if one["id"] == style)
+    assert np.array_equal(shown(page.ask("GET", preview)), plain)
+    assert picture(cameras=[{"yaw": -40}, {"yaw": 40, "zoom": 2}]).shape == (96, 192, 3)
+    photo = shown(page.ask("POST", path, {"style": None, "size": 96}))
+    half, none = picture(mix={"strength": 0.5}), picture(mix={"strength": 0.0})
+    # A mix lies between photo and painting.
+    assert np.abs(none - plain).mean() > 1.8 * np.abs(half - none).mean() > 1
+    assert np.abs(none - photo).mean() < np.abs(none - plain).mean() / 2
+    mixed = picture(mix={"regions": {"skin": {"style": negative, "strength": 1.0}}})
+    assert np.abs(mixed - plain).mean() > 1, "another painting on the skin alone"
+    points = read_landmarks(page.desk.projects.get(project).folder
+                            / "paintings/Ken.landmarks.txt")
+    moved = picture(landmarks=(points + np.array([12.0, 0.0])).tolist())
+    assert np.abs(moved - plain).mean() > 0.5, "landmarks that are not saved are shown"
+    assert np.array_equal(picture(landmarks=points.tolist()), plain)
+    for wrong in ({"size": 1e9}, {"mix": {"strength": 2}}, {"mix": {"regions": {"evil": 1}}},
+                  {"mix": {"regions": {"hair": 9}}}, {"cameras": []}, {"landmarks": [[0, 0]]},
+                  {"landmarks": [[float("inf"), 0]] * 68}):
+        assert page.ask("POST", path, {"style": style, **wrong}).status_code == 400, wrong
+    assert page.error("POST", path, {"style": "own-nobody"}) == "not_found"
+
+
+def test_a_lost_preview_process_comes_back(page, project, head):
+    path = f"/api/projects/{project}/preview"
+    assert page.ask("POST", path, {"style": None, "size": 64}).status_code == 200
+    os.kill(page.desk.previews.process, 9)
+    codes = {page.ask("POST", path, {"style": None, "size": 64}).status_code for _ in range(3)}
+    assert 200 in codes and codes <= {200, 503}
+    assert page.ask("POST", path, {"style": None, "size": 64}).status_code == 200
+
+
+def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
+    versions = f"/api/projects/{project}/versions"
+    first = page.do("POST", versions, {"name": "First: try", "style": style})
+    half = page.do("POST", versions, {"name": "Half", "style": style, "mix": {"strength": 0.5}})
+    assert not first["fine"] and first["name"] == "First: try"
+    assert shown(page.ask("GET", first["thumbnail"])).shape == (320, 320, 3)
+    job = page.wait(page.do("POST", f"{versions}/{first['id']}/fine")["id"])
+    assert job["state"] == "done", job
+    # The same by the command, which goes on from the studio's head.
+    folder = page.desk.projects.get(project).folder
+    run = make(folder / "photos", folder / "paintings/Ken.png", folder / "portrait",
+               page.desk.displays.of(page.desk.projects.get(project)).source, CONFIG, offline=True)
+    assert run["resumed"] == ["capture", "reconstruct"]
+    target = folder / "versions/First- try"
+    for name in ("styled.npz", "lightfield.png", "portrait.html", "sweep.mp4"):
+        assert digest(target / name) == digest(folder / "portrait" / name), name
+    # An export of it, too, whose file is only ever saved.
+    export = page.do("POST", f"/api/projects/{project}/exports", {
+        "kind": "coded", "version": first["id"], "name": "Anna"})
+    assert page.wait(export["id"])["state"] == "done"
+    (entry,) = wait_for(lambda: page.get(f"/api/projects/{project}/exports")["exports"])
+    answer = page.ask("GET", entry["file"])
+    assert answer.content == (folder / "portrait/lightfield.png").read_bytes()
+    assert answer.headers["content-type"] == "application/octet-stream"
+    assert answer.headers["content-disposition"].startswith("attachment")
+    assert entry["fine"] and entry["name"] == "Anna.png"
+    # Another mix of the same painting does not paint again.
+    job = page.wait(page.do("POST", f"{versions}/{half['id']}/fine")["id"])
+    assert [one["state"] for one in job["stages"]] == ["skipped", "done", "done"]
+    states = wait_for(lambda: {one["id"]: one["fine"] for one in page.get(versions)["versions"]
+                               } if page.get(versions)["versions"][2]["fine"] else None)
+    assert states == {"portrait": True, first["id"]: True, half["id"]: True}
+    assert digest(folder / "versions/Half/lightfield.png") != digest(target / "lightfield.png")
+    changed = page.do("PATCH", f"{versions}/{half['id']}", {"mix": {"strength": 0.6}})
+    assert not changed["fine"]
+    assert read_json(target / "run.json")["style"] == "Ken"
+
+
+def wait_for(ask):
+    """What is noted a moment after a job has ended."""
+    until = time.monotonic() + 10
+    while not (found := ask()) and time.monotonic() < until:
+        time.sleep(0.02)
+    return found
+
+
+def digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_the_viewer_runs_nothing_but_its_own_script(page, project, head, style):
+    path = f"/api/projects/{project}/viewer"
+    found = page.do("POST", path, {"style": style, "mix": {"identity": 0.5}})
+    assert found["styles"] == ["Ken"] and "hair" in found["regions"] and not found["fine"]
+    answer = page.ask("GET", found["page"])
+    policy = answer.headers["content-security-policy"]
+    script = re.search(r"<script>(.*?)</script>", answer.text, re.DOTALL)[1]
+    import base64
+
+    name = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{name}';" in policy and "frame-ancestors 'self'" in policy
+    assert "unsafe-inline" not in policy.partition("style-src")[0]
+    for wrong in ("x.html", "0" * 32 + ".html", "0" * 32, "..%2fstudio.json"):
+        assert page.ask("GET", f"/view/{project}/{wrong}").status_code == 404
+
+
+def test_depth_eye_and_patterns(page, project, head, style):
+    version = page.get(f"/api/projects/{project}/versions")["versions"][-1]["id"]
+    found = page.do("POST", f"/api/projects/{project}/budget", {"version": version})
+    assert found["sharp"][0] < 0 < found["sharp"][1] and found["lines"]
+    far = page.do("POST", f"/api/projects/{project}/budget", {
+        "version": version, "placement": {"focus": 0.2}})
+    assert far["placement"]["focus"] == pytest.approx(found["placement"]["focus"] + 0.2)
+    path = f"/api/projects/{project}/eye"
+    left, right = (shown(page.ask("POST", path, {"version": version, "eye": [x, 0],
+                                                 "width": 128})) for x in (-0.5, 0.5))
+    assert left.shape == (96, 128, 3) and np.abs(left - right).mean() > 0.5
+    coded = page.do("POST", f"/api/projects/{project}/full", {"version": version})["picture"]
+    assert shown(page.ask("GET", coded)).shape == (96, 128, 3)
+    display = page.get("/api/projects/" + project)["display"]
+    for kind in ("views", "slant", "fringe", "depth"):
+        picture = page.ask("GET", f"/api/displays/{display}/pattern?kind={kind}")
+        assert shown(picture).shape == (96, 128, 3)
+    for wrong in ({"placement": {"size": -1}}, {"placement": {"evil": 1}}, {"eye": [1e9, 0]},
+                  {"display": "../tiny"}):
+        assert page.ask("POST", path, {"version": version, **wrong}).status_code in (400, 404)
+
+
+def test_regions_are_found_painted_over_and_forgotten(page, project, head, style):
+    path = f"/api/styles/{style}/regions?project={project}"
+    found = page.get(path)
+    assert not found["painted"] and found["labels"][0] == "auto"
+    seen = Image.open(io.BytesIO(page.ask("GET", found["found"]).content))
+    assert seen.size == (found["width"], found["height"]) == (180, 240)
+    values = np.zeros((240, 180), np.uint8)
+    values[:60] = found["labels"].index("hair")
+    buffer = io.BytesIO()
+    Image.fromarray(values).save(buffer, "PNG")
+    assert page.do("PUT", path, buffer.getvalue())["painted"]
+    kept = page.desk.projects.get(project).folder / "paintings/Ken.regions.png"
+    assert np.array_equal(read_image(kept)[..., 0], values)
+    assert page.error("PUT", path, b"no picture") == "bad_request"
+    small = io.BytesIO()
+    Image.fromarray(values[:10]).save(small, "PNG")
+    assert page.error("PUT", path, small.getvalue()) == "bad_request"
+    assert not page.do("DELETE", path)["painted"] and not kept.exists()
+
+
+def test_a_style_is_copied_into_the_project(page, project, negative):
+    style = f"/api/styles/{negative}/landmarks?project={project}"
+    found = page.get(style)
+    assert len(found["points"]) == 68 and found["mirror"][36] == 45
+    built_in = f"/api/styles/builtin-charcoal/landmarks?project={project}"
+    assert page.error("PUT", built_in, {"points": found["points"]}) == "exists"
+    fresh = page.do("POST", f"/api/styles/{negative}/copy?project={project}")
+    assert fresh["kind"] == "project" and fresh["landmarks"] == "file"
+    copied = page.get(f"/api/styles/{fresh['id']}/landmarks?project={project}")
+    assert np.abs(np.subtract(copied["points"], found["points"])).max() < 0.01
+    renamed = page.do("PATCH", f"/api/styles/{fresh['id']}?project={project}", {"name": "New"})
+    assert renamed["name"] == "New" and renamed["landmarks"] == "file"
+    page.do("DELETE", f"/api/styles/{renamed['id']}?project={project}")
+    names = [one["name"] for one in page.get(f"/api/styles?project={project}")["styles"]]
+    assert "New" not in names and "Negative" in names
+
+
+def test_a_selection_becomes_a_batch_and_a_study(page, project, head, style):
+    from lfportrait.job.batch import load_jobs
+
+    found = page.do("POST", "/api/batch", {"projects": [project], "styles": [
+        style, "builtin-charcoal"], "displays": ["generic-4k"]})
+    jobs = load_jobs(Path(found["file"]))
+    assert list(jobs.sitters) == ["Anna"] and list(jobs.styles) == ["Ken", "charcoal"]
+    assert list(jobs.panels) == ["generic-4k"] and found["command"].startswith("lfportrait batch")
+    assert page.error("POST", "/api/batch", {"projects": [project]}) == "bad_request"
+    assert page.error("POST", "/api/study", {"versions": [[project, "portrait"]]}) == "bad_request"

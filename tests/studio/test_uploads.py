@@ -1,0 +1,186 @@
+"""Photos on their way: streamed, resumed, known by their hash, refused where they are no photos."""
+
+import asyncio
+import hashlib
+import time
+
+import pytest
+from starlette.requests import ClientDisconnect
+
+from lfportrait.studio.answers import Refusal
+
+from .conftest import jpeg
+
+
+@pytest.fixture
+def project(page):
+    return page.do("POST", "/api/projects", {"name": "Anna"})["id"]
+
+
+def announced(page, project, *files):
+    return page.do("POST", f"/api/projects/{project}/uploads", {"files": list(files)})["files"]
+
+
+def entry(name, data):
+    return {"name": name, "size": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+
+
+def test_a_photo_lies_where_the_commands_look_for_it(page, project):
+    data = jpeg(1)
+    assert page.send(project, "IMG 1.jpg", data)["state"] == "send"
+    folder = page.desk.projects.folder / "Anna" / "photos"
+    assert (folder / "IMG 1.jpg").read_bytes() == data
+    assert [path.name for path in folder.iterdir()] == ["IMG 1.jpg"]
+    photos = page.get(f"/api/projects/{project}/photos")["photos"]
+    assert [one["name"] for one in photos] == ["IMG 1.jpg"] and photos[0]["grade"] == "none"
+    picture = page.ask("GET", photos[0]["picture"])
+    assert picture.headers["content-type"] == "image/jpeg"
+    assert page.ask("GET", photos[0]["picture"], headers={
+        "if-none-match": picture.headers["etag"]}).status_code == 304
+
+
+def test_a_photo_that_is_here_is_not_sent_again(page, project):
+    data = jpeg(1)
+    page.send(project, "one.jpg", data)
+    found = announced(page, project, entry("another name.jpg", data), entry("two.jpg", jpeg(2)))
+    assert [one["state"] for one in found] == ["have", "send"]
+    assert found[0]["upload"] is None and found[0]["photo"]
+    # Two pages send the same at the same time: it is kept once.
+    twice = [announced(page, project, entry(f"{n}.jpg", jpeg(3)))[0]["upload"] for n in (1, 2)]
+    for upload in twice:
+        page.ask("PUT", f"/api/projects/{project}/uploads/{upload}?offset=0", jpeg(3))
+    assert len(page.get(f"/api/projects/{project}/photos")["photos"]) == 2
+
+
+def test_a_broken_upload_goes_on_where_it_broke(page, project):
+    data = jpeg(4, (300, 200))
+    (found,) = announced(page, project, entry("a.jpg", data))
+    path = f"/api/projects/{project}/uploads/{found['upload']}"
+    half = len(data) // 2
+
+    def broken():
+        yield data[:half]
+
+    answer = page.ask("PUT", f"{path}?offset=0", b"", content=broken(),
+                      headers={"content-length": str(len(data))})
+    assert answer.status_code == 400
+    (found,) = announced(page, project, entry("a.jpg", data))
+    assert (found["state"], found["offset"]) == ("resume", half)
+    path = f"/api/projects/{project}/uploads/{found['upload']}"
+    assert page.error("PUT", f"{path}?offset={half - 1}", data[half - 1:]) == "exists"
+    assert page.ask("PUT", f"{path}?offset={half}", data[half:]).status_code == 201
+    assert (page.desk.projects.folder / "Anna/photos/a.jpg").read_bytes() == data
+    assert not list((page.desk.projects.folder / "Anna/.studio/uploads").iterdir())
+
+
+def test_what_was_damaged_on_its_way_is_not_kept(page, project):
+    data = jpeg(5)
+    (found,) = announced(page, project, entry("a.jpg", data))
+    path = f"/api/projects/{project}/uploads/{found['upload']}"
+    assert page.error("PUT", f"{path}?offset=0", b"x" + data[1:]) == "bad_hash"
+    assert page.get(f"/api/projects/{project}/photos")["photos"] == []
+    (found,) = announced(page, project, entry("a.jpg", data))
+    assert (found["state"], found["offset"]) == ("send", 0)
+
+
+def test_what_is_longer_or_shorter_than_announced_is_refused(page, project):
+    data = jpeg(6)
+    (found,) = announced(page, project, entry("a.jpg", data))
+    path = f"/api/projects/{project}/uploads/{found['upload']}?offset=0"
+    assert page.error("PUT", path, data + b"more") == "bad_request"
+    answer = page.ask("PUT", path, data + b"more", headers={"content-length": str(len(data))})
+    assert answer.json()["error"]["code"] == "too_large"
+    assert page.get(f"/api/projects/{project}/photos")["photos"] == []
+
+
+@pytest.mark.parametrize("name, code", [
+    ("../a.jpg", "bad_name"), ("..\\a.jpg", "bad_name"), ("C:a.jpg", "bad_name"),
+    ("/etc/a.jpg", "bad_name"), (".hidden.jpg", "bad_name"), ("a\0.jpg", "bad_name"),
+    ("con.jpg", "bad_name"), ("", "bad_name"), ("a.jpg.", "bad_name"), ("a\u202egpj.exe",
+                                                                        "bad_name"),
+    ("a.exe", "bad_type"), ("a.svg", "bad_type"), ("a.html", "bad_type"), ("a", "bad_type"),
+    ("a.dng", "bad_type"), ("a" * 200 + ".jpg", "bad_name")])
+def test_odd_names_and_other_files_are_refused(page, project, name, code):
+    found, good = announced(page, project, entry(name, b"data"), entry("good.jpg", jpeg(7)))
+    assert found["state"] == "refused" and found["error"]["code"] == code
+    assert good["state"] == "send", "one bad name does not stop the others"
+
+
+def test_too_much_is_refused(page, project, monkeypatch):
+    large = {"name": "a.jpg", "size": (128 << 20) + 1, "sha256": "0" * 64}
+    assert announced(page, project, large)[0]["error"]["code"] == "too_large"
+    monkeypatch.setattr("lfportrait.studio.uploads.free_disk_bytes", lambda _: 1000)
+    found = announced(page, project, entry("a.jpg", jpeg(8)))[0]["error"]
+    assert found["code"] == "disk_full" and found["about"]["free_bytes"] == 1000
+    assert page.error("POST", f"/api/projects/{project}/uploads", {"files": [large] * 501}
+                      ) == "bad_request"
+
+
+def test_a_disk_that_fills_up_on_the_way_is_said(page, project, monkeypatch):
+    data = jpeg(9)
+    (found,) = announced(page, project, entry("a.jpg", data))
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("lfportrait.studio.uploads.os.replace", full)
+    path = f"/api/projects/{project}/uploads/{found['upload']}?offset=0"
+    assert page.error("PUT", path, data) == "disk_full"
+    monkeypatch.undo()
+    (found,) = announced(page, project, entry("a.jpg", data))
+    assert found["offset"] == len(data), "nothing that came is lost"
+    page.do("PUT", f"/api/projects/{project}/uploads/{found['upload']}?offset={len(data)}", b"")
+    assert len(page.get(f"/api/projects/{project}/photos")["photos"]) == 1
+
+
+@pytest.mark.parametrize("how", ["slow", "gone"])
+def test_an_upload_that_hardly_moves_or_breaks_off_keeps_what_came(page, project, monkeypatch, how):
+    """Asked directly: the test client sends a body at once."""
+    monkeypatch.setattr("lfportrait.studio.uploads._WITHIN", 0.05)
+    data = jpeg(10, (400, 300))
+    (found,) = announced(page, project, entry("a.jpg", data))
+
+    async def dripping():
+        for place in range(0, 5000, 100):
+            yield data[place:place + 100]
+            await asyncio.sleep(0.01 if how == "slow" else 0)
+        raise ClientDisconnect
+
+    begun = time.monotonic()
+    with pytest.raises(Refusal if how == "slow" else ClientDisconnect) as error:
+        asyncio.run(page.desk.uploads.receive(page.desk.projects.get(project), found["upload"], 0,
+                                              len(data), dripping()))
+    assert time.monotonic() - begun < 2
+    assert how == "gone" or error.value.code == "too_slow"
+    (found,) = announced(page, project, entry("a.jpg", data))
+    assert found["state"] == "resume" and 0 < found["offset"] <= 5000
+    path = f"/api/projects/{project}/uploads/{found['upload']}?offset={found['offset']}"
+    page.do("PUT", path, data[found["offset"]:])
+    assert (page.desk.projects.folder / "Anna/photos/a.jpg").read_bytes() == data
+
+
+def test_a_project_has_photos_or_one_video(page, project):
+    page.send(project, "a.jpg", jpeg(11))
+    video = {"name": "a.mp4", "size": 1000, "sha256": "1" * 64}
+    assert announced(page, project, video)[0]["error"]["code"] == "exists"
+
+
+def test_a_photo_is_left_out_and_taken_in_again(page, project):
+    page.send(project, "a.jpg", jpeg(12))
+    (photo,) = page.get(f"/api/projects/{project}/photos")["photos"]
+    path = f"/api/projects/{project}/photos/{photo['id']}"
+    assert page.do("PATCH", path, {"left_out": True})["grade"] == "grey"
+    folder = page.desk.projects.folder / "Anna"
+    assert not list((folder / "photos").iterdir()) and (folder / "left-out/a.jpg").is_file()
+    assert announced(page, project, entry("b.jpg", jpeg(12)))[0]["state"] == "have"
+    page.do("PATCH", path, {"left_out": False})
+    assert (folder / "photos/a.jpg").is_file()
+    page.do("DELETE", path)
+    assert page.get(f"/api/projects/{project}/photos")["photos"] == []
+    assert page.error("GET", photo["picture"]) == "not_found"
+
+
+def test_a_damaged_photo_has_no_picture_but_a_word(page, project):
+    page.send(project, "a.jpg", b"\xff\xd8 no picture")
+    (photo,) = page.get(f"/api/projects/{project}/photos")["photos"]
+    assert page.error("GET", photo["picture"]) == "user_error"
