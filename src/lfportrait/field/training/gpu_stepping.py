@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -21,8 +23,8 @@ from .pixels import TrainingPixels
 from .stepping import Plan, Taken
 from .steps import color_gains
 
-__all__ = ["GpuSteps", "cameras_given", "fits_gpu", "largest_on_gpu", "ray_numbers", "tiles_given",
-           "warn"]
+__all__ = ["GpuSteps", "cameras_given", "fits_gpu", "largest_on_gpu", "prepare", "ray_numbers",
+           "tiles_given", "warn"]
 
 _CALLS = "lfportrait.field.gpu.training.calls"
 _TOGETHER = 64
@@ -77,6 +79,16 @@ def level_given(lattice: Lattice, geometry: tuple[Any, ...], cameras: NDArray[np
 def fits_gpu(lattice: Lattice) -> bool:
     """Whether the shaders can cast rays through a lattice: points have ten bits a side."""
     return max(lattice.links.shape) < 1024
+
+
+def prepare(process: GpuProcess) -> None:
+    """Start the device's process and compile its kernels, beside what is done here meanwhile."""
+    def run() -> None:
+        # Whoever asks next is told.
+        with contextlib.suppress(Exception):
+            process.call(f"{_CALLS}:prepare")
+
+    threading.Thread(target=run, daemon=True).start()
 
 
 def warn(progress: Progress | None, line: str) -> None:

@@ -32,7 +32,7 @@ from ..quality import held_out_quality
 from .averaging import Average
 from .casting import Caster
 from .checkpoint import deflated, read_checkpoint, write_checkpoint
-from .gpu_stepping import fits_gpu, largest_on_gpu, warn
+from .gpu_stepping import fits_gpu, largest_on_gpu, prepare, warn
 from .lattice import Lattice, box_shape
 from .level import Level
 from .meter import Meter
@@ -54,6 +54,8 @@ class Trainer:
                  meter: Meter | None = None, process: GpuProcess | None = None) -> None:
         # The GPU's, until it is lost; None: the CPU.
         self.process = process
+        if process is not None:
+            prepare(process)
         self.original, self.capture, self.config, self.progress = capture, capture, config, progress
         self.checkpoint, self.meter = checkpoint, meter
         self.views = capture.training()

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from ....gpu.device import Device
 from ...kernels.bricks import table_of_bright
+from .shaders import BINDINGS, source
 from .steps import Steps, largest_weights
 
 __all__ = ["begin", "end", "fetch", "fetch_shells", "largest", "look_again", "measure", "place",
-           "put_average", "take"]
+           "prepare", "put_average", "take"]
 
 _KEY = "field training"
 
@@ -23,6 +24,13 @@ def begin(device: Device, given: dict[str, Any]) -> None:
     steps = device.kept[_KEY] = Steps(device, given)
     if given.get("bright") is not None:
         steps.lattice.write_table(device, given["bright"])
+
+
+def prepare(device: Device) -> None:
+    """Compile the kernels that every training needs, while the training still gets ready."""
+    for entry, (file, _) in BINDINGS.items():
+        if file not in ("shells", "colors"):
+            device.kernel(source(file), entry)
 
 
 def end(device: Device) -> None:

@@ -224,7 +224,7 @@ class Steps:
         -------
         figures
             ``seconds`` of a step, ``kernels`` (name and seconds of each, in their order),
-            ``blocks`` and ``records`` of the step.
+            ``blocks``, ``records`` and visible ``samples`` of the step.
         """
         self.take(steps[:1], inputs[:1], np.zeros(1, bool))  # room, and compiled kernels
         device, names = self.device, [*self.names()]
@@ -241,9 +241,11 @@ class Steps:
             spent.append((time.perf_counter() - start) / repeats)
             if count == len(dispatches):
                 header = self.notes.header(device)
+                visible = device.read(self.notes.buffers["sides"], np.float32,
+                                      (header["most_blocks"], 128, 2))[..., 1]
         spent.append(0.0)
         return {"seconds": spent[0], "blocks": header["most_blocks"],
-                "records": header["most_records"],
+                "records": header["most_records"], "samples": int(np.count_nonzero(visible)),
                 "kernels": [(name, spent[place] - spent[place + 1])
                             for place, name in enumerate(reversed(names))][::-1]}
 
