@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -27,8 +28,10 @@ __all__ = ["GpuSteps", "cameras_given", "fits_gpu", "largest_on_gpu", "prepare",
            "tiles_given", "warn"]
 
 _CALLS = "lfportrait.field.gpu.training.calls"
-_TOGETHER = 64
-"""Steps of a call."""
+_TOGETHER, _FIRST = 64, 4
+"""Steps of a call at most, and of the first one."""
+_LONG = 0.2
+"""Seconds that a call should take at most, so that clocks are kept on slow devices, too."""
 
 
 def tiles_given(data: TrainingPixels, tiles: NDArray[np.int32], greys: NDArray[np.float32],
@@ -177,7 +180,8 @@ class GpuSteps:
             base["grey"] = config.background
         self._base = base
         self._waiting: list[Plan] = []
-        self._under_way: tuple[list[Plan], Future[NDArray[np.float32]]] | None = None
+        self._under_way: tuple[list[Plan], Future[tuple[NDArray[np.float32], float]]] | None = None
+        self._together = _FIRST
         self._thread = ThreadPoolExecutor(1)
         self._call("begin", {
             **level_given(lattice, geometry, cameras_given(data, geometry[2], scale()),
@@ -195,8 +199,13 @@ class GpuSteps:
     def take(self, plan: Plan) -> None:
         """Let a step wait; with enough of them, send them off."""
         self._waiting.append(plan)
-        if len(self._waiting) == _TOGETHER:
+        if len(self._waiting) >= self._together:
             self._send()
+
+    def _timed(self, *arguments: Any) -> tuple[NDArray[np.float32], float]:
+        """Errors of some steps, and the seconds that they took."""
+        start = time.perf_counter()
+        return self._call("take", *arguments), time.perf_counter() - start
 
     def _send(self) -> None:
         """Send off what waits, and take in what was sent off before."""
@@ -206,9 +215,11 @@ class GpuSteps:
         # What is under way must be done before the process is called again.
         found = before[1].result() if before is not None else None
         if arguments is not None:
-            self._under_way = plans, self._thread.submit(self._call, "take", *arguments)
+            self._under_way = plans, self._thread.submit(self._timed, *arguments)
         if before is not None and found is not None:
-            for plan, errors in zip(before[0], found, strict=True):
+            share = _LONG * len(before[0]) / max(found[1], 1e-6)
+            self._together = int(np.clip(share, 1, min(_TOGETHER, 2 * self._together)))
+            for plan, errors in zip(before[0], found[0], strict=True):
                 self._states += plan.averaged
                 self.taken(plan, errors, float(errors.sum(dtype=np.float64)))
 
