@@ -259,11 +259,13 @@ class GpuSteps:
         self.flush()
         self._call("place", cameras_given(self.data, self._geometry, self.scale()))
 
-    def sync(self) -> None:
-        """Bring the lattice's values here, and the average's."""
+    def sync(self, last: bool = False) -> None:
+        """Bring the lattice's values here, and the average's.
+
+        ``last``: the training is over. Where there is an average, the lattice gets that alone.
+        """
         self.flush()
         lattice, width = self.lattice, self.lattice.rows.shape[1]
-        lattice.density[:], lattice.rows[:] = self._call("fetch", width)
         if self.behind is not None:
             data, square = self._call("fetch_shells")
             self.behind.background.data[:] = data.reshape(self.behind.background.data.shape)
@@ -273,6 +275,10 @@ class GpuSteps:
             density, rows = self._call("fetch", width, True)
             self.average.density[:], self.average.count = density, self._states
             self.average.rows[:] = rows[:, :3 * self.basis]
+        if last and self.average is not None:
+            self.average.put(lattice)
+        else:
+            lattice.density[:], lattice.rows[:] = self._call("fetch", width)
 
     def close(self) -> None:
         """Forget the level; steps that wait are not taken."""

@@ -54,7 +54,7 @@ class Training(State, Protocol):
     def field(self) -> VoxelField:
         """The field as it is."""
 
-    def sync(self) -> None:
+    def sync(self, last: bool = False) -> None:
         """Bring here what the steps have come to."""
 
     def tell(self, done: float) -> None:
@@ -138,7 +138,7 @@ class Level:
             if time.perf_counter() > self.deadline:
                 break
             trainer.save_now_and_then()
-        trainer.sync()
+        trainer.sync(self.finest)
         return float(trainer.recent[0] / max(trainer.recent[1], 1.0))
 
     def _plan(self) -> Plan:

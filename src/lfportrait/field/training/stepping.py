@@ -75,8 +75,11 @@ class Steps(Protocol):
     def place(self) -> None:
         """The pixels' cameras have changed."""
 
-    def sync(self) -> None:
-        """Bring the lattice's values here, and the average's."""
+    def sync(self, last: bool = False) -> None:
+        """Bring the lattice's values here, and the average's.
+
+        ``last``: the training is over, after which the average is what counts, if there is one.
+        """
 
     def close(self) -> None:
         """The level is over, or has failed."""
@@ -151,7 +154,7 @@ class CpuSteps:
     def place(self) -> None:
         """Cameras are looked up at each step."""
 
-    def sync(self) -> None:
+    def sync(self, last: bool = False) -> None:
         """The lattice is here."""
 
     def close(self) -> None:

@@ -115,10 +115,10 @@ class Trainer:
         return VoxelField(lattice.links, lattice.density[:count].copy(), np.ascontiguousarray(sh),
                           lattice.center, lattice.radius, self.capture.frame, self.background)
 
-    def sync(self) -> None:
-        """Bring here what the steps of this level have come to."""
+    def sync(self, last: bool = False) -> None:
+        """Bring here what the steps of this level have come to; ``last``: of all levels."""
         if self.steps is not None:
-            self.steps.sync()
+            self.steps.sync(last)
             self.average = self.steps.average
 
     @functools.cached_property
