@@ -179,7 +179,9 @@ class GpuSteps:
             base["layers"], base["high"] = sphere.layers, sphere.links.shape[1]
             base["grey"] = config.background
         self._base = base
-        self._waiting: list[Plan] = []
+        self.table = table
+        self._looks_next, self._looked = False, False
+        self._waiting: list[tuple[Plan, bool]] = []
         self._under_way: tuple[list[Plan], Future[tuple[NDArray[np.float32], float]]] | None = None
         self._together = _FIRST
         self._thread = ThreadPoolExecutor(1)
@@ -198,7 +200,9 @@ class GpuSteps:
 
     def take(self, plan: Plan) -> None:
         """Let a step wait; with enough of them, send them off."""
-        self._waiting.append(plan)
+        self._waiting.append((plan, self._looks_next))
+        self._looked |= self._looks_next
+        self._looks_next = False
         if len(self._waiting) >= self._together:
             self._send()
 
@@ -209,12 +213,13 @@ class GpuSteps:
 
     def _send(self) -> None:
         """Send off what waits, and take in what was sent off before."""
-        plans, self._waiting = self._waiting, []
-        arguments = self._given(plans) if plans else None
+        waiting, self._waiting = self._waiting, []
+        plans = [plan for plan, _ in waiting]
+        arguments = (*self._given(plans), np.array([looks for _, looks in waiting]))
         before, self._under_way = self._under_way, None
         # What is under way must be done before the process is called again.
         found = before[1].result() if before is not None else None
-        if arguments is not None:
+        if plans:
             self._under_way = plans, self._thread.submit(self._timed, *arguments)
         if before is not None and found is not None:
             share = _LONG * len(before[0]) / max(found[1], 1e-6)
@@ -225,6 +230,8 @@ class GpuSteps:
 
     def _given(self, plans: list[Plan]) -> tuple[NDArray[Any], ...]:
         """Steps as the device's process takes them."""
+        if not plans:
+            return ()
         steps = np.repeat(self._base, len(plans))
         first = np.array([int(plan.place * self.lattice.count) for plan in plans])
         steps["rate"] = [plan.rate for plan in plans]
@@ -249,10 +256,12 @@ class GpuSteps:
         steps, inputs, _ = self._given([plan])
         return dict(self._call("measure", steps, inputs, repeats))
 
-    def look_again(self, least: float) -> NDArray[np.int32]:
-        """Let rays leap over bricks in which no density is above ``least``; the table for that."""
-        self.flush()
-        return np.asarray(self._call("look_again", least))
+    def look_again(self, least: float) -> None:
+        """Let rays leap over bricks in which no density is above ``least``, from the next step on.
+
+        It is the threshold of the options.
+        """
+        self._looks_next = True
 
     def place(self) -> None:
         """The pixels' cameras have changed."""
@@ -275,6 +284,8 @@ class GpuSteps:
             density, rows = self._call("fetch", width, True)
             self.average.density[:], self.average.count = density, self._states
             self.average.rows[:] = rows[:, :3 * self.basis]
+        if self._looked:
+            self.table = self._call("fetch_table")
         if last and self.average is not None:
             self.average.put(lattice)
         else:

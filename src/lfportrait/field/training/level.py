@@ -129,7 +129,7 @@ class Level:
                 self.steps.flush()
             plan = self._plan()
             if trainer.step % _LOOK_AGAIN == 0:
-                trainer.table = self.steps.look_again(self.options[1])
+                self.steps.look_again(self.options[1])
             self.steps.take(plan)
             trainer.step += 1
             trainer.rays_done += 16 * len(plan.tiles)

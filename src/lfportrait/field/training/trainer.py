@@ -119,7 +119,7 @@ class Trainer:
         """Bring here what the steps of this level have come to; ``last``: of all levels."""
         if self.steps is not None:
             self.steps.sync(last)
-            self.average = self.steps.average
+            self.average, self.table = self.steps.average, self.steps.table
 
     @functools.cached_property
     def surface(self) -> HeadSurface | None:

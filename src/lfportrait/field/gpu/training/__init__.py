@@ -22,6 +22,8 @@ Kernel               Work                                                     On
 ``smooth_run``
 ``vary_colors``,     the same of the colors, for a room                       a coefficient
 ``smooth_colors``
+``bright``,          the table of bricks with visible density, every 400      a brick
+``along_x``, ...     steps
 ``shells_backward``  slopes of the spheres, as sums of integers               a ray
 ``shells_step``      the spheres (RMSProp)                                    a value
 ===================  =======================================================  ================
