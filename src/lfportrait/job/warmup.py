@@ -43,7 +43,7 @@ def _reconstruct() -> None:
     from .specimens import ball_capture
 
     reconstruct(ball_capture(), ReconstructConfig(
-        resolutions=(16, 24), rays=(0.004, 0.004), batch=(1024,)))
+        resolutions=(16, 24), rays=(0.004, 0.004), batch=(1024,)), device="cpu")
 
 
 def _transfer() -> None:

@@ -25,8 +25,7 @@ from scipy import ndimage
 from ...lanes.decorators import lean_kernel
 from ...lanes.threads import shared
 
-__all__ = ["BRICK", "SLOTS", "Bricks", "brick_table", "bright_table", "build_bricks", "row_width",
-           "table_of_bright"]
+__all__ = ["BRICK", "SLOTS", "Bricks", "brick_table", "bright_table", "build_bricks", "row_width"]
 
 BRICK = 4
 """Cells along a brick's edge."""
@@ -163,11 +162,6 @@ def bright_table(table: NDArray[np.int32], brick_links: NDArray[np.int32],
     """
     found = np.zeros(len(brick_links) // SLOTS, np.bool_)
     _brighter(brick_links, density, np.float32(least), found)
-    return table_of_bright(table, found)
-
-
-def table_of_bright(table: NDArray[np.int32], found: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """The table with only the bricks that are marked in ``found``, bool [bricks]."""
     bright = (table >= 0) & found[np.maximum(table, 0)]
     return np.where(bright, table, _distances(bright)).astype(np.int32)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
+import time
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -21,12 +24,14 @@ from .pixels import TrainingPixels
 from .stepping import Plan, Taken
 from .steps import color_gains
 
-__all__ = ["GpuSteps", "cameras_given", "fits_gpu", "largest_on_gpu", "ray_numbers", "tiles_given",
-           "warn"]
+__all__ = ["GpuSteps", "cameras_given", "fits_gpu", "largest_on_gpu", "prepare", "ray_numbers",
+           "tiles_given", "warn"]
 
 _CALLS = "lfportrait.field.gpu.training.calls"
-_TOGETHER = 64
-"""Steps of a call."""
+_TOGETHER, _FIRST = 64, 4
+"""Steps of a call at most, and of the first one."""
+_LONG = 0.2
+"""Seconds that a call should take at most, so that clocks are kept on slow devices, too."""
 
 
 def tiles_given(data: TrainingPixels, tiles: NDArray[np.int32], greys: NDArray[np.float32],
@@ -77,6 +82,16 @@ def level_given(lattice: Lattice, geometry: tuple[Any, ...], cameras: NDArray[np
 def fits_gpu(lattice: Lattice) -> bool:
     """Whether the shaders can cast rays through a lattice: points have ten bits a side."""
     return max(lattice.links.shape) < 1024
+
+
+def prepare(process: GpuProcess) -> None:
+    """Start the device's process and compile its kernels, beside what is done here meanwhile."""
+    def run() -> None:
+        # Whoever asks next is told.
+        with contextlib.suppress(Exception):
+            process.call(f"{_CALLS}:prepare")
+
+    threading.Thread(target=run, daemon=True).start()
 
 
 def warn(progress: Progress | None, line: str) -> None:
@@ -164,8 +179,11 @@ class GpuSteps:
             base["layers"], base["high"] = sphere.layers, sphere.links.shape[1]
             base["grey"] = config.background
         self._base = base
-        self._waiting: list[Plan] = []
-        self._under_way: tuple[list[Plan], Future[NDArray[np.float32]]] | None = None
+        self.table = table
+        self._looks_next, self._looked = False, False
+        self._waiting: list[tuple[Plan, bool]] = []
+        self._under_way: tuple[list[Plan], Future[tuple[NDArray[np.float32], float]]] | None = None
+        self._together = _FIRST
         self._thread = ThreadPoolExecutor(1)
         self._call("begin", {
             **level_given(lattice, geometry, cameras_given(data, geometry[2], scale()),
@@ -182,26 +200,38 @@ class GpuSteps:
 
     def take(self, plan: Plan) -> None:
         """Let a step wait; with enough of them, send them off."""
-        self._waiting.append(plan)
-        if len(self._waiting) == _TOGETHER:
+        self._waiting.append((plan, self._looks_next))
+        self._looked |= self._looks_next
+        self._looks_next = False
+        if len(self._waiting) >= self._together:
             self._send()
+
+    def _timed(self, *arguments: Any) -> tuple[NDArray[np.float32], float]:
+        """Errors of some steps, and the seconds that they took."""
+        start = time.perf_counter()
+        return self._call("take", *arguments), time.perf_counter() - start
 
     def _send(self) -> None:
         """Send off what waits, and take in what was sent off before."""
-        plans, self._waiting = self._waiting, []
-        arguments = self._given(plans) if plans else None
+        waiting, self._waiting = self._waiting, []
+        plans = [plan for plan, _ in waiting]
+        arguments = (*self._given(plans), np.array([looks for _, looks in waiting]))
         before, self._under_way = self._under_way, None
         # What is under way must be done before the process is called again.
         found = before[1].result() if before is not None else None
-        if arguments is not None:
-            self._under_way = plans, self._thread.submit(self._call, "take", *arguments)
+        if plans:
+            self._under_way = plans, self._thread.submit(self._timed, *arguments)
         if before is not None and found is not None:
-            for plan, errors in zip(before[0], found, strict=True):
+            share = _LONG * len(before[0]) / max(found[1], 1e-6)
+            self._together = int(np.clip(share, 1, min(_TOGETHER, 2 * self._together)))
+            for plan, errors in zip(before[0], found[0], strict=True):
                 self._states += plan.averaged
                 self.taken(plan, errors, float(errors.sum(dtype=np.float64)))
 
     def _given(self, plans: list[Plan]) -> tuple[NDArray[Any], ...]:
         """Steps as the device's process takes them."""
+        if not plans:
+            return ()
         steps = np.repeat(self._base, len(plans))
         first = np.array([int(plan.place * self.lattice.count) for plan in plans])
         steps["rate"] = [plan.rate for plan in plans]
@@ -226,21 +256,25 @@ class GpuSteps:
         steps, inputs, _ = self._given([plan])
         return dict(self._call("measure", steps, inputs, repeats))
 
-    def look_again(self, least: float) -> NDArray[np.int32]:
-        """Let rays leap over bricks in which no density is above ``least``; the table for that."""
-        self.flush()
-        return np.asarray(self._call("look_again", least))
+    def look_again(self, least: float) -> None:
+        """Let rays leap over bricks in which no density is above ``least``, from the next step on.
+
+        It is the threshold of the options.
+        """
+        self._looks_next = True
 
     def place(self) -> None:
         """The pixels' cameras have changed."""
         self.flush()
         self._call("place", cameras_given(self.data, self._geometry, self.scale()))
 
-    def sync(self) -> None:
-        """Bring the lattice's values here, and the average's."""
+    def sync(self, last: bool = False) -> None:
+        """Bring the lattice's values here, and the average's.
+
+        ``last``: the training is over. Where there is an average, the lattice gets that alone.
+        """
         self.flush()
         lattice, width = self.lattice, self.lattice.rows.shape[1]
-        lattice.density[:], lattice.rows[:] = self._call("fetch", width)
         if self.behind is not None:
             data, square = self._call("fetch_shells")
             self.behind.background.data[:] = data.reshape(self.behind.background.data.shape)
@@ -250,6 +284,12 @@ class GpuSteps:
             density, rows = self._call("fetch", width, True)
             self.average.density[:], self.average.count = density, self._states
             self.average.rows[:] = rows[:, :3 * self.basis]
+        if self._looked:
+            self.table = self._call("fetch_table")
+        if last and self.average is not None:
+            self.average.put(lattice)
+        else:
+            lattice.density[:], lattice.rows[:] = self._call("fetch", width)
 
     def close(self) -> None:
         """Forget the level; steps that wait are not taken."""

@@ -3,26 +3,65 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...gpu import GpuProcess
+from ...progress import Progress
 from ..geometry.outlines import refined_mattes
+from ..grid import VoxelField
 from .averaging import Average
-from .gpu_stepping import GpuSteps, fits_gpu
+from .checkpoint import State
+from .gpu_stepping import GpuSteps, fits_gpu, warn
+from .pixels import TrainingPixels
 from .stepping import CpuSteps, Plan, Steps
 from .steps import falling
 
-if TYPE_CHECKING:
-    from .trainer import Trainer
-
-__all__ = ["Level"]
+__all__ = ["Level", "Training"]
 
 _LOOK_AGAIN = 400
 """Steps after which it is looked again for bricks that have become clear."""
 _LAY_AGAIN = 0.4
 """Share of the finest level after which mattes are recomputed: its outline is finer by then."""
+
+
+class Training(State, Protocol):
+    """The state of a reconstruction (`Trainer`) as its levels read and change it."""
+
+    data: TrainingPixels
+    process: GpuProcess | None
+    progress: Progress | None
+    steps: Steps | None
+    basis: int
+    workers: int
+    lays_mattes: bool
+
+    @property
+    def scale(self) -> NDArray[np.float32]:
+        """What 8-bit colors of each view are multiplied with, [V, 3]."""
+
+    def options(self) -> NDArray[np.float64]:
+        """Options of the kernels."""
+
+    def deadline(self) -> float:
+        """When the level must end, by the clock of `time.perf_counter`."""
+
+    def pace(self, least: float = 0.0) -> float:
+        """When the level has had its share of the time."""
+
+    def field(self) -> VoxelField:
+        """The field as it is."""
+
+    def sync(self, last: bool = False) -> None:
+        """Bring here what the steps have come to."""
+
+    def tell(self, done: float) -> None:
+        """Report the progress."""
+
+    def save_now_and_then(self) -> None:
+        """Write a checkpoint if it is time."""
 
 
 class Level:
@@ -34,7 +73,7 @@ class Level:
         Its state is read, and is up to date after each step.
     """
 
-    def __init__(self, trainer: Trainer) -> None:
+    def __init__(self, trainer: Training) -> None:
         self.trainer = trainer
         config, lattice = trainer.config, trainer.lattice
         assert lattice is not None
@@ -66,7 +105,11 @@ class Level:
         assert trainer.lattice is not None
         given = (trainer.lattice, trainer.data, trainer.config, trainer.level, trainer.basis,
                  trainer.workers, self.options, self.lowest, lambda: trainer.scale, self._taken)
-        if trainer.process is not None and fits_gpu(trainer.lattice):
+        if trainer.process is not None and not fits_gpu(trainer.lattice):
+            trainer.process = None
+            warn(trainer.progress, "a lattice of more than 1023 points a side is trained on the "
+                 "CPU")
+        if trainer.process is not None:
             return GpuSteps(trainer.process, *given, tiles=self.batches.size,
                             behind=trainer.behind, average=trainer.average, table=trainer.table)
         steps = CpuSteps(*given)
@@ -86,7 +129,7 @@ class Level:
                 self.steps.flush()
             plan = self._plan()
             if trainer.step % _LOOK_AGAIN == 0:
-                trainer.table = self.steps.look_again(self.options[1])
+                self.steps.look_again(self.options[1])
             self.steps.take(plan)
             trainer.step += 1
             trainer.rays_done += 16 * len(plan.tiles)
@@ -95,7 +138,7 @@ class Level:
             if time.perf_counter() > self.deadline:
                 break
             trainer.save_now_and_then()
-        trainer.sync()
+        trainer.sync(self.finest)
         return float(trainer.recent[0] / max(trainer.recent[1], 1.0))
 
     def _plan(self) -> Plan:

@@ -62,6 +62,8 @@ class Steps(Protocol):
 
     average: Average | None
     """Sums of states, as far as they are known here."""
+    table: NDArray[np.int32] | None
+    """Table of bricks that rays are cast by, as far as it is known here; None: of all bricks."""
 
     def take(self, plan: Plan) -> None:
         """Take a step, now or with those that follow; ``taken`` is called once it is done."""
@@ -69,14 +71,17 @@ class Steps(Protocol):
     def flush(self) -> None:
         """Take the steps that wait."""
 
-    def look_again(self, least: float) -> NDArray[np.int32]:
-        """Let rays leap over bricks in which no density is above ``least``; the table for that."""
+    def look_again(self, least: float) -> None:
+        """Let rays leap over bricks in which no density is above ``least``, from now on."""
 
     def place(self) -> None:
         """The pixels' cameras have changed."""
 
-    def sync(self) -> None:
-        """Bring the lattice's values here, and the average's."""
+    def sync(self, last: bool = False) -> None:
+        """Bring the lattice's values here, and the average's.
+
+        ``last``: the training is over, after which the average is what counts, if there is one.
+        """
 
     def close(self) -> None:
         """The level is over, or has failed."""
@@ -112,6 +117,7 @@ class CpuSteps:
         self.neighbours = lattice.neighbours()
         self.behind: BackgroundTrainer | None = None
         self.average: Average | None = None
+        self.table: NDArray[np.int32] | None = None
 
     def take(self, plan: Plan) -> None:
         """Take a step."""
@@ -136,14 +142,14 @@ class CpuSteps:
             self.average = self.average or Average(lattice, 3 * self.basis)
             self.average.add(lattice)
 
-    def look_again(self, least: float) -> NDArray[np.int32]:
-        """Let rays leap over bricks in which no density is above ``least``; the table for that."""
+    def look_again(self, least: float) -> None:
+        """Let rays leap over bricks in which no density is above ``least``, from now on."""
         self.caster.skip_clear(least)
-        return self.caster.table
+        self.table = self.caster.table
 
     def go_on_with(self, table: NDArray[np.int32]) -> None:
         """Cast rays by a table that `look_again` gave."""
-        self.caster.table = table
+        self.table = self.caster.table = table
 
     def flush(self) -> None:
         """Nothing waits."""
@@ -151,7 +157,7 @@ class CpuSteps:
     def place(self) -> None:
         """Cameras are looked up at each step."""
 
-    def sync(self) -> None:
+    def sync(self, last: bool = False) -> None:
         """The lattice is here."""
 
     def close(self) -> None:

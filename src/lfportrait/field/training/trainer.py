@@ -32,7 +32,7 @@ from ..quality import held_out_quality
 from .averaging import Average
 from .casting import Caster
 from .checkpoint import deflated, read_checkpoint, write_checkpoint
-from .gpu_stepping import fits_gpu, largest_on_gpu, warn
+from .gpu_stepping import fits_gpu, largest_on_gpu, prepare, warn
 from .lattice import Lattice, box_shape
 from .level import Level
 from .meter import Meter
@@ -54,6 +54,8 @@ class Trainer:
                  meter: Meter | None = None, process: GpuProcess | None = None) -> None:
         # The GPU's, until it is lost; None: the CPU.
         self.process = process
+        if process is not None:
+            prepare(process)
         self.original, self.capture, self.config, self.progress = capture, capture, config, progress
         self.checkpoint, self.meter = checkpoint, meter
         self.views = capture.training()
@@ -113,11 +115,11 @@ class Trainer:
         return VoxelField(lattice.links, lattice.density[:count].copy(), np.ascontiguousarray(sh),
                           lattice.center, lattice.radius, self.capture.frame, self.background)
 
-    def sync(self) -> None:
-        """Bring here what the steps of this level have come to."""
+    def sync(self, last: bool = False) -> None:
+        """Bring here what the steps of this level have come to; ``last``: of all levels."""
         if self.steps is not None:
-            self.steps.sync()
-            self.average = self.steps.average
+            self.steps.sync(last)
+            self.average, self.table = self.steps.average, self.steps.table
 
     @functools.cached_property
     def surface(self) -> HeadSurface | None:

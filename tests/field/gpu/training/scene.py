@@ -94,7 +94,7 @@ class SmallSteps(GpuSteps):
 
 def step_options(lattice, pace=0.5):
     """Options of the kernels with every loss."""
-    return np.array([pace, 2e-3 / (pace * lattice.voxel), 1e-2, 0.3, 1e-4, 0.03, 0.0, 0.1])
+    return np.array([pace, 2e-3 / (pace * lattice.voxel), 1e-2, 0.3, 0.05, 0.03, 0.0, 2.8])
 
 
 def random_spheres(data, lattice, seed=5):
@@ -125,7 +125,7 @@ def taken_steps(make, basis, count=5, tiles=24, room=False, **values):
                  lambda: scale, lambda plan, found, total: errors.append((found.copy(), total)))
     for number in range(count):
         if number in (0, 3):
-            table = steps.look_again(options[1])
+            steps.look_again(options[1])
         if number == 4:
             data.cameras[:, 3] += 0.05
             steps.place()
@@ -135,7 +135,7 @@ def taken_steps(make, basis, count=5, tiles=24, room=False, **values):
                         (0.05, 0.5), number % 3 == 1))
     steps.sync()
     steps.close()
-    return own, errors, steps.average, table, behind
+    return own, errors, steps.average, steps.table, behind
 
 
 def on_cpu(behind, *given):

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....gpu.device import Device
-from ...kernels.bricks import table_of_bright
+from .shaders import BINDINGS, source
 from .steps import Steps, largest_weights
 
-__all__ = ["begin", "end", "fetch", "fetch_shells", "largest", "look_again", "measure", "place",
-           "put_average", "take"]
+__all__ = ["begin", "end", "fetch", "fetch_shells", "fetch_table", "largest", "measure", "place",
+           "prepare", "put_average", "take"]
 
 _KEY = "field training"
 
@@ -23,6 +23,13 @@ def begin(device: Device, given: dict[str, Any]) -> None:
     steps = device.kept[_KEY] = Steps(device, given)
     if given.get("bright") is not None:
         steps.lattice.write_table(device, given["bright"])
+
+
+def prepare(device: Device) -> None:
+    """Compile the kernels that every training needs, while the training still gets ready."""
+    for entry, (file, _) in BINDINGS.items():
+        if file not in ("shells", "colors"):
+            device.kernel(source(file), entry)
 
 
 def end(device: Device) -> None:
@@ -36,9 +43,9 @@ def place(device: Device, cameras: NDArray[np.float32]) -> None:
 
 
 def take(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32],
-         averaged: NDArray[np.bool_]) -> NDArray[np.float32]:
+         averaged: NDArray[np.bool_], looks: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Take some steps (`Steps.take`); their tiles' squared errors, float32 [K, T]."""
-    return np.asarray(device.kept[_KEY].take(steps, inputs, averaged))
+    return np.asarray(device.kept[_KEY].take(steps, inputs, averaged, looks))
 
 
 def measure(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32], repeats: int,
@@ -47,12 +54,9 @@ def measure(device: Device, steps: NDArray[Any], inputs: NDArray[np.uint32], rep
     return dict(device.kept[_KEY].measure(steps, inputs, repeats))
 
 
-def look_again(device: Device, threshold: float) -> NDArray[np.int32]:
-    """Let rays leap over bricks without a density above ``threshold``; the table for that."""
-    steps: Steps = device.kept[_KEY]
-    table = table_of_bright(steps.lattice.table, steps.bright(threshold))
-    steps.lattice.write_table(device, table)
-    return table
+def fetch_table(device: Device) -> NDArray[np.int32]:
+    """The table of bricks that rays are cast by, int32 [BZ, BY, BX]."""
+    return np.asarray(device.kept[_KEY].table())
 
 
 def fetch(device: Device, width: int, sums: bool = False,

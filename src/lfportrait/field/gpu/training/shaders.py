@@ -36,8 +36,11 @@ BINDINGS: dict[str, tuple[str, tuple[str, ...]]] = {
                                "shell_squares")),
     "largest": ("largest", ("step", "bricks", "packets", "blocks", "samples", "most")),
     "next_band": ("largest", ("", "", "", "blocks")),
-    "bright": ("bright", ("step", "bricks", "density", "found")),
-    "add": ("bright", ("", "", "", "", "given", "sums", "blocks")),
+    "bright": ("table", ("step", "bricks", "density", "whole", "near", "", "blocks")),
+    "along_x": ("table", ("step", "", "", "", "near", "nearer", "blocks")),
+    "along_y": ("table", ("step", "", "", "", "near", "nearer", "blocks")),
+    "along_z": ("table", ("step", "bricks", "", "whole", "near", "nearer", "blocks")),
+    "add": ("sums", ("", "given", "sums", "blocks")),
 }
 """Of each entry point: its file, and the names of its bindings in their order ("": none)."""
 

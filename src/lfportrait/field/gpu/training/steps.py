@@ -126,7 +126,7 @@ class Steps:
         return self.slots[number]
 
     def take(self, steps: NDArray[Any], inputs: NDArray[np.uint32],
-             averaged: NDArray[np.bool_]) -> NDArray[np.float32]:
+             averaged: NDArray[np.bool_], looks: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Take some steps.
 
         Parameters
@@ -137,6 +137,9 @@ class Steps:
             uint32 [K, T, 20], tiles: view, row, column, grey as a float32's bits, 16 pixels.
         averaged
             bool [K], whether the state after a step counts for the average.
+        looks
+            bool [K], whether it is looked for bright bricks before a step: rays leap over others
+            from then on.
 
         Returns
         -------
@@ -148,7 +151,7 @@ class Steps:
         while True:
             device.write(self.uniform, self.filled(steps))
             self.notes.clear(device)
-            self._send(averaged, done)
+            self._send(averaged, looks, done)
             header = self.notes.header(device)
             done += header["done"]
             if not header["failed"]:
@@ -158,10 +161,12 @@ class Steps:
             self.slots = []
         return device.read(self.buffers["errors"], np.float32, (len(steps), self.tiles)).copy()
 
-    def _send(self, averaged: NDArray[np.bool_], done: int) -> None:
+    def _send(self, averaged: NDArray[np.bool_], looks: NDArray[np.bool_], done: int) -> None:
         """Send off the steps from the first that is not ``done`` on."""
         waiting: list[Dispatch] = []
         for number in range(done, len(averaged)):
+            if looks[number]:
+                waiting += self._looked(number)
             waiting += self.dispatches(number)
             if averaged[number]:
                 waiting += self._added()
@@ -195,19 +200,25 @@ class Steps:
                  _grid(buffer.size // 4, 256))
                 for buffer, sums in zip(given, self.sums, strict=True)]
 
+    def _looked(self, number: int) -> list[Dispatch]:
+        """Kernels that find the table of bright bricks by the step in a slot."""
+        lattice, cells = self.lattice, self.lattice.table.size
+        if "whole" not in self.buffers:
+            self.buffers |= {"whole": self.device.buffer(lattice.table),
+                             "near": self.device.buffer(4 * cells),
+                             "nearer": self.device.buffer(4 * cells)}
+        resources = {**self.buffers, "bricks": lattice.bricks, "density": lattice.density,
+                     "blocks": self.notes.buffers["blocks"],
+                     "step": (self.uniform, STEP.itemsize * number, STEP.itemsize)}
+        return [(*_bound(self.device, name, resources), _grid(cells, 64))
+                for name in ("bright", "along_x", "along_y", "along_z")]
+
     # -- what else is asked for -------------------------------------------------------------------
 
-    def bright(self, threshold: float) -> NDArray[np.bool_]:
-        """Bricks that have a density above a threshold, bool [bricks]."""
-        device, lattice = self.device, self.lattice
-        count = (lattice.bricks.size - lattice.table.nbytes) // 512
-        found, step = device.buffer(4 * count), np.zeros(1, STEP)
-        step["threshold"], step["links"] = threshold, lattice.table.size
-        device.write(self.uniform, step)
-        device.run((*_bound(device, "bright", {
-            "step": (self.uniform, 0, STEP.itemsize), "bricks": lattice.bricks,
-            "density": lattice.density, "found": found}), _grid(count, 64)))
-        return device.read(found, np.uint32, count) != 0
+    def table(self) -> NDArray[np.int32]:
+        """The table that rays are cast by."""
+        whole = self.lattice.table
+        return self.device.read(self.lattice.bricks, np.int32, whole.shape).copy()
 
     def measure(self, steps: NDArray[Any], inputs: NDArray[np.uint32], repeats: int,
                 ) -> dict[str, Any]:
@@ -224,9 +235,10 @@ class Steps:
         -------
         figures
             ``seconds`` of a step, ``kernels`` (name and seconds of each, in their order),
-            ``blocks`` and ``records`` of the step.
+            ``blocks``, ``records`` and visible ``samples`` of the step.
         """
-        self.take(steps[:1], inputs[:1], np.zeros(1, bool))  # room, and compiled kernels
+        # Once, for room and for compiled kernels.
+        self.take(steps[:1], inputs[:1], np.zeros(1, bool), np.ones(1, bool))
         device, names = self.device, [*self.names()]
         device.write(self.uniform, self.filled(steps[:1]))
         dispatches, spent = self.dispatches(0), []
@@ -241,9 +253,11 @@ class Steps:
             spent.append((time.perf_counter() - start) / repeats)
             if count == len(dispatches):
                 header = self.notes.header(device)
+                visible = device.read(self.notes.buffers["sides"], np.float32,
+                                      (header["most_blocks"], 128, 2))[..., 1]
         spent.append(0.0)
         return {"seconds": spent[0], "blocks": header["most_blocks"],
-                "records": header["most_records"],
+                "records": header["most_records"], "samples": int(np.count_nonzero(visible)),
                 "kernels": [(name, spent[place] - spent[place + 1])
                             for place, name in enumerate(reversed(names))][::-1]}
 
