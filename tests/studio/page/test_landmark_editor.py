@@ -175,7 +175,7 @@ def test_one_side_is_mirrored_onto_the_other(editor):
 
 def test_reset_goes_back_to_what_was_found_and_can_be_undone(editor):
     """The detector's answer stands in for it: it needs networks, and a painted face."""
-    found = points(editor) + [3.0, -2.0]
+    found = np.add(points(editor), [3.0, -2.0])
 
     def answer(route):
         if route.request.method != "DELETE":
