@@ -94,7 +94,7 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
     person, hair, hole = (found[name].astype(np.float32) / np.float32(255)
                           for name in ("person", "hair", "hole"))
     return replace(exemplar, image=found["image"], mask=person, hair=hair, covered=exemplar,
-                   bared=hole)
+                   bared=hole, by_hand=None)
 
 
 def without_spectacles(exemplar: Exemplar) -> Exemplar:

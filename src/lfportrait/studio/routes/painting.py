@@ -9,10 +9,11 @@ from starlette.responses import Response
 
 from ...errors import UserError
 from ...files import read_json
+from ...labels import BY_HAND
 from ..answers import Refusal, number, numbers, points, text, truth, whole
 from ..mixes import checked_mix
 from ..projects import Project
-from ..styles import GROUPS, LABELS, LARGEST, LINES, MIRROR, Style, preview_file, write_regions
+from ..styles import GROUPS, LARGEST, LINES, MIRROR, Style, preview_file, write_regions
 from .call import Call, Table, picture, query_number
 
 TABLE = Table()
@@ -237,7 +238,7 @@ async def _regions(call: Call, style: Style, project: Project | None) -> dict[st
     painted = style.path is not None and style.beside("regions.png").is_file()
     query = f"project={project.id}&" if project is not None else ""
     address = f"/api/styles/{style.id}/regions/picture?{query}v={style.stamp()}&which="
-    return {"width": data["width"], "height": data["height"], "labels": list(LABELS),
+    return {"width": data["width"], "height": data["height"], "labels": list(BY_HAND),
             "painted": painted, "found": f"{address}found",
             "picture": f"{address}painted" if painted else None}
 
