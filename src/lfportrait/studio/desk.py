@@ -164,6 +164,21 @@ class Desk:
             return {"styled": str(version.styled), "mix": mix or {}}
         return self.look(project, version.style, version.mix if mix is None else mix)
 
+    def warm(self, project: Project) -> None:
+        """Have a head read before a preview of it is asked for, where nothing else is going on."""
+        if not project.has()["field"] or self.previews.busy or any(
+                job.heavy and not job.over for job in self.jobs.jobs.values()):
+            return
+
+        async def read() -> None:
+            with contextlib.suppress(Refusal):
+                look = self.look(project, None, {})
+                await self.previews.ask("warm", look, "warm")
+
+        task = asyncio.get_running_loop().create_task(read())
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
     # -- jobs -------------------------------------------------------------------------------------
 
     def order(self, job: JobState) -> Order:

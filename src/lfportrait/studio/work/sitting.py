@@ -22,9 +22,6 @@ from .pictures import views_of
 
 __all__ = ["Look", "Sitting"]
 
-_DRAFT = 0.6
-"""Of the usual resolution, for a draft."""
-
 Value = TypeVar("Value")
 
 
@@ -54,8 +51,7 @@ class Look:
     request
         ``job`` (folder with ``field.npz`` and ``capture/``) or ``styled`` (a painted field's file);
         with ``job`` also ``style`` (a picture or a built-in name, None for the photographed head),
-        ``landmarks``, ``styles`` (of regions, by the names that the mix uses), ``draft``,
-        ``pixels``. ``mix``: arguments of `StyledField.mix`.
+        ``landmarks``, ``styles`` (of regions, by the names that the mix uses), ``pixels``. ``mix``: arguments of `StyledField.mix`.
     """
 
     def __init__(self, request: Mapping[str, Any]) -> None:
@@ -64,7 +60,6 @@ class Look:
         self.style: str | None = request.get("style")
         self.landmarks: Sequence[Sequence[float]] | None = request.get("landmarks")
         self.others: dict[str, str] = dict(request.get("styles") or {})
-        self.draft = bool(request.get("draft"))
         self.pixels: float | None = request.get("pixels")
         self.mix: dict[str, Any] = dict(request.get("mix") or {})
 
@@ -86,7 +81,7 @@ class Look:
         """Changes with whatever the painted head depends on."""
         points = None if self.landmarks is None else np.asarray(self.landmarks, float).tolist()
         return hash_of(str(self.job), str(self.styled), self.style, sorted(self.others.items()),
-                       points, self.draft, self.pixels, self._stamps())[:32]
+                       points, self.pixels, self._stamps())[:32]
 
     def key(self) -> str:
         """Changes with whatever is shown, the mix included."""
@@ -147,8 +142,6 @@ class Sitting:
         if look.style is None:
             return session.field
         config = session.config if look.pixels is None else StylizeConfig(pixels=look.pixels)
-        if look.draft:
-            config = replace(config, pixels=round(_DRAFT * config.pixels))
         exemplars = [self.exemplar(look.style, look.landmarks),
                      *(replace(self.exemplar(path), name=name)
                        for name, path in look.others.items())]
