@@ -51,7 +51,8 @@ class Look:
     request
         ``job`` (folder with ``field.npz`` and ``capture/``) or ``styled`` (a painted field's file);
         with ``job`` also ``style`` (a picture or a built-in name, None for the photographed head),
-        ``landmarks``, ``styles`` (of regions, by the names that the mix uses), ``pixels``. ``mix``: arguments of `StyledField.mix`.
+        ``landmarks``, ``styles`` (of regions, by the names that the mix uses), ``pixels``.
+        ``mix``: arguments of `StyledField.mix`.
     """
 
     def __init__(self, request: Mapping[str, Any]) -> None:
