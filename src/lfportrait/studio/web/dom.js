@@ -1,0 +1,189 @@
+// Elements from descriptions: no text becomes markup, and the security policy needs no exception.
+
+import { ICONS } from "./icons.js";
+import { slowPicture } from "./lane.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/**
+ * An element.
+ * @param {string} what Name and classes: "div.card.wide"; "svg:path" for one of a drawing.
+ * @param {object} attributes `onclick` etc. are listeners, `text` is the text, values that are
+ *   null or false are left out; those that start with "." are properties; `slow` is the address of a
+ *   picture that the server may need time for.
+ * @param {...(Node|string|Array|null)} children
+ */
+export function h(what, attributes = {}, ...children) {
+  const [full, ...classes] = what.split(".");
+  const drawn = full.startsWith("svg:");
+  const element = drawn
+    ? document.createElementNS(SVG, full.slice(4))
+    : document.createElement(full || "div");
+  if (classes.length) element.setAttribute("class", classes.join(" "));
+  if (element instanceof HTMLButtonElement) element.type = "button";
+  for (const [name, value] of Object.entries(attributes ?? {})) set(element, name, value);
+  element.append(
+    ...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false),
+  );
+  return element;
+}
+
+/** Set one attribute, listener or property. */
+export function set(element, name, value) {
+  if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+  else if (name === "text") element.textContent = value;
+  else if (name === "slow") slowPicture(element, value);
+  else if (name.startsWith(".")) element[name.slice(1)] = value;
+  else if (name === "class") element.classList.add(...String(value).split(" ").filter(Boolean));
+  else if (value === null || value === undefined || value === false) element.removeAttribute(name);
+  else element.setAttribute(name, value === true ? "" : String(value));
+}
+
+/** A small drawing; beside a text it says nothing of its own. */
+export function icon(name) {
+  return h(
+    "svg:svg.icon",
+    { viewBox: "0 0 24 24", "aria-hidden": "true", focusable: "false" },
+    ICONS[name].map(([shape, attributes]) => h(`svg:${shape}`, attributes)),
+  );
+}
+
+/** A button with a drawing, a text, or both. */
+export function button(text, onclick, { kind = "", name = null, drawing = null, ...more } = {}) {
+  return h(
+    `button.button${kind ? `.${kind.split(" ").join(".")}` : ""}`,
+    { onclick, "aria-label": name, title: name, ...more },
+    drawing && icon(drawing),
+    text,
+  );
+}
+
+/** Put children in the place of all that is there. */
+export function fill(element, ...children) {
+  element.replaceChildren(
+    ...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false),
+  );
+  return element;
+}
+
+let numbers = 0;
+/** An id that no other element has. */
+export function fresh(start = "e") {
+  return `${start}-${++numbers}`;
+}
+
+/** A slider with its value beside it; `note` says what it does. */
+export function slider(label, { min, max, step, value, note = "", digits = 2, oninput, onchange }) {
+  const shown = (number) => Number(number).toFixed(digits);
+  const id = fresh("slider");
+  const output = h("output", { for: id, text: shown(value) });
+  const input = h("input", {
+    type: "range",
+    id,
+    min,
+    max,
+    step,
+    value,
+    "aria-describedby": note ? `${id}-note` : null,
+    oninput: () => {
+      output.textContent = shown(input.value);
+      oninput?.(Number(input.value));
+    },
+    onchange: () => onchange?.(Number(input.value)),
+  });
+  const whole = h(
+    "div.slider",
+    {},
+    h("label", { for: id, text: label }),
+    output,
+    input,
+    note && h("small", { id: `${id}-note`, text: note }),
+  );
+  whole.show = (number) => {
+    input.value = String(number);
+    output.textContent = shown(number);
+  };
+  whole.input = input;
+  return whole;
+}
+
+/** Buttons of which one is pressed. */
+export function segments(label, choices, chosen, onchange) {
+  const whole = h("div.segments", { role: "group", "aria-label": label });
+  whole.show = (value) => {
+    for (const each of whole.children)
+      each.setAttribute("aria-pressed", String(each.dataset.value === String(value)));
+  };
+  for (const [value, text] of choices) {
+    whole.append(
+      h("button", {
+        "data-value": value,
+        text,
+        onclick: () => {
+          whole.show(value);
+          onchange(value);
+        },
+      }),
+    );
+  }
+  whole.show(chosen);
+  return whole;
+}
+
+/** Call `act` once, `wait` milliseconds after the last of several calls. */
+export function later(act, wait) {
+  let timer = 0;
+  const call = (...values) => {
+    clearTimeout(timer);
+    timer = setTimeout(() => act(...values), wait);
+  };
+  call.stop = () => clearTimeout(timer);
+  return call;
+}
+
+/**
+ * Ask in a window over the page.
+ * @returns {Promise<string>} The value of the button that was pressed; "" for none.
+ */
+export function ask(title, body, buttons) {
+  return new Promise((done) => {
+    const id = fresh("dialog");
+    const window_ = h(
+      "dialog",
+      {
+        "aria-labelledby": id,
+        onclose: () => {
+          window_.remove();
+          done(window_.returnValue);
+        },
+      },
+      h(
+        "form.stack",
+        {
+          method: "dialog",
+          onsubmit: (event) => {
+            event.preventDefault();
+            window_.close(event.submitter?.value ?? "");
+          },
+        },
+        h("h2", { id, text: title }),
+        body,
+        h(
+          "div.row.end",
+          {},
+          buttons.map(([value, text, kind]) =>
+            h(`button.button${kind ? `.${kind}` : ""}`, {
+              // Enter presses a form's first button that submits: never the one that leaves.
+              ".type": value === "" ? "button" : "submit",
+              value,
+              text,
+              onclick: () => value === "" && window_.close(""),
+            }),
+          ),
+        ),
+      ),
+    );
+    document.body.append(window_);
+    window_.showModal();
+  });
+}

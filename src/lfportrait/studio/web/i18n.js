@@ -1,0 +1,63 @@
+// The page's words. Numbers and names of parameters are the same in all languages.
+
+export const LANGUAGES = { en: "English", de: "Deutsch" };
+
+let words = {},
+  spare = {};
+export let language = "en";
+
+async function read(name) {
+  const answer = await fetch(`/static/strings.${name}.json`);
+  if (!answer.ok) throw new Error(`strings.${name}.json: ${answer.status}`);
+  return answer.json();
+}
+
+/** Read the strings of a language, or of the one that was chosen last, or the browser's. */
+export async function speak(wanted = null) {
+  let kept = null;
+  try {
+    kept = localStorage.getItem("lfportrait.language");
+    if (wanted) localStorage.setItem("lfportrait.language", wanted);
+  } catch {
+    // No storage in this window: the browser's language each time.
+  }
+  const first = wanted ?? kept ?? navigator.language.slice(0, 2);
+  language = first in LANGUAGES ? first : "en";
+  spare = await read("en");
+  words = language === "en" ? spare : await read(language);
+  document.documentElement.lang = language;
+}
+
+/**
+ * A text in the chosen language.
+ * @param {string} key Of strings.*.json.
+ * @param {object} values For the places {name} in it. `{n|one|many}` chooses by the number n.
+ */
+export function t(key, values = {}) {
+  const text = words[key] ?? spare[key] ?? key;
+  return text.replace(/\{(\w+)(?:\|([^|}]*)\|([^}]*))?\}/g, (_, name, one, many) => {
+    const value = values[name] ?? "";
+    return one === undefined ? String(value) : Number(value) === 1 ? one : many;
+  });
+}
+
+/** A text where there is one, else what the server said. */
+export function known(start, name, otherwise = name) {
+  const key = `${start}.${name}`;
+  return key in words || key in spare ? t(key) : otherwise;
+}
+
+/** Seconds in words: "about 4 min". */
+export function duration(seconds) {
+  if (!Number.isFinite(seconds)) return "";
+  if (seconds < 60) return t("time.seconds", { n: Math.max(1, Math.round(seconds)) });
+  if (seconds < 5400) return t("time.minutes", { n: Math.round(seconds / 60) });
+  return t("time.hours", { n: (seconds / 3600).toFixed(1) });
+}
+
+/** Bytes in words. */
+export function size(bytes) {
+  if (bytes < 1e3) return `${bytes} B`;
+  if (bytes < 1e6) return `${(bytes / 1e3).toFixed(0)} kB`;
+  return bytes < 1e9 ? `${(bytes / 1e6).toFixed(1)} MB` : `${(bytes / 1e9).toFixed(2)} GB`;
+}

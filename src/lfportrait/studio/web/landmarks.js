@@ -1,0 +1,163 @@
+// The 68 landmarks of a face (iBUG order), and what can be done to them; nothing of the screen here.
+
+/** Parts in the picture: "left" is the left of the picture, the sitter's right. */
+export const PARTS = {
+  jaw: [0, 17],
+  "left-brow": [17, 22],
+  "right-brow": [22, 27],
+  nose: [27, 36],
+  "left-eye": [36, 42],
+  "right-eye": [42, 48],
+  mouth: [48, 68],
+};
+
+/** Lines through the points: first, one past the last, whether it closes. */
+export const LINES = [
+  [0, 17, false],
+  [17, 22, false],
+  [22, 27, false],
+  [27, 31, false],
+  [31, 36, false],
+  [36, 42, true],
+  [42, 48, true],
+  [48, 60, true],
+  [60, 68, true],
+];
+
+/** Number of the point on the other side of the face, for each. */
+export const OPPOSITE = [
+  16, 15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0, 26, 25, 24, 23, 22, 21, 20, 19, 18, 17, 27, 28,
+  29, 30, 35, 34, 33, 32, 31, 45, 44, 43, 42, 47, 46, 39, 38, 37, 36, 41, 40, 54, 53, 52, 51, 50, 49, 48, 59,
+  58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
+];
+
+const MIDDLE = OPPOSITE.flatMap((other, number) => (other === number ? [number] : []));
+const KEPT = 200; // steps that can be undone
+
+/** Name of the part that a point belongs to. */
+export function partOf(number) {
+  return Object.keys(PARTS).find((name) => number >= PARTS[name][0] && number < PARTS[name][1]);
+}
+
+/** Numbers of the points that move with one: itself, its part, or all. */
+export function moving(number, reach) {
+  const [first, end] =
+    reach === "part" ? PARTS[partOf(number)] : reach === "face" ? [0, 68] : [number, number + 1];
+  return Array.from({ length: end - first }, (_, step) => first + step);
+}
+
+/** The line in the middle of the face: a place on it, and its direction. */
+function axis(points) {
+  const mean = [0, 1].map((k) => MIDDLE.reduce((sum, n) => sum + points[n][k], 0) / MIDDLE.length);
+  let xx = 0,
+    xy = 0,
+    yy = 0;
+  for (const number of MIDDLE) {
+    const [x, y] = [points[number][0] - mean[0], points[number][1] - mean[1]];
+    xx += x * x;
+    xy += x * y;
+    yy += y * y;
+  }
+  const angle = 0.5 * Math.atan2(2 * xy, xx - yy);
+  return [mean, [Math.cos(angle), Math.sin(angle)]];
+}
+
+function reflected([x, y], [[ax, ay], [dx, dy]]) {
+  const along = (x - ax) * dx + (y - ay) * dy;
+  return [2 * (ax + along * dx) - x, 2 * (ay + along * dy) - y];
+}
+
+/** Points that can be moved, with their past and what was undone. */
+export class Landmarks {
+  /**
+   * @param {number[][]} points 68 pairs of x and y, in pixels of the picture.
+   * @param {number[]} size Width and height of the picture: no point leaves it.
+   */
+  constructor(points, size) {
+    this.points = points.map((point) => [...point]);
+    this.size = size;
+    this.past = [];
+    this.future = [];
+    this.listeners = [];
+    this.open = null; // what belongs to one step of the past: a drag, a run of arrow keys
+  }
+
+  /** Call `act` after each change. */
+  watch(act) {
+    this.listeners.push(act);
+  }
+
+  changed() {
+    for (const act of this.listeners) act();
+  }
+
+  /** Begin a step of the past; steps of the same name, one after another, are one. */
+  step(name) {
+    if (name && name === this.open) return;
+    this.past.push(this.points.map((point) => [...point]));
+    if (this.past.length > KEPT) this.past.shift();
+    this.future = [];
+    this.open = name;
+  }
+
+  /** What comes next is a step of its own. */
+  close() {
+    this.open = null;
+  }
+
+  /** Move points by so many pixels; as far as all of them stay in the picture. */
+  move(numbers, [x, y]) {
+    const by = [x, y].map((wish, k) => {
+      const places = numbers.map((number) => this.points[number][k]);
+      return Math.min(Math.max(wish, -Math.min(...places)), this.size[k] - 1 - Math.max(...places));
+    });
+    for (const number of numbers) this.points[number] = this.points[number].map((value, k) => value + by[k]);
+    this.changed();
+    return by;
+  }
+
+  /** The side of the face that a point lies on, onto the other: its part's points, or its pair's. */
+  mirror(number) {
+    const line = axis(this.points);
+    const part = moving(number, "part");
+    const inPairs = part.every((one) => part.includes(OPPOSITE[one]));
+    // Of a part on both sides the half that the point is in; of a part on one side all of it.
+    const half = (one) => Math.sign(OPPOSITE[one] - one) === Math.sign(OPPOSITE[number] - number);
+    const from = inPairs ? part.filter((one) => OPPOSITE[one] !== one && half(one)) : part;
+    if (OPPOSITE[number] === number || !from.length) return false;
+    this.step(null);
+    for (const one of from) {
+      const [x, y] = reflected(this.points[one], line);
+      this.points[OPPOSITE[one]] = [
+        Math.min(Math.max(x, 0), this.size[0] - 1),
+        Math.min(Math.max(y, 0), this.size[1] - 1),
+      ];
+    }
+    this.changed();
+    return true;
+  }
+
+  /** All points at new places, as one step. */
+  put(points) {
+    this.step(null);
+    this.points = points.map((point) => [...point]);
+    this.changed();
+  }
+
+  undo() {
+    return this.turn(this.past, this.future);
+  }
+
+  redo() {
+    return this.turn(this.future, this.past);
+  }
+
+  turn(from, to) {
+    if (!from.length) return false;
+    to.push(this.points);
+    this.points = from.pop();
+    this.open = null;
+    this.changed();
+    return true;
+  }
+}

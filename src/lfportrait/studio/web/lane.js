@@ -1,0 +1,88 @@
+// What the server needs time for goes through three lanes: a browser has six connections to a server, and
+// what it has at hand (and its events) must not wait behind pictures that are still to be painted.
+
+const LANES = 3;
+const waiting = [];
+const going = new Set();
+
+/** Free what belongs to pictures that nobody sees any more, then let the next ones in. */
+function move() {
+  for (const each of going) if (each.gone()) each.end();
+  while (going.size < LANES && waiting.length) {
+    const next = waiting.shift();
+    if (next.gone()) next.drop();
+    else {
+      going.add(next);
+      next.begin();
+    }
+  }
+}
+
+/** Wait for a lane; the function that comes gives it back. */
+function lane(gone, drop) {
+  return new Promise((done, failed) => {
+    const entry = {
+      gone,
+      drop: () => drop(failed),
+      end: () => {
+        if (going.delete(entry)) move();
+      },
+      begin: () => done(entry.end),
+    };
+    waiting.push(entry);
+    move();
+  });
+}
+
+/**
+ * Do something slow once a lane is free.
+ * @param {function} act
+ * @param {AbortSignal} signal What has been given up takes no lane.
+ */
+export async function slowly(act, signal = undefined) {
+  const give = await lane(
+    () => signal?.aborted ?? false,
+    (failed) => failed(new DOMException("given up", "AbortError")),
+  );
+  try {
+    return await act();
+  } finally {
+    give();
+  }
+}
+
+const sight = new IntersectionObserver(
+  (seen) => {
+    for (const { target, isIntersecting } of seen) {
+      if (!isIntersecting) continue;
+      sight.unobserve(target);
+      load(target);
+    }
+  },
+  { rootMargin: "300px" },
+);
+
+async function load(image) {
+  const { wanted } = image.dataset;
+  let started = false;
+  const give = await lane(
+    () => {
+      const gone = !image.isConnected;
+      // A picture that is on its way to nowhere holds a connection.
+      if (gone && started) image.removeAttribute("src");
+      return gone;
+    },
+    () => {},
+  );
+  started = true;
+  image.addEventListener("load", give, { once: true });
+  image.addEventListener("error", give, { once: true });
+  image.src = wanted;
+}
+
+/** A picture that is asked for when it is in sight and a lane is free. */
+export function slowPicture(image, path) {
+  image.dataset.wanted = path;
+  sight.observe(image);
+  return image;
+}

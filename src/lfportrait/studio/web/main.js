@@ -1,0 +1,100 @@
+// The page's beginning, and which screen is seen: the address names screen, sitter and what is open.
+
+import { fill, h, later } from "./dom.js";
+import { speak, t } from "./i18n.js";
+import { drawShell, fail, markSteps, SCREENS, watchServer } from "./shell.js";
+import { enter, listen, on, project, refresh } from "./state.js";
+import { showMaking } from "./screens/making.js";
+import { showPhotos } from "./screens/photos.js";
+import { showPortrait } from "./screens/portrait.js";
+import { showShow } from "./screens/show.js";
+import { showSitters } from "./screens/sitters.js";
+import { showStyle } from "./screens/style.js";
+
+const SHOW = {
+  sitters: showSitters,
+  photos: showPhotos,
+  making: showMaking,
+  style: showStyle,
+  portrait: showPortrait,
+  show: showShow,
+};
+let leave = null,
+  shown = "",
+  number = 0;
+
+/** Screen, sitter and the rest of the address. */
+function address() {
+  const [screen, id = "", ...rest] = location.hash.slice(1).split("/").map(decodeURIComponent);
+  return SCREENS.includes(screen) && (screen === "sitters" || project(id))
+    ? [screen, id, rest]
+    : ["sitters", "", []];
+}
+
+async function route(again = false) {
+  const [screen, id, rest] = address();
+  const wanted = [screen, id, ...rest].join("/");
+  if (wanted === shown && again !== true) return;
+  const mine = ++number;
+  await leave?.();
+  leave = null;
+  shown = wanted;
+  const main = document.getElementById("main");
+  drawShell(screen, id, () => route(true));
+  document.title = [project(id)?.name, t(`step.${screen}`), "lfportrait studio"].filter(Boolean).join(" · ");
+  const root = h("div.screen", { "data-screen": screen });
+  // Pictures that are still on their way would hold up what the next screen asks for.
+  for (const image of main.querySelectorAll("img")) image.removeAttribute("src");
+  fill(main, root);
+  scrollTo(0, 0);
+  try {
+    const ends = await SHOW[screen](root, project(id), rest);
+    // Somebody went on while it was drawn.
+    if (mine !== number) ends?.();
+    else leave = ends;
+  } catch (error) {
+    fail(error);
+  }
+  if (mine !== number) return;
+  root.dataset.ready = "";
+  const title = root.querySelector("h1");
+  title?.setAttribute("tabindex", "-1");
+  // Not on the first picture: then the page itself has the focus.
+  if (route.before && !root.contains(document.activeElement)) title?.focus({ preventScroll: true });
+  route.before = true;
+}
+
+async function begin() {
+  try {
+    await speak();
+    await enter();
+    await refresh();
+  } catch (error) {
+    fail(error);
+    const text = error.code === "no_session" ? t("error.no_session") : error.message;
+    return fill(
+      document.getElementById("main"),
+      h("div.empty", {}, h("h1", { text: "lfportrait studio" }), h("p", { text })),
+    );
+  }
+  watchServer();
+  listen();
+  document.getElementById("skip").addEventListener("click", (event) => {
+    event.preventDefault();
+    document.getElementById("main").focus();
+  });
+  addEventListener("hashchange", route);
+  // A file that misses a drop zone must not replace the page.
+  for (const name of ["dragover", "drop"]) addEventListener(name, (event) => event.preventDefault());
+  const shell = () => {
+    const [screen, id] = address();
+    drawShell(screen, id, () => route(true));
+  };
+  const soon = later(shell, 300);
+  for (const kind of ["project", "job", "state"]) on(kind, soon);
+  on("progress", () => markSteps(address()[1]));
+  on("project-removed", () => route(true));
+  await route();
+}
+
+begin();

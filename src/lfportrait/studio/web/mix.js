@@ -1,0 +1,164 @@
+// What of the photo and what of the painting is seen: sliders, and their mix as the server takes it.
+
+import { fill, h, slider } from "./dom.js";
+import { known, t } from "./i18n.js";
+
+export const STEADY = { strength: 1, identity: 0, regions: {}, keep_colors: false, keep: [] };
+
+/** A mix without what is as usual. */
+export function plainMix(mix) {
+  const whole = { ...STEADY, ...mix };
+  const out = {};
+  if (whole.strength !== 1) out.strength = whole.strength;
+  if (whole.identity) out.identity = whole.identity;
+  if (whole.keep_colors) out.keep_colors = true;
+  if (whole.keep.length) out.keep = whole.keep;
+  const regions = Object.fromEntries(Object.entries(whole.regions).filter(([, value]) => value !== 1));
+  if (Object.keys(regions).length) out.regions = regions;
+  return out;
+}
+
+/** A region's number, whether it has a style of its own or not. */
+const strengthOf = (value) => (typeof value === "object" ? (value.strength ?? 1) : (value ?? 1));
+
+export class MixPanel {
+  /**
+   * @param {object} how `onbegin(ends)` when a slider is taken, with the mixes at its ends;
+   *   `onmove(mix, share)` at each step, `onend(mix)` when it is let go.
+   */
+  constructor({ onbegin, onmove, onend }) {
+    Object.assign(this, { onbegin, onmove, onend });
+    this.mix = { ...STEADY };
+    this.element = h("div.stack.mix");
+  }
+
+  /** Show a mix of a style for a sitter with these regions. */
+  show(mix, regions) {
+    this.mix = { ...STEADY, ...mix, regions: { ...mix?.regions }, keep: [...(mix?.keep ?? [])] };
+    const open = Object.keys(this.mix.regions).length > 0 || this.mix.keep.length > 0;
+    this.strength = this.slide("strength", 0, 1, this.mix.strength, (mix_, value) => ({
+      ...mix_,
+      strength: value,
+    }));
+    this.identity = this.slide("identity", 0, 1, this.mix.identity, (mix_, value) => ({
+      ...mix_,
+      identity: value,
+    }));
+    this.keepColors = h("input", {
+      type: "checkbox",
+      id: "keep-colors",
+      ".checked": this.mix.keep_colors,
+      onchange: () => {
+        this.mix.keep_colors = this.keepColors.checked;
+        this.onend(this.mix);
+      },
+    });
+    fill(
+      this.element,
+      this.strength,
+      this.identity,
+      h(
+        "label.check",
+        { for: "keep-colors" },
+        this.keepColors,
+        h(
+          "span",
+          {},
+          h("code", { text: "keep_colors" }),
+          " ",
+          h("span.soft.small", { text: t("mix.keep_colors") }),
+        ),
+      ),
+      regions.length > 0 &&
+        h(
+          "details",
+          { open },
+          h("summary", { text: t("mix.regions") }),
+          h(
+            "div.stack.regions",
+            {},
+            regions.map((name) => this.region(name)),
+          ),
+        ),
+    );
+  }
+
+  slide(name, min, max, value, put, label = null) {
+    const one = slider(label ?? name, {
+      min,
+      max,
+      step: 0.01,
+      value,
+      note: label ? "" : t(`mix.${name}`),
+      oninput: (number) => {
+        this.take(one, put, min, max);
+        this.mix = put(this.mix, number);
+        this.onmove(this.mix, (number - min) / (max - min), name);
+      },
+      onchange: () => {
+        this.taken = null;
+        this.onend(this.mix);
+      },
+    });
+    one.input.dataset.name = name;
+    // The pictures of both ends are on their way before the hand moves.
+    for (const event of ["pointerdown", "keydown"]) {
+      one.input.addEventListener(event, (pressed) => {
+        if (pressed.key === undefined || pressed.key.startsWith("Arrow")) this.take(one, put, min, max);
+      });
+    }
+    return one;
+  }
+
+  take(one, put, min, max) {
+    if (this.taken === one) return;
+    this.taken = one;
+    this.onbegin([put(this.mix, min), put(this.mix, max)], one.input.dataset.name);
+  }
+
+  /** Strength of a region, and whether it stays as in the photo. */
+  region(name) {
+    const kept = this.mix.keep.includes(name),
+      value = this.mix.regions[name];
+    const one = this.slide(
+      name,
+      0,
+      2,
+      strengthOf(value),
+      (mix, number) => ({
+        ...mix,
+        regions: {
+          ...mix.regions,
+          [name]: typeof value === "object" ? { ...value, strength: number } : number,
+        },
+      }),
+      known("region", name, name),
+    );
+    one.input.disabled = kept;
+    const box = h("input", {
+      type: "checkbox",
+      ".checked": kept,
+      id: `keep-${name}`,
+      onchange: () => {
+        this.mix = {
+          ...this.mix,
+          keep: box.checked ? [...this.mix.keep, name] : this.mix.keep.filter((each) => each !== name),
+        };
+        one.input.disabled = box.checked;
+        this.onend(this.mix);
+      },
+    });
+    return h(
+      "div.region",
+      {},
+      one,
+      h(
+        "label.check.small",
+        { for: `keep-${name}` },
+        box,
+        h("span", { text: t("mix.keep") }),
+        h("span.unseen", { text: known("region", name, name) }),
+      ),
+    );
+  }
+}

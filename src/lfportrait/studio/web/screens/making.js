@@ -1,0 +1,343 @@
+// Screen 3: the stages with time left, the picture of each as soon as it is there, and the queue.
+
+import { post } from "../api.js";
+import { button, fill, h, icon } from "../dom.js";
+import { duration, known, t } from "../i18n.js";
+import { doing, murmur } from "../shell.js";
+import { isLive, jobsOf, keepJob, on, project, state, tell } from "../state.js";
+
+const HEAVY = ["head", "fine"];
+const HEAD = ["capture", "reconstruct", "surface"];
+
+export async function showMaking(root, sitter) {
+  const screen = new Making(root, sitter.id);
+  screen.draw();
+  return () => screen.close();
+}
+
+class Making {
+  constructor(root, id) {
+    this.id = id;
+    this.action = h("div.row");
+    this.body = h("div.making");
+    this.queue = h("section.stack");
+    fill(
+      root,
+      h(
+        "header",
+        {},
+        h("div", {}, h("h1", { text: t("step.making") }), h("p.lead", { text: t("making.lead") })),
+        this.action,
+      ),
+      this.body,
+      this.queue,
+    );
+    this.ends = [
+      on("job", () => this.draw()),
+      on("state", () => this.draw()),
+      on("job-removed", () => this.draw()),
+      on("project", (item) => item.id === id && this.draw()),
+      on("progress", (data) => this.step(data)),
+    ];
+  }
+
+  close() {
+    for (const end of this.ends) end();
+  }
+
+  /** The job that is shown: what runs, else what ended last. */
+  job() {
+    const mine = jobsOf(this.id).filter(({ kind }) => HEAVY.includes(kind));
+    return mine.find(isLive) ?? mine.at(-1) ?? null;
+  }
+
+  draw() {
+    const sitter = project(this.id),
+      job = this.job();
+    if (!sitter) return;
+    const focused = document.activeElement?.dataset?.act;
+    this.drawAction(sitter, job);
+    fill(this.body, job ? this.jobView(job) : this.beginning(sitter));
+    this.drawQueue();
+    if (focused)
+      (this.body.querySelector(`[data-act="${focused}"]`) ?? this.body.querySelector("[data-act]"))?.focus();
+  }
+
+  drawAction(sitter, job) {
+    if (job && isLive(job)) return fill(this.action);
+    fill(
+      this.action,
+      sitter.has.field &&
+        h(
+          "a.button.main",
+          { href: `#${job?.kind === "fine" ? "portrait" : "style"}/${this.id}` },
+          t(job?.kind === "fine" ? "making.portrait" : "making.style"),
+          icon("right"),
+        ),
+    );
+  }
+
+  /** Before the first job: what will be done, and the button. */
+  beginning(sitter) {
+    const can = sitter.demo || sitter.video || sitter.photos - sitter.left_out >= 3;
+    if (!can) {
+      return h(
+        "div.empty",
+        {},
+        icon("photos"),
+        h("h2", { text: t("making.photos.first") }),
+        h("p", { text: t("making.photos.text") }),
+        h("a.button.main", { href: `#photos/${this.id}` }, t("step.photos")),
+      );
+    }
+    const quick = h("input", { type: "checkbox", id: "quick" });
+    return h(
+      "div.card.stack.begin",
+      {},
+      h("h2", { text: t(sitter.has.field ? "making.again" : "making.ready", { n: sitter.photos }) }),
+      h(
+        "ol.stack.plan",
+        {},
+        HEAD.map((name) =>
+          h(
+            "li",
+            {},
+            h("strong", { text: t(`stage.${name}`) }),
+            h("p.soft.small", { text: t(`stage.${name}.what`) }),
+          ),
+        ),
+      ),
+      h("label.check", { for: "quick" }, quick, h("span", { text: t("making.quick") })),
+      h(
+        "div",
+        {},
+        button(
+          t("making.start"),
+          doing(() => this.start(quick.checked)),
+          { kind: "main", drawing: "play", "data-act": "start" },
+        ),
+      ),
+    );
+  }
+
+  async start(quick) {
+    keepJob(
+      await post("/api/jobs", {
+        kind: "head",
+        project: this.id,
+        ...(quick ? { options: { quick: true } } : {}),
+      }),
+    );
+  }
+
+  jobView(job) {
+    const act = (what, text, how) =>
+      button(
+        text,
+        doing(async () => keepJob(await post(`/api/jobs/${job.id}/${what}`))),
+        { "data-act": what, ...how },
+      );
+    const { state: how } = job;
+    this.picture = h("div.latest");
+    this.total = h("progress", { max: 1, value: job.progress ?? 0, "aria-label": t("making.total") });
+    this.left = h("span.soft");
+    this.stages = h("ol.stages");
+    const whole = [
+      h(
+        "section.card.stack.stage-list",
+        { "aria-label": t("making.stages") },
+        h(
+          "div.row.between",
+          {},
+          h("h2", { text: t(`kind.${job.kind}`) }),
+          h("span.tag", { class: { done: "good", failed: "bad" }[how] ?? "", text: t(`job.${how}`) }),
+        ),
+        isLive(job) && h("div.stack.tight", {}, this.total, this.left),
+        this.stages,
+        job.error &&
+          h(
+            "p.note.bad",
+            {},
+            icon("bad"),
+            h(
+              "span",
+              {},
+              `${known("error", job.error.code, "")} `.replace(/^error\S* $/, ""),
+              job.error.message,
+            ),
+          ),
+        job.notes.map((text) => h("p.note.fair.small", {}, icon("fair"), text)),
+        h(
+          "div.row",
+          {},
+          how === "running" && act("pause", t("job.pause"), { drawing: "pause" }),
+          ["paused", "failed", "cancelled"].includes(how) &&
+            act("resume", t("job.resume"), { drawing: "play", kind: "main" }),
+          isLive(job) && act("cancel", t("job.cancel"), { kind: "quiet" }),
+          job.kind === "head" &&
+            ["done"].includes(how) &&
+            button(
+              t("making.redo"),
+              doing(() => this.start(false)),
+              { kind: "quiet", drawing: "reset", "data-act": "start" },
+            ),
+        ),
+      ),
+      this.picture,
+    ];
+    this.shown = job.id;
+    this.fillStages(job);
+    return whole;
+  }
+
+  fillStages(job) {
+    fill(
+      this.stages,
+      job.stages.map((stage) =>
+        h(
+          "li.phase",
+          { class: stage.state, "aria-current": stage.state === "running" ? "step" : null },
+          stage.picture
+            ? h("img.small-picture", { src: stage.picture, alt: "", loading: "lazy" })
+            : h("span.small-picture"),
+          h(
+            "div",
+            {},
+            h(
+              "div.row.between",
+              {},
+              h("strong", { text: known("stage", stage.name, stage.title) }),
+              h("span.soft.small.when", { text: this.when(stage, job) }),
+            ),
+            stage.state === "running" &&
+              h("progress", {
+                max: 1,
+                value: stage.progress,
+                "aria-label": known("stage", stage.name, stage.title),
+              }),
+            h("p.soft.small.said", { text: stage.state === "running" ? (stage.note ?? "") : "" }),
+          ),
+        ),
+      ),
+    );
+    this.times(job);
+    this.drawPicture(job);
+  }
+
+  when(stage, job) {
+    if (stage.state === "running" && job.state === "running")
+      return Number.isFinite(stage.left) && stage.left !== null
+        ? t("time.left", { time: duration(stage.left) })
+        : "…";
+    if (stage.state === "done") return duration(stage.seconds);
+    return t(`stagestate.${stage.state}`);
+  }
+
+  times(job) {
+    this.total.value = job.progress ?? 0;
+    this.left.textContent = [
+      `${Math.round(100 * (job.progress ?? 0))} %`,
+      job.state === "running" && job.left !== null && t("time.left", { time: duration(job.left) }),
+      job.state === "waiting" && t("queue.place", { n: job.place }),
+    ]
+      .filter(Boolean)
+      .join(" · ");
+  }
+
+  /** The newest picture, large. */
+  drawPicture(job) {
+    const stage = job.stages.filter(({ picture }) => picture).at(-1);
+    const old = this.picture.querySelector("img");
+    if (!stage) {
+      return fill(
+        this.picture,
+        h("div.empty", {}, icon("making"), h("p", { text: t(isLive(job) ? "making.soon" : "making.none") })),
+      );
+    }
+    const text = t("stage.alt", { stage: known("stage", stage.name, stage.title) });
+    if (old?.getAttribute("src") === stage.picture) return;
+    // The old one stays until the new one is there: no flicker while the field turns.
+    const next = new Image();
+    next.alt = text;
+    next.setAttribute("src", stage.picture);
+    next
+      .decode()
+      .then(() =>
+        fill(this.picture, next, h("p.soft.small", { text: known("stage", stage.name, stage.title) })),
+      )
+      .catch(() => {});
+  }
+
+  /** A little further: numbers and bars alone. */
+  step(data) {
+    const job = state.jobs.find(({ id }) => id === data.job);
+    if (!job || job.id !== this.shown) return;
+    const index = job.stages.findIndex(({ name }) => name === data.stage);
+    const row = this.stages.children[index];
+    if (!row?.querySelector("progress")) return this.fillStages(job);
+    const bar = row.querySelector("progress");
+    if (data.progress === null) bar.removeAttribute("value");
+    else bar.value = data.progress;
+    row.querySelector(".said").textContent = data.note ?? "";
+    row.querySelector(".when").textContent = this.when(job.stages[index], job);
+    this.times(job);
+    const tens = Math.floor(10 * (job.progress ?? 0));
+    if (tens !== this.tens) murmur(`${t(`kind.${job.kind}`)}: ${this.left.textContent}`);
+    this.tens = tens;
+  }
+
+  /** All sitters' jobs that run or wait. */
+  drawQueue() {
+    const waiting = state.jobs.filter((job) => HEAVY.includes(job.kind) && isLive(job));
+    this.queue.hidden = waiting.length < 2 && !waiting.some((job) => job.project !== this.id);
+    if (this.queue.hidden) return;
+    const order = [...waiting].sort((one, other) => one.place - other.place);
+    fill(
+      this.queue,
+      h("h2", { text: t("queue.title") }),
+      h(
+        "ol.queue.stack",
+        {},
+        order.map((job) =>
+          h(
+            "li.card.row.between",
+            {},
+            h(
+              "a",
+              { href: `#making/${job.project}` },
+              h("strong", { text: job.name ?? job.project }),
+              " ",
+              h("span.soft", { text: t(`kind.${job.kind}`) }),
+            ),
+            h(
+              "div.row",
+              {},
+              h("span.tag", {
+                text: `${t(`job.${job.state}`)}${job.state === "running" ? ` ${Math.round(100 * (job.progress ?? 0))} %` : ""}`,
+              }),
+              job.state === "waiting" &&
+                job.place > 1 &&
+                button(
+                  t("queue.first"),
+                  doing(async () => {
+                    state.jobs = (await post(`/api/jobs/${job.id}/move`, { place: 0 })).jobs;
+                    tell("state");
+                  }),
+                  { kind: "quiet" },
+                ),
+              button(
+                "",
+                doing(async () => keepJob(await post(`/api/jobs/${job.id}/cancel`))),
+                {
+                  kind: "quiet tool",
+                  drawing: "close",
+                  name: t("queue.cancel", { name: job.name ?? job.project }),
+                },
+              ),
+            ),
+          ),
+        ),
+      ),
+    );
+  }
+}

@@ -1,0 +1,337 @@
+// Screen 2: photos in, what is wrong with each, where they were taken from, what to do.
+
+import { get, post, send } from "../api.js";
+import { drawArc } from "../arc.js";
+import { button, fill, h, icon } from "../dom.js";
+import { known, size, t } from "../i18n.js";
+import { doing, fail, murmur, say } from "../shell.js";
+import { isLive, jobsOf, keepJob, on, project } from "../state.js";
+import { droppedFiles, uploadsOf } from "../uploads.js";
+
+const KINDS = ".jpg,.jpeg,.png,.webp,.tif,.tiff,.bmp,.avif,.heic,.heif,.hif,.mp4,.mov,.m4v,.avi,.mkv,.webm";
+const MARKS = { green: "good", yellow: "fair", red: "bad" };
+
+export async function showPhotos(root, sitter) {
+  const screen = new Photos(root, sitter.id);
+  await screen.load();
+  return () => screen.close();
+}
+
+class Photos {
+  constructor(root, id) {
+    this.id = id;
+    this.uploads = uploadsOf(id);
+    this.filter = "all";
+    this.way = h("div", { "aria-live": "off" });
+    this.arc = h("div");
+    this.advice = h("div.stack");
+    this.heading = h("div.row.between");
+    this.sheet = h("ul.sheet", { "aria-label": t("photos.sheet") });
+    this.next = h("div.row");
+    fill(
+      root,
+      h(
+        "header",
+        {},
+        h("div", {}, h("h1", { text: t("step.photos") }), h("p.lead", { text: t("photos.lead") })),
+        this.next,
+      ),
+      this.zone(),
+      this.way,
+      h("div.judged", {}, this.arc, this.advice),
+      this.heading,
+      this.sheet,
+    );
+    this.ends = [
+      on("photos", ({ project: which }) => which === id && this.load().catch(fail)),
+      on("project", (item) => item.id === id && this.drawNext()),
+      on("progress", ({ job }) => job === this.data?.checking?.job && this.drawHeading()),
+      this.uploads.watch(() => this.drawWay()),
+    ];
+  }
+
+  close() {
+    for (const end of this.ends) end();
+  }
+
+  async load() {
+    this.data = await get(`/api/projects/${this.id}/photos`);
+    this.draw();
+  }
+
+  /** Where photos are dropped or chosen. */
+  zone() {
+    const take = (files) => {
+      if (files.length)
+        this.uploads
+          .add([...files])
+          .then(() => this.load())
+          .catch(fail);
+      else say(t("photos.nothing"));
+    };
+    const input = (more) =>
+      h("input", {
+        type: "file",
+        hidden: true,
+        multiple: true,
+        ...more,
+        onchange: (event) => {
+          take(event.target.files);
+          event.target.value = "";
+        },
+      });
+    const files = input({ accept: KINDS, id: "photo-files" }),
+      folder = input({ webkitdirectory: true, id: "photo-folder" });
+    let depth = 0;
+    const zone = h(
+      "section.drop",
+      {
+        "aria-label": t("photos.add"),
+        ondragenter: () => {
+          depth++;
+          zone.classList.add("over");
+        },
+        ondragleave: () => {
+          if (--depth <= 0) zone.classList.remove("over");
+        },
+        ondragover: (event) => event.preventDefault(),
+        ondrop: async (event) => {
+          event.preventDefault();
+          depth = 0;
+          zone.classList.remove("over");
+          take(await droppedFiles(event.dataTransfer).catch(() => []));
+        },
+      },
+      icon("upload"),
+      h(
+        "div",
+        {},
+        h("p", {}, h("strong", { text: t("photos.drop") })),
+        h("p.small.soft", { text: t("photos.kinds") }),
+      ),
+      h(
+        "div.row",
+        {},
+        button(t("photos.files"), () => files.click(), { drawing: "photos" }),
+        button(t("photos.folder"), () => folder.click(), { drawing: "folder" }),
+      ),
+      files,
+      folder,
+    );
+    this.drop = zone;
+    return zone;
+  }
+
+  draw() {
+    const { photos, arc, advice } = this.data;
+    this.drop.classList.toggle("small-drop", photos.length > 0);
+    this.arc.hidden = this.advice.hidden = this.heading.hidden = photos.length === 0;
+    if (photos.length) {
+      fill(
+        this.arc,
+        drawArc(arc, photos, (photo) => this.reveal(photo)),
+      );
+      this.drawAdvice(advice);
+    }
+    this.drawHeading();
+    this.drawSheet();
+    this.drawNext();
+    this.drawWay();
+  }
+
+  drawAdvice(advice) {
+    const { checked, photos, faces } = this.data;
+    fill(
+      this.advice,
+      h("h2", { text: t("photos.advice") }),
+      !checked && h("p.soft", { text: t("photos.unchecked") }),
+      checked &&
+        !advice.length &&
+        h("p.note.good", {}, icon("good"), t("photos.well", { n: photos.length, faces })),
+      advice.map((line) => h("p.note.fair", {}, icon("fair"), line)),
+    );
+  }
+
+  drawHeading() {
+    const { photos, checking, checked } = this.data;
+    const count = (grade) => photos.filter((photo) => photo.grade === grade).length;
+    const choices = [
+      ["all", t("photos.all"), photos.length],
+      ...["green", "yellow", "red", "grey"].map((grade) => [grade, t(`grade.${grade}`), count(grade)]),
+    ].filter(([name, , n]) => name === "all" || n);
+    fill(
+      this.heading,
+      h(
+        "div.segments",
+        { role: "group", "aria-label": t("photos.which") },
+        choices.map(([name, text, n]) =>
+          h(
+            "button",
+            {
+              "aria-pressed": String(this.filter === name),
+              onclick: () => {
+                this.filter = name;
+                this.drawHeading();
+                this.drawSheet();
+                this.heading.querySelector("[aria-pressed=true]")?.focus();
+              },
+            },
+            text,
+            " ",
+            h("span", { text: n }),
+          ),
+        ),
+      ),
+      checking
+        ? h("p.soft", { text: t("photos.checking", { done: checking.done, total: checking.total }) })
+        : !checked &&
+            photos.length > 0 &&
+            button(
+              t("photos.check"),
+              doing(async () => {
+                keepJob(await post(`/api/projects/${this.id}/check`));
+                await this.load();
+              }),
+              { drawing: "eye" },
+            ),
+    );
+  }
+
+  drawSheet() {
+    const focused = document.activeElement?.closest?.("li.shot-card")?.dataset.photo;
+    const { photos } = this.data;
+    fill(
+      this.sheet,
+      photos
+        .filter(({ grade }) => this.filter === "all" || grade === this.filter)
+        .map((photo) => this.card(photo)),
+    );
+    if (focused) this.sheet.querySelector(`[data-photo="${focused}"] button`)?.focus({ preventScroll: true });
+  }
+
+  card(photo) {
+    const reasons = photo.reasons.map((reason) => known("reason", reason)).join(", ");
+    const word = t(`grade.${photo.grade}`);
+    return h(
+      "li.shot-card",
+      { class: photo.grade, "data-photo": photo.id },
+      h(
+        "div.frame",
+        {},
+        photo.picture
+          ? h("img", {
+              slow: photo.picture,
+              alt: t("photo.alt", { name: photo.name }),
+              decoding: "async",
+            })
+          : h("div.blank", {}, icon(photo.video ? "play" : "photos")),
+      ),
+      h("p.name.small", { text: photo.name, title: photo.name }),
+      h(
+        "p.small.grade",
+        {},
+        MARKS[photo.grade] && icon(MARKS[photo.grade]),
+        h("span", { text: reasons || word }),
+        reasons && h("span.unseen", { text: ` (${word})` }),
+      ),
+      h(
+        "div.row",
+        {},
+        button(
+          t(photo.left_out ? "photo.take" : "photo.leave"),
+          doing(async () => {
+            Object.assign(
+              photo,
+              await send("PATCH", `/api/projects/${this.id}/photos/${photo.id}`, {
+                left_out: !photo.left_out,
+              }),
+            );
+            this.draw();
+            this.sheet.querySelector(`[data-photo="${photo.id}"] button`)?.focus({ preventScroll: true });
+          }),
+          {
+            kind: "quiet small",
+            "aria-pressed": String(photo.left_out),
+            "aria-label": t("photo.leave.one", { name: photo.name }),
+          },
+        ),
+        photo.grade === "red" &&
+          button(
+            "",
+            doing(async () => {
+              await send("DELETE", `/api/projects/${this.id}/photos/${photo.id}`);
+              await this.load();
+            }),
+            { kind: "quiet tool", drawing: "trash", name: t("photo.remove", { name: photo.name }) },
+          ),
+      ),
+    );
+  }
+
+  reveal(photo) {
+    if (this.filter !== "all") {
+      this.filter = "all";
+      this.drawHeading();
+      this.drawSheet();
+    }
+    const card = this.sheet.querySelector(`[data-photo="${photo}"]`);
+    card?.scrollIntoView({ block: "center" });
+    card?.querySelector("button")?.focus({ preventScroll: true });
+  }
+
+  /** What is on its way, and what was refused, by name. */
+  drawWay() {
+    const { total, done, wrong, bytes, sent, have, again } = this.uploads.figures();
+    const { busy } = this.uploads;
+    if (!total) return fill(this.way);
+    const text = busy
+      ? t("upload.going", { done, total, sent: size(sent), bytes: size(bytes) })
+      : t("upload.done", { n: done - have, have });
+    if (!busy || done % 10 === 0) murmur(text);
+    fill(
+      this.way,
+      h(
+        "section.card.stack",
+        { "aria-label": t("upload.title") },
+        h(
+          "div.row.between",
+          {},
+          h("p", { text }),
+          busy && button(t("upload.stop"), () => this.uploads.stop(), { kind: "quiet" }),
+        ),
+        busy && h("progress", { max: bytes || 1, value: sent, "aria-label": t("upload.title") }),
+        again > 0 && h("p.note.fair", {}, icon("fair"), t("upload.again", { n: again })),
+        wrong.length > 0 &&
+          h(
+            "details",
+            { open: wrong.length < 8 },
+            h("summary", { text: t("upload.wrong", { n: wrong.length }) }),
+            h(
+              "ul.stack",
+              {},
+              wrong.map(({ name, error }) =>
+                h("li.note.bad", {}, icon("bad"), h("span", {}, h("strong", { text: name }), ` ${error}`)),
+              ),
+            ),
+          ),
+      ),
+    );
+  }
+
+  /** The way to the next screen. */
+  drawNext() {
+    const item = project(this.id);
+    if (!item || !this.data) return;
+    const enough =
+      this.data.photos.some(({ video }) => video) ||
+      this.data.photos.filter(({ left_out: out }) => !out).length >= 3;
+    const runs = jobsOf(this.id).some(isLive) || item.has.field;
+    fill(
+      this.next,
+      enough &&
+        (runs
+          ? h("a.button", { href: `#making/${this.id}` }, t("photos.next"))
+          : h("a.button.main", { href: `#making/${this.id}` }, t("photos.make"), icon("right"))),
+    );
+  }
+}

@@ -1,0 +1,374 @@
+// Screen 5: the portrait, what of it is photo and what painting, named versions, two side by side.
+
+import { get, post, send } from "../api.js";
+import { Beside } from "../beside.js";
+import { ask, button, fill, h, icon, later } from "../dom.js";
+import { t } from "../i18n.js";
+import { MixPanel, plainMix, STEADY } from "../mix.js";
+import { doing, fail, say } from "../shell.js";
+import { Stage } from "../stage.js";
+import { isLive, jobsOf, keepJob, keepProject, on } from "../state.js";
+
+export async function showPortrait(root, sitter, [version, other]) {
+  root.classList.add("full");
+  const screen = new Portrait(root, sitter, version, other);
+  await screen.load();
+  return () => screen.close();
+}
+
+class Portrait {
+  constructor(root, sitter, version, other) {
+    this.sitter = sitter;
+    this.chosen = version || sitter.version;
+    this.second = other || null;
+    this.versions = [];
+    this.stages = h("div.stages-pair");
+    this.list = h("ul.versions", { "aria-label": t("portrait.versions") });
+    this.actions = h("div.row");
+    this.panel = new MixPanel({
+      onbegin: (ends, name) => this.begin(ends, name),
+      onmove: (mix, share, name) => this.move(mix, share, name),
+      onend: (mix) => this.end(mix),
+    });
+    this.compare = button(t("portrait.compare"), doing(() => this.toggleCompare()), {
+      drawing: "compare",
+      "aria-pressed": "false",
+    });
+    fill(
+      root,
+      h(
+        "header",
+        {},
+        h("div", {}, h("h1", { text: t("step.portrait") }), h("p.lead", { text: t("portrait.lead") })),
+        h(
+          "div.row",
+          {},
+          this.compare,
+          h("a.button.main", { href: `#show/${sitter.id}` }, t("step.show"), icon("right")),
+        ),
+      ),
+      h(
+        "div.portrait-body",
+        {},
+        this.stages,
+        h(
+          "aside.side.stack.wide",
+          { "aria-label": t("portrait.settings") },
+          this.list,
+          this.actions,
+          this.panel.element,
+        ),
+      ),
+    );
+    this.save = later(() => this.store().catch(fail), 350);
+    this.ends = [
+      on("versions", ({ project: which }) => which === sitter.id && this.reload().catch(fail)),
+      on("job", (job) => job.project === sitter.id && this.drawActions()),
+    ];
+  }
+
+  async close() {
+    for (const end of this.ends) end();
+    this.stage?.close();
+    this.beside?.close();
+    this.save.stop();
+    if (this.open) await this.store().catch(fail);
+  }
+
+  get version() {
+    return this.versions.find(({ id }) => id === this.chosen) ?? null;
+  }
+
+  async load() {
+    await this.reload();
+    if (!this.versions.length && !this.sitter.has.field) {
+      fill(
+        this.stages,
+        h(
+          "div.empty",
+          {},
+          icon("portrait"),
+          h("h2", { text: t("portrait.none") }),
+          h("p", { text: t("portrait.none.text") }),
+          h("a.button.main", { href: `#making/${this.sitter.id}`, text: t("step.making") }),
+        ),
+      );
+      return;
+    }
+    this.stage = new Stage(this.sitter, t("portrait.alt", { name: this.sitter.name }));
+    this.title = h("strong");
+    fill(this.stages, h("div.column", {}, h("div.row.beside-bar", {}, this.title), this.stage.element));
+    // The screen itself is there; the portrait comes when it is packed.
+    this.display().catch(fail);
+    if (this.second) this.openBeside(this.second).catch(fail);
+  }
+
+  /** Read the versions; keep what is chosen. */
+  async reload() {
+    const held = this.version;
+    ({ versions: this.versions } = await get(`/api/projects/${this.sitter.id}/versions`));
+    if (!this.version) this.chosen = this.versions.at(-1)?.id ?? null;
+    this.drawVersions();
+    this.drawActions();
+    const turned =
+      held && this.version && held.id === this.chosen && held.fine !== this.version.fine && this.version.fine;
+    if (turned) this.display().catch(fail);
+  }
+
+  async display() {
+    const { version, stage } = this;
+    this.panel.show(version?.mix ?? STEADY, []);
+    const about = await stage.show(version ? { version: version.id } : { style: null });
+    if (!about) return;
+    this.panel.show(version?.mix ?? STEADY, about.regions ?? []);
+    this.panel.element.hidden = !version;
+  }
+
+  drawVersions() {
+    if (this.title) this.title.textContent = this.version?.name ?? "";
+    const focused = document.activeElement?.closest?.("[data-version]")?.dataset.version;
+    fill(
+      this.list,
+      this.versions.map((each) =>
+        h(
+          "li",
+          { "data-version": each.id },
+          h(
+            "button.version",
+            { "aria-pressed": String(each.id === this.chosen), onclick: () => this.choose(each.id) },
+            each.thumbnail
+              ? h("img", { slow: each.thumbnail, alt: "" })
+              : h("span.blank", {}, icon("portrait")),
+            h(
+              "span",
+              {},
+              h("strong", { text: each.name }),
+              h("span.small.soft", { text: t(each.fine ? "version.fine" : "version.draft") }),
+            ),
+          ),
+          h(
+            "div.row.version-tools",
+            {},
+            !each.from_command_line &&
+              button(
+                "",
+                doing(() => this.rename(each)),
+                { kind: "quiet tool", drawing: "brush", name: t("version.rename", { name: each.name }) },
+              ),
+            !each.from_command_line &&
+              button(
+                "",
+                doing(() => this.remove(each)),
+                { kind: "quiet tool", drawing: "trash", name: t("version.remove", { name: each.name }) },
+              ),
+          ),
+        ),
+      ),
+    );
+    if (focused)
+      this.list.querySelector(`[data-version="${focused}"] button`)?.focus({ preventScroll: true });
+  }
+
+  async choose(id) {
+    if (this.open) await this.store().catch(fail);
+    this.chosen = id;
+    this.drawVersions();
+    this.drawActions();
+    this.address();
+    send("PATCH", `/api/projects/${this.sitter.id}`, { version: id }).then(keepProject).catch(fail);
+    await this.display().catch(fail);
+  }
+
+  drawActions() {
+    const { version } = this;
+    const job =
+      version &&
+      jobsOf(this.sitter.id).find(
+        (each) => each.kind === "fine" && each.version === version.id && isLive(each),
+      );
+    fill(
+      this.actions,
+      version &&
+        (job
+          ? h(
+              "a.button",
+              { href: `#making/${this.sitter.id}` },
+              icon("making"),
+              t("portrait.making", { n: Math.round(100 * (job.progress ?? 0)) }),
+            )
+          : !version.fine &&
+            button(
+              t("portrait.fine"),
+              doing(async () => {
+                if (this.open) await this.store();
+                keepJob(await post(`/api/projects/${this.sitter.id}/versions/${version.id}/fine`));
+                say(t("portrait.queued"));
+              }),
+              { kind: "main", drawing: "spark" },
+            )),
+      version &&
+        button(
+          t("portrait.copy"),
+          doing(() => this.copy()),
+          { drawing: "plus" },
+        ),
+      !version && h("a.button.main", { href: `#style/${this.sitter.id}`, text: t("portrait.choose") }),
+    );
+  }
+
+  // ---- sliders -------------------------------------------------------------------------------
+
+  /** A slider is taken: both of its ends on their way to the graphics. */
+  begin(ends, name) {
+    this.stage.ends = false;
+    if (!this.stage.live || this.simple(name)) return;
+    this.stage.colors(ends).catch((error) => error.name === "AbortError" || fail(error));
+  }
+
+  /** Whether photo and painting, which the page has, are both ends. */
+  simple(name) {
+    const others = { ...plainMix(this.panel.mix), strength: undefined };
+    return (
+      name === "strength" && !this.stage.more && Object.values(others).every((value) => value === undefined)
+    );
+  }
+
+  move(mix, share, name) {
+    this.open = true;
+    if (this.simple(name)) this.stage.strength(mix.strength);
+    else this.stage.between(share);
+  }
+
+  async end(mix) {
+    this.open = true;
+    this.panel.mix = mix;
+    this.save();
+    if (
+      this.stage.live &&
+      (this.stage.more || Object.keys(plainMix(mix)).some((key) => key !== "strength"))
+    ) {
+      // Between both ends it was nearly right; this is what will be kept.
+      this.stage.share = 0;
+      await this.stage.colors([plainMix(mix)]).catch((error) => error.name === "AbortError" || fail(error));
+    }
+  }
+
+  /** Write the mix into the version; a finished one stays, its change becomes a version of its own. */
+  async store() {
+    this.save.stop();
+    const { version } = this,
+      mix = plainMix(this.panel.mix);
+    this.open = false;
+    if (!version || JSON.stringify(mix) === JSON.stringify(plainMix(version.mix))) return;
+    const path = `/api/projects/${this.sitter.id}/versions`;
+    if (version.fine || version.from_command_line) {
+      const made = await post(path, { name: this.free(version.name), style: version.style, mix });
+      this.chosen = made.id;
+      this.versions.push(made);
+      this.address();
+      say(t("portrait.new", { name: made.name, old: version.name }));
+    } else {
+      Object.assign(version, await send("PATCH", `${path}/${version.id}`, { mix }));
+    }
+    this.drawVersions();
+    this.drawActions();
+    if (!this.stage.live) await this.refresh(mix);
+  }
+
+  /** Without colors alone the page of the portrait is packed again. */
+  async refresh(mix) {
+    const pure = Object.keys(mix).every((key) => key === "strength");
+    if (pure && this.stage.strength(mix.strength ?? 1)) return;
+    await this.stage.show({ version: this.chosen });
+  }
+
+  free(name) {
+    const taken = new Set(this.versions.map((each) => each.name));
+    const start = name.replace(/ \d+$/, "");
+    for (let n = 2; ; n++) if (!taken.has(`${start} ${n}`)) return `${start} ${n}`;
+  }
+
+  async copy() {
+    if (this.open) await this.store();
+    const name = await this.nameOf(t("portrait.copy"), this.free(this.version.name));
+    if (!name) return;
+    const made = await post(`/api/projects/${this.sitter.id}/versions/${this.version.id}/copy`, { name });
+    await this.reload();
+    await this.choose(made.id);
+  }
+
+  async nameOf(title, value) {
+    const input = h("input", {
+      type: "text",
+      value,
+      required: true,
+      maxlength: 80,
+      autofocus: true,
+      autocomplete: "off",
+    });
+    const answer = await ask(title, h("label.field", {}, h("span", { text: t("name") }), input), [
+      ["", t("cancel")],
+      ["yes", t("save"), "main"],
+    ]);
+    return answer ? input.value.trim() : "";
+  }
+
+  async rename(version) {
+    const name = await this.nameOf(t("version.rename", { name: version.name }), version.name);
+    if (!name) return;
+    await send("PATCH", `/api/projects/${this.sitter.id}/versions/${version.id}`, { name });
+    await this.reload();
+  }
+
+  async remove(version) {
+    const answer = await ask(
+      t("version.remove", { name: version.name }),
+      h("p", { text: t("version.remove.text") }),
+      [
+        ["", t("cancel")],
+        ["yes", t("remove"), "danger"],
+      ],
+    );
+    if (!answer) return;
+    await send("DELETE", `/api/projects/${this.sitter.id}/versions/${version.id}`);
+    await this.reload();
+    if (version.id !== this.chosen) return;
+    await this.display();
+  }
+
+  // ---- two side by side ----------------------------------------------------------------------
+
+  async toggleCompare() {
+    if (this.beside) {
+      this.beside.close();
+      this.beside = null;
+      this.second = null;
+      this.comparing(false);
+      return;
+    }
+    await this.openBeside(this.versions.find(({ id }) => id !== this.chosen)?.id ?? "photo");
+  }
+
+  async openBeside(id) {
+    this.beside = new Beside(this.sitter, this.stage, this.versions, (picked) => {
+      this.second = picked;
+      this.address();
+    });
+    this.comparing(true);
+    this.stages.append(this.beside.element);
+    await this.beside.show(id);
+  }
+
+  comparing(yes) {
+    this.compare.setAttribute("aria-pressed", String(yes));
+    this.stages.classList.toggle("two", yes);
+    this.title.textContent = this.version?.name ?? "";
+    this.address();
+  }
+
+  /** What is seen stands in the address, so that a reload shows it again. */
+  address() {
+    const parts = ["portrait", this.sitter.id, this.chosen ?? "", this.second ?? ""].join("/");
+    history.replaceState(null, "", `#${parts.replace(/\/+$/, "")}`);
+  }
+}

@@ -1,0 +1,294 @@
+// Screen 1: the sitters, and whether this machine is ready.
+
+import { get, post, send } from "../api.js";
+import { ask, button, fill, h, icon } from "../dom.js";
+import { size, t } from "../i18n.js";
+import { doing, fail, preferences, say } from "../shell.js";
+import { isLive, jobsOf, keepJob, keepProject, on, state, tell } from "../state.js";
+
+export async function showSitters(root) {
+  const list = h("ul.sitters", { "aria-label": t("step.sitters") });
+  const machine = h("section.machine.stack");
+  const draw = () => {
+    fill(
+      list,
+      [...state.projects].sort((one, other) => other.changed - one.changed).map(card),
+      h("li", {}, newSitter()),
+    );
+    list.classList.toggle("first", state.projects.length === 0);
+  };
+  fill(
+    root,
+    h(
+      "header",
+      {},
+      h("div", {}, h("h1", { text: t("sitters.title") }), h("p.lead", { text: t("sitters.lead") })),
+    ),
+    state.projects.length === 0 && welcome(),
+    list,
+    machine,
+    h(
+      "footer.row.between.soft.small",
+      {},
+      h("p", { text: t("sitters.folder", { folder: state.folder, version: state.version }) }),
+      end(),
+    ),
+    preferences(() => dispatchEvent(new HashChangeEvent("hashchange"))),
+  );
+  draw();
+  const look = () => drawMachine(machine);
+  look();
+  get("/api/doctor")
+    .then(({ checks }) => {
+      machine.checks = checks;
+      look();
+    })
+    .catch(fail);
+  const ends = [
+    on("project", draw),
+    on("project-removed", draw),
+    on("job", () => {
+      draw();
+      look();
+    }),
+    on("state", () => {
+      draw();
+      look();
+    }),
+  ];
+  return () => {
+    for (const each of ends) each();
+  };
+}
+
+function welcome() {
+  return h(
+    "section.card.welcome.row",
+    {},
+    icon("spark"),
+    h("div.stack", {}, h("h2", { text: t("welcome.title") }), h("p.soft", { text: t("welcome.text") })),
+    button(
+      t("sitters.demo"),
+      doing(() => create(t("demo.name"), true)),
+      { kind: "main" },
+    ),
+  );
+}
+
+/** What is to be done next for a sitter: a screen and a line. */
+function standing(item) {
+  const job = jobsOf(item.id).find(isLive);
+  if (job) return ["making", t(`job.${job.state}`), ""];
+  if (item.has.styled || item.version) return ["portrait", t("sitter.painted"), "good"];
+  if (item.has.field) return ["style", t("sitter.head"), "good"];
+  if (item.photos || item.video) return ["photos", t("sitter.photos", { n: item.photos }), ""];
+  return [item.demo ? "making" : "photos", t("sitter.new"), ""];
+}
+
+function card(item) {
+  const [screen, text, kind] = standing(item);
+  return h(
+    "li.sitter",
+    {},
+    h(
+      "a.open",
+      { href: `#${screen}/${item.id}` },
+      item.thumbnail
+        ? h("img", { src: item.thumbnail, alt: "", loading: "lazy" })
+        : h("span.blank", {}, icon("sitters")),
+      h("strong", { text: item.name }),
+      h("span.tag", { class: kind, text }),
+    ),
+    h(
+      "div.row",
+      {},
+      button(
+        "",
+        doing(() => rename(item)),
+        { kind: "quiet tool", drawing: "brush", name: t("sitter.rename", { name: item.name }) },
+      ),
+      button(
+        "",
+        doing(() => remove(item)),
+        { kind: "quiet tool", drawing: "trash", name: t("sitter.remove", { name: item.name }) },
+      ),
+    ),
+  );
+}
+
+function newSitter() {
+  return h(
+    "div.new-sitter.stack",
+    {},
+    button(
+      t("sitters.new"),
+      doing(async () => {
+        const name = await nameOf(t("sitters.new"), "", t("create"));
+        if (name) await create(name, false);
+      }),
+      { kind: "main", drawing: "plus" },
+    ),
+    state.projects.length > 0 &&
+      button(
+        t("sitters.demo"),
+        doing(() => create(t("demo.name"), true)),
+        { kind: "quiet" },
+      ),
+  );
+}
+
+/** Ask for a name; "" if it was left. */
+async function nameOf(title, value, word) {
+  const input = h("input", {
+    type: "text",
+    value,
+    required: true,
+    maxlength: 80,
+    autofocus: true,
+    autocomplete: "off",
+  });
+  const answer = await ask(title, h("label.field", {}, h("span", { text: t("name") }), input), [
+    ["", t("cancel")],
+    ["yes", word, "main"],
+  ]);
+  return answer ? input.value.trim() : "";
+}
+
+async function create(name, demo) {
+  const item = await post("/api/projects", { name, demo }).catch((error) => {
+    // The built-in head is made once; after that it is opened.
+    const there = demo && error.code === "exists" && state.projects.find((each) => each.demo);
+    if (!there) throw error;
+    return there;
+  });
+  keepProject(item);
+  if (demo && !item.has.field && !jobsOf(item.id).some(isLive))
+    keepJob(await post("/api/jobs", { kind: "head", project: item.id }));
+  location.hash = `#${standing(item)[0]}/${item.id}`;
+}
+
+async function rename(item) {
+  const name = await nameOf(t("sitter.rename", { name: item.name }), item.name, t("save"));
+  if (name && name !== item.name) keepProject(await send("PATCH", `/api/projects/${item.id}`, { name }));
+}
+
+async function remove(item) {
+  const answer = await ask(
+    t("sitter.remove", { name: item.name }),
+    h("p", { text: t("sitter.remove.text", { name: item.name, size: size(item.size_bytes) }) }),
+    [
+      ["", t("cancel")],
+      ["yes", t("remove"), "danger"],
+    ],
+  );
+  if (!answer) return;
+  await send("DELETE", `/api/projects/${item.id}`, { confirm: item.name });
+  state.projects = state.projects.filter(({ id }) => id !== item.id);
+  tell("state");
+  say(t("sitter.removed", { name: item.name }));
+}
+
+/** What the doctor found, and networks that are not here yet. */
+function drawMachine(box) {
+  const missing = state.networks.filter(({ needed, present }) => needed && !present);
+  const loading = state.jobs.find((job) => job.kind === "networks" && isLive(job));
+  const { checks } = box;
+  const worst = checks?.some(({ grade }) => grade === "bad")
+    ? "bad"
+    : checks?.some(({ grade }) => grade === "fair")
+      ? "fair"
+      : "good";
+  fill(
+    box,
+    missing.length > 0 &&
+      h(
+        "div.note.fair",
+        {},
+        icon("fair"),
+        h(
+          "div.stack",
+          {},
+          h("h2", { text: t("networks.title", { n: missing.length }) }),
+          h("p", {
+            text: t("networks.text", {
+              size: size(missing.reduce((sum, { size_bytes: bytes }) => sum + bytes, 0)),
+            }),
+          }),
+          h(
+            "ul",
+            {},
+            missing.map((each) =>
+              h("li.small", {
+                text: `${each.name}: ${each.for} (${size(each.size_bytes)}, ${each.licence})`,
+              }),
+            ),
+          ),
+          loading
+            ? h("progress", { max: 1, value: loading.progress ?? null, "aria-label": t("networks.loading") })
+            : h(
+                "div",
+                {},
+                button(
+                  t("networks.get"),
+                  doing(async () => {
+                    keepJob(await post("/api/networks", { names: missing.map(({ name }) => name) }));
+                  }),
+                  { drawing: "download" },
+                ),
+              ),
+        ),
+      ),
+    h(
+      "details.card",
+      { open: worst === "bad" },
+      h(
+        "summary",
+        {},
+        h(
+          "span.row",
+          {},
+          icon(checks ? worst : "info"),
+          h("strong", { text: checks ? t(`doctor.${worst}`) : t("doctor.wait") }),
+        ),
+      ),
+      h(
+        "ul.checks",
+        {},
+        (checks ?? []).map(({ grade, text, advice }) =>
+          h(
+            "li.note",
+            { class: grade },
+            icon(grade),
+            h(
+              "div",
+              {},
+              h("p", {}, h("span.unseen", { text: `${t(`check.${grade}`)}: ` }), text),
+              advice && h("p.small.soft", { text: advice }),
+            ),
+          ),
+        ),
+      ),
+    ),
+  );
+}
+
+function end() {
+  return button(
+    t("shutdown"),
+    doing(async () => {
+      const running = state.jobs.some(({ state: how }) => how === "running");
+      const answer = await ask(
+        t("shutdown"),
+        h("p", { text: t(running ? "shutdown.running" : "shutdown.text") }),
+        [
+          ["", t("cancel")],
+          ["yes", t("shutdown"), "main"],
+        ],
+      );
+      if (!answer) return;
+      await post("/api/shutdown");
+      fill(document.getElementById("main"), h("div.empty", {}, h("h1", { text: t("shutdown.done") })));
+    }),
+    { kind: "quiet" },
+  );
+}

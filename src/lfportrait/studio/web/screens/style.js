@@ -1,0 +1,354 @@
+// Screen 4: paintings, each seen on this sitter; which face, its landmarks, its regions.
+
+import { get, picture, post, put, send } from "../api.js";
+import { ask, button, fill, h, icon } from "../dom.js";
+import { t } from "../i18n.js";
+import { slowly } from "../lane.js";
+import { doing, fail, murmur, say } from "../shell.js";
+import { keepProject, on } from "../state.js";
+import { chooseFace } from "../faces.js";
+import { showLandmarks } from "./landmarking.js";
+import { showRegions } from "./painting.js";
+
+export async function showStyle(root, sitter, [style, what]) {
+  if (style && what === "landmarks") return showLandmarks(root, sitter, style);
+  if (style && what === "regions") return showRegions(root, sitter, style);
+  const screen = new Gallery(root, sitter, style);
+  await screen.load();
+  return () => screen.close();
+}
+
+class Gallery {
+  constructor(root, sitter, style) {
+    this.sitter = sitter;
+    this.chosen = style || sitter.style;
+    this.grid = h("ul.paintings", { "aria-label": t("style.gallery") });
+    this.detail = h("section.detail", { "aria-label": t("style.chosen") });
+    this.stopper = new AbortController();
+    this.queue = [];
+    fill(
+      root,
+      h(
+        "header",
+        {},
+        h("div", {}, h("h1", { text: t("step.style") }), h("p.lead", { text: t("style.lead") })),
+        this.adding(),
+      ),
+      !sitter.has.field &&
+        h(
+          "p.note.fair",
+          {},
+          icon("fair"),
+          h(
+            "span",
+            {},
+            t("style.nohead"),
+            " ",
+            h("a", { href: `#making/${sitter.id}`, text: t("step.making") }),
+          ),
+        ),
+      h("div.style-body", {}, this.detail, this.grid),
+    );
+    root.classList.add("drop-screen");
+    root.addEventListener("dragover", (event) => {
+      event.preventDefault();
+      root.classList.add("over");
+    });
+    root.addEventListener(
+      "dragleave",
+      (event) => !root.contains(event.relatedTarget) && root.classList.remove("over"),
+    );
+    root.addEventListener("drop", (event) => {
+      event.preventDefault();
+      root.classList.remove("over");
+      this.add([...event.dataTransfer.files]);
+    });
+    this.pasted = (event) => {
+      const files = [...event.clipboardData.files];
+      if (!files.length) return;
+      event.preventDefault();
+      this.add(files, true);
+    };
+    document.addEventListener("paste", this.pasted);
+    // A preview is asked for when its painting is in sight.
+    this.sight = new IntersectionObserver(
+      (seen) => {
+        for (const { target, isIntersecting } of seen) if (isIntersecting) this.want(target.dataset.style);
+      },
+      { rootMargin: "200px" },
+    );
+    this.ends = [
+      on("styles", ({ project: which }) => (!which || which === sitter.id) && this.load().catch(fail)),
+    ];
+  }
+
+  close() {
+    for (const end of this.ends) end();
+    this.stopper.abort();
+    this.sight.disconnect();
+    document.removeEventListener("paste", this.pasted);
+  }
+
+  async load() {
+    ({ styles: this.styles } = await get(`/api/styles?project=${this.sitter.id}`));
+    if (!this.styles.some(({ id }) => id === this.chosen)) this.chosen = this.styles[0]?.id ?? null;
+    this.draw();
+    this.drawDetail();
+  }
+
+  adding() {
+    const input = h("input", {
+      type: "file",
+      accept: "image/*,.heic,.heif,.avif",
+      hidden: true,
+      multiple: true,
+      id: "painting-files",
+      onchange: () => {
+        this.add([...input.files]);
+        input.value = "";
+      },
+    });
+    return h(
+      "div.row",
+      {},
+      button(t("style.add"), () => input.click(), { kind: "main", drawing: "plus" }),
+      button(
+        t("style.paste"),
+        doing(() => this.paste()),
+        { drawing: "paste" },
+      ),
+      input,
+    );
+  }
+
+  /** The clipboard's picture, by a button; Ctrl+V does the same. */
+  async paste() {
+    const items = await navigator.clipboard.read().catch(() => []);
+    for (const item of items) {
+      const type = item.types.find((each) => each.startsWith("image/"));
+      if (type) return this.add([new File([await item.getType(type)], "pasted.png", { type })], true);
+    }
+    say(t("style.nopicture"));
+  }
+
+  async add(files, pasted = false) {
+    for (const file of files) {
+      try {
+        const name = pasted ? "pasted.png" : file.name;
+        murmur(t("style.adding", { name }));
+        const style = await put(
+          `/api/styles?name=${encodeURIComponent(name)}&project=${this.sitter.id}`,
+          file,
+        );
+        this.chosen = style.id;
+        await this.load();
+        if (style.faces > 1) await this.faces(style);
+        else if (style.landmarks === "none") say(t("style.noface", { name: style.name }), { wrong: true });
+        else say(t("style.added", { name: style.name }));
+      } catch (error) {
+        fail(error);
+      }
+    }
+  }
+
+  draw() {
+    const focused = document.activeElement?.closest?.("[data-style]")?.dataset.style;
+    this.sight.disconnect();
+    fill(
+      this.grid,
+      this.styles.map((style) => this.card(style)),
+    );
+    for (const each of this.grid.children) this.sight.observe(each);
+    if (focused) this.grid.querySelector(`[data-style="${focused}"] button`)?.focus({ preventScroll: true });
+  }
+
+  card(style) {
+    return h(
+      "li",
+      { "data-style": style.id },
+      h(
+        "button.painting",
+        { "aria-pressed": String(style.id === this.chosen), onclick: () => this.choose(style.id) },
+        h(
+          "span.pair",
+          {},
+          h("img", { slow: style.picture, alt: "" }),
+          style.preview ? h("img.on-sitter", { src: style.preview, alt: "" }) : h("span.on-sitter.blank"),
+        ),
+        h("span.name", { text: style.name }),
+        style.kind === "builtin" && h("span.unseen", { text: t("style.builtin") }),
+      ),
+    );
+  }
+
+  async choose(id) {
+    this.chosen = id;
+    for (const each of this.grid.children)
+      each.firstChild.setAttribute("aria-pressed", String(each.dataset.style === id));
+    this.drawDetail();
+    keepProject(await send("PATCH", `/api/projects/${this.sitter.id}`, { style: id }));
+  }
+
+  style(id = this.chosen) {
+    return this.styles.find((each) => each.id === id);
+  }
+
+  /** Ask for a painting's picture on this sitter, one after another, the chosen one first. */
+  want(id) {
+    if (!this.sitter.has.field || !this.style(id) || this.style(id).preview || this.queue.includes(id))
+      return;
+    if (id === this.chosen) this.queue.unshift(id);
+    else this.queue.push(id);
+    this.busy ??= this.work().finally(() => {
+      this.busy = null;
+    });
+  }
+
+  async work() {
+    while (this.queue.length && !this.stopper.signal.aborted) {
+      const id = this.queue.shift(),
+        style = this.style(id);
+      if (!style || style.preview || style.landmarks === "none") continue;
+      try {
+        // The server keeps it: its address stands in the gallery from then on.
+        const { signal } = this.stopper;
+        const path = `/api/projects/${this.sitter.id}/preview`;
+        await slowly(() => picture(path, { style: id }, signal), signal);
+        const { styles } = await get(`/api/styles?project=${this.sitter.id}`);
+        style.preview = styles.find((each) => each.id === id)?.preview ?? null;
+        if (!style.preview) continue;
+        this.grid
+          .querySelector(`[data-style="${id}"] .on-sitter`)
+          ?.replaceWith(h("img.on-sitter", { src: style.preview, alt: "" }));
+        if (id === this.chosen) this.drawDetail();
+      } catch (error) {
+        if (error.name === "AbortError") return;
+        if (id === this.chosen) fail(error);
+      }
+    }
+  }
+
+  drawDetail() {
+    const style = this.style();
+    if (!style)
+      return fill(this.detail, h("div.empty", {}, icon("style"), h("p", { text: t("style.none") })));
+    const here = `#style/${this.sitter.id}/${style.id}`;
+    const own = style.kind !== "builtin";
+    const facts = h("ul.stack.facts");
+    fill(
+      this.detail,
+      h(
+        "div.both",
+        {},
+        h(
+          "figure",
+          {},
+          h("img", { slow: style.full, alt: t("style.alt", { name: style.name }) }),
+          h("figcaption.soft.small", { text: style.name }),
+        ),
+        h(
+          "figure",
+          {},
+          style.preview
+            ? h("img", {
+                src: style.preview,
+                alt: t("preview.alt", { sitter: this.sitter.name, name: style.name }),
+              })
+            : h(
+                "div.blank",
+                { role: "img", "aria-label": t("preview.wait") },
+                icon("spark"),
+                h("span.small", { text: t(this.sitter.has.field ? "preview.wait" : "preview.later") }),
+              ),
+          h("figcaption.soft.small", { text: this.sitter.name }),
+        ),
+      ),
+      h(
+        "div.row",
+        {},
+        this.sitter.has.field &&
+          style.landmarks !== "none" &&
+          button(
+            t("style.use"),
+            doing(() => this.use(style)),
+            { kind: "main", drawing: "portrait" },
+          ),
+        own
+          ? h("a.button", { href: `${here}/landmarks` }, icon("points"), t("style.landmarks"))
+          : button(
+              t("style.copy"),
+              doing(() => this.copy(style)),
+              { drawing: "points" },
+            ),
+        own && h("a.button", { href: `${here}/regions` }, icon("brush"), t("style.regions")),
+        own &&
+          style.faces > 1 &&
+          button(
+            t("style.faces", { n: style.faces }),
+            doing(() => this.faces(style)),
+            { drawing: "sitters" },
+          ),
+        own &&
+          button(
+            "",
+            doing(() => this.remove(style)),
+            { kind: "quiet tool", drawing: "trash", name: t("style.remove", { name: style.name }) },
+          ),
+      ),
+      facts,
+    );
+    this.want(style.id);
+    this.judge(style, facts).catch(fail);
+  }
+
+  /** What the painting will give: it takes a second the first time. */
+  async judge(style, list) {
+    const path = `/api/styles/${style.id}/check?project=${this.sitter.id}`;
+    const { signal } = this.stopper;
+    const { facts } = await slowly(() => get(path, signal), signal).catch((error) => {
+      if (error.code === "user_error") return { facts: [{ grade: "bad", text: error.message }] };
+      throw error;
+    });
+    fill(list, facts.map(({ grade, text }) => h("li.note.small", { class: grade }, icon(grade), h("span", { text }))));
+  }
+
+  async faces(style) {
+    if (await chooseFace(this.sitter, style)) await this.load();
+  }
+
+  /** A painting that comes with the program is copied before it is changed. */
+  async copy(style) {
+    const made = await post(`/api/styles/${style.id}/copy?project=${this.sitter.id}`);
+    location.hash = `#style/${this.sitter.id}/${made.id}/landmarks`;
+  }
+
+  async remove(style) {
+    const answer = await ask(
+      t("style.remove", { name: style.name }),
+      h("p", { text: t("style.remove.text") }),
+      [
+        ["", t("cancel")],
+        ["yes", t("remove"), "danger"],
+      ],
+    );
+    if (!answer) return;
+    await send("DELETE", `/api/styles/${style.id}?project=${this.sitter.id}`);
+    await this.load();
+  }
+
+  /** A version of the portrait in this style. */
+  async use(style) {
+    const { versions } = await get(`/api/projects/${this.sitter.id}/versions`);
+    const names = new Set(versions.map(({ name }) => name));
+    let name = style.name;
+    for (let n = 2; names.has(name); n++) name = `${style.name} ${n}`;
+    const made =
+      versions.find(
+        (each) => each.style === style.id && !each.from_command_line && !Object.keys(each.mix ?? {}).length,
+      ) ?? (await post(`/api/projects/${this.sitter.id}/versions`, { name, style: style.id, mix: {} }));
+    keepProject(
+      await send("PATCH", `/api/projects/${this.sitter.id}`, { style: style.id, version: made.id }),
+    );
+    location.hash = `#portrait/${this.sitter.id}/${made.id}`;
+  }
+}

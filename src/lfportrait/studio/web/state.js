@@ -1,0 +1,119 @@
+// What the server holds, as this page knows it, kept up to date by its events.
+
+import { get, post, reached } from "./api.js";
+
+const KINDS = [
+  "hello",
+  "reset",
+  "job",
+  "progress",
+  "job-removed",
+  "project",
+  "project-removed",
+  "photos",
+  "styles",
+  "versions",
+  "exports",
+  "disk",
+  "notice",
+];
+
+export const state = {
+  projects: [],
+  jobs: [],
+  networks: [],
+  version: "",
+  folder: "",
+  free_bytes: null,
+  event: 0,
+};
+const hub = new EventTarget();
+
+/** Call `act(data)` for events of a kind, until the function that this returns is called. */
+export function on(kind, act) {
+  const listener = (event) => act(event.detail);
+  hub.addEventListener(kind, listener);
+  return () => hub.removeEventListener(kind, listener);
+}
+
+export function tell(kind, data = null) {
+  hub.dispatchEvent(new CustomEvent(kind, { detail: data }));
+}
+
+export const project = (id) => state.projects.find((each) => each.id === id) ?? null;
+/** Jobs of a sitter that run or wait, or all of them. */
+export const jobsOf = (id) => state.jobs.filter((each) => each.project === id);
+export const isLive = (job) => ["waiting", "running", "paused", "stopped"].includes(job.state);
+
+function place(list, item) {
+  const index = list.findIndex(({ id }) => id === item.id);
+  if (index < 0) list.push(item);
+  else list[index] = item;
+}
+
+/** Keep an answer that came by a request before its event does. */
+export function keepProject(item) {
+  place(state.projects, item);
+  tell("project", item);
+  return item;
+}
+
+export function keepJob(item) {
+  place(state.jobs, item);
+  tell("job", item);
+  return item;
+}
+
+/** Trade the token of the address for a cookie, once. */
+export async function enter() {
+  const token = /^#token=(.+)$/.exec(location.hash)?.[1];
+  if (!token) return;
+  await post("/api/session", { token: decodeURIComponent(token) });
+  history.replaceState(null, "", location.pathname);
+}
+
+export async function refresh() {
+  Object.assign(state, await get("/api/state"));
+  tell("state", state);
+}
+
+const HEARD = {
+  job: (data) => place(state.jobs, data),
+  project: (data) => place(state.projects, data),
+  "job-removed": ({ job }) => {
+    state.jobs = state.jobs.filter(({ id }) => id !== job);
+  },
+  "project-removed": (data) => {
+    state.projects = state.projects.filter(({ id }) => id !== data.project);
+  },
+  disk: (data) => {
+    state.free_bytes = data.free_bytes;
+  },
+  progress: (data) => {
+    const job = state.jobs.find(({ id }) => id === data.job);
+    const stage = job?.stages.find(({ name }) => name === data.stage);
+    if (!stage) return;
+    Object.assign(stage, { progress: data.progress, note: data.note, left: data.left });
+    Object.assign(job, { progress: data.total_progress, left: data.total_left });
+  },
+};
+
+/** Listen to the server for as long as the page is open; EventSource itself comes back after a break. */
+export function listen() {
+  const source = new EventSource(`/api/events?after=${state.event}`);
+  source.onopen = () => reached(true);
+  source.onerror = () => {
+    reached(false);
+    // Where the browser gives up by itself (an answer that is no stream) we begin again.
+    if (source.readyState === EventSource.CLOSED) setTimeout(listen, 3000);
+  };
+  for (const kind of KINDS) {
+    source.addEventListener(kind, async (event) => {
+      const data = JSON.parse(event.data || "null");
+      if (event.lastEventId) state.event = Number(event.lastEventId);
+      HEARD[kind]?.(data);
+      if (kind === "reset") await refresh().catch(() => {});
+      tell(kind, data);
+    });
+  }
+}

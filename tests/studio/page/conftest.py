@@ -1,0 +1,175 @@
+"""The studio's page in a real browser, and before it a real studio with two sitters."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("starlette")
+pytest.importorskip("uvicorn")
+
+from lfportrait.field import save_field
+from tests.conftest import DATA
+from tests.share.page.browser import chromium
+from tests.share.page.portraits import painted_head
+
+SCREENS = ("sitters", "photos", "making", "style", "portrait", "show")
+
+
+def picture(seed: int, size: int = 120) -> Image.Image:
+    """Soft noise: no two have the same bytes."""
+    small = np.random.default_rng(seed).integers(0, 255, (6, 6, 3), np.uint8)
+    return Image.fromarray(small).resize((size, size), Image.Resampling.BICUBIC)
+
+
+@pytest.fixture(scope="package")
+def portraits(tmp_path_factory) -> Path:
+    """A folder of projects: one whose portrait the commands made, one that has nothing yet."""
+    folder = tmp_path_factory.mktemp("studio") / "portraits"
+    job = folder / "anna" / "portrait"
+    job.mkdir(parents=True)
+    head = painted_head(32)
+    save_field(head, job / "field.npz")
+    head.save(job / "styled.npz")
+    picture(1, 64).save(job / "lightfield.png")
+    (folder / "ben" / "photos").mkdir(parents=True)
+    return folder
+
+
+class Studio:
+    """A running studio.
+
+    Attributes
+    ----------
+    address
+        With the key of the run.
+    folder
+        Of the projects.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.process: subprocess.Popen[str] | None = None
+        self.start()
+
+    def start(self, port: int = 0) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "lfportrait", "studio", "--folder", str(self.folder),
+             "--port", str(port), "--no-browser"], stdout=subprocess.PIPE, text=True,
+            env=self.surroundings())
+        self.address = self.process.stdout.readline().split(" ")[0]
+        assert self.address.startswith("http://127.0.0.1:"), "the studio does not start"
+        self.home = self.address.partition("#")[0]
+
+    @staticmethod
+    def surroundings() -> dict[str, str]:
+        """With the networks that lie beside the checkout, where they do."""
+        weights = DATA / "weights"
+        return {**os.environ, **({"LFPORTRAIT_MODELS": str(weights)} if weights.is_dir() else {})}
+
+    def stop(self) -> None:
+        self.process.terminate()
+        self.process.wait(20)
+        self.process.stdout.close()
+
+
+@pytest.fixture(scope="package")
+def studio(portraits) -> Iterator[Studio]:
+    running = Studio(portraits)
+    yield running
+    running.stop()
+
+
+@pytest.fixture(scope="package")
+def browser() -> Iterator:
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as started, chromium(started) as running:
+        yield running
+
+
+class Opened:
+    """The page, let in.
+
+    Attributes
+    ----------
+    page
+        Playwright's.
+    complaints, requests
+        What the page wrote on the console or threw, and the addresses that it asked for.
+    """
+
+    def __init__(self, browser, studio: Studio, hash_: str = "", *, width=1280, height=800,
+                 **context) -> None:
+        self.studio = studio
+        context.setdefault("reduced_motion", "reduce")
+        context.setdefault("locale", "en")
+        self.context = browser.new_context(viewport={"width": width, "height": height}, **context)
+        self.page = self.context.new_page()
+        self.complaints: list[str] = []
+        self.requests: list[str] = []
+        self.page.on("console", lambda message: self.complaints.append(message.text))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.goto(studio.address)
+        self.page.wait_for_selector("[data-screen][data-ready]")
+        if hash_:
+            self.go(hash_)
+
+    def __enter__(self) -> Opened:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.context.close()
+
+    def go(self, hash_: str) -> None:
+        """Another screen, by its address."""
+        self.page.evaluate("(name) => { location.hash = name; }", hash_)
+        screen = hash_.partition("/")[0]
+        self.page.wait_for_selector(f"[data-screen={screen}][data-ready]", timeout=60000)
+
+    def reload(self) -> None:
+        self.page.reload()
+        self.page.wait_for_selector("[data-screen][data-ready]", timeout=60000)
+
+    def run(self, script: str, argument=None):
+        return self.page.evaluate(script, argument)
+
+    def ask(self, method: str, path: str, data=None):
+        """A request as the page sends it; the answer's JSON."""
+        return self.run("""async ([method, path, data]) => {
+          const { get, send } = await import("/static/api.js");
+          return method === "GET" ? get(path) : send(method, path, data ?? {});
+        }""", [method, path, data])
+
+    def until(self, script: str, argument=None, seconds: float = 60.0):
+        """What a script returns, once it is true; the page's policy forbids Playwright's own."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            found = self.run(script, argument)
+            if found:
+                return found
+            time.sleep(0.03)
+        raise AssertionError(f"{script} stays {found}; {self.complaints}")
+
+
+@pytest.fixture
+def opened(browser, studio) -> Iterator[Opened]:
+    with Opened(browser, studio) as each:
+        yield each
+
+
+@pytest.fixture
+def portraits_of(tmp_path) -> Iterator[Studio]:
+    """A studio of its own, to be ended."""
+    (tmp_path / "mine" / "ben" / "photos").mkdir(parents=True)
+    running = Studio(tmp_path / "mine")
+    yield running
+    running.stop()

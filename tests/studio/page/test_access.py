@@ -1,0 +1,133 @@
+"""All screens for everybody: names and roles, contrast, keys alone, small windows, no other host."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.studio.page.conftest import SCREENS, Opened
+
+axe = pytest.importorskip("axe_playwright_python")
+AXE = Path(axe.__file__).with_name("axe.min.js")
+
+
+def faults(opened):
+    """What axe finds, a line each: the rules of WCAG 2.2 A and AA, and good practice."""
+    opened.page.wait_for_timeout(300)
+    opened.run(AXE.read_text("utf-8"))
+    found = opened.run("""async () => {
+      const { violations } = await axe.run(document, { iframes: false });
+      return violations.flatMap(({ id, nodes }) => nodes.map(
+        ({ html, failureSummary }) => `${id}: ${html} ${failureSummary}`));
+    }""")
+    return found
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_axe_finds_nothing_on_any_screen(browser, studio, scheme, width):
+    with Opened(browser, studio, width=width, color_scheme=scheme) as each:
+        assert faults(each) == []
+        for screen in SCREENS[1:]:
+            for sitter in ("anna", "ben"):
+                each.go(f"{screen}/{sitter}")
+                assert faults(each) == [], f"{screen}/{sitter}"
+        each.go("show/anna/files")
+        each.page.wait_for_selector(".kind-card")
+        assert faults(each) == []
+
+
+def test_axe_finds_nothing_in_the_editors_and_dialogs(opened):
+    style = opened.ask("GET", "/api/styles?project=ben")["styles"][0]["id"]
+    copied = opened.ask("POST", f"/api/styles/{style}/copy?project=ben")["id"]
+    opened.go(f"style/ben/{copied}/landmarks")
+    opened.page.locator(".mark[data-number='30']").focus()
+    assert faults(opened) == []
+    opened.go("sitters")
+    opened.page.click("text=New sitter")
+    assert faults(opened) == []
+    opened.page.keyboard.press("Escape")
+    opened.go("show/anna")
+    opened.page.click("text=Pattern wizard")
+    opened.page.wait_for_selector(".wizard form")
+    assert faults(opened) == []
+
+
+@pytest.mark.parametrize("width", [1280, 768, 390, 320])
+def test_no_screen_is_wider_than_its_window(browser, studio, width):
+    for language in ("en", "de"):
+        with Opened(browser, studio, width=width, locale=language) as each:
+            for hash_ in ("sitters", *(f"{screen}/anna" for screen in SCREENS[1:]),
+                          "show/anna/files"):
+                each.go(hash_)
+                wide = each.run("() => document.documentElement.scrollWidth")
+                assert wide <= width, (hash_, language)
+
+
+def test_a_sitter_is_made_and_removed_by_keys_alone(opened):
+    keyboard = opened.page.keyboard
+
+    def reach(name):
+        """Tab until a button of that name has the focus, which is seen."""
+        for _ in range(60):
+            keyboard.press("Tab")
+            focused = opened.run("""() => [document.activeElement.getAttribute("aria-label")
+              ?? document.activeElement.textContent.trim(),
+              getComputedStyle(document.activeElement).outlineStyle]""")
+            if focused[0] == name:
+                assert focused[1] != "none", name
+                return
+        raise AssertionError(f"{name} can't be reached")
+
+    keyboard.press("Tab")
+    assert opened.run("() => document.activeElement.id") == "skip"
+    keyboard.press("Enter")
+    assert opened.run("() => document.activeElement.id") == "main"
+    reach("New sitter")
+    keyboard.press("Enter")
+    keyboard.type("Dora")
+    keyboard.press("Enter")
+    opened.page.wait_for_selector("[data-screen=photos][data-ready]")
+    # The new screen's heading has the focus, so that it is read out.
+    assert opened.run("() => document.activeElement.tagName") == "H1"
+    assert opened.page.title().startswith("Dora · Photos")
+    opened.go("sitters")
+    reach("Remove Dora")
+    keyboard.press("Enter")
+    opened.page.wait_for_selector("dialog[open]")
+    reach("Remove")
+    keyboard.press("Enter")
+    opened.page.wait_for_selector(".toast:has-text('Dora')")
+    assert "Dora" not in opened.page.inner_text(".sitters")
+    assert list((opened.studio.folder / ".trash").iterdir())
+
+
+def test_nothing_is_asked_of_another_host_and_nothing_complains(browser, studio):
+    with Opened(browser, studio) as each:
+        for screen in SCREENS[1:]:
+            each.go(f"{screen}/anna")
+        assert {url.split("/")[2] for url in each.requests if url.startswith("http")} == {
+            studio.home.split("/")[2]}
+        assert each.complaints == []
+        assert "token" not in each.page.url
+
+
+def test_a_browser_without_the_key_is_told_what_to_do(browser, studio):
+    context = browser.new_context(locale="en")
+    page = context.new_page()
+    page.goto(studio.home)
+    page.wait_for_selector(".empty")
+    assert "Open the address that the terminal printed" in page.inner_text(".empty")
+    context.close()
+
+
+def test_the_theme_follows_the_system_until_it_is_chosen(browser, studio):
+    ground = "() => getComputedStyle(document.body).backgroundColor"
+    with Opened(browser, studio, color_scheme="dark") as each:
+        dark = each.run(ground)
+        each.page.click(".rail >> text=Light")
+        light = each.run(ground)
+        assert light != dark
+        each.reload()
+        assert each.run(ground) == light
+        each.page.click(".rail >> text=Auto")
+        assert each.run(ground) == dark

@@ -1,0 +1,63 @@
+"""The portrait's screen: the viewer, the slider on the graphics, two side by side."""
+
+import time
+
+import pytest
+
+from tests.studio.page.conftest import Opened
+
+INNER = "(n) => document.querySelectorAll('.stage iframe:not(.coming)')[n].contentWindow.lfportrait"
+
+
+@pytest.fixture(scope="module")
+def portrait(browser, studio):
+    with Opened(browser, studio, width=900, height=700) as each:
+        each.go("portrait/anna")
+        each.page.wait_for_selector(".stage iframe:not(.coming)", timeout=120000)
+        yield each
+
+
+def test_the_version_of_the_commands_is_shown_in_our_viewer(portrait):
+    assert portrait.page.locator(".version").count() == 1
+    sets = portrait.run(f"() => ({INNER})(0).renderer.header.sets.map(({{ name }}) => name)")
+    assert sets[0] == "photo" and "waves" in sets
+    assert portrait.page.get_attribute(".stage iframe", "title") == "Portrait of anna"
+
+
+def test_strength_is_mixed_at_once_and_without_a_request(portrait):
+    slider = portrait.page.locator("input[data-name=strength]")
+    slider.focus()
+    before = len(portrait.requests)
+    start = time.perf_counter()
+    portrait.page.keyboard.press("Home")
+    portrait.until(f"() => ({INNER})(0).renderer.blend === 0", seconds=5)
+    assert time.perf_counter() - start < 2  # on a busy machine; the page itself takes a frame
+    assert portrait.requests[before:] == [] or all(
+        "/viewer" not in url for url in portrait.requests[before:])
+    portrait.page.keyboard.press("End")
+    portrait.until(f"() => ({INNER})(0).renderer.blend === 1", seconds=5)
+
+
+def test_two_side_by_side_turn_together(portrait):
+    portrait.go("portrait/anna/portrait/portrait")
+    portrait.page.wait_for_selector(".stages-pair.two .column:nth-child(2) iframe:not(.coming)",
+                                    timeout=120000)
+    yaw = f"() => [0, 1].map((n) => ({INNER})(n).orbit.yaw)"
+    for which in (0, 1):
+        portrait.run(f"(n) => {{ const each = ({INNER})(n); each.orbit.turn(0.2, 0);"
+                     " each.viewer.change(); }", which)
+        portrait.until(f"() => {{ const [a, b] = ({yaw})(); return a === b && a !== 0; }}")
+    assert portrait.run(yaw) == pytest.approx([0.4, 0.4])
+    # A reload shows both again.
+    portrait.reload()
+    portrait.page.wait_for_selector(".stages-pair.two .column:nth-child(2) iframe:not(.coming)",
+                                    timeout=120000)
+    portrait.page.uncheck("#linked")
+    portrait.run(f"() => {{ const each = ({INNER})(0); each.orbit.turn(0.3, 0);"
+                 " each.viewer.change(); }")
+    portrait.page.wait_for_timeout(200)
+    first, second = portrait.run(yaw)
+    assert first != second
+    portrait.page.click("text=Two side by side")
+    portrait.until("() => document.querySelectorAll('.stage').length === 1")
+    assert portrait.page.url.endswith("portrait/anna/portrait")

@@ -1,0 +1,134 @@
+"""Photos on their way: four at a time, by their hash, over broken lines, the damaged ones named."""
+
+import pytest
+
+from tests.studio.page.conftest import Opened, picture
+
+
+@pytest.fixture
+def sitter(opened):
+    """A new sitter's photo screen."""
+    opened.id = opened.ask("POST", "/api/projects", {"name": "cleo", "demo": False})["id"]
+    opened.page.reload()
+    opened.page.wait_for_selector("[data-screen][data-ready]")
+    opened.go(f"photos/{opened.id}")
+    yield opened
+    opened.ask("DELETE", f"/api/projects/{opened.id}", {"confirm": "cleo"})
+
+
+def write(folder, count, first=10):
+    paths = [folder / f"photo {number}.png" for number in range(count)]
+    for number, path in enumerate(paths):
+        picture(first + number).save(path)
+    return paths
+
+
+def cards(opened):
+    return opened.run("() => document.querySelectorAll('.shot-card').length")
+
+
+def choose(opened, paths):
+    opened.page.set_input_files("#photo-files", paths)
+
+
+def test_photos_come_in_are_shown_and_stay(sitter, tmp_path):
+    paths = write(tmp_path, 9)
+    choose(sitter, paths)
+    sitter.page.wait_for_selector("text=9 files added, 0 were here already.", timeout=60000)
+    sitter.until("() => document.querySelectorAll('.shot-card').length === 9")
+    names = {path.name for path in (sitter.studio.folder / "cleo" / "photos").iterdir()}
+    assert len(names) == 9
+    for path in paths:  # what came is what was sent
+        assert any((sitter.studio.folder / "cleo" / "photos" / name).read_bytes()
+                   == path.read_bytes() for name in names)
+    sitter.reload()
+    assert cards(sitter) == 9
+    # The same folder again: nothing is sent.
+    sent = [url for url in sitter.requests if "/uploads/" in url]
+    choose(sitter, paths)
+    sitter.page.wait_for_selector("text=0 files added, 9 were here already.")
+    assert [url for url in sitter.requests if "/uploads/" in url] == sent
+
+
+def test_at_most_four_are_on_their_way_at_once(sitter, tmp_path):
+    sitter.run("""() => {
+      const send = XMLHttpRequest.prototype.send;
+      window.going = window.most = 0;
+      XMLHttpRequest.prototype.send = function (body) {
+        window.most = Math.max(window.most, ++window.going);
+        this.addEventListener("loadend", () => { window.going--; });
+        setTimeout(() => send.call(this, body), 30);
+      };
+    }""")
+    choose(sitter, write(tmp_path, 12))
+    sitter.page.wait_for_selector("text=12 files added", timeout=60000)
+    assert sitter.run("() => window.most") == 4
+
+
+def test_a_broken_line_is_tried_again(sitter, tmp_path):
+    broken = []
+
+    def breaks(route):
+        if len(broken) < 2:
+            broken.append(route.request.url)
+            route.abort("connectionreset")
+        else:
+            route.continue_()
+
+    sitter.page.route("**/uploads/*", breaks)
+    choose(sitter, write(tmp_path, 3))
+    sitter.page.wait_for_selector("text=3 files added", timeout=60000)
+    assert len(broken) == 2
+
+
+def test_what_is_no_photo_is_named(sitter, tmp_path):
+    good = write(tmp_path, 1)
+    note = tmp_path / "notes.txt"
+    note.write_text("not a photo")
+    choose(sitter, [*good, note])
+    sitter.page.wait_for_selector("text=1 file was not taken")
+    assert "notes.txt" in sitter.page.inner_text(".note.bad")
+    assert sitter.page.inner_text(".card").startswith("1 file added")
+
+
+def test_a_folder_is_dropped_with_what_lies_in_it(sitter, tmp_path):
+    """A drop as the page sees it; folders themselves can't be dropped by a test."""
+    write(tmp_path, 2)
+    data = [list((tmp_path / f"photo {number}.png").read_bytes()) for number in range(2)]
+    sitter.run("""(data) => {
+      const transfer = new DataTransfer();
+      data.forEach((bytes, number) => transfer.items.add(
+        new File([new Uint8Array(bytes)], `dropped ${number}.png`, { type: "image/png" })));
+      transfer.items.add(new File(["x"], ".DS_Store"));
+      document.querySelector(".drop").dispatchEvent(
+        new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
+    }""", data)
+    sitter.page.wait_for_selector("text=2 files added", timeout=60000)
+    sitter.until("() => document.querySelectorAll('.shot-card').length === 2")
+    assert "dropped 0.png" in sitter.page.inner_text(".sheet")
+
+
+def test_a_photo_is_left_out_and_taken_in_again(sitter, tmp_path):
+    choose(sitter, write(tmp_path, 2))
+    sitter.until("() => document.querySelectorAll('.shot-card').length === 2")
+    first = ".shot-card:first-child button"
+    sitter.page.click(first)
+    sitter.page.wait_for_selector(f"{first}[aria-pressed=true]")
+    assert len(list((sitter.studio.folder / "cleo" / "left-out").iterdir())) == 1
+    assert sitter.run("(s) => document.activeElement === document.querySelector(s)", first)
+    sitter.page.click(first)
+    sitter.page.wait_for_selector(f"{first}[aria-pressed=false]")
+    assert len(list((sitter.studio.folder / "cleo" / "left-out").iterdir())) == 0
+
+
+def test_a_studio_that_ends_and_comes_back(browser, portraits_of, tmp_path):
+    """The page says that nobody answers, and goes on when somebody does."""
+    studio = portraits_of
+    with Opened(browser, studio, "photos/ben") as each:
+        port = int(studio.home.rsplit(":", 1)[1].strip("/"))
+        studio.stop()
+        each.page.wait_for_selector("#alerts >> text=does not answer", timeout=30000)
+        studio.start(port)
+        each.page.goto(studio.address)  # a new run has a new key
+        each.page.wait_for_selector("[data-screen=sitters][data-ready]")
+        assert each.page.locator(".sitter").count() == 1
