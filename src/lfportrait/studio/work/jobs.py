@@ -120,14 +120,14 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
             "reconstruct", "field", where, ("field.npz",), field_key(capture, config), ("capture",),
             config, 0, inputs), "reconstruct", figures, warmup,
             draw=lambda field: head_picture(field, 320, (turned(next(number)),)))
-        field = VoxelField.load(order.job / "field.npz")
-        picture = head_picture(field)
-        teller.picture("reconstruct", picture)
         with teller.stage("surface") as progress:
             warmup.wait(("transfer",), progress)
             progress.update(0, "the head's surface")
+            field = VoxelField.load(order.job / "field.npz")
+            picture = head_picture(field)
+            teller.picture("reconstruct", picture)
             kept_skin(order.job / "field.npz", field, taken, config.stylize.pixels)
-        teller.picture("surface", picture)
+            teller.picture("surface", picture)
     return {"views": len(taken), "voxels": len(field.density)}
 
 
