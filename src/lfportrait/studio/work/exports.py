@@ -61,7 +61,8 @@ def export(order: Order, teller: Teller) -> dict[str, Any]:
             field = load_styled(look.styled) if fine else Sitting().field(look)
             figures = _written(field, path, kind, options, order, progress)
     out = Path(figures.pop("out", path))
-    return {"export": id_of(out.name), "file": out.name, "kind": kind, "fine": fine, "version": more.get("version"),
+    return {"export": id_of(out.name), "file": out.name, "kind": kind, "fine": fine,
+            "version": more.get("version"),
             "figures": _plain(figures)}
 
 
