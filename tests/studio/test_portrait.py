@@ -100,8 +100,21 @@ def test_the_head_is_made_and_was_not_begun_again(page, project, head):
     has = page.get(f"/api/projects/{project}")["has"]
     assert has == {"photos": True, "checked": False, "capture": True, "field": True,
                    "styled": False}
+
+
+def test_photos_are_judged_and_placed(page, project, head):
+    before = page.get(f"/api/projects/{project}/photos")
+    assert not before["checked"] and {one["grade"] for one in before["photos"]} == {"none"}
+    job = page.wait(page.do("POST", f"/api/projects/{project}/check")["id"])
+    assert job["state"] == "done", job
     sheet = page.get(f"/api/projects/{project}/photos")
-    assert len(sheet["photos"]) == 16
+    assert sheet["checked"] and sheet["arc"]["placed"] and len(sheet["photos"]) == 16
+    assert all(one["placed"] and one["sharpness"] > 0 for one in sheet["photos"])
+    yaws = sorted(one["placed"]["yaw"] for one in sheet["photos"] if one["grade"] != "red")
+    assert sheet["arc"]["reach"] == [yaws[0], yaws[-1]]
+    photo = sheet["photos"][0]
+    path = f"/api/projects/{project}/photos/{photo['id']}"
+    assert page.error("PATCH", path, {"left_out": True}) == "exists", "it has a camera"
 
 
 def shown(answer):

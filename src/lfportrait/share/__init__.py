@@ -11,7 +11,7 @@ from .frames import (
     layout_of_file,
     write_quilt,
 )
-from .page import PageConfig, page_script, serve_page, write_page
+from .page import OpenPage, PageConfig, page_script, recolored, serve_page, write_page
 from .paths import (
     orbit_cameras,
     path_cameras,
@@ -24,9 +24,9 @@ from .report import Picture, Report, Section, Table, write_report
 from .sequence import SequenceConfig, each_frame, write_sequence
 from .video import write_video
 
-__all__ = ["SECONDS", "DrivePlan", "ExportConfig", "FrameConfig", "PageConfig", "Picture", "Report",
-           "Section", "SequenceConfig", "Table", "each_frame", "export_field", "export_frame",
-           "fill_drive", "kind_of", "layout_of_file", "orbit_cameras", "page_script",
-           "path_cameras", "serve_page", "sweep_cameras", "sweep_degrees", "sweep_frames",
-           "sweep_ground", "write_page", "write_quilt", "write_report", "write_sequence",
-           "write_video"]
+__all__ = ["SECONDS", "DrivePlan", "ExportConfig", "FrameConfig", "OpenPage", "PageConfig",
+           "Picture", "Report", "Section", "SequenceConfig", "Table", "each_frame", "export_field",
+           "export_frame", "fill_drive", "kind_of", "layout_of_file", "orbit_cameras",
+           "page_script", "path_cameras", "recolored", "serve_page", "sweep_cameras",
+           "sweep_degrees", "sweep_frames", "sweep_ground", "write_page", "write_quilt",
+           "write_report", "write_sequence", "write_video"]

@@ -184,6 +184,13 @@ class Desk:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
+    def mixed_look(self, project: Project, version: Version, mix: dict[str, Any]) -> dict[str, Any]:
+        """A version's own painted field in another mix: what fits to its page that is open."""
+        if not version.fine:
+            return self.look(project, version.style, mix)
+        arguments, _ = mix_arguments(mix, version.style or "", lambda one: one)
+        return {"styled": str(version.styled), "mix": {"strength": 1.0, **arguments}}
+
     # -- jobs -------------------------------------------------------------------------------------
 
     def order(self, job: JobState) -> Order:

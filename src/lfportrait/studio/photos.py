@@ -22,8 +22,8 @@ from .answers import Refusal
 from .names import free_name, id_of
 from .projects import Project
 
-__all__ = ["VIDEO_FRAME", "check_key", "find_photo", "leave_out", "photo_entry", "photo_picture", "remove_photo",
-           "sheet"]
+__all__ = ["VIDEO_FRAME", "check_key", "find_photo", "leave_out", "photo_entry", "photo_picture",
+           "remove_photo", "sheet"]
 
 _SIDES = (240, 1280)
 VIDEO_FRAME = "video.jpg"

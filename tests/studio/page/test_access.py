@@ -1,4 +1,4 @@
-"""All screens for everybody: names and roles, contrast, keys alone, small windows, no other host."""
+"""All screens for everybody: names, roles, contrast, keys alone, small windows, no other host."""
 
 from pathlib import Path
 

@@ -38,6 +38,33 @@ def test_strength_is_mixed_at_once_and_without_a_request(portrait):
     portrait.until(f"() => ({INNER})(0).renderer.blend === 1", seconds=5)
 
 
+def test_a_slider_goes_between_its_ends_on_the_graphics(portrait):
+    """Likeness: both ends are asked for when the slider is taken, what lies between is at once."""
+    sets = portrait.run(f"() => ({INNER})(0).renderer.header.sets.length")
+    portrait.run("""() => {
+      const slider = document.querySelector("input[data-name=identity]");
+      slider.dispatchEvent(new PointerEvent("pointerdown"));
+    }""")
+    portrait.until(f"(n) => String(({INNER})(0).renderer.slots) === `${{n}},${{n + 1}}`", sets)
+    asked = len(portrait.requests)
+    for value in (0.25, 0.8):
+        blend = portrait.run(f"""(value) => {{
+          const slider = document.querySelector("input[data-name=identity]");
+          slider.value = String(value);
+          slider.dispatchEvent(new Event("input"));
+          return ({INNER})(0).renderer.blend;
+        }}""", value)
+        assert blend == pytest.approx(value)
+    assert [url for url in portrait.requests[asked:] if "/colors" in url] == []
+    # Let go, it is the mix itself that is shown, and a mark on a box follows as well.
+    portrait.run("() => document.querySelector('input[data-name=identity]')"
+                 ".dispatchEvent(new Event('change'))")
+    portrait.until(f"(n) => String(({INNER})(0).renderer.slots) === `${{n}},${{n}}`", sets)
+    portrait.page.check("#keep-colors")
+    portrait.until(f"(n) => document.documentElement && ({INNER})(0).renderer.blend === 0", sets)
+    portrait.page.uncheck("#keep-colors")
+
+
 def test_two_side_by_side_turn_together(portrait):
     portrait.go("portrait/anna/portrait/portrait")
     portrait.page.wait_for_selector(".stages-pair.two .column:nth-child(2) iframe:not(.coming)",

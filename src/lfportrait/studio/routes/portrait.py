@@ -164,6 +164,30 @@ async def viewer(call: Call) -> dict[str, Any]:
     return {"page": f"/view/{project.id}/{key}.html", "fine": is_fine, **about}
 
 
+@TABLE.add("POST", "/api/projects/{project}/colors")
+async def colors(call: Call) -> dict[str, Any]:
+    """The colors of mixes, for a page of the viewer that is open."""
+    project = call.project
+    version = Versions(project).get(text(call.data, "version"))
+    mixes = call.data.get("mixes")
+    if not isinstance(mixes, list) or not 1 <= len(mixes) <= 2:
+        raise Refusal("bad_request", "mixes must be one or two mixes", field="mixes")
+    looks = [call.desk.mixed_look(project, version, checked_mix(mix)) for mix in mixes]
+    page = _page(project, text(call.data, "page").rpartition("/")[2])
+    found: dict[str, Any] = await call.desk.previews.ask(
+        "colors", {"page": str(page), "looks": looks}, text(call.data, "slot", ""))
+    return found
+
+
+def _page(project: Project, name: str) -> Path:
+    """The file of a page of the viewer."""
+    key, _, ending = name.rpartition(".")
+    path = project.own / "pages" / f"{key}.html"
+    if ending != "html" or not _KEY.fullmatch(key) or not path.is_file():
+        raise Refusal("not_found", "there is no such page any more; open the portrait again")
+    return path
+
+
 def _forget(folder: Path, key: str) -> None:
     """Keep the newest pages only."""
     pages = sorted(folder.glob("*.html"), key=lambda path: path.stat().st_mtime)
@@ -176,10 +200,7 @@ def _forget(folder: Path, key: str) -> None:
 @TABLE.add("GET", "/view/{project}/{page}")
 def view(call: Call) -> Response:
     """The page itself: its script is named by its hash, nothing else runs in it."""
-    key, _, ending = call.word("page").rpartition(".")
-    if ending != "html" or not _KEY.fullmatch(key):
-        raise Refusal("not_found", "there is no such page")
-    path = call.project.own / "pages" / f"{key}.html"
+    path = _page(call.project, call.word("page"))
     try:
         data = path.read_bytes()
     except OSError as error:

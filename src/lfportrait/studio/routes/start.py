@@ -27,7 +27,7 @@ def state(call: Call) -> dict[str, Any]:
             "free_bytes": free_disk_bytes(desk.projects.folder), "cores": usable_cores(),
             "projects": [desk.project_entry(one) for one in desk.projects.all()],
             "jobs": desk.jobs.entries(), "networks": _networks(), "event": number,
-            "features": {"colors": False, "pause": hasattr(__import__("os"), "killpg")}}
+            "features": {"colors": True, "pause": hasattr(__import__("os"), "killpg")}}
 
 
 def _networks() -> list[dict[str, Any]]:

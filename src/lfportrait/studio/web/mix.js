@@ -23,7 +23,7 @@ const strengthOf = (value) => (typeof value === "object" ? (value.strength ?? 1)
 
 export class MixPanel {
   /**
-   * @param {object} how `onbegin(ends)` when a slider is taken, with the mixes at its ends;
+   * @param {object} how `onbegin(ends, name, share)` when a slider is taken, with the mixes at its ends;
    *   `onmove(mix, share)` at each step, `onend(mix)` when it is let go.
    */
   constructor({ onbegin, onmove, onend }) {
@@ -107,13 +107,20 @@ export class MixPanel {
         if (pressed.key === undefined || pressed.key.startsWith("Arrow")) this.take(one, put, min, max);
       });
     }
+    // Let go where it was: no change is told of.
+    for (const event of ["pointerup", "pointercancel", "blur"]) {
+      one.input.addEventListener(event, () => {
+        this.taken = null;
+      });
+    }
     return one;
   }
 
   take(one, put, min, max) {
     if (this.taken === one) return;
     this.taken = one;
-    this.onbegin([put(this.mix, min), put(this.mix, max)], one.input.dataset.name);
+    const share = (Number(one.input.value) - min) / (max - min);
+    this.onbegin([put(this.mix, min), put(this.mix, max)], one.input.dataset.name, share);
   }
 
   /** Strength of a region, and whether it stays as in the photo. */

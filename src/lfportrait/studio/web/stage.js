@@ -47,7 +47,7 @@ export class Stage {
         frame.remove();
         return null;
       }
-      this.about = about;
+      Object.assign(this, { about, wish, coarse: false, ends: false });
       this.dress(frame);
       const old = this.inner;
       if (old && frame.contentWindow.lfportrait) this.copyCamera(old, frame.contentWindow.lfportrait);
@@ -100,7 +100,7 @@ export class Stage {
 
   /** Whether the server gives colors alone: then nothing is loaded again when a mix changes. */
   get live() {
-    return Boolean(state.features?.colors) && this.inner !== null;
+    return Boolean(state.features?.colors) && this.inner !== null && !this.coarse;
   }
 
   /** Strength of the painting alone: photo and painting are both in the page. */
@@ -122,11 +122,14 @@ export class Stage {
     const { signal } = this.stopper;
     const { sets } = await post(
       `/api/projects/${this.sitter.id}/colors`,
-      { page: this.about.page, mixes },
+      { page: this.about.page, version: this.wish.version, mixes, slot: "colors" },
       signal,
     );
     const { inner } = this;
     if (mine !== this.asked || !inner) return false;
+    // A page that had to be made coarser takes no colors: it is packed again.
+    this.coarse = sets === null;
+    if (this.coarse) return false;
     const { renderer } = inner,
       { header } = renderer,
       page = this.frame.contentDocument;

@@ -35,7 +35,7 @@ from ...lightfield import (
     write_coded,
 )
 from ...lightfield.screens import Bridge
-from ...share import PageConfig, write_page
+from ...share import OpenPage, PageConfig, recolored, write_page
 from ...stylize import StyledField
 from .paintings import PAINTING_ANSWERS
 from .pipe import Pipe
@@ -91,6 +91,12 @@ class _Resident:
                 about |= {"styles": list(field.styles), "regions": list(field.regions)}
             write_json(beside, about)
         return {"key": look.key()}
+
+    def colors(self, facts: Facts) -> dict[str, Any]:
+        """Further color sets for a page that is open."""
+        page = OpenPage.of(Path(facts["page"]).read_bytes())
+        sets = [recolored(page, self.sitting.field(Look(look))) for look in facts["looks"]]
+        return {"sets": None if None in sets else sets}
 
     def _placed(self, facts: Facts) -> tuple[Any, Display, EncodeConfig]:
         field = self.sitting.field(Look(facts["look"]))
@@ -178,8 +184,8 @@ def serve() -> None:
     resident = _Resident()
     own: dict[str, Callable[[Facts], dict[str, Any]]] = {
         name: getattr(resident, name) for name in (
-            "preview", "warm", "viewer", "budget", "eye", "full", "pattern", "bridge", "cast",
-            "style_picture")}
+            "preview", "warm", "viewer", "colors", "budget", "eye", "full", "pattern", "bridge",
+            "cast", "style_picture")}
     for name, function in PAINTING_ANSWERS.items():
         own[name] = partial(function, resident.sitting)
     while True:

@@ -90,7 +90,7 @@ class Making {
         h("a.button.main", { href: `#photos/${this.id}` }, t("step.photos")),
       );
     }
-    const quick = h("input", { type: "checkbox", id: "quick" });
+    const quick = h("input", { type: "checkbox", id: "quick", ".checked": Boolean(sitter.options?.quick) });
     return h(
       "div.card.stack.begin",
       {},
@@ -121,13 +121,7 @@ class Making {
   }
 
   async start(quick) {
-    keepJob(
-      await post("/api/jobs", {
-        kind: "head",
-        project: this.id,
-        ...(quick ? { options: { quick: true } } : {}),
-      }),
-    );
+    keepJob(await post("/api/jobs", { kind: "head", project: this.id, ...(quick === null ? {} : { options: { quick } }) }));
   }
 
   jobView(job) {
@@ -178,7 +172,7 @@ class Making {
             ["done"].includes(how) &&
             button(
               t("making.redo"),
-              doing(() => this.start(false)),
+              doing(() => this.start(null)),
               { kind: "quiet", drawing: "reset", "data-act": "start" },
             ),
         ),

@@ -16,6 +16,11 @@ export async function showPortrait(root, sitter, [version, other]) {
   return () => screen.close();
 }
 
+/** What a newer wish has taken the place of is no error. */
+function ignore(error) {
+  if (error.code !== "busy") fail(error);
+}
+
 class Portrait {
   constructor(root, sitter, version, other) {
     this.sitter = sitter;
@@ -26,7 +31,7 @@ class Portrait {
     this.list = h("ul.versions", { "aria-label": t("portrait.versions") });
     this.actions = h("div.row");
     this.panel = new MixPanel({
-      onbegin: (ends, name) => this.begin(ends, name),
+      onbegin: (ends, name, share) => this.begin(ends, name, share),
       onmove: (mix, share, name) => this.move(mix, share, name),
       onend: (mix) => this.end(mix),
     });
@@ -206,23 +211,25 @@ class Portrait {
               }),
               { kind: "main", drawing: "spark" },
             )),
-      version &&
+      version?.style &&
         button(
           t("portrait.copy"),
           doing(() => this.copy()),
           { drawing: "plus" },
         ),
       !version && h("a.button.main", { href: `#style/${this.sitter.id}`, text: t("portrait.choose") }),
+      version && !version.style && h("p.small.soft", { text: t("portrait.commands") }),
     );
   }
 
   // ---- sliders -------------------------------------------------------------------------------
 
   /** A slider is taken: both of its ends on their way to the graphics. */
-  begin(ends, name) {
+  begin(ends, name, share) {
     this.stage.ends = false;
+    this.stage.share = share;
     if (!this.stage.live || this.simple(name)) return;
-    this.stage.colors(ends).catch((error) => error.name === "AbortError" || fail(error));
+    this.stage.colors(ends.map(plainMix)).catch(ignore);
   }
 
   /** Whether photo and painting, which the page has, are both ends. */
@@ -249,7 +256,7 @@ class Portrait {
     ) {
       // Between both ends it was nearly right; this is what will be kept.
       this.stage.share = 0;
-      await this.stage.colors([plainMix(mix)]).catch((error) => error.name === "AbortError" || fail(error));
+      await this.stage.colors([plainMix(mix)]).catch(ignore);
     }
   }
 
@@ -259,7 +266,7 @@ class Portrait {
     const { version } = this,
       mix = plainMix(this.panel.mix);
     this.open = false;
-    if (!version || JSON.stringify(mix) === JSON.stringify(plainMix(version.mix))) return;
+    if (!version?.style || JSON.stringify(mix) === JSON.stringify(plainMix(version.mix))) return;
     const path = `/api/projects/${this.sitter.id}/versions`;
     if (version.fine || version.from_command_line) {
       const made = await post(path, { name: this.free(version.name), style: version.style, mix });
