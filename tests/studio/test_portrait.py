@@ -7,6 +7,7 @@ import io
 import os
 import re
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +22,13 @@ from tests.job.test_pipeline import CONFIG, PANEL
 
 from .conftest import opened
 
+# Without refinement no process imports torch.
+SMALL = replace(CONFIG, stylize=replace(CONFIG.stylize, steps=0))
+
 PARAMETERS = {
     "reconstruct.resolutions": [24, 48], "reconstruct.rays": [0.05, 0.12],
     "reconstruct.batch": [1024], "reconstruct.sh_degree": 0, "stylize.pixels": 72.0,
-    "stylize.fit_iterations": 2, "stylize.steps": 2, "stylize.content_network": "embedded",
+    "stylize.fit_iterations": 2, "stylize.steps": 0, "stylize.content_network": "embedded",
     "stylize.style_network": "embedded", "sweep_size": 48}
 
 
@@ -187,7 +191,7 @@ def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
     # The same by the command, which goes on from the studio's head.
     folder = page.desk.projects.get(project).folder
     run = make(folder / "photos", folder / "paintings/Ken.png", folder / "portrait",
-               page.desk.displays.of(page.desk.projects.get(project)).source, CONFIG, offline=True)
+               page.desk.displays.of(page.desk.projects.get(project)).source, SMALL, offline=True)
     assert run["resumed"] == ["capture", "reconstruct"]
     target = folder / "versions/First- try"
     for name in ("styled.npz", "lightfield.png", "portrait.html", "sweep.mp4"):
