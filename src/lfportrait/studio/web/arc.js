@@ -58,8 +58,8 @@ export function drawArc({ gaps = [], placed = false }, photos, onpick) {
       // The head from above, its nose down to the front.
       h("svg:ellipse.head", { cx: MIDDLE[0], cy: MIDDLE[1] - 6, rx: 27, ry: 34 }),
       h("svg:path.nose", { d: `M${MIDDLE[0] - 6} ${MIDDLE[1] + 26}q6 15 12 0` }),
-      h("svg:text.side", { x: 14, y: 30, text: t("arc.left") }),
-      h("svg:text.side.end", { x: 386, y: 30, text: t("arc.right") }),
+      h("svg:text.side.end", { x: MIDDLE[0] - 36, y: MIDDLE[1] + 2, text: t("arc.left") }),
+      h("svg:text.side", { x: MIDDLE[0] + 36, y: MIDDLE[1] + 2, text: t("arc.right") }),
       h("svg:text.side.middle", { x: 200, y: 242, text: t("arc.front") }),
       seen.map((photo) => {
         const yaw = photo.placed?.yaw ?? photo.yaw,
