@@ -70,6 +70,23 @@ def test_each_region_is_what_was_painted(painting, name):
         assert np.abs(shares - found)[far].mean() < 0.25
 
 
+def test_a_forehead_is_filled_all_the_same(painting):
+    from lfportrait.example.worn.filled import _filled
+
+    path, values = painting
+    values[:40] = BY_HAND.index("hat")
+    exemplar = painted(path, values)
+    height = exemplar.regions().frame.height
+    bare, hole = np.zeros((2, 256, 192), bool)
+    bare[60:160, 70:125] = True
+    hole[60:75, 80:110] = True
+    broad = exemplar.image.astype(np.float32) / np.float32(255)
+    found = _filled(exemplar, bare, hole, broad, height)
+    plain = Exemplar.load(path, exemplar.landmarks)
+    plain.by_hand = None
+    assert np.array_equal(found, _filled(plain, bare, hole, broad, height))
+
+
 def test_a_wrong_file_is_said_in_one_line(painting):
     path, values = painting
     for wrong, words in ((values[:10], "size"), (values + 9, "grey values")):
