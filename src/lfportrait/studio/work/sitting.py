@@ -17,7 +17,7 @@ from ...example import Exemplar
 from ...field import VoxelField
 from ...job import Session
 from ...lightfield import eight_bit, render_views
-from ...stylize import StyledField, StylizeConfig, load_styled
+from ...stylize import Painters, StyledField, StylizeConfig, load_styled
 from .pictures import views_of
 
 __all__ = ["Look", "Sitting"]
@@ -41,6 +41,12 @@ class _Kept(Generic[Value]):
         while len(self._things) > self._most:
             self._things.popitem(last=False)
         return self._things[key]
+
+
+class _Few(Painters):
+    """Painters of few paintings: they share the memory with jobs."""
+
+    MOST = 3
 
 
 class Look:
@@ -94,15 +100,18 @@ class Sitting:
 
     def __init__(self) -> None:
         self._sessions: _Kept[Session] = _Kept(2)
-        self._painted: _Kept[VoxelField] = _Kept(6)
+        self._painted: _Kept[VoxelField] = _Kept(4)
         self._mixed: _Kept[VoxelField] = _Kept(2)
         self._exemplars: _Kept[Exemplar] = _Kept(12)
+        # With landmarks that are moved at this moment: the next ones are others.
+        self._tried: _Kept[VoxelField] = _Kept(1)
 
     def session(self, job: Path) -> Session:
         """A head with all that previews need."""
         state = (job / "field.npz").stat()
         key = f"{job} {state.st_mtime_ns} {state.st_size}"
-        return self._sessions.get(key, lambda: Session(job / "field.npz", job / "capture"))
+        return self._sessions.get(key, lambda: Session(job / "field.npz", job / "capture",
+                                                       painters=_Few()))
 
     def exemplar(self, style: str, landmarks: Any = None) -> Exemplar:
         """A painting, with landmarks that may not be saved yet."""
@@ -122,11 +131,12 @@ class Sitting:
             base = self._exemplars.get(f"{saved} picture", lambda: Exemplar.load(path, points))
             return replace(base, landmarks=points)
 
-        return self._exemplars.get(f"{saved} {points.tolist()}", moved)
+        return moved()
 
     def field(self, look: Look) -> VoxelField:
         """What is shown."""
-        base = self._painted.get(look.painted_key(), lambda: self._made(look))
+        kept = self._painted if look.landmarks is None else self._tried
+        base = kept.get(look.painted_key(), lambda: self._made(look))
         if not look.mix:
             return base
         if not isinstance(base, StyledField):
@@ -147,7 +157,7 @@ class Sitting:
                      *(replace(self.exemplar(path), name=name)
                        for name, path in look.others.items())]
         if len(exemplars) == 1:
-            return session.preview(exemplars[0], config)
+            return session.preview(exemplars[0], config, keep=look.landmarks is None)
         return session.preview_all(exemplars, config)
 
     def picture(self, look: Look, cameras: Sequence[tuple[float, float, float]], size: int,
