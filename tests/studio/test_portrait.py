@@ -247,7 +247,8 @@ def test_the_viewer_runs_nothing_but_its_own_script(page, project, head, style):
 
 
 def test_depth_eye_and_patterns(page, project, head, style):
-    version = page.get(f"/api/projects/{project}/versions")["versions"][-1]["id"]
+    version = page.do("POST", f"/api/projects/{project}/versions", {
+        "name": "Shown", "style": style})["id"]
     found = page.do("POST", f"/api/projects/{project}/budget", {"version": version})
     assert found["sharp"][0] < 0 < found["sharp"][1] and found["lines"]
     far = page.do("POST", f"/api/projects/{project}/budget", {
