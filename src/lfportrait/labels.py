@@ -19,9 +19,9 @@ from typing import Any
 
 from .errors import UserError
 
-__all__ = ["FEATURES", "GROUPS", "LABELS", "MATERIALS", "MOST", "PICTURE_LABELS", "SEGMENTS",
-           "SURFACE_LABELS", "RegionStyle", "RegionValue", "members", "number", "one_of",
-           "read_regions", "read_value"]
+__all__ = ["BY_HAND", "FEATURES", "GROUPS", "LABELS", "MATERIALS", "MOST", "PICTURE_LABELS",
+           "SEGMENTS", "SURFACE_LABELS", "RegionStyle", "RegionValue", "members", "number",
+           "one_of", "read_regions", "read_value"]
 
 FEATURES = ("brows", "eyes", "nose", "lips")
 """Features of a face."""
@@ -33,6 +33,9 @@ PICTURE_LABELS = (*FEATURES, "skin", "hair", "body", "background")
 """Ears belong to the skin here."""
 SURFACE_LABELS = LABELS[:-1]
 MATERIALS = ("skin", "hair", "neck", "clothes", "background", "features", "ears")
+BY_HAND = ("auto", "hair", "hat", "neck", "skin", "background")
+"""Values, 0 to 5, of a picture of regions that were painted over by hand (``NAME.regions.png``
+beside a painting); 0 leaves a place to the networks."""
 SEGMENTS = ("background", "hair", "body-skin", "face-skin", "clothes", "others")
 """In the order of the network's channels."""
 

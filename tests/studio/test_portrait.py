@@ -7,6 +7,7 @@ import io
 import os
 import re
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +22,13 @@ from tests.job.test_pipeline import CONFIG, PANEL
 
 from .conftest import opened
 
+# Without refinement no process imports torch.
+SMALL = replace(CONFIG, stylize=replace(CONFIG.stylize, steps=0))
+
 PARAMETERS = {
     "reconstruct.resolutions": [24, 48], "reconstruct.rays": [0.05, 0.12],
     "reconstruct.batch": [1024], "reconstruct.sh_degree": 0, "stylize.pixels": 72.0,
-    "stylize.fit_iterations": 2, "stylize.steps": 2, "stylize.content_network": "embedded",
+    "stylize.fit_iterations": 2, "stylize.steps": 0, "stylize.content_network": "embedded",
     "stylize.style_network": "embedded", "sweep_size": 48}
 
 
@@ -100,8 +104,21 @@ def test_the_head_is_made_and_was_not_begun_again(page, project, head):
     has = page.get(f"/api/projects/{project}")["has"]
     assert has == {"photos": True, "checked": False, "capture": True, "field": True,
                    "styled": False}
+
+
+def test_photos_are_judged_and_placed(page, project, head):
+    before = page.get(f"/api/projects/{project}/photos")
+    assert not before["checked"] and {one["grade"] for one in before["photos"]} == {"none"}
+    job = page.wait(page.do("POST", f"/api/projects/{project}/check")["id"])
+    assert job["state"] == "done", job
     sheet = page.get(f"/api/projects/{project}/photos")
-    assert len(sheet["photos"]) == 16
+    assert sheet["checked"] and sheet["arc"]["placed"] and len(sheet["photos"]) == 16
+    assert all(one["placed"] and one["sharpness"] > 0 for one in sheet["photos"])
+    yaws = sorted(one["placed"]["yaw"] for one in sheet["photos"] if one["grade"] != "red")
+    assert sheet["arc"]["reach"] == [yaws[0], yaws[-1]]
+    photo = sheet["photos"][0]
+    path = f"/api/projects/{project}/photos/{photo['id']}"
+    assert page.error("PATCH", path, {"left_out": True}) == "exists", "it has a camera"
 
 
 def shown(answer):
@@ -174,7 +191,7 @@ def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
     # The same by the command, which goes on from the studio's head.
     folder = page.desk.projects.get(project).folder
     run = make(folder / "photos", folder / "paintings/Ken.png", folder / "portrait",
-               page.desk.displays.of(page.desk.projects.get(project)).source, CONFIG, offline=True)
+               page.desk.displays.of(page.desk.projects.get(project)).source, SMALL, offline=True)
     assert run["resumed"] == ["capture", "reconstruct"]
     target = folder / "versions/First- try"
     for name in ("styled.npz", "lightfield.png", "portrait.html", "sweep.mp4"):
@@ -230,7 +247,8 @@ def test_the_viewer_runs_nothing_but_its_own_script(page, project, head, style):
 
 
 def test_depth_eye_and_patterns(page, project, head, style):
-    version = page.get(f"/api/projects/{project}/versions")["versions"][-1]["id"]
+    version = page.do("POST", f"/api/projects/{project}/versions", {
+        "name": "Shown", "style": style})["id"]
     found = page.do("POST", f"/api/projects/{project}/budget", {"version": version})
     assert found["sharp"][0] < 0 < found["sharp"][1] and found["lines"]
     far = page.do("POST", f"/api/projects/{project}/budget", {

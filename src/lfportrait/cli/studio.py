@@ -32,9 +32,10 @@ class Studio(Common):
         try:
             from ..studio import run
         except ModuleNotFoundError as error:
-            if error.name not in ("starlette", "uvicorn"):
+            package = (error.name or "").partition(".")[0]
+            if package not in ("starlette", "uvicorn"):
                 raise
-            raise UserError(f"the studio needs {error.name}: pip install "
+            raise UserError(f"the studio needs {package}: pip install "
                             "'lfportrait[studio]'") from error
         run(self.folder, self.port, browse=self.browser, quiet=self.quiet)
         return {"folder": self.folder}

@@ -127,7 +127,8 @@ def transfer_folder(folder: Path, out: Path, exemplar: Exemplar, config: MethodC
         raise UserError(f"{folder} is a folder: name a folder with --out, not {out}")
     pictures = sorted(path for path in folder.iterdir() if path.suffix.lower() in
                       (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-                      and not path.name.endswith((".mask.png", ".landmarks.png", ".check.png")))
+                      and not path.name.endswith((".mask.png", ".regions.png", ".landmarks.png",
+                                              ".check.png")))
     if not pictures:
         raise UserError(f"there are no pictures in {folder}")
     painter = _Painter(exemplar, config, choices)

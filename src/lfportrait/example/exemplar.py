@@ -15,6 +15,7 @@ from ..cache import hash_of, kept_arrays, key_of
 from ..errors import UserError
 from ..face import FacePose
 from ..files import read_image
+from ..labels import BY_HAND
 from .guides.regions import Regions, find_regions
 from .providers import provided_styles
 
@@ -57,6 +58,9 @@ class Exemplar:
         Which of its eyes, on the picture's left and right, were shut (`lids.closed`).
     opened
         The exemplar as it was before, or None.
+    by_hand
+        uint8 [H, W], regions that were painted over by hand, as places in
+        `lfportrait.labels.BY_HAND`; or None.
     """
 
     image: NDArray[np.uint8]
@@ -69,6 +73,7 @@ class Exemplar:
     bared: NDArray[np.float32] | None = field(default=None, repr=False)
     lids: tuple[bool, bool] = (False, False)
     opened: Exemplar | None = field(default=None, repr=False)
+    by_hand: NDArray[np.uint8] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         self.image = np.ascontiguousarray(self.image[..., :3], np.uint8)
@@ -77,6 +82,8 @@ class Exemplar:
             raise ValueError(f"landmarks must be [68, 2], not {list(self.landmarks.shape)}")
         if self.mask is not None and self.mask.shape != self.image.shape[:2]:
             raise ValueError("the mask must have the size of the picture")
+        if self.by_hand is not None and self.by_hand.shape != self.image.shape[:2]:
+            raise ValueError("regions painted by hand must have the size of the picture")
 
     @property
     def size(self) -> float:
@@ -99,6 +106,8 @@ class Exemplar:
                        hair=None if self.hair is None else small(self.hair),
                        bared=None if self.bared is None else small(self.bared),
                        covered=None if self.covered is None else self.covered.within(size),
+                       by_hand=None if self.by_hand is None else np.asarray(Image.fromarray(
+                           self.by_hand).resize(shape, Image.Resampling.NEAREST)),
                        landmarks=self.landmarks * np.divide(shape, (width, height)))
 
     def pose(self) -> FacePose:
@@ -113,7 +122,20 @@ class Exemplar:
         return FacePose(kept["rotation"], scale, kept["shift"], residual)
 
     def regions(self) -> Regions:
-        """Where its person and hair are (`find_regions`).
+        """Where its person and hair are: `find_regions`, and what was painted over by hand."""
+        found = self._found_regions()
+        if self.by_hand is None:
+            return found
+        person = np.where(self.by_hand == 0, found.person, np.float32(1))
+        person[self.by_hand == BY_HAND.index("background")] = 0
+        known = np.zeros_like(person) if found.hair is None else found.hair
+        hair = np.where(self.by_hand == 0, known, np.float32(0))
+        hair[self.by_hand == BY_HAND.index("hair")] = 1
+        return Regions(self.landmarks, person, None if found.hair is None and not hair.any()
+                       else hair)
+
+    def _found_regions(self) -> Regions:
+        """Where its person and hair are, found.
 
         What the segmentation networks see in a picture takes seconds to find, most of them to load
         the networks: it is kept in the user's cache.
@@ -151,7 +173,8 @@ class Exemplar:
         style
             A picture; its landmarks lie beside it in ``NAME.landmarks.txt`` (one "x y" a line,
             68 lines) or are detected: those of the largest face. A mask ``NAME.mask.png`` (white =
-            person) is used if there.
+            person) is used if there, and so are regions that were painted over by hand,
+            ``NAME.regions.png`` (grey values as in `lfportrait.labels.BY_HAND`).
             Or the name of a built-in exemplar.
         landmarks
             [68, 2], instead of those beside the picture or detected.
@@ -176,7 +199,21 @@ class Exemplar:
                 raise UserError(f"{mask_path} must have the size of {path}")
         elif picture.shape[2] == 4 and (picture[..., 3] < 255).any():
             mask = picture[..., 3].astype(np.float32) / 255.0
-        return Exemplar(image, points, path.stem, mask, faces)
+        return Exemplar(image, points, path.stem, mask, faces, by_hand=_by_hand(path, image))
+
+
+def _by_hand(path: Path, image: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
+    """The regions of a painting that were painted over by hand, from the file beside it."""
+    beside = path.with_suffix(".regions.png")
+    if not beside.exists():
+        return None
+    values = np.ascontiguousarray(read_image(beside)[..., 0])
+    if values.shape != image.shape[:2]:
+        raise UserError(f"{beside} must have the size of {path}")
+    if values.max(initial=0) >= len(BY_HAND):
+        raise UserError(f"{beside} must hold the grey values 0 to {len(BY_HAND) - 1} alone: "
+                        f"{', '.join(BY_HAND)}")
+    return values
 
 
 def _built_in(name: str) -> Exemplar:

@@ -195,5 +195,6 @@ def run_figures(figures: dict[str, dict[str, Any]], style: str, display: str,
     peak = max([peak_memory_bytes(), *(int(stage.get("peak_memory_bytes", 0))
                                        for stage in figures.values())])
     return {"version": __version__, "device": used_device(figures), "machine": machine(),
-            "style": style, "display": display, "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
+            "style": style, "display": display,
+            "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
             "peak_memory_bytes": peak, "resumed": resumed, **figures}

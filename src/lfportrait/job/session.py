@@ -46,6 +46,8 @@ class Session:
         Its capture, or the capture's folder.
     config
         Parameters of all styles, unless a call brings its own.
+    painters
+        What keeps prepared paintings, a hundred MB each; by default eight of them.
 
     Attributes
     ----------
@@ -63,7 +65,7 @@ class Session:
     """
 
     def __init__(self, field: VoxelField | str | Path, capture: Capture | str | Path,
-                 config: StylizeConfig | None = None) -> None:
+                 config: StylizeConfig | None = None, painters: Painters | None = None) -> None:
         self.config = config or StylizeConfig()
         self.config.check()
         self.capture = capture if isinstance(capture, Capture) else Capture.load(capture)
@@ -72,16 +74,16 @@ class Session:
         self.figures: dict[str, Any] = {}
         self._file = None if isinstance(field, VoxelField) else Path(field)
         self._skins: dict[float, Skin] = {}
-        self._painters = Painters()
+        self._painters = painters or Painters()
         self._exemplars: dict[tuple[str, int], Exemplar] = {}
         if self.capture.landmarks is None:
             raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on "
                             "the photos")
 
-    def preview(self, style: str | Path | Exemplar, config: StylizeConfig | None = None,
-                ) -> StyledField:
+    def preview(self, style: str | Path | Exemplar, config: StylizeConfig | None = None, *,
+                keep: bool = True) -> StyledField:
         """The field in a style at half the resolution, without fit and refinement."""
-        return self.stylize(style, replace(config or self.config, preview=True))
+        return self.stylize(style, replace(config or self.config, preview=True), keep=keep)
 
     def preview_all(self, styles: Sequence[str | Path | Exemplar],
                     config: StylizeConfig | None = None) -> StyledField:
@@ -89,8 +91,8 @@ class Session:
         return self.stylize(styles, replace(config or self.config, preview=True))
 
     def stylize(self, style: str | Path | Exemplar | Sequence[str | Path | Exemplar],
-                config: StylizeConfig | None = None, progress: Progress | None = None,
-                ) -> StyledField:
+                config: StylizeConfig | None = None, progress: Progress | None = None, *,
+                keep: bool = True) -> StyledField:
         """The field in a style.
 
         Parameters
@@ -102,6 +104,8 @@ class Session:
             Parameters; by default the session's.
         progress
             Progress line.
+        keep
+            Keep the prepared painting, for the next time; not of one that is only tried.
 
         Raises
         ------
@@ -113,7 +117,7 @@ class Session:
         styles = [style] if isinstance(style, (str, Path, Exemplar)) else style
         self.shown, self.figures = stylize_with_figures(
             self.field, self.capture, [self.exemplar(one) for one in styles], config, progress,
-            skin=skin, painters=self._painters)
+            skin=skin, painters=self._painters if keep else Painters())
         return self.shown
 
     def mix(self, **choices: Any) -> StyledField:

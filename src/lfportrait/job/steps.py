@@ -88,10 +88,13 @@ def source_key(photos: Path | Capture) -> str:
 
 
 def painting_key(exemplar: Exemplar) -> tuple[str, str]:
-    """Hashes of an exemplar's picture and landmarks, shared by all sitters."""
-    image, landmarks = (hashlib.sha256(np.ascontiguousarray(part).tobytes()).hexdigest()
-                        for part in (exemplar.image, exemplar.landmarks))
-    return image, landmarks
+    """Hashes of an exemplar's picture, and of what is known of it, shared by all sitters."""
+    image, known = hashlib.sha256(), hashlib.sha256()
+    image.update(np.ascontiguousarray(exemplar.image).tobytes())
+    for part in (exemplar.landmarks, exemplar.mask, exemplar.by_hand):
+        if part is not None:
+            known.update(np.ascontiguousarray(part).tobytes())
+    return image.hexdigest(), known.hexdigest()
 
 
 def look_at(photos: Path) -> None:

@@ -9,7 +9,7 @@ import signal
 import socket
 import sys
 import webbrowser
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -117,11 +117,16 @@ def _token(body: bytes) -> str:
 
 
 class _Server(uvicorn.Server):
-    """A server that says when it listens, and ends at once when asked twice."""
+    """A server that says when it listens, and leaves signals to `_serve`."""
 
     def __init__(self, config: uvicorn.Config, ready: Callable[[], None]) -> None:
         super().__init__(config)
         self._ready = ready
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Nothing: uvicorn would raise the signal again when it has ended."""
+        yield
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
@@ -196,7 +201,7 @@ def _serve(server: _Server, listener: socket.socket, stop: Callable[[], None]) -
             numbers.append(signal.SIGHUP)
             for number in numbers:
                 loop.add_signal_handler(number, stop)
-        await server._serve([listener])
+        await server.serve([listener])
 
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(served())

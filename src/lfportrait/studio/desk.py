@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..measure import free_disk_bytes
 from .answers import Refusal
 from .displays import Displays
 from .events import Events
@@ -27,6 +29,8 @@ __all__ = ["Desk", "export_order"]
 
 _QUIET = 2.0
 """Seconds without another upload after which photos are checked."""
+_LOW, _AGAIN = 2 << 30, 120.0
+"""Free bytes below which the disk is nearly full, and seconds before it is said again."""
 
 
 class Desk:
@@ -49,6 +53,7 @@ class Desk:
         self.jobs = Jobs(own / "jobs", self.events, self.order, self._changed)
         self.stop: Callable[[], None] = lambda: None
         self.wizard: dict[str, dict[str, Any]] = {}
+        self._warned = -_AGAIN
         self._checks: dict[str, asyncio.TimerHandle] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
 
@@ -164,6 +169,21 @@ class Desk:
             return {"styled": str(version.styled), "mix": mix or {}}
         return self.look(project, version.style, version.mix if mix is None else mix)
 
+    def warm(self, project: Project) -> None:
+        """Have a head read before a preview of it is asked for, where nothing else is going on."""
+        if not project.has()["field"] or self.previews.busy or any(
+                job.heavy and not job.over for job in self.jobs.jobs.values()):
+            return
+
+        async def read() -> None:
+            with contextlib.suppress(Refusal):
+                look = self.look(project, None, {})
+                await self.previews.ask("warm", look, "warm")
+
+        task = asyncio.get_running_loop().create_task(read())
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
     def mixed_look(self, project: Project, version: Version, mix: dict[str, Any]) -> dict[str, Any]:
         """A version's own painted field in another mix: what fits to its page that is open."""
         if not version.fine:
@@ -198,6 +218,7 @@ class Desk:
             look = self.version_look(project, version)
             return Order("export", **{**choices, "display": panel.source},
                          more={**job.order, "version": version.id, "look": look})
+        job.order["wanted"] = version.wanted()
         return self._fine(project, version, choices)
 
     def _fine(self, project: Project, version: Version, choices: dict[str, Any]) -> Order:
@@ -223,8 +244,16 @@ class Desk:
         return self.jobs.add("export", project.id, project.name, version=version.id,
                              export=choices["kind"], order=choices)
 
+    def look_at_disk(self) -> None:
+        """Say so when the disk is nearly full, once in a while."""
+        now, free = time.monotonic(), free_disk_bytes(self.projects.folder)
+        if free < _LOW and now - self._warned > _AGAIN:
+            self._warned = now
+            self.events.tell("disk", {"free_bytes": free})
+
     def _changed(self, job: JobState) -> None:
         """What depends on a job's state."""
+        self.look_at_disk()
         try:
             loop = asyncio.get_running_loop()
         except RuntimeError:  # the server has not begun

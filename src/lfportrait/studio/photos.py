@@ -22,10 +22,12 @@ from .answers import Refusal
 from .names import free_name, id_of
 from .projects import Project
 
-__all__ = ["check_key", "find_photo", "leave_out", "photo_entry", "photo_picture", "remove_photo",
-           "sheet"]
+__all__ = ["VIDEO_FRAME", "check_key", "find_photo", "leave_out", "photo_entry", "photo_picture",
+           "remove_photo", "sheet"]
 
 _SIDES = (240, 1280)
+VIDEO_FRAME = "video.jpg"
+"""Picture of a video among the small pictures: a frame of its middle."""
 _FACTS = ("sharpness", "yaw", "pitch", "face", "brightness")
 
 
@@ -108,7 +110,7 @@ def sheet(project: Project) -> dict[str, Any]:
     check = _read(project.own / "check.json")
     checked = bool(check) and check.get("key") == check_key(project)
     known = _placed(project) if checked else None
-    # Cameras of other photos than these say nothing.
+    # Cameras of other photos than these say nothing; those of a video are its frames'.
     names = {path.stem for path in project.files()}
     placed = known if known and len(names & known.keys()) >= 0.5 * len(known) else None
     photos = [photo_entry(project, path, check, placed, checked)
@@ -123,8 +125,13 @@ def _arc(check: dict[str, Any], placed: dict[str, dict[str, float]] | None,
          photos: list[dict[str, Any]]) -> dict[str, Any]:
     """The angles that the photos cover, and the gaps between them."""
     used = [one for one in photos if not one["left_out"] and one["grade"] != "red"]
-    yaws = sorted(place["yaw"] for one in used if (place := one["placed"]) is not None
-                  ) if placed else sorted(one["yaw"] for one in used if one["yaw"] is not None)
+    if placed:
+        yaws = sorted(place["yaw"] for one in used if (place := one["placed"]) is not None)
+    elif any(one["video"] for one in used):  # of its frames
+        yaws = sorted(one["yaw"] for one in check.get("facts", {}).values()
+                      if one["yaw"] is not None and not one["wrong"])
+    else:
+        yaws = sorted(one["yaw"] for one in used if one["yaw"] is not None)
     gaps = check.get("gaps", [])
     if placed:
         step = check.get("step", 14.0)
@@ -165,9 +172,12 @@ def photo_picture(project: Project, path: Path, size: int) -> Path:
     """
     if size not in _SIDES:
         raise Refusal("bad_request", f"size must be one of {_SIDES}", field="size")
-    if path.suffix.lower() in VIDEOS:
-        raise Refusal("not_found", "a video has no picture here")
     state = path.stat()
+    if path.suffix.lower() in VIDEOS:
+        frame = project.own / "small" / VIDEO_FRAME
+        if not frame.is_file():
+            raise Refusal("not_found", "a video has a picture once it is checked")
+        return frame
     name = f"{id_of(path.name)}-{state.st_size:x}{state.st_mtime_ns:x}-{size}.jpg"
     target = project.own / "small" / name
     if not target.is_file():

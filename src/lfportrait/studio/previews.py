@@ -56,6 +56,11 @@ class Previews:
         """Number of the process, 0 where there is none."""
         return self._child.number if self._child is not None else 0
 
+    @property
+    def busy(self) -> bool:
+        """Whether questions are being answered."""
+        return self._task is not None and not self._task.done()
+
     async def ask(self, name: str, facts: dict[str, Any], slot: str = "") -> Any:
         """The answer to a question (`lfportrait.studio.work.resident`).
 

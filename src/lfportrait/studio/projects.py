@@ -159,7 +159,8 @@ class Project:
                 "video": any(path.suffix.lower() in VIDEOS for path in files), "has": self.has(),
                 "display": self.display, "style": settings.get("style"),
                 "version": settings.get("version"), "demo": bool(settings.get("demo")),
-                "options": settings.get("options", {}), "size_bytes": folder_bytes(self.folder)}
+                "options": settings.get("options", {}),
+                "placement": settings.get("placement", {}), "size_bytes": folder_bytes(self.folder)}
 
     def _changed(self) -> float:
         places = (self.folder / "studio.json", self.photos, self.job, self.job / "field.npz",

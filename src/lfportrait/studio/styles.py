@@ -18,14 +18,13 @@ from PIL import Image
 
 from ..errors import UserError
 from ..files import PHOTOS, atomic_write, open_picture, read_json
+from ..labels import BY_HAND
 from .answers import Refusal
 from .names import file_name, folder_name, free_name, id_of
 from .projects import OWN, Project, Projects
 
-__all__ = ["GROUPS", "LABELS", "LINES", "MIRROR", "Style", "Styles"]
+__all__ = ["GROUPS", "LINES", "MIRROR", "Style", "Styles"]
 
-LABELS = ("auto", "hair", "hat", "neck", "skin", "background")
-"""Meaning of the values in a picture of regions."""
 LARGEST = 128 << 20
 """Bytes of a painting's file."""
 _BESIDE = ("landmarks.txt", "landmarks.png", "mask.png", "check.png", "regions.png")
@@ -266,7 +265,7 @@ def write_regions(style: Style, data: bytes, size: tuple[int, int]) -> None:
     style
         The painting.
     data
-        A PNG whose values are places in `LABELS`.
+        A PNG whose values are places in `BY_HAND`.
     size
         Width and height that it must have.
     """
@@ -282,8 +281,8 @@ def write_regions(style: Style, data: bytes, size: tuple[int, int]) -> None:
     except (OSError, ValueError, SyntaxError) as error:
         raise Refusal("bad_request", "the regions must come as a PNG", field="body") from error
     values = values[..., 0] if values.ndim == 3 else values
-    if values.max(initial=0) >= len(LABELS):
-        raise Refusal("bad_request", f"the regions' values must be 0 to {len(LABELS) - 1}",
+    if values.max(initial=0) >= len(BY_HAND):
+        raise Refusal("bad_request", f"the regions' values must be 0 to {len(BY_HAND) - 1}",
                       field="body")
     target = style.beside("regions.png")
     if not values.any():

@@ -85,17 +85,25 @@ class Sitter:
         self.step = PREVIEW if config.preview else 1
         self.skin = skin or Skin.of(field, capture.landmarks, capture.cameras, config.pixels)
         canvas_of(self.skin, self.step)
+        if self._refined:
+            # Torch is imported here, not beside: SciPy looks at it as soon as it begins to load.
+            from . import refinement  # noqa: F401
         # What is shared takes a while: a painting is looked at meanwhile.
         self._views: dict[int, list[StyleView]] = {}
         aside = ThreadPoolExecutor(1)
         self._shared = aside.submit(self._share)
         aside.shutdown(wait=False)
 
+    @property
+    def _refined(self) -> bool:
+        """Whether networks look at what is painted."""
+        return not self.config.preview and self.config.refinements > 0
+
     def _share(self) -> None:
         if self.config.preview and self.config.texture:
             chart_lattice(self.field, self.skin, self.step)
         row_labels(self.skin)
-        if not self.config.preview and self.config.refinements > 0:
+        if self._refined:
             from .refinement import Refinement
 
             Refinement.load(self.config, torch_device().place)

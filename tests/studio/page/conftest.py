@@ -16,6 +16,8 @@ from PIL import Image
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 
+from lfportrait.face import write_landmarks
+from lfportrait.face.generic_head import GENERIC_LANDMARKS
 from lfportrait.field import save_field
 from tests.conftest import DATA
 from tests.share.page.browser import chromium
@@ -30,7 +32,7 @@ def picture(seed: int, size: int = 120) -> Image.Image:
     return Image.fromarray(small).resize((size, size), Image.Resampling.BICUBIC)
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def portraits(tmp_path_factory) -> Path:
     """A folder of projects: one whose portrait the commands made, one that has nothing yet."""
     folder = tmp_path_factory.mktemp("studio") / "portraits"
@@ -41,7 +43,18 @@ def portraits(tmp_path_factory) -> Path:
     head.save(job / "styled.npz")
     picture(1, 64).save(job / "lightfield.png")
     (folder / "ben" / "photos").mkdir(parents=True)
+    paintings = folder / "ben" / "paintings"
+    paintings.mkdir()
+    picture(2, 400).save(paintings / "ken.png")
+    write_landmarks(paintings / "ken.landmarks.txt", face())
     return folder
+
+
+def face() -> np.ndarray:
+    """Landmarks of the generic head in a picture of 400 pixels, float64 [68, 2]."""
+    flat = GENERIC_LANDMARKS[:, :2] * [1, -1]
+    flat = (flat - flat.min(0)) / np.ptp(flat, axis=0).max()
+    return np.round(100 + 200 * flat, 1)
 
 
 class Studio:
@@ -81,7 +94,7 @@ class Studio:
         self.process.stdout.close()
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def studio(portraits) -> Iterator[Studio]:
     running = Studio(portraits)
     yield running

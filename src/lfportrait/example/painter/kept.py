@@ -8,9 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...cache import kept_arrays, key_of
+from ...labels import BY_HAND, PICTURE_LABELS
+from ...labels import FEATURES as FACE_FEATURES
 from ..exemplar import Exemplar
 from ..guides.regions import Regions
-from .picture_materials import FEATURES, HAIR, MATERIALS, SKIN, painted_shares
+from .picture_materials import (
+    EARS,
+    FEATURES,
+    GROUND,
+    HAIR,
+    MATERIALS,
+    NECK,
+    SKIN,
+    painted_shares,
+)
 
 __all__ = ["known_shares"]
 
@@ -48,7 +59,32 @@ def known_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint8]
     # A file keeps rounded numbers: the first run continues with the numbers that the next one
     # reads.
     kept = kept_arrays("materials", key, find, most=MOST)["shares"]
-    return kept.astype(np.float32) / STEPS
+    shares = kept.astype(np.float32) / STEPS
+    if exemplar.by_hand is not None:
+        _paint_over(shares, exemplar.by_hand, labels)
+    return shares
+
+
+def _paint_over(shares: NDArray[np.float32], by_hand: NDArray[np.uint8],
+                labels: NDArray[np.uint8]) -> None:
+    """Let regions that were painted over by hand be what was painted, in place.
+
+    What is skin by hand leaves the face its brows, eyes, nose and lips, and its ears; a hat is
+    painted nowhere.
+    """
+    for name, material in (("hair", HAIR), ("hat", FEATURES), ("neck", NECK), ("skin", SKIN),
+                           ("background", GROUND)):
+        here = by_hand == BY_HAND.index(name)
+        if name == "skin":
+            own, ears = np.zeros_like(shares[here]), shares[here][:, EARS]
+            face = labels[here][:, [PICTURE_LABELS.index(one) for one in FACE_FEATURES]].sum(
+                axis=1, dtype=np.float32)
+            own[:, FEATURES] = np.minimum(face / STEPS, 1 - ears)
+            own[:, EARS] = ears
+            own[:, SKIN] = 1 - own[:, FEATURES] - ears
+            shares[here] = own
+        else:
+            shares[here] = np.eye(len(MATERIALS), dtype=np.float32)[material]
 
 
 def _one_cloth(image: NDArray[np.uint8], shares: NDArray[np.float32], own: NDArray[np.bool_],

@@ -102,7 +102,12 @@ def frontalised(exemplar: Exemplar, pose: FacePose | None = None) -> Exemplar:
                         f"{abs(pose.yaw):.0f} degrees; use a painting that shows both eyes, "
                         f"turned by {PROFILE:.0f} degrees at most")
     found = frontal_view(exemplar, pose)
-    return Exemplar(found.image, found.landmarks, exemplar.name, found.mask)
+    by_hand = None
+    if exemplar.by_hand is not None:
+        x, y = (np.ascontiguousarray(found.places[..., axis]) - np.float32(0.5)
+                for axis in range(2))
+        by_hand = np.asarray(cv2.remap(exemplar.by_hand, x, y, cv2.INTER_NEAREST), np.uint8)
+    return Exemplar(found.image, found.landmarks, exemplar.name, found.mask, by_hand=by_hand)
 
 
 def suited(exemplar: Exemplar, landmarks: NDArray[np.floating]) -> Exemplar:

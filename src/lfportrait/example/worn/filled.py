@@ -94,7 +94,7 @@ def bared(exemplar: Exemplar, fringe: bool = False) -> Exemplar:
     person, hair, hole = (found[name].astype(np.float32) / np.float32(255)
                           for name in ("person", "hair", "hole"))
     return replace(exemplar, image=found["image"], mask=person, hair=hair, covered=exemplar,
-                   bared=hole)
+                   bared=hole, by_hand=None)
 
 
 def without_spectacles(exemplar: Exemplar) -> Exemplar:
@@ -171,8 +171,8 @@ def _filled(exemplar: Exemplar, bare: Bools, hole: Bools, broad: Float32, height
                  for side in (rows, columns))
     picture = exemplar.image[part].astype(np.float32) / np.float32(255)
     inside = hole[part]
-    strokes = _strokes(replace(exemplar, image=exemplar.image[part], mask=None), inside,
-                       bare[part] & ~inside, grey(broad[part]), height)
+    strokes = _strokes(replace(exemplar, image=exemplar.image[part], mask=None, by_hand=None),
+                       inside, bare[part] & ~inside, grey(broad[part]), height)
     filled = strokes - _blurred_within(strokes, inside, beyond * height) + broad[part]
     soft = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), max(0.5, SOFT * height))
     mixed = picture + np.maximum(2 * soft - 1, 0)[..., None] * (np.clip(filled, 0, 1) - picture)

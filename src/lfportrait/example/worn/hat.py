@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...cache import kept_arrays, key_of
-from ...labels import PICTURE_LABELS
+from ...labels import BY_HAND, PICTURE_LABELS
 from ..exemplar import Exemplar
 from ..guides.appearance import grey, skin_distance
 from ..guides.labels import soft_face
@@ -103,7 +103,13 @@ def headwear(exemplar: Exemplar, regions: Regions | None = None) -> Float32 | No
 
     key = key_of("example.worn.hat", exemplar.image, exemplar.landmarks, exemplar.mask)
     kept = kept_arrays("hats", key, find, most=30)
-    return kept["hat"].astype(np.float32) / np.float32(255) if kept else None
+    mask = kept["hat"].astype(np.float32) / np.float32(255) if kept else None
+    if exemplar.by_hand is None:
+        return mask
+    hat = exemplar.by_hand == BY_HAND.index("hat")
+    if mask is None:
+        return hat.astype(np.float32) if hat.any() else None
+    return np.where(exemplar.by_hand == 0, mask, hat.astype(np.float32))
 
 
 def not_worn(exemplar: Exemplar, wear: Sequence[Wear]) -> list[str]:

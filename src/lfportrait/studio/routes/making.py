@@ -32,6 +32,7 @@ async def upload(call: Call) -> tuple[int, dict[str, Any]]:
                                            query_number(call, "offset", 0), length,
                                            call.request.stream())
     call.desk.check_soon(project)
+    call.desk.look_at_disk()
     call.desk.tell_project(project, "photos")
     return 201, {"photo": await asyncio.to_thread(photo_entry, project, path)}
 

@@ -9,10 +9,11 @@ from starlette.responses import Response
 
 from ...errors import UserError
 from ...files import read_json
-from ..answers import Refusal, number, numbers, points, text, truth, whole
+from ...labels import BY_HAND
+from ..answers import Refusal, number, numbers, points, text, whole
 from ..mixes import checked_mix
 from ..projects import Project
-from ..styles import GROUPS, LABELS, LARGEST, LINES, MIRROR, Style, preview_file, write_regions
+from ..styles import GROUPS, LARGEST, LINES, MIRROR, Style, preview_file, write_regions
 from .call import Call, Table, picture, query_number
 
 TABLE = Table()
@@ -32,11 +33,13 @@ def _tell(call: Call, project: Project | None) -> None:
 
 
 @TABLE.add("GET", "/api/styles")
-def gallery(call: Call) -> dict[str, Any]:
-    """The gallery."""
+async def gallery(call: Call) -> dict[str, Any]:
+    """The gallery; whoever looks at it will soon want a preview."""
     project = call.query_project
-    return {"styles": [call.desk.styles.entry(one, project)
-                       for one in call.desk.styles.all(project)]}
+    if project is not None:
+        call.desk.warm(project)
+    return {"styles": await asyncio.to_thread(lambda: [
+        call.desk.styles.entry(one, project) for one in call.desk.styles.all(project)])}
 
 
 @TABLE.add("PUT", "/api/styles")
@@ -237,7 +240,7 @@ async def _regions(call: Call, style: Style, project: Project | None) -> dict[st
     painted = style.path is not None and style.beside("regions.png").is_file()
     query = f"project={project.id}&" if project is not None else ""
     address = f"/api/styles/{style.id}/regions/picture?{query}v={style.stamp()}&which="
-    return {"width": data["width"], "height": data["height"], "labels": list(LABELS),
+    return {"width": data["width"], "height": data["height"], "labels": list(BY_HAND),
             "painted": painted, "found": f"{address}found",
             "picture": f"{address}painted" if painted else None}
 
@@ -299,14 +302,14 @@ async def preview(call: Call) -> Any:
         style = call.desk.styles.get(text(data, "style"), project)
     mix = checked_mix(data.get("mix"))
     cameras = cameras_of(data)
-    more: dict[str, Any] = {"draft": truth(data, "draft")}
+    more: dict[str, Any] = {}
     if data.get("landmarks") is not None:
         more["landmarks"] = points(data, "landmarks")
     look = call.desk.look(project, None if style is None else style.id, mix, **more)
     facts = {"look": look, "cameras": cameras, "size": whole(data, "size", 64, 2048, 480)}
     plain = style is not None and not mix and "landmarks" not in more and cameras == _FRONT
     keep = preview_file(project, style) if plain and style is not None else None
-    if keep is not None and not more["draft"]:
+    if keep is not None:
         facts["keep"] = str(keep)
     found = await call.desk.previews.ask("preview", facts, text(data, "slot", ""))
     if keep is not None:

@@ -10,6 +10,7 @@ from ... import models
 from ...measure import free_disk_bytes, usable_cores
 from ...version import __version__
 from ..answers import Refusal, text, truth
+from ..exports import checked_placement
 from ..projects import Project
 from ..versions import Versions, make_command
 from .call import Call, Table, picture
@@ -102,6 +103,9 @@ def change(call: Call) -> dict[str, Any]:
     if "version" in data:
         found["version"] = None if data["version"] is None else Versions(project).get(
             text(data, "version")).id
+    if "placement" in data:
+        checked_placement(data["placement"])
+        found["placement"] = data["placement"]
     if "options" in data:
         found["options"] = _options(data["options"])
     project.change(**found)

@@ -31,6 +31,7 @@ from ...share import (
     write_video,
 )
 from ...stylize import load_styled
+from ..names import id_of
 from ..orders import Order
 from .sitting import Look, Sitting
 from .telling import Teller
@@ -60,7 +61,8 @@ def export(order: Order, teller: Teller) -> dict[str, Any]:
             field = load_styled(look.styled) if fine else Sitting().field(look)
             figures = _written(field, path, kind, options, order, progress)
     out = Path(figures.pop("out", path))
-    return {"file": out.name, "kind": kind, "fine": fine, "version": more.get("version"),
+    return {"export": id_of(out.name), "file": out.name, "kind": kind, "fine": fine,
+            "version": more.get("version"),
             "figures": _plain(figures)}
 
 

@@ -7,13 +7,17 @@ seconds. Without a mix all files are those that ``lfportrait make`` writes.
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from typing import Any
 
+from ...cache import hash_of
+from ...capture import Capture
 from ...errors import UserError
 from ...example import Exemplar
 from ...field import VoxelField
 from ...files import atomic_path, read_image, read_json, write_json
 from ...job import (
+    MakeConfig,
     Task,
     Warmup,
     code_key,
@@ -24,7 +28,7 @@ from ...job import (
     style_key,
 )
 from ...stages import StageFolder, finished_record
-from ...stylize import StyledField
+from ...stylize import StyledField, kept_skin, stylize_with_figures
 from ..orders import Order
 from .jobs import do_task, expected
 from .pictures import coded_picture, head_picture
@@ -49,9 +53,12 @@ def fine(order: Order, teller: Teller) -> dict[str, Any]:
     painted = f"painted/{order.style_id}"
     key = style_key(order.field_key(), config, painting_key(exemplar))
     with Warmup(("transfer", "stylize", "encode")) as warmup:
-        do_task(order, teller, Task(
-            "stylize", "stylize", painted, ("styled.npz",), key, (), config, 0, inputs,
-            source=order.style), "stylize", figures, warmup, exemplar=exemplar)
+        if order.more["styles"]:
+            painted, key = _several(order, teller, exemplar, config, figures, warmup)
+        else:
+            do_task(order, teller, Task(
+                "stylize", "stylize", painted, ("styled.npz",), key, (), config, 0, inputs,
+                source=order.style), "stylize", figures, warmup, exemplar=exemplar)
         key = mixed_file(order, key, f"{painted}/styled.npz")
         styled = VoxelField.load(order.version / "styled.npz")
         teller.picture("stylize", head_picture(styled))
@@ -71,6 +78,33 @@ def fine(order: Order, teller: Teller) -> dict[str, Any]:
     write_json(order.version / "run.json", run_figures(
         figures, exemplar.name, panel.name, resumed))
     return {"display": panel.name, "key": key}
+
+
+def _several(order: Order, teller: Teller, exemplar: Exemplar, config: MakeConfig,
+             figures: dict[str, Any], warmup: Warmup) -> tuple[str, str]:
+    """Paint the head in all styles of a mix; the folder of the painted field, and its key."""
+    others = {name: Exemplar.load(path) for name, path in sorted(order.more["styles"].items())}
+    every = [exemplar, *(replace(one, name=name) for name, one in others.items())]
+    key = stage_key("stylize", order.field_key(), config.stylize,
+                    [(one.name, *painting_key(one)) for one in every])
+    folder = f"painted/{order.style_id}-and-{hash_of(sorted(others))[:8]}"
+    stages = StageFolder(order.folder / folder)
+    if finished_record(stages.folder, "stylize", key, ("styled.npz",)) is not None:
+        teller.tell("skipped", "stylize")
+
+    def work() -> dict[str, Any]:
+        with teller.stage("stylize") as progress:
+            warmup.wait(("transfer", "stylize"), progress)
+            file = order.job / "field.npz"
+            field, capture = VoxelField.load(file), Capture.load(order.job / "capture")
+            styled, found = stylize_with_figures(
+                field, capture, every, replace(config.stylize, seed=0), progress,
+                skin=kept_skin(file, field, capture, config.stylize.pixels))
+            styled.save(stages.folder / "styled.npz")
+        return found
+
+    figures["stylize"] = stages.run("stylize", key, ("styled.npz",), work)
+    return folder, key
 
 
 def _record(order: Order, name: str) -> dict[str, Any] | None:

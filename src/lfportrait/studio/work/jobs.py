@@ -8,10 +8,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
+from PIL import Image
+
 from ... import models
 from ...demo import demo_capture
 from ...errors import UserError
-from ...files import write_json
+from ...files import write_image, write_json
 from ...job import (
     FULL,
     QUICK,
@@ -30,6 +33,7 @@ from ...job import (
 from ...measure import peak_memory_bytes, usable_cores
 from ...stages import StageFolder
 from ..orders import Order
+from ..photos import VIDEO_FRAME
 from .pictures import cameras_picture, head_picture, turned
 from .pipe import Pipe
 from .telling import Teller
@@ -120,14 +124,14 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
             "reconstruct", "field", where, ("field.npz",), field_key(capture, config), ("capture",),
             config, 0, inputs), "reconstruct", figures, warmup,
             draw=lambda field: head_picture(field, 320, (turned(next(number)),)))
-        field = VoxelField.load(order.job / "field.npz")
-        picture = head_picture(field)
-        teller.picture("reconstruct", picture)
         with teller.stage("surface") as progress:
             warmup.wait(("transfer",), progress)
             progress.update(0, "the head's surface")
+            field = VoxelField.load(order.job / "field.npz")
+            picture = head_picture(field)
+            teller.picture("reconstruct", picture)
             kept_skin(order.job / "field.npz", field, taken, config.stylize.pixels)
-        teller.picture("surface", picture)
+            teller.picture("surface", picture)
     return {"views": len(taken), "voxels": len(field.density)}
 
 
@@ -150,6 +154,11 @@ def _check(order: Order, teller: Teller) -> dict[str, Any]:
         found = check_photos(order.source, progress)
     figures = found.figures()
     facts = {one.pop("name"): one for one in figures.pop("photos")}
+    if order.source.is_file() and found.images:
+        frame = Image.fromarray(found.images[len(found.images) // 2][..., :3])
+        frame.thumbnail((480, 480))
+        write_image(order.folder / ".studio" / "small" / VIDEO_FRAME, np.asarray(frame),
+                    quality=85)
     write_json(order.folder / ".studio" / "check.json",
                {**figures, "key": order.more["key"], "facts": facts})
     return {"faces": figures["faces"], "useless": figures["useless"]}

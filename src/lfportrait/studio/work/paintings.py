@@ -14,12 +14,10 @@ from ...example import Exemplar
 from ...face import detect_faces, write_landmarks
 from ...files import read_image, write_image, write_json
 from ...job import check_style, chosen_face
+from ...labels import BY_HAND
 from .sitting import Sitting
 
 __all__ = ["PAINTING_ANSWERS"]
-
-HAIR, HAT, NECK, SKIN, BACKGROUND = 1, 2, 3, 4, 5
-"""Values of a picture of regions; 0 is left to the detector."""
 
 Facts = Mapping[str, Any]
 
@@ -69,14 +67,15 @@ def _regions(sitting: Sitting, facts: Facts) -> dict[str, Any]:
         # Without what was painted over by hand.
         exemplar = Exemplar(exemplar.image, exemplar.landmarks, exemplar.name)
     regions = exemplar.regions()
-    picture = np.full(exemplar.image.shape[:2], BACKGROUND, np.uint8)
+    value = {name: number for number, name in enumerate(BY_HAND)}
+    picture = np.full(exemplar.image.shape[:2], value["background"], np.uint8)
     person = regions.person > 0.5
-    picture[person] = SKIN
+    picture[person] = value["skin"]
     height, width = exemplar.image.shape[:2]
     _, down = regions.frame.local((height, width))
-    picture[person & (down > 1.02)] = NECK
+    picture[person & (down > 1.02)] = value["neck"]
     if regions.hair is not None:
-        picture[person & (regions.hair > 0.5)] = HAIR
+        picture[person & (regions.hair > 0.5)] = value["hair"]
     write_image(facts["file"], picture)
     return {"width": width, "height": height}
 

@@ -75,8 +75,7 @@ class _Resident:
     def warm(self, facts: Facts) -> dict[str, Any]:
         """Read a head before it is asked for."""
         session = self.sitting.session(Path(facts["job"]))
-        if session.capture.landmarks is not None:
-            session.skin(session.config.pixels)
+        session.skin(float(facts.get("pixels") or session.config.pixels))
         return {}
 
     def viewer(self, facts: Facts) -> dict[str, Any]:

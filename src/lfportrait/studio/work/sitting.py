@@ -17,13 +17,10 @@ from ...example import Exemplar
 from ...field import VoxelField
 from ...job import Session
 from ...lightfield import eight_bit, render_views
-from ...stylize import StyledField, StylizeConfig, load_styled
+from ...stylize import Painters, StyledField, StylizeConfig, load_styled
 from .pictures import views_of
 
 __all__ = ["Look", "Sitting"]
-
-_DRAFT = 0.6
-"""Of the usual resolution, for a draft."""
 
 Value = TypeVar("Value")
 
@@ -46,6 +43,12 @@ class _Kept(Generic[Value]):
         return self._things[key]
 
 
+class _Few(Painters):
+    """Painters of few paintings: they share the memory with jobs."""
+
+    MOST = 3
+
+
 class Look:
     """What is shown: a sitter in a style and a mix.
 
@@ -54,8 +57,8 @@ class Look:
     request
         ``job`` (folder with ``field.npz`` and ``capture/``) or ``styled`` (a painted field's file);
         with ``job`` also ``style`` (a picture or a built-in name, None for the photographed head),
-        ``landmarks``, ``styles`` (of regions, by the names that the mix uses), ``draft``,
-        ``pixels``. ``mix``: arguments of `StyledField.mix`.
+        ``landmarks``, ``styles`` (of regions, by the names that the mix uses), ``pixels``.
+        ``mix``: arguments of `StyledField.mix`.
     """
 
     def __init__(self, request: Mapping[str, Any]) -> None:
@@ -64,7 +67,6 @@ class Look:
         self.style: str | None = request.get("style")
         self.landmarks: Sequence[Sequence[float]] | None = request.get("landmarks")
         self.others: dict[str, str] = dict(request.get("styles") or {})
-        self.draft = bool(request.get("draft"))
         self.pixels: float | None = request.get("pixels")
         self.mix: dict[str, Any] = dict(request.get("mix") or {})
 
@@ -86,7 +88,7 @@ class Look:
         """Changes with whatever the painted head depends on."""
         points = None if self.landmarks is None else np.asarray(self.landmarks, float).tolist()
         return hash_of(str(self.job), str(self.styled), self.style, sorted(self.others.items()),
-                       points, self.draft, self.pixels, self._stamps())[:32]
+                       points, self.pixels, self._stamps())[:32]
 
     def key(self) -> str:
         """Changes with whatever is shown, the mix included."""
@@ -98,15 +100,18 @@ class Sitting:
 
     def __init__(self) -> None:
         self._sessions: _Kept[Session] = _Kept(2)
-        self._painted: _Kept[VoxelField] = _Kept(6)
+        self._painted: _Kept[VoxelField] = _Kept(4)
         self._mixed: _Kept[VoxelField] = _Kept(2)
         self._exemplars: _Kept[Exemplar] = _Kept(12)
+        # With landmarks that are moved at this moment: the next ones are others.
+        self._tried: _Kept[VoxelField] = _Kept(1)
 
     def session(self, job: Path) -> Session:
         """A head with all that previews need."""
         state = (job / "field.npz").stat()
         key = f"{job} {state.st_mtime_ns} {state.st_size}"
-        return self._sessions.get(key, lambda: Session(job / "field.npz", job / "capture"))
+        return self._sessions.get(key, lambda: Session(job / "field.npz", job / "capture",
+                                                       painters=_Few()))
 
     def exemplar(self, style: str, landmarks: Any = None) -> Exemplar:
         """A painting, with landmarks that may not be saved yet."""
@@ -126,11 +131,12 @@ class Sitting:
             base = self._exemplars.get(f"{saved} picture", lambda: Exemplar.load(path, points))
             return replace(base, landmarks=points)
 
-        return self._exemplars.get(f"{saved} {points.tolist()}", moved)
+        return moved()
 
     def field(self, look: Look) -> VoxelField:
         """What is shown."""
-        base = self._painted.get(look.painted_key(), lambda: self._made(look))
+        kept = self._painted if look.landmarks is None else self._tried
+        base = kept.get(look.painted_key(), lambda: self._made(look))
         if not look.mix:
             return base
         if not isinstance(base, StyledField):
@@ -147,13 +153,11 @@ class Sitting:
         if look.style is None:
             return session.field
         config = session.config if look.pixels is None else StylizeConfig(pixels=look.pixels)
-        if look.draft:
-            config = replace(config, pixels=round(_DRAFT * config.pixels))
         exemplars = [self.exemplar(look.style, look.landmarks),
                      *(replace(self.exemplar(path), name=name)
                        for name, path in look.others.items())]
         if len(exemplars) == 1:
-            return session.preview(exemplars[0], config)
+            return session.preview(exemplars[0], config, keep=look.landmarks is None)
         return session.preview_all(exemplars, config)
 
     def picture(self, look: Look, cameras: Sequence[tuple[float, float, float]], size: int,

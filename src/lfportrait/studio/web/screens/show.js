@@ -19,7 +19,7 @@ class Show {
   constructor(root, sitter, tab) {
     this.sitter = sitter;
     this.tab = tab === "files" ? "files" : "panel";
-    this.place = { ...PLACE, ...sitter.options?.placement };
+    this.place = { ...PLACE, ...sitter.placement };
     this.version = sitter.version;
     this.eyeX = 0;
     this.talk = 1;
@@ -57,7 +57,7 @@ class Show {
       this.body,
     );
     this.look = later(() => this.see().catch(fail), 200);
-    this.store = later(() => this.keep({ options: { placement: changesOf(this.place) } }), 800);
+    this.store = later(() => this.keep({ placement: changesOf(this.place) }), 800);
     this.ends = [
       on("versions", ({ project: which }) => which === sitter.id && this.readVersions().catch(fail)),
     ];
