@@ -137,5 +137,5 @@ def test_an_offline_process_downloads_nothing(monkeypatch, tmp_path):
     monkeypatch.setattr(models, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(models, "_download", lambda *_, **__: pytest.fail("it was asked for"))
     monkeypatch.setenv(models.OFFLINE, "1")
-    with pytest.raises(UserError, match="face-landmarker.*missing"):
+    with pytest.raises(UserError, match=r"face-landmarker.*missing"):
         models.fetch("face-landmarker")
