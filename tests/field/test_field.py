@@ -436,11 +436,11 @@ def test_a_run_stopped_in_the_middle_of_a_level_goes_on_from_there(tmp_path, mon
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(Trainer, "_save_now_and_then", stop)
+        patch.setattr(Trainer, "save_now_and_then", stop)
         with pytest.raises(KeyboardInterrupt):
             reconstruct_with_figures(capture, config, checkpoint=checkpoint)
     trained = []
-    monkeypatch.setattr(Trainer, "_save_now_and_then",
+    monkeypatch.setattr(Trainer, "save_now_and_then",
                         lambda trainer: trained.append((trainer.level, trainer.step)))
     second, figures = reconstruct_with_figures(capture, config, checkpoint=checkpoint)
     assert steps[-1] == (1, at)

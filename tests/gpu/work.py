@@ -61,8 +61,8 @@ def keep(device, name, value):
 
 def banded(device, total):
     seen = []
-    sizes = bands(total, 2, lambda since, until: seen.append((since, until)), device.wait)
-    return sizes, seen
+    size = bands(total, 2, lambda since, until: seen.append((since, until)), device.wait)
+    return size, seen
 
 
 def texture_back(device, texels):

@@ -8,7 +8,7 @@ import warnings
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
@@ -186,39 +186,61 @@ class Cast(Common):
 
 @dataclass
 class Show(Common):
-    """Show coded pictures full screen on an attached panel, unscaled; Esc closes."""
+    """Show coded pictures, or a field live, full screen on an attached panel; Esc closes."""
 
     lightfields: tyro.conf.Positional[tuple[Path, ...]] = ()
-    """Coded pictures; the arrow keys switch between them."""
+    """Coded pictures; the arrow keys switch between them. With --live: a field (.npz)."""
     display: str = "generic-4k"
     """The display that the pictures were coded for."""
+    live: bool = False
+    """Code a field on the GPU for each picture: the head moves, and the pointer turns it; h lists
+    the keys."""
+    simulate: bool = False
+    """The same in an ordinary window: what an eye in the middle of the display sees."""
+    photo: Path | None = None
+    """With --live: the field that the shown one was stylised from, to mix both; by default
+    field.npz beside it."""
     screen: int = -1
     """Number of the screen (see --list); by default the one that has the display's pixels."""
     seconds: float = 0.0
-    """Time for each picture; 0 = until a key is pressed."""
+    """Time for each picture, or for --live; 0 = until a key is pressed."""
     list: bool = False
     """Only list the attached screens."""
+    usual: ClassVar[tuple[str, ...]] = ("compose", "size", "focus", "ground")
+    config: Annotated[EncodeConfig, tyro.conf.arg(name="")] = option(default_factory=EncodeConfig)
+    """With --live: placement of the head at first."""
 
     def run(self) -> dict[str, Any]:
         """Show until closed."""
-        from ..lightfield.screens import PygameDriver, show
+        from ..lightfield.screens import PygameDriver, screen_sizes, show
 
         if self.list:
-            driver = PygameDriver()
-            screens = driver.screens()
-            driver.close()
+            if self.live:
+                screens = screen_sizes()
+            else:
+                driver = PygameDriver()
+                screens = driver.screens()
+                driver.close()
             for number, (width, height) in enumerate(screens):
                 print(f"{number:3}  {width} x {height}")
             return {"screens": screens}
-        if not self.lightfields:
-            raise UserError("name the coded picture to show: lfportrait show lightfield.png")
         if not 0 <= self.seconds < 1e6:
             raise UserError(f"--seconds must be 0 or more, not {self.seconds:g}")
         panel = Display.resolve(self.display)
-        images = [read_coded(path, panel) for path in self.lightfields]
-        if not panel.calibrated:
+        if not (panel.calibrated or self.simulate):
             warnings.warn(f"the display {panel.name} is not calibrated: expect blur and jumps; see "
                           "`lfportrait display import` and `lfportrait cast --save-display`",
                           UserWarning, stacklevel=1)
+        if self.live or self.simulate:
+            from .live import run_live
+
+            return run_live(self, self.lightfields, panel, self.config, self.photo,
+                            screen=self.screen, simulate=self.simulate, seconds=self.seconds)
+        if not self.lightfields:
+            raise UserError("name the coded picture to show: lfportrait show lightfield.png")
+        if any(path.suffix.lower() == ".npz" for path in self.lightfields):
+            raise UserError("a field is shown with --live; without, it is coded first: lfportrait "
+                            "encode field.npz")
+        images = [read_coded(path, panel) for path in self.lightfields]
         screen = show(images, panel, screen=self.screen, seconds=self.seconds)
         return {"screen": screen, "display": panel.name, "pictures": len(images)}

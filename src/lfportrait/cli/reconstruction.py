@@ -122,7 +122,7 @@ class Reconstruct(Common):
         with self.progress("reconstruct") as progress:
             result, figures = reconstruct_with_figures(
                 capture, replace(self.config, seed=self.seed), progress, checkpoint=checkpoint,
-                log=self.log)
+                log=self.log, device=self.device)
         result.save(self.out)
         checkpoint.unlink(missing_ok=True)
         return {**figures, "mattes": mattes}

@@ -218,8 +218,12 @@ class VoxelField:
 
     def with_sh(self, sh: NDArray[np.floating[Any]]) -> VoxelField:
         """The same densities with other coefficients [N, 3, B], and without the texture."""
-        return VoxelField(self.links, self.density, np.ascontiguousarray(sh, np.float32),
-                          self.center, self.radius, self.frame, self.background)
+        out = VoxelField(self.links, self.density, np.ascontiguousarray(sh, np.float32),
+                         self.center, self.radius, self.frame, self.background)
+        own = self._bricks
+        if own is not None:
+            out._bricks = Bricks(own.table, own.links, own.density, out.sh, own.shape)
+        return out
 
     def render(self, cameras: Camera, view: int = 0, *, background: float | Any = 1.0,
                step: float = 0.5, threshold: float = 1e-2, stop: float = 1e-3,

@@ -23,6 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
+from ..device import gpu_adapter
+from ..gpu import GpuProcess, gpu_process
 from ..measure import peak_memory_bytes
 from ..progress import Progress
 from .closing import close_back, close_sides
@@ -40,15 +42,16 @@ __all__ = ["ReconstructConfig", "reconstruct", "reconstruct_with_figures"]
 
 
 def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
-                progress: Progress | None = None, checkpoint: Path | None = None) -> VoxelField:
+                progress: Progress | None = None, checkpoint: Path | None = None,
+                device: str = "auto") -> VoxelField:
     """Reconstruct a radiance field from a capture: `reconstruct_with_figures`' field alone."""
-    return reconstruct_with_figures(capture, config, progress, checkpoint)[0]
+    return reconstruct_with_figures(capture, config, progress, checkpoint, device=device)[0]
 
 
 def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None = None,
                              progress: Progress | None = None, checkpoint: Path | None = None,
                              log: Path | None = None, measure_every: float = 0.0,
-                             ) -> tuple[VoxelField, dict[str, Any]]:
+                             device: str = "auto") -> tuple[VoxelField, dict[str, Any]]:
     """Reconstruct a radiance field from a capture.
 
     Parameters
@@ -67,6 +70,8 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         form that TensorBoard shows.
     measure_every
         Seconds between measurements on held-out views for the curves; 0 measures at the end alone.
+    device
+        Where to train: ``auto`` takes a real GPU, ``cpu``, ``gpu``, or ``gpu:NAME``.
 
     Returns
     -------
@@ -92,18 +97,20 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     events = EventLog(log) if log is not None else None
     meter = (Meter(events, measure_every=measure_every)
              if events is not None or measure_every > 0 else None)
+    adapter = gpu_adapter(device)
+    process = gpu_process(adapter) if adapter is not None else None
     try:
-        return _reconstruct(capture, config, progress, checkpoint, meter)
+        return _reconstruct(capture, config, progress, checkpoint, meter, process)
     finally:
         if events is not None:
             events.close()
 
 
 def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress | None,
-                 checkpoint: Path | None, meter: Meter | None,
+                 checkpoint: Path | None, meter: Meter | None, process: GpuProcess | None,
                  ) -> tuple[VoxelField, dict[str, Any]]:
     """The same with parameters put in; the field and the figures."""
-    trainer = Trainer(capture, config, progress, checkpoint, meter)
+    trainer = Trainer(capture, config, progress, checkpoint, meter, process)
     trainer.restore()
     first_rays = trainer.rays_done
     start = time.perf_counter()
@@ -121,7 +128,7 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
         "train": {"rays": trainer.rays_done, "views": len(trainer.views),
                   "rays_per_second": (trainer.rays_done - first_rays) / max(trained, 1e-9)},
         "voxels": len(field.density), "resolution": config.resolutions[-1],
-        "levels": trainer.log, "device": "cpu",
+        "levels": trainer.log, "device": trainer.device,
         "peak_memory_bytes": peak_memory_bytes()}
     if trainer.poses is not None:
         figures["cameras"] = trainer.poses.figures()

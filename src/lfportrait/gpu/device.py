@@ -141,16 +141,20 @@ class Device:
             self.kept["staging"] = kept
         return kept
 
-    def texture(self, size: tuple[int, ...], format: str, *, written: bool = False) -> Any:
+    def texture(self, size: tuple[int, ...], format: str, *, written: bool = False,
+                layers: int = 1, drawn: bool = False) -> Any:
         """A texture of (width, height) or (width, height, depth) texels.
 
-        ``written``: a shader writes it.
+        ``written``: a shader writes it. ``layers``: so many of two dimensions, one upon the other.
+        ``drawn``: it is drawn on, as windows are.
         """
         usage = self._flags.TextureUsage
         flags = usage.TEXTURE_BINDING | usage.COPY_DST | usage.COPY_SRC
+        flat = len(size) == 2
         return self._device.create_texture(
-            size=(*size, 1) if len(size) == 2 else size, dimension="2d" if len(size) == 2 else "3d",
-            format=format, usage=flags | (usage.STORAGE_BINDING if written else 0))
+            size=(*size, layers) if flat else size, dimension="2d" if flat else "3d", format=format,
+            usage=flags | (usage.STORAGE_BINDING if written else 0)
+            | (usage.RENDER_ATTACHMENT if drawn else 0))
 
     def fill_texture(self, texture: Any, data: NDArray[Any]) -> None:
         """Copy texels [H, W, ...] or [D, H, W, ...] into a texture of that size."""
@@ -203,7 +207,8 @@ class Device:
                 buffer, offset, size = resource
                 resource = {"buffer": buffer, "offset": offset, "size": size}
             elif hasattr(resource, "create_view"):
-                resource = resource.create_view()
+                layered = resource.dimension == "2d" and resource.size[2] > 1
+                resource = resource.create_view(dimension="2d-array" if layered else None)
             elif hasattr(resource, "map_state"):
                 resource = {"buffer": resource, "offset": 0, "size": resource.size}
             entries.append({"binding": number, "resource": resource})
@@ -212,14 +217,15 @@ class Device:
     def run(self, *steps: tuple[Kernel, Any, tuple[int, int, int]]) -> None:
         """Run kernels one after the other: (kernel, bound resources, workgroups)."""
         encoder = self._device.create_command_encoder()
+        # In one pass: each dispatch sees what those before it wrote.
+        work = encoder.begin_compute_pass()
         for kernel, group, count in steps:
             if min(count) < 1:
                 continue
-            work = encoder.begin_compute_pass()
             work.set_pipeline(kernel.pipeline)
             work.set_bind_group(0, group)
             work.dispatch_workgroups(*count)
-            work.end()
+        work.end()
         self._device.queue.submit([encoder.finish()])
 
     def wait(self) -> None:
@@ -231,7 +237,7 @@ class Device:
 
 
 def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callable[[], None],
-          longest: float = _DISPATCH) -> list[tuple[int, int]]:
+          longest: float = _DISPATCH) -> int:
     """Run work on ``total`` rows in bands, sized by what the first ones take.
 
     Parameters
@@ -249,22 +255,22 @@ def bands(total: int, first: int, run: Callable[[int, int], None], wait: Callabl
 
     Returns
     -------
-    sizes
-        The bands that were run, (since, until).
+    size
+        Rows that a band may have: for more work of the same kind.
     """
-    done: list[tuple[int, int]] = []
+    bound = 0
     since, size = 0, max(1, min(first, total))
     wait()
     while since < total:
         until = min(total, since + size)
         start = time.perf_counter()
         run(since, until)
-        done.append((since, until))
-        if until < total and len(done) <= 3:
+        bound += 1
+        if until < total and bound <= 3:
             wait()
             spent = max(time.perf_counter() - start, 1e-5)
             # A first dispatch may include compiling: grow step by step.
             size = int(min(math.ceil((until - since) * longest / spent), 16 * (until - since)))
             size = max(1, size)
         since = until
-    return done
+    return size

@@ -121,12 +121,12 @@ def save_folder(write: Callable[[Path], None], target: Path) -> None:
 
 
 def write_field(capture: Path, target: Path, config: MakeConfig, seed: int,
-                progress: Progress | None, checkpoint: Path | None = None,
-                ) -> tuple[dict[str, Any], VoxelField]:
+                progress: Progress | None, checkpoint: Path | None = None, *,
+                device: str = "auto") -> tuple[dict[str, Any], VoxelField]:
     """Reconstruct the field of the capture in a folder; its figures, and the field as written."""
     settings = replace(config.reconstruct, seed=seed)
     result, figures = reconstruct_with_figures(Capture.load(capture), settings, progress,
-                                               checkpoint=checkpoint)
+                                               checkpoint=checkpoint, device=device)
     result.save(target)
     return figures, result.as_read()
 

@@ -128,7 +128,7 @@ def _field(task: Task, results: Path, folder: StageFolder, tools: Tools,
     checkpoint = f"{task.record}.npz"
     figures, tools.kept["field"] = write_field(
         results / task.inputs["capture"], results / task.folder / task.outputs[0], task.config,
-        task.seed, progress, folder.scratch(checkpoint))
+        task.seed, progress, folder.scratch(checkpoint), device=tools.device)
     folder.remove_scratch(checkpoint)
     return figures
 

@@ -137,6 +137,7 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
     ground = ground_of(field, display, config)
     to_world = np.column_stack([placement.to_world, -placement.to_world @ placement.deep_shift]
                                ) / placement.scale
+    colors = viewpoints(field, display.eyes(), distance, display.eye_height, to_world)
     return PanelJob(
         display.width, height or display.height, placement.to_lattice(field.lattice), panel,
         display.eyes(), fixed, _RAYS if config.blend == "filtered" else 1,
@@ -144,10 +145,11 @@ def panel_job(field: VoxelField, display: Display, config: EncodeConfig, height:
         3 if slices else 0, stride if slices else step,
         _FAINTEST * field.lattice[5] / stride if slices else 1e-2, _STOP if slices else 1e-3,
         slices, _grey(config),
-        viewpoints(field, display.eyes(), distance, display.eye_height, to_world),
-        None if ground is None else ground.planes,
+        colors, None if ground is None else ground.planes,
         (0.0,) * 6 if ground is None else (ground.depth / display.distance, ground.left, ground.top,
-                                           *ground.texel, display.eye_height))
+                                           *ground.texel, display.eye_height),
+        # Casting along the lattice's planes is as exact, and faster on GPUs.
+        sliced=config.method == "slices" and len(colors) == 1)
 
 
 def _cast(field: VoxelField, display: Display, config: EncodeConfig, mask: NDArray[Any],
@@ -240,7 +242,8 @@ def _coded_on_gpu(field: VoxelField, display: Display, config: EncodeConfig,
     image, seconds = coded
     seconds.pop("field_bytes")
     return image, {
-        "method": _method(field, display, config), "subpixels": 3 * display.width * display.height,
+        "method": "slices" if job.sliced else "planes" if job.axis else "direct",
+        "subpixels": 3 * display.width * display.height,
         "views": display.views, "display": display.name, "device": device_name(adapter),
         "seconds": {"mask": 0.0, **{name: round(spent, 4) for name, spent in seconds.items()},
                     "total": round(time.perf_counter() - start, 4)},

@@ -7,9 +7,11 @@ import time
 import numba
 import numpy as np
 
+from lfportrait.gpu import GpuProcess
+
 from .kernels.probe import multiply_adds, random_lines
 
-__all__ = ["machine_rates", "training_floor"]
+__all__ = ["device_floor", "machine_rates", "training_floor"]
 
 
 def machine_rates(megabytes: int = 512) -> dict[str, float]:
@@ -69,3 +71,26 @@ def training_floor(rates: dict[str, float], samples: float, rows: float, width: 
     return {"samples_per_ray": samples, "rows_per_ray": rows, "lines_per_ray": lines,
             "multiply_adds_per_ray": adds, "memory_rays_per_second": memory,
             "compute_rays_per_second": compute, "rays_per_second": min(memory, compute)}
+
+
+def device_floor(process: GpuProcess, rays: int, rows: float, width: int) -> dict[str, float]:
+    """Most rays a second that a GPU's memory lets be trained.
+
+    Parameters
+    ----------
+    process
+        The device's process.
+    rays
+        Rays of a step.
+    rows, width
+        As for `training_floor`.
+
+    Returns
+    -------
+    figures
+        ``rows_per_ray``, ``bytes_per_ray``, and ``rays_per_second``: a step's bytes copied within
+        the device's memory, each read or written once.
+    """
+    moved = rows * 3.0 * width * 4.0
+    seconds = process.call("lfportrait.gpu.measuring:copy_seconds", int(rays * moved / 2.0))
+    return {"rows_per_ray": rows, "bytes_per_ray": moved, "rays_per_second": rays / seconds}

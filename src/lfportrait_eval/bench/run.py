@@ -15,14 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait.capture import Camera, Capture
+from lfportrait.device import gpu_adapter
 from lfportrait.example import Exemplar
 from lfportrait.field import ReconstructConfig, VoxelField, reconstruct_with_figures
 from lfportrait.files import write_image
+from lfportrait.gpu import gpu_process
 from lfportrait.measure import machine, peak_memory_bytes
 from lfportrait.progress import Progress
 
 from .encode import bench_encode
-from .floor import machine_rates, training_floor
+from .floor import device_floor, machine_rates, training_floor
 from .plot import line_plot
 from .print import bench_print
 from .transfer import SHORT_NETWORK, bench_transfer, say, timed
@@ -50,7 +52,7 @@ def _field(path: Path | None, progress: Progress | None) -> VoxelField:
 
 def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None, *,
                       render_size: int = 512, repeats: int = 3, plot: Path | None = None,
-                      progress: Progress | None = None) -> dict[str, Any]:
+                      device: str = "cpu", progress: Progress | None = None) -> dict[str, Any]:
     """Reconstruction and rendering of a capture.
 
     Parameters
@@ -65,35 +67,43 @@ def bench_reconstruct(capture: Capture, config: ReconstructConfig | None = None,
         The fastest of so many renders counts.
     plot
         File for a picture of the PSNR over time.
+    device
+        Where to train and to render, a choice of ``--device``.
     progress
         Progress line.
 
     Returns
     -------
     figures
-        ``seconds``, ``train_rays_per_second`` with everything, ``kernel_rays_per_second`` of
-        casting forward and backward alone on the finest lattice, ``floor`` (`training_floor`) for
-        the latter, ``render_rays_per_second``, ``test`` (PSNR, SSIM), ``voxels``, ``levels``,
-        ``curve`` (progress over time), ``peak_memory_bytes``.
+        ``device``, by its name; ``seconds``, ``train_rays_per_second`` with everything,
+        ``kernel_rays_per_second`` of casting forward and backward alone on the finest lattice,
+        ``floor`` (`training_floor`, on a GPU `device_floor`) for the latter,
+        ``render_rays_per_second``, ``test`` (PSNR, SSIM), ``voxels``, ``levels``, ``curve``
+        (progress over time), ``peak_memory_bytes``.
     """
     config = config or SHORT
     # A miniature run compiles the kernels before the clock starts.
     reconstruct_with_figures(capture, replace(config, resolutions=(24,), rays=(0.02,),
-                                              batch=(4096,)))
+                                              batch=(4096,)), device=device)
     say(progress, "reconstructing")
-    field, run = reconstruct_with_figures(capture, config, progress, measure_every=1.0)
+    field, run = reconstruct_with_figures(capture, config, progress, measure_every=1.0,
+                                          device=device)
     peak = peak_memory_bytes()
     if plot is not None:
         write_image(plot, _curve_plot(run["curve"]))
     say(progress, "what the machine can do")
     casting = run["train"]["casting"]
-    floor = training_floor(machine_rates(), casting["samples_per_ray"], casting["rows_per_ray"],
-                           casting["row_width"])
+    adapter = gpu_adapter(device)
+    floor = (training_floor(machine_rates(), casting["samples_per_ray"], casting["rows_per_ray"],
+                            casting["row_width"]) if adapter is None
+             else device_floor(gpu_process(adapter), casting["batch"], casting["rows_per_ray"],
+                               casting["row_width"]))
     front = Camera.arc(np.zeros(1), distance=4.0, width=render_size, height=render_size,
                        focal=1.7 * render_size)
-    field.render(front, 0)
-    shortest, _ = timed(lambda: field.render(front, 0), repeats)
-    return {"seconds": run["seconds"]["train"], "train_rays": run["train"]["rays"],
+    field.render(front, 0, device=device)
+    shortest, _ = timed(lambda: field.render(front, 0, device=device), repeats)
+    return {"device": run["device"], "seconds": run["seconds"]["train"],
+            "train_rays": run["train"]["rays"],
             "train_rays_per_second": run["train"]["rays_per_second"],
             "kernel_rays_per_second": casting["rays_per_second"], "floor": floor,
             "times_above_floor": floor["rays_per_second"] / casting["rays_per_second"],
@@ -240,7 +250,7 @@ def bench(what: str, *, field: Path | None = None, capture: Path | None = None,
         photos = Capture.load(capture) if capture is not None else _embedded_capture()
         if name == "reconstruct":
             return bench_reconstruct(photos, ReconstructConfig() if full else SHORT, plot=plot,
-                                     progress=progress)
+                                     device=device, progress=progress)
         voxels = (VoxelField.load(field) if field is not None
                   else reconstruct_with_figures(photos, SHORT, progress)[0])
         return bench_stylize(voxels, photos, progress=progress, device=device)

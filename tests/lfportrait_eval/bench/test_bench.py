@@ -106,6 +106,19 @@ def test_reconstruct_reports_speed_and_quality(tmp_path):
     assert read_image(tmp_path / "curve.png").shape == (600, 960, 3)
 
 
+def test_reconstruct_reports_the_same_of_a_gpu(adapter):
+    figures = bench_reconstruct(
+        ball_capture(), ReconstructConfig(resolutions=(16,), rays=(0.01,), batch=(1024,)),
+        render_size=16, repeats=1, device=f"gpu:{adapter.name}")
+    assert figures["device"].endswith(adapter.title)
+    assert figures["train_rays"] == 10240 and figures["kernel_rays_per_second"] > 0
+    floor = figures["floor"]
+    assert floor["bytes_per_ray"] == pytest.approx(floor["rows_per_ray"] * 3 * 32 * 4)
+    assert floor["rows_per_ray"] > 0 and floor["rays_per_second"] > 0
+    assert figures["times_above_floor"] == pytest.approx(
+        floor["rays_per_second"] / figures["kernel_rays_per_second"])
+
+
 def test_the_floor_is_counted_by_hand():
     rates = {"random_lines_per_second": 1.2e8, "multiply_adds_per_second": 1e11}
     floor = training_floor(rates, samples=10.0, rows=5.0, width=32)

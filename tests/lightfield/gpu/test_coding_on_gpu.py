@@ -80,7 +80,8 @@ def both(field, display, **config):
 
 @pytest.mark.parametrize("basis", [1, 4, 9])
 @pytest.mark.parametrize("config", [
-    {}, {"method": "direct"}, {"blend": "filtered"}, {"turn": 75.0},
+    {}, {"method": "direct"}, {"method": "slices"}, {"method": "slices", "draft": True},
+    {"blend": "filtered"}, {"turn": 75.0},
     {"background": 0.4, "ground": "black", "draft": True}, {"ground": "white"},
     {"depth_scale": 0.6, "focus": 0.2, "shift_x": 0.2}])
 def test_a_panel_is_the_cpus(basis, config):

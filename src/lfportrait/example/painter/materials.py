@@ -46,9 +46,9 @@ FEW = 100
 SPREAD = 2.0
 """Tones of neck and clothes are drawn apart by no more: a plain shirt gets no stripes from an
 exemplar's white collar on a dark coat."""
-TONES, RARE = 24, 4.0
-"""Tones that uses of the exemplar are evened out in; none is used so many times more than another.
-"""
+TONES, RARE, FINE = 24, 4.0, 1023
+"""Tones that uses of the exemplar are evened out in; none is used so many times more than another;
+and steps that are told apart between them."""
 HOME = 0.5, 3.0
 """Places that are moved so little to their material, in 50ths of the face, are where they belong;
 those that are moved so far are not."""
@@ -255,6 +255,7 @@ def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
     reference = theirs.tone if reference is None else reference
     factors = np.broadcast_to(np.asarray(factor, np.float32), (len(MATERIALS),))
     steps = np.linspace(0, 1, TONES)
+    fine = np.clip(np.rint(reference * FINE), 0, FINE).astype(np.int32)
     out = np.zeros(theirs.tone.shape, np.float32)
     ours, these = (np.clip(np.rint(tones.reshape(-1) * (TONES - 1)), 0, TONES - 1).astype(int)
                        for tones in (tone, reference))
@@ -267,7 +268,8 @@ def even_uses(shares: Float32, tone: Float32, theirs: ExemplarMaterials,
             continue
         alike = asked.sum() / max(there.sum(), 1.0)
         uses = np.clip(asked / np.maximum(there, 1e-3 * there.sum()), alike / RARE, alike * RARE)
-        out += share * np.interp(reference, steps, factors[material] * uses).astype(np.float32)
+        table = np.interp(np.linspace(0, 1, FINE + 1), steps, factors[material] * uses)
+        out += share * np.take(table.astype(np.float32), fine)
     return out
 
 

@@ -262,10 +262,7 @@ class PhotoPatches:
                behind: Bools, wanted: Float32, tone: Float32, rigid: Bools, size: float,
                ) -> tuple[Float32, Bools]:
         """Where the search begins, [N, 2]: StyleBlit's chunks where [N], rigid pieces elsewhere."""
-        height, width = work.painted.shape[:2]
-        plane = np.stack(np.meshgrid(np.arange(width, dtype=np.float32) + np.float32(0.5),
-                                     np.arange(height, dtype=np.float32) + np.float32(0.5)),
-                         axis=-1).reshape(-1, 2)
+        plane = pixel_centres(work.painted.shape[:2]).reshape(-1, 2)
         piece = pieces(material, theirs, wanted, plane, tone, self.exemplar.size * size)
         own = np.nan_to_num(work.place).reshape(-1, 2) * np.float32(size)
         moved = into(material, theirs, own)

@@ -1,4 +1,4 @@
-"""Skin around eyes, brows, nostrils and lips: no plain skin for a neck, a chest or a crown.
+"""Skin around eyes, brows, nostrils and lips, and dark folds: no plain skin for other places.
 
 Labels end where a feature ends. What frames it does not: the folds of lids, the bags below an eye,
 the shade under a lip and beside a nostril. On a chest they would still be read as lids and lips. So
@@ -7,13 +7,16 @@ features reach further, where skin is taken from for other places than the face.
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from ..exemplar import face_size
+from ..guides.appearance import grey
 from ..guides.blurs import gaussian_blur
-from .picture_materials import FEATURES, SKIN
+from ..guides.shapes import disk
+from .picture_materials import FEATURES, NECK, SKIN
 
 __all__ = ["plain_skin"]
 
@@ -31,17 +34,26 @@ LEFT = 0.35, 0.5
 a little skin, used again and again, is worse."""
 EVERY = 2
 """Drawn at every Nth pixel."""
+FACE = 110.0
+"""Size of the face in the picture in which folds are looked for."""
+FINE, FOLD = 0.025, 0.12
+"""Finer strokes, over the face's size, are the painter's hand; a fold is no broader than twice the
+second."""
+DARK = 0.1, 0.2
+"""What is so much darker than the skin beside it begins to be a fold, and is one."""
+LINES = 0.12
+"""More of the skin than this in such strokes is a drawing's manner."""
 
 
-def plain_skin(shares: Float32, landmarks: Points) -> Float32:
-    """Shares with features that reach as far as they are seen.
+def plain_skin(shares: Float32, landmarks: Points, image: NDArray[np.uint8]) -> Float32:
+    """Shares with features that reach as far as they are seen, and without dark folds.
 
     Parameters
     ----------
     shares
         float32 [h, w, 7] by `MATERIALS`, of an exemplar.
-    landmarks
-        [68, 2], its own.
+    landmarks, image
+        [68, 2] and uint8 [h, w, 3], its own.
 
     Returns
     -------
@@ -57,13 +69,42 @@ def plain_skin(shares: Float32, landmarks: Points) -> Float32:
     near = gaussian_blur(np.asarray(picture, np.float32) / np.float32(255),
                          max(SOFT * size / EVERY, 0.5))
     near = near.repeat(EVERY, 0).repeat(EVERY, 1)[:height, :width]
-    skin = shares[..., SKIN]
-    left = 1 - float((skin * near).sum()) / max(float(skin.sum()), 1.0)
-    taken = skin * near * np.float32(np.clip((left - LEFT[0]) / (LEFT[1] - LEFT[0]), 0, 1))
+    folds = dark_folds(image, shares, size)
     out = shares.copy()
-    out[..., SKIN] -= taken
-    out[..., FEATURES] += taken
+    for material, spared in ((SKIN, np.maximum(near, folds)), (NECK, folds)):
+        share = shares[..., material]
+        left = 1 - float((share * spared).sum()) / max(float(share.sum()), 1.0)
+        taken = share * spared * np.float32(np.clip((left - LEFT[0]) / (LEFT[1] - LEFT[0]), 0, 1))
+        out[..., material] -= taken
+        out[..., FEATURES] += taken
     return out
+
+
+def dark_folds(image: NDArray[np.uint8], shares: Float32, size: float) -> Float32:
+    """Dark strokes between lighter skin: folds, the edge of a jaw; float32 [h, w] in [0, 1].
+
+    Where a face is drawn in lines altogether they are its skin: none.
+
+    Parameters
+    ----------
+    image, shares
+        uint8 [h, w, 3] of an exemplar, and float32 [h, w, 7] by `MATERIALS`.
+    size
+        Of its face.
+    """
+    ratio = min(1.0, FACE / size)
+    shape = max(round(image.shape[1] * ratio), 16), max(round(image.shape[0] * ratio), 16)
+    light = grey(np.asarray(cv2.resize(image, shape, interpolation=cv2.INTER_AREA), np.uint8))
+    bare = np.asarray(cv2.resize(shares[..., SKIN] + shares[..., NECK], shape,
+                                 interpolation=cv2.INTER_AREA), np.float32)
+    light = gaussian_blur(light, max(FINE * size * ratio, 0.5))
+    dark = cv2.morphologyEx(light, cv2.MORPH_BLACKHAT, disk(FOLD * size * ratio))
+    folds = np.clip((dark - DARK[0]) / (DARK[1] - DARK[0]), 0, 1)
+    if (folds * bare).sum() > LINES * bare.sum():
+        return np.zeros(image.shape[:2], np.float32)
+    soft = cv2.dilate(np.asarray(folds, np.float32), disk(FINE * size * ratio))
+    return np.asarray(cv2.resize(soft, image.shape[1::-1], interpolation=cv2.INTER_LINEAR),
+                      np.float32)
 
 
 def _features(points: NDArray[np.float64]) -> list[NDArray[np.float64]]:

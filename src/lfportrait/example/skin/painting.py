@@ -184,7 +184,7 @@ class SkinPainter:
             hair = np.maximum(hair, self.transfer.regions.hair)
         strand = strands(exemplar, hair, self.transfer.labels)
         unpainted(shares, strand)
-        plain = plain_skin(shares, exemplar.landmarks)
+        plain = plain_skin(shares, exemplar.landmarks, exemplar.image)
         self._painter = PatchPainter(exemplar, plain, self.config, self.seed, sharp=False)
         covered = gaussian_filter(hair[::4, ::4], 0.04 * exemplar.size / 4)
         near, covered = (np.repeat(np.repeat(one, 4, 0), 4, 1)[:soft.shape[0], :soft.shape[1]]

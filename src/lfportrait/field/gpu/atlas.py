@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...gpu.device import BINDING, Device
-from ..kernels.bricks import SLOTS, Bricks
+from ..kernels.bricks import SLOTS, Bricks, row_width
 from .shaders import shader
 
 __all__ = ["Atlas", "FieldParts", "field_parts", "upload"]
@@ -44,6 +44,8 @@ class FieldParts:
         As `Bricks` has them.
     lattice
         float64 [9], `VoxelField.lattice`.
+    others, other_basis
+        Other colors of the same points, as ``rows`` and ``basis``; none by default.
     """
 
     table: NDArray[np.int32]
@@ -53,6 +55,8 @@ class FieldParts:
     basis: int
     width: int
     lattice: NDArray[np.float64]
+    others: NDArray[np.uint16] | None = None
+    other_basis: int = 0
 
     @property
     def bricks(self) -> int:
@@ -91,15 +95,16 @@ class Atlas:
         Bricks of the atlas along x, y and, of one layer, z.
     layers
         As above.
-    parts
-        Without the arrays that were uploaded.
+    share
+        Share of the other colors that `shade` mixes in, 0 to 1.
     """
 
     def __init__(self, device: Device, parts: FieldParts, layers: int = 1,
                  page: int = BINDING) -> None:
         if max(parts.table.shape) > 1024:
             raise MemoryError("lattices of more than 4096 points a side")
-        self.layers = 1 if parts.basis == 1 else layers
+        self.layers = 1 if max(parts.basis, parts.other_basis) == 1 else layers
+        self.share = 0.0
         count = parts.bricks
         self.side = self.down = min(_SIDE, max(8, math.ceil((count * self.layers) ** (1 / 3))))
         self.deep = -(-count // (self.side * self.down))
@@ -116,18 +121,22 @@ class Atlas:
             (5 * self.side, 5 * self.down, 5 * self.deep * self.layers), "rgba16float",
             written=True)
         self._kernel = device.kernel(shader("field/gpu/atlas.wgsl"), "main",
-                                     {"basis": parts.basis, "width": parts.width})
+                                     {"basis": parts.basis, "width": parts.width,
+                                      "other_basis": parts.other_basis,
+                                      "other_width": row_width(max(parts.other_basis, 1))})
         self._places = device.buffer(_places(parts.table, count))
         self._width, self._page = parts.width, page
+        self._other_width = row_width(max(parts.other_basis, 1))
         self._links = [(start, device.buffer(part), device.buffer(
             parts.density[start * SLOTS:start * SLOTS + len(part)]))
             for start, part in _brick_pages(parts.links, page)]
         self._rows: list[tuple[int, int, Any]] = []
-        self.set_rows(parts.rows)
+        self._others: list[Any] = []
+        self.set_rows(parts.rows, parts.others)
 
-    def set_rows(self, rows: NDArray[np.uint16]) -> None:
-        """Other coefficients of the same points (`Bricks.rows`)."""
-        together = self._page // (2 * self._width) // 128 * 128
+    def set_rows(self, rows: NDArray[np.uint16], others: NDArray[np.uint16] | None = None) -> None:
+        """New coefficients of the same points (`Bricks.rows`), and of their other colors."""
+        together = self._page // (2 * max(self._width, self._other_width)) // 128 * 128
         for number, start in enumerate(range(0, self.empty + 1, together)):
             end = min(start + together, self.empty + 1)
             part = rows[start * self._width:end * self._width]
@@ -135,6 +144,13 @@ class Atlas:
                 self._device.write(self._rows[number][2], part)
             else:
                 self._rows.append((start, end, self._device.buffer(part)))
+            if others is None:
+                continue
+            part = others[start * self._other_width:end * self._other_width]
+            if number < len(self._others):
+                self._device.write(self._others[number], part)
+            else:
+                self._others.append(self._device.buffer(part))
 
     def shade(self, eyes: NDArray[np.float64]) -> None:
         """Evaluate the colors of all points as eyes see them.
@@ -150,23 +166,24 @@ class Atlas:
             for first, links, density in self._links:
                 many = min(links.size // 4 // SLOTS, self.count - first)
                 columns = min(many, _ACROSS)
-                for start, end, rows in self._rows:
+                for number, (start, end, rows) in enumerate(self._rows):
                     uniform = np.zeros(96, np.uint8)
                     floats, words = uniform.view(np.float32), uniform.view(np.uint32)
                     floats[0:3], floats[4:7] = self.lattice[3:6], self.lattice[6:9]
                     floats[8:11] = eye
                     words[12:16] = first, many, self.side, self.down
                     words[16:20] = start, end, self.empty, 5 * self.deep * layer
-                    floats[20], words[21] = _LEAST, columns
+                    floats[20], words[21], floats[22] = _LEAST, columns, self.share
                     group = device.bind(self._kernel, {
                         0: device.buffer(uniform, uniform=True), 1: links, 2: density, 3: rows,
-                        4: self._places, 5: self.masks, 6: self.texture})
+                        4: self._places, 5: self.masks, 6: self.texture,
+                        7: self._others[number] if self._others else rows})
                     steps.append((self._kernel, group, (columns, -(-many // columns), 1)))
         device.run(*steps)
 
     def march_uniform(self, threshold: float, stop: float, whole: bool,
-                      textured: bool) -> NDArray[np.uint8]:
-        """The uniform ``field`` of `march.wgsl`, uint8 [64]."""
+                      textured: float) -> NDArray[np.uint8]:
+        """The uniform ``field`` of `march.wgsl`, uint8 [64]; the texture's strength is 0 to 1."""
         uniform = np.zeros(64, np.uint8)
         floats, words = uniform.view(np.float32), uniform.view(np.uint32)
         floats[0:3], floats[3] = self.lattice[0:3], threshold
@@ -182,7 +199,8 @@ class Atlas:
         texels = int(np.prod(self.texture.size))
         pages = sum(links.size + density.size for _, links, density in self._links)
         return int(8 * texels + self.table.size + self.masks.size + pages
-                   + sum(rows.size for _, _, rows in self._rows))
+                   + sum(rows.size for _, _, rows in self._rows)
+                   + sum(rows.size for rows in self._others))
 
 
 def _places(table: NDArray[np.int32], count: int) -> NDArray[np.uint32]:

@@ -2,10 +2,14 @@
 //
 // A brick's workgroup has a thread a point. Colors are spherical harmonics seen from one eye: a
 // point's direction to the eye is the same for every ray through it, so that they are evaluated
-// once a point and not once a sample. Several eyes have layers of their own.
+// once a point and not once a sample. Several eyes have layers of their own. Points may have other
+// colors, too (a photo's beside its painting's): what is stored is a mixture of both.
 
 override basis: u32 = 1u;
 override width: u32 = 16u;
+// Of the other colors; no coefficients: there are none.
+override other_basis: u32 = 0u;
+override other_width: u32 = 16u;
 
 struct Shade {
     // Lattice coordinate = world * scale + offset.
@@ -16,9 +20,10 @@ struct Shade {
     page: vec4<u32>,
     // Rows of this page: first, last + 1; the row that stands for empty points; first layer's z.
     rows: vec4<u32>,
-    // Density that counts, workgroups along x.
+    // Density that counts, workgroups along x, the other colors' share.
     least: f32,
     columns: u32,
+    share: f32,
 }
 
 @group(0) @binding(0) var<uniform> shade: Shade;
@@ -28,6 +33,7 @@ struct Shade {
 @group(0) @binding(4) var<storage, read> places: array<u32>;
 @group(0) @binding(5) var<storage, read_write> masks: array<vec2<u32>>;
 @group(0) @binding(6) var atlas: texture_storage_3d<rgba16float, write>;
+@group(0) @binding(7) var<storage, read> others: array<u32>;
 
 var<workgroup> own: array<f32, 128>;
 var<workgroup> mask: array<atomic<u32>, 2>;
@@ -54,6 +60,11 @@ fn harmonic(j: u32, d: vec3<f32>) -> f32 {
 fn coefficient(row: u32, number: u32) -> f32 {
     let at = (row - shade.rows.x) * width + number;
     return half_of(rows[at >> 1u], (at & 1u) == 1u);
+}
+
+fn other_coefficient(row: u32, number: u32) -> f32 {
+    let at = (row - shade.rows.x) * other_width + number;
+    return half_of(others[at >> 1u], (at & 1u) == 1u);
 }
 
 @compute @workgroup_size(128)
@@ -99,6 +110,16 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
             let share = harmonic(j, direction);
             color += share * vec3<f32>(coefficient(row, j), coefficient(row, basis + j),
                                        coefficient(row, 2u * basis + j));
+        }
+        if (other_basis > 0u && shade.share > 0.0) {
+            var other = vec3<f32>(0.0);
+            for (var j = 0u; j < other_basis; j++) {
+                other += harmonic(j, direction)
+                         * vec3<f32>(other_coefficient(row, j),
+                                     other_coefficient(row, other_basis + j),
+                                     other_coefficient(row, 2u * other_basis + j));
+            }
+            color = mix(color, other, shade.share);
         }
     }
     let side = shade.page.z;

@@ -2,22 +2,41 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ...gpu import GpuProcess
+from ..kernels.bricks import Bricks
+from ..texture import SurfaceTexture, TextureRows
 from .atlas import field_parts
 from .textures import texture_parts
 from .view import ViewJob
 
-if TYPE_CHECKING:
-    from ..grid import VoxelField
-
-__all__ = ["keep_field", "views_on_gpu"]
+__all__ = ["Castable", "keep_field", "views_on_gpu"]
 
 _STAGE = "lfportrait.field.gpu"
 
 
-def keep_field(process: GpuProcess, field: VoxelField, layers: int, footprint: float,
+class Castable(Protocol):
+    """What is sent of a field (`lfportrait.field.VoxelField`, whose module loads this one)."""
+
+    texture: SurfaceTexture | None
+
+    @property
+    def bricks(self) -> Bricks:
+        """The layout for casting."""
+
+    @property
+    def lattice(self) -> NDArray[np.float64]:
+        """Points along x, y, z; scale and offset."""
+
+    def texture_rows(self, footprint: float, whole: bool = False) -> TextureRows:
+        """Charts of cells, projections, texels."""
+
+
+def keep_field(process: GpuProcess, field: Castable, layers: int, footprint: float,
                whole: bool = True) -> tuple[str, str]:
     """Have a field and its texture on the device; returns their names there.
 
@@ -43,7 +62,7 @@ def keep_field(process: GpuProcess, field: VoxelField, layers: int, footprint: f
     return key, name
 
 
-def views_on_gpu(process: GpuProcess, field: VoxelField, job: ViewJob, footprint: float,
+def views_on_gpu(process: GpuProcess, field: Castable, job: ViewJob, footprint: float,
                  ) -> Any:
     """Render views on the device (`render_views`), where the field is sent first if it must be."""
     keys = keep_field(process, field, 1, footprint, whole=False)

@@ -11,7 +11,8 @@ struct March {
     table: vec4<u32>,
     // One over the atlas' size in texels; its bricks along y.
     atlas: vec4<f32>,
-    // Transmittance to stop at; 1: what lies behind the stop has the same color; texture: 1 if any.
+    // Transmittance to stop at; 1: what lies behind the stop has the same color; the texture's
+    // strength, 0 if there is none.
     stop: f32,
     whole: f32,
     textured: f32,
@@ -169,7 +170,7 @@ fn look_up(chart: i32, p: vec3<f32>) -> vec3<f32> {
 // The texture where a ray ends, by its share.
 fn detail(origin: vec3<f32>, direction: vec3<f32>, shown: Shown) -> vec3<f32> {
     let share = texture_share(shown.through);
-    if (field.textured < 0.5 || share <= 0.0 || shown.depth > 1e30) { return vec3<f32>(0.0); }
+    if (field.textured <= 0.0 || share <= 0.0 || shown.depth > 1e30) { return vec3<f32>(0.0); }
     let p = origin + shown.depth * direction;
-    return share * look_up(chart_of(p), p);
+    return field.textured * share * look_up(chart_of(p), p);
 }

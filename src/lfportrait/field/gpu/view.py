@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...gpu.device import Device, bands
+from ...gpu.device import BINDING, Device, bands
 from .atlas import Atlas
 from .shaders import shader
 from .textures import DeviceTexture, picture_texture
@@ -98,43 +98,87 @@ def render_views(device: Device, keys: tuple[str, str], job: ViewJob) -> Any:
         depths [V, H, W], without a background.
     """
     atlas: Atlas = device.kept["fields"][keys[0]]
-    texture: DeviceTexture = device.kept["textures"][keys[1]]
+    viewer = _Viewer(device, atlas, device.kept["textures"][keys[1]], job)
     width, height = job.size
-    source = shader("field/gpu/march.wgsl", "field/gpu/view.wgsl")
-    look, paint, pack = (device.kernel(source, name) for name in ("look", "paint", "bytes"))
-    marching = device.buffer(
-        atlas.march_uniform(job.threshold, job.stop, job.whole, texture.there), uniform=True)
-    shots, depths = device.buffer(16 * width * height), device.buffer(4 * width * height)
-    picture = device.buffer(4 * width * height if job.eight_bit else 16)
-    ground = picture_texture(device, job.ground)
-    out: list[tuple[NDArray[Any], ...]] = []
-    for view, camera in enumerate(job.cameras):
-        atlas.shade(camera[None, [3, 7, 11]])
+    # Pictures lie side by side in a buffer, each at a place that can be bound.
+    size = -(-4 * width * height // 256) * 256
+    together = max(1, min(len(job.cameras), BINDING // size))
+    picture = device.buffer(size * together if job.eight_bit else 16)
+    out: list[Any] = []
+    for view in range(len(job.cameras)):
+        if view == 0 or atlas.basis > 1:
+            atlas.shade(job.cameras[view][None, [3, 7, 11]])
+        viewer.look(view)
+        if not job.eight_bit:
+            out.append(viewer.read())
+            continue
+        viewer.pack(view, (picture, size * (view % together), size))
+        if view % together == together - 1 or view == len(job.cameras) - 1:
+            many = view % together + 1
+            raw = device.read(picture, np.uint8, (many, size))[:, :4 * width * height]
+            out.extend(raw.reshape(many, height, width, 4)[..., :3])
+    if job.eight_bit:
+        return np.stack(out)
+    return tuple(np.stack(part) for part in zip(*out, strict=True))
 
-        def run(since: int, until: int, view: int = view) -> None:
-            """Render rows of groups."""
+
+class _Viewer:
+    """Shaders and buffers for views of one size."""
+
+    def __init__(self, device: Device, atlas: Atlas, texture: DeviceTexture, job: ViewJob) -> None:
+        self.device, self.job, self.texture = device, job, texture
+        width, height = job.size
+        source = shader("field/gpu/march.wgsl", "field/gpu/view.wgsl")
+        self.kernels = {name: device.kernel(source, name) for name in ("look", "paint", "bytes")}
+        self.shots = device.buffer(16 * width * height)
+        self.depths = device.buffer(4 * width * height)
+        self.ground = picture_texture(device, job.ground)
+        self.groups = -(-width // _GROUP), -(-height // _GROUP), 1
+        self.bound = {
+            0: device.buffer(atlas.march_uniform(job.threshold, job.stop, job.whole,
+                                                 texture.there), uniform=True),
+            1: atlas.table, 2: atlas.masks, 3: atlas.texture, 4: device.sampler(),
+            5: texture.cells, 6: texture.charts, 7: texture.texels, 9: self.shots,
+            10: self.depths, 11: self.ground}
+
+    def _group(self, name: str, numbers: tuple[int, ...], **more: Any) -> Any:
+        """What a kernel is bound to: the resources of these numbers, uniform and picture."""
+        resources = {number: self.bound[number] for number in numbers}
+        return self.device.bind(self.kernels[name], {
+            **resources, **{int(number[1:]): value for number, value in more.items()}})
+
+    def look(self, view: int) -> None:
+        """Cast a view's rays, and add the texture."""
+        device, height = self.device, self.job.size[1]
+
+        def run(since: int, until: int) -> None:
+            """Cast rows of groups."""
             rows = min(until * _GROUP, height) - since * _GROUP
-            uniform = device.buffer(job.uniform(view, since * _GROUP, rows), uniform=True)
-            marched = {0: marching, 1: atlas.table, 2: atlas.masks, 3: atlas.texture,
-                       4: device.sampler()}
-            device.run((look, device.bind(look, {**marched, 8: uniform, 9: shots, 10: depths}),
-                        (-(-width // _GROUP), until - since, 1)))
+            uniform = device.buffer(self.job.uniform(view, since * _GROUP, rows), uniform=True)
+            group = self._group("look", (0, 1, 2, 3, 4, 9, 10), _8=uniform)
+            device.run((self.kernels["look"], group, (self.groups[0], until - since, 1)))
 
-        bands(-(-height // _GROUP), 8, run, device.wait)
-        uniform = device.buffer(job.uniform(view, 0, height), uniform=True)
-        groups = (-(-width // _GROUP), -(-height // _GROUP), 1)
-        if texture.there:
-            device.run((paint, device.bind(paint, {
-                0: marching, 1: atlas.table, 4: device.sampler(), 5: texture.cells,
-                6: texture.charts, 7: texture.texels, 8: uniform, 9: shots, 10: depths}), groups))
-        if job.eight_bit:
-            device.run((pack, device.bind(pack, {
-                4: device.sampler(), 8: uniform, 9: shots, 11: ground, 12: picture}), groups))
-            out.append((device.read(picture, np.uint8, (height, width, 4))[..., :3],))
+        paces: dict[Any, int] = device.kept.setdefault("view paces", {})
+        kind = self.job.size[0], self.job.axis
+        if kind in paces:
+            for since in range(0, self.groups[1], paces[kind]):
+                run(since, min(since + paces[kind], self.groups[1]))
         else:
-            shot = device.read(shots, np.float32, (height, width, 4))
-            depth = device.read(depths, np.float32, (height, width))
-            depth[depth > 1e30] = np.inf
-            out.append((shot[..., :3], shot[..., 3], depth))
-    parts = tuple(np.stack(part) for part in zip(*out, strict=True))
-    return parts[0] if job.eight_bit else parts
+            paces[kind] = bands(self.groups[1], 8, run, device.wait)
+        self.uniform = device.buffer(self.job.uniform(view, 0, height), uniform=True)
+        if self.texture.there:
+            device.run((self.kernels["paint"], self._group(
+                "paint", (0, 1, 4, 5, 6, 7, 9, 10), _8=self.uniform), self.groups))
+
+    def pack(self, view: int, picture: Any) -> None:
+        """Write the view that was looked at as bytes."""
+        group = self._group("bytes", (4, 9, 11), _8=self.uniform, _12=picture)
+        self.device.run((self.kernels["bytes"], group, self.groups))
+
+    def read(self) -> tuple[NDArray[np.float32], ...]:
+        """Color, opacity and depth of the view that was looked at."""
+        width, height = self.job.size
+        shot = self.device.read(self.shots, np.float32, (height, width, 4))
+        depth = self.device.read(self.depths, np.float32, (height, width))
+        depth[depth > 1e30] = np.inf
+        return shot[..., :3], shot[..., 3], depth

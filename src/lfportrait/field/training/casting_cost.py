@@ -6,9 +6,12 @@ import time
 
 import numpy as np
 
+from ...gpu import GpuProcess
 from ..kernels.descent import descend
 from .casting import Caster
+from .gpu_stepping import GpuSteps
 from .pixels import Batches
+from .stepping import Plan
 from .trainer import Trainer
 
 __all__ = ["casting_figures"]
@@ -28,8 +31,12 @@ def casting_figures(trainer: Trainer, batches: int = 8) -> dict[str, float]:
     -------
     figures
         ``rays_per_second`` of the two kernels alone; ``samples_per_ray``; ``rows_per_ray``, records
-        of lattice points that a batch leaves by its number of rays; ``row_width``, values a point.
+        of lattice points that a batch leaves by its number of rays; ``row_width``, values a point;
+        ``batch``, rays of a step.
+        On a GPU all kernels of a step count.
     """
+    if trainer.process is not None:
+        return _on_gpu(trainer, trainer.process, batches)
     zero = np.float32(0.0)
     lattice, data, config = trainer.lattice, trainer.data, trainer.config
     assert lattice is not None
@@ -52,4 +59,31 @@ def casting_figures(trainer: Trainer, batches: int = 8) -> dict[str, float]:
         records += int(caster.records.counts.sum())
         rays += 16 * len(tiles)
     return {"rays_per_second": 1.0 / fastest, "samples_per_ray": samples / rays,
-            "rows_per_ray": records / rays, "row_width": trainer.width}
+            "rows_per_ray": records / rays, "row_width": trainer.width,
+            "batch": rays // batches}
+
+
+def _on_gpu(trainer: Trainer, process: GpuProcess, batches: int) -> dict[str, float]:
+    """The same of the steps on a GPU."""
+    lattice, data, config = trainer.lattice, trainer.data, trainer.config
+    assert lattice is not None
+    last = len(config.resolutions) - 1
+    order = Batches(data, config.batch[last] // 16, config.seed, last)
+    samples, records, rays, fastest = 0.0, 0, 0, np.inf
+    for number in range(batches):
+        tiles = order.step(number)
+        steps = GpuSteps(process, lattice, data, config, last, trainer.basis, trainer.workers,
+                         trainer.options(), np.float32(0.0), lambda: trainer.scale,
+                         lambda *_: None, len(tiles), trainer.background_trainer())
+        steps.look_again(float(trainer.options()[1]))
+        found = steps.measure(Plan(tiles, order.blocks, np.ones(len(tiles), np.float32),
+                                   np.float32(0.0), np.float32(1.0), 0.0, (0.0, 0.0), False),
+                              100 if process.adapter.real else 1)
+        steps.close()
+        fastest = min(fastest, found["seconds"] / (16 * len(tiles)))
+        samples += found["samples"]
+        records += found["records"]
+        rays += 16 * len(tiles)
+    return {"rays_per_second": 1.0 / fastest, "samples_per_ray": samples / rays,
+            "rows_per_ray": records / rays, "row_width": trainer.width,
+            "batch": rays // batches}

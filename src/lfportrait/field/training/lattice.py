@@ -14,6 +14,7 @@ from scipy import ndimage
 
 from ..kernels.bricks import brick_table
 from ..kernels.march import lattice_of_world
+from ..kernels.neighbours import fill_neighbours
 from ..kernels.refine import refine_rows
 
 __all__ = ["Lattice", "box_shape"]
@@ -82,15 +83,8 @@ class Lattice:
 
     def neighbours(self) -> NDArray[np.int32]:
         """int32 [N, 6]: next along x, y, z, previous along x, y, z; the row itself without one."""
-        z, y, x = np.nonzero(self.links >= 0)
-        own = self.links[z, y, x]
-        found = np.empty((len(own), 6), np.int32)
-        top, high, wide = (n - 1 for n in self.links.shape)
-        for column, (dz, dy, dx) in enumerate(((0, 0, 1), (0, 1, 0), (1, 0, 0),
-                                               (0, 0, -1), (0, -1, 0), (-1, 0, 0))):
-            there = self.links[np.clip(z + dz, 0, top), np.clip(y + dy, 0, high),
-                               np.clip(x + dx, 0, wide)]
-            found[own, column] = np.where(there >= 0, there, own)
+        found = np.repeat(np.arange(self.count, dtype=np.int32)[:, None], 6, axis=1)
+        fill_neighbours(self.links, found)
         return found
 
     def attached(self, loose: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:

@@ -116,16 +116,24 @@ class Batches:
         return np.random.Generator(np.random.Philox(
             key=[self.seed, self.level], counter=[0, 0, kind, number]))
 
+    @property
+    def _steps(self) -> int:
+        """Steps for which tiles are chosen together."""
+        return max(1, len(self.data.tiles) // self.size // self._PARTS)
+
+    def chooses(self, number: int) -> bool:
+        """Whether tiles are chosen for a step: by the errors of all steps before it."""
+        return number // self._steps != self._part
+
     def step(self, number: int) -> NDArray[np.int32]:
         """The tiles of a step: those of one view side by side, so that neighbours share the cache.
 
         Steps are taken one after the other. int32 [T, 3].
         """
-        steps = max(1, len(self.data.tiles) // self.size // self._PARTS)
-        part, place = divmod(number, steps)
+        part, place = divmod(number, self._steps)
         if part != self._part:
             self._part = part
-            self._order = self._chosen(self.generator(1, part), steps * self.size)
+            self._order = self._chosen(self.generator(1, part), self._steps * self.size)
         now = self._order[place * self.size:(place + 1) * self.size]
         tiles = self.data.tiles[now]
         sorting = np.lexsort((tiles[:, 2], tiles[:, 1], tiles[:, 0]))
@@ -147,9 +155,15 @@ class Batches:
         self._credit[chosen] -= 1.0
         return np.asarray(chosen[generator.permutation(count)])
 
-    def learn(self, errors: NDArray[np.float32]) -> None:
-        """Take in the squared errors of the last step's tiles, [T]."""
-        block = self._block[self._now]
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        """The blocks of the last step's tiles, [T]."""
+        return np.asarray(self._block[self._now])
+
+    def learn(self, errors: NDArray[np.float32], block: NDArray[np.int64] | None = None) -> None:
+        """Take in the squared errors of a step's tiles, [T], by their blocks: the last step's."""
+        if block is None:
+            block = self.blocks
         np.add.at(self._error, block, errors)
         np.add.at(self._seen, block, 1.0)
 

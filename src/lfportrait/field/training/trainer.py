@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from ...cache import key_of
 from ...capture import Capture
+from ...device import device_name
 from ...errors import UserError
+from ...gpu import GpuLostError, GpuProcess
 from ...measure import peak_memory_bytes
 from ...progress import Progress
 from ..background import Background, BackgroundTrainer
@@ -26,25 +28,22 @@ from ..geometry.outlines import refined_mattes
 from ..geometry.start import start_person, start_room
 from ..grid import VoxelField
 from ..kernels.bricks import row_width
-from ..kernels.descent import descend
 from ..quality import held_out_quality
 from .averaging import Average
 from .casting import Caster
 from .checkpoint import deflated, read_checkpoint, write_checkpoint
+from .gpu_stepping import fits_gpu, largest_on_gpu, prepare, warn
 from .lattice import Lattice, box_shape
+from .level import Level
 from .meter import Meter
 from .outlook import outlook
 from .pixels import Batches, TrainingPixels
 from .poses import PoseRefiner
-from .steps import color_gains, falling, smooth_run
+from .stepping import Steps
 
 __all__ = ["Trainer"]
 
 _SAVE_EVERY = 20.0  # seconds
-_LOOK_AGAIN = 400
-"""Steps after which it is looked again for bricks that have become clear."""
-_LAY_AGAIN = 0.4
-"""Share of the finest level after which mattes are recomputed: its outline is finer by then."""
 
 
 class Trainer:
@@ -52,7 +51,11 @@ class Trainer:
 
     def __init__(self, capture: Capture, config: ReconstructConfig,
                  progress: Progress | None = None, checkpoint: Path | None = None,
-                 meter: Meter | None = None) -> None:
+                 meter: Meter | None = None, process: GpuProcess | None = None) -> None:
+        # The GPU's, until it is lost; None: the CPU.
+        self.process = process
+        if process is not None:
+            prepare(process)
         self.original, self.capture, self.config, self.progress = capture, capture, config, progress
         self.checkpoint, self.meter = checkpoint, meter
         self.views = capture.training()
@@ -75,6 +78,8 @@ class Trainer:
         self.table: NDArray[np.int32] | None = None
         self.recent = np.zeros(2)
         self.average: Average | None = None
+        self.steps: Steps | None = None
+        self._ready = False
         # Exposures: what photos are divided by; held-out photos have theirs, too.
         self.gains = np.ones((len(self.views), 3))
         self.test_gains = np.ones((len(capture.testing()), 3))
@@ -93,16 +98,28 @@ class Trainer:
         """What the kernel multiplies 8-bit colors of each view with, [V, 3]."""
         return (1.0 / (255.0 * self.gains)).astype(np.float32)
 
+    @property
+    def device(self) -> str:
+        """What trains, as figures name it: ``"cpu"``, or the GPU."""
+        return device_name(None if self.process is None else self.process.adapter)
+
     # -- state ------------------------------------------------------------------------------------
 
     def field(self) -> VoxelField:
         """The field as it is."""
+        self.sync()
         lattice = self.lattice
         assert lattice is not None
         count = lattice.count
         sh = lattice.rows[:count, :3 * self.basis].reshape(count, 3, self.basis)
         return VoxelField(lattice.links, lattice.density[:count].copy(), np.ascontiguousarray(sh),
                           lattice.center, lattice.radius, self.capture.frame, self.background)
+
+    def sync(self, last: bool = False) -> None:
+        """Bring here what the steps of this level have come to; ``last``: of all levels."""
+        if self.steps is not None:
+            self.steps.sync(last)
+            self.average, self.table = self.steps.average, self.steps.table
 
     @functools.cached_property
     def surface(self) -> HeadSurface | None:
@@ -113,11 +130,12 @@ class Trainer:
         """Write the state: between two levels, or in the middle of one."""
         if self.checkpoint is not None and self.lattice is not None:
             start = time.perf_counter()
+            self.sync()
             write_checkpoint(self, self.checkpoint)
             self._saved = time.perf_counter()
             self._save_took = self._saved - start
 
-    def _save_now_and_then(self) -> None:
+    def save_now_and_then(self) -> None:
         """Save every 20 s, or as seldom as takes a twentieth of the time where a state is large."""
         if self.checkpoint is not None and (time.perf_counter() - self._saved
                                             >= max(_SAVE_EVERY, 20.0 * self._save_took)):
@@ -131,11 +149,15 @@ class Trainer:
     # -- levels -----------------------------------------------------------------------------------
 
     def run_level(self) -> None:
-        """Refine the lattice and train it, or go on with what a checkpoint holds."""
+        """Refine the lattice and train it, or go on with what a checkpoint holds.
+
+        If the GPU is lost, the level is left as the last checkpoint has it, or as it began: call it
+        again, and it is trained on the CPU.
+        """
         config = self.config
         resolution = config.resolutions[self.level]
         begun = time.perf_counter()
-        if self.step == 0:
+        if self.step == 0 and not self._ready:
             if self.lattice is None:
                 self._first(resolution)
             else:
@@ -143,16 +165,37 @@ class Trainer:
             assert self.lattice is not None
             # Reset the optimiser's state of each point.
             self.lattice.rows[:, -2:] = 0.0
-        error = self._train()
+            self._ready = True
+        try:
+            error = Level(self).run()
+        except GpuLostError as lost:
+            self._go_on_without(lost)
+            return
+        finally:
+            if self.steps is not None:
+                self.steps.close()
+                self.steps = None
         assert self.lattice is not None
         self.log.append({"resolution": resolution, "voxels": self.lattice.count,
                          "train_psnr": round(-10 * float(np.log10(max(error, 1e-12))), 2),
                          "seconds": round(time.perf_counter() - begun, 2)})
         if self.level == 0 and len(config.resolutions) > 1 and self.data.has_alpha:
             self._foretell(begun)
-        self.level, self.step, self.level_done = self.level + 1, 0, 0.0
+        self.level, self.step, self.level_done, self._ready = self.level + 1, 0, 0.0, False
         self.behind, self.batches, self.table, self.recent = None, None, None, np.zeros(2)
         self.save()
+
+    def _go_on_without(self, lost: GpuLostError) -> None:
+        """Leave the GPU, and return to the last checkpoint, or else to the level's beginning."""
+        self.process = None
+        warn(self.progress, f"{lost}; the training goes on on the CPU")
+        self.step, self.level_done, self.recent = 0, 0.0, np.zeros(2)
+        self.behind, self.batches, self.table, self.average = None, None, None, None
+        lattice, began = self.lattice, self.began
+        self.restore()
+        self.began = began
+        if self.lattice is not lattice:
+            self._ready = False
 
     def _foretell(self, begun: float) -> None:
         """Say what the levels after the first will take."""
@@ -262,18 +305,26 @@ class Trainer:
         # Behind a transmittance of ``prune`` no weight is larger than that: a ray may end there.
         options = self.options()
         options[2] = self.config.prune
+        tiles = self.data.tiles[self.level % 8::8]
+        if self.process is not None and fits_gpu(self.lattice):
+            try:
+                return largest_on_gpu(self.process, self.lattice, self.data, tiles, self.scale,
+                                      options)
+            except GpuLostError as lost:
+                self.process = None
+                warn(self.progress, f"{lost}; the training goes on on the CPU")
         return Caster(self.lattice, self.data, self.basis, self.workers).largest(
-            self.data.tiles[self.level % 8::8], self.scale, options)
+            tiles, self.scale, options)
 
     # -- optimisation -----------------------------------------------------------------------------
 
-    def _deadline(self) -> float:
+    def deadline(self) -> float:
         """When the level must end, by the clock of `time.perf_counter`."""
         # Coarse levels end with their rays: what they lack for a slow beginning, while kernels
         # are compiled, no finer level can make good.
-        return self._pace(0.5 if self.level < len(self.config.resolutions) - 1 else 0.0)
+        return self.pace(0.5 if self.level < len(self.config.resolutions) - 1 else 0.0)
 
-    def _pace(self, least: float = 0.0) -> float:
+    def pace(self, least: float = 0.0) -> float:
         """When the level has had its share of the time, or a share of ``least`` of what is left."""
         config = self.config
         if config.time_budget <= 0:
@@ -302,92 +353,7 @@ class Trainer:
         return Batches(self.data, config.batch[self.level] // 16, config.seed, self.level,
                        config.importance)
 
-    def _train(self) -> float:
-        """Train one level; returns the mean squared error of the last steps."""
-        assert self.lattice is not None
-        config, data, lattice = self.config, self.data, self.lattice
-        begun, deadline = time.perf_counter(), self._deadline()
-        steps = max(1.0, np.round(config.rays[self.level] * 1e6 / config.batch[self.level]))
-        paced = config.paced and self.level < len(config.resolutions) - 1
-        until = self._pace() if paced else deadline
-        caster = Caster(lattice, data, self.basis, self.workers)
-        if self.table is not None:
-            caster.table = self.table
-        neighbours = lattice.neighbours()
-        options = self.options()
-        finest = self.level == len(config.resolutions) - 1
-        # Without mattes the first, wrong, gradients would clear space for good: until the last
-        # level a trace of density stays, which can grow again.
-        lowest = np.float32(-config.density_floor / lattice.voxel if data.has_alpha or finest
-                            else 2.0 * options[1])
-        if self.behind is None:
-            self.behind = self.background_trainer()
-        behind = self.behind
-        batches = self.batches
-        if batches is None:
-            batches = self.batches = self.new_batches()
-        shares = config.shares()
-        before, share = sum(shares[:self.level]), shares[self.level]
-        resumed = self.level_done
-        while self.step < steps or (paced and time.perf_counter() < until):
-            generator = batches.generator(0, self.step)
-            tiles = batches.step(self.step)
-            rays = None
-            if behind is not None:
-                rays = data.cube_rays(tiles, lattice.center, lattice.radius)
-                ground = behind.background.color(rays, config.background)
-            elif data.has_alpha:
-                ground = np.repeat(np.repeat(generator.random(
-                    (len(tiles), 1), np.float32), 3, axis=1), 16, axis=0)
-            else:
-                ground = np.full((16 * len(tiles), 3), config.background, np.float32)
-            if self.step % _LOOK_AGAIN == 0:
-                caster.skip_clear(options[1])
-                self.table = caster.table
-            slopes = caster.cast(tiles, ground, self.scale, options)
-            batches.learn(caster.errors)
-            now = time.perf_counter()
-            # Rates fall by rays or by the clock: a paced level goes by what is behind, others by
-            # what is ahead.
-            was = self.level_done
-            by_clock = resumed + (1.0 - resumed) * (now - begun) / (until - begun)
-            self.level_done = min(1.0, (min if paced else max)((self.step + 1) / steps, by_clock))
-            done = before + share * self.level_done
-            rate = falling(config.lr_sigma, config.lr_sigma_final, done)
-            rate_sh = falling(config.lr_sh, config.lr_sh_final, done)
-            if data.has_alpha:
-                # A step changes the optical depth of a voxel alike, whatever its size.
-                rate *= np.float32(config.resolutions[self.level] / 256.0)
-            elif self.level == 0:
-                rate *= np.float32(min(1.0, 0.01 + self.step / 100.0))
-            gains = color_gains(16 * len(tiles), self.basis, self.width)
-            descend(lattice.density, lattice.rows.ravel(), self.width, caster.records.arrays,
-                    caster.bases, rate, np.float32(config.rms_beta), lowest, gains,
-                    np.float32(1.0) / rate_sh)
-            smooth_run(lattice, config, self.level, neighbours, float(generator.random()), rate,
-                       lowest, gains)
-            if behind is not None and rays is not None:
-                behind.step(rays, ground, slopes,
-                            float(config.lr_color_bg * 0.05 ** done),
-                            float(config.lr_sigma_bg * rate / config.lr_sigma))
-            if finest and Average.due(was, self.level_done, config.polyak_fraction):
-                self.average = self.average or Average(lattice, 3 * self.basis)
-                self.average.add(lattice)
-            self.step += 1
-            self.rays_done += 16 * len(tiles)
-            added = caster.losses.sum(axis=0)
-            self.recent = 0.98 * self.recent + np.array([added[0], 3 * added[1]])
-            self._tell(done)
-            if self.poses is not None and self.poses.due(self.level, self.level_done, finest):
-                self.place(self.poses.refine(self.field(), self.capture, self.gains))
-            if self.lays_mattes and finest and was < _LAY_AGAIN <= self.level_done:
-                self.lay_mattes(refined_mattes(self.field(), self.capture))
-            if now > deadline:
-                break
-            self._save_now_and_then()
-        return float(self.recent[0] / max(self.recent[1], 1.0))
-
-    def _tell(self, done: float) -> None:
+    def tell(self, done: float) -> None:
         """Report the progress to the progress line and the meter."""
         assert self.lattice is not None
         resolution = self.config.resolutions[self.level]

@@ -20,6 +20,8 @@ __all__ = ["PanelJob", "code_panel"]
 
 _TILE = 16
 """Pixels along a side of a workgroup's tile."""
+_TILE_ROWS = 4
+"""Rows of tiles whose slices are kept at once."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,10 @@ class PanelJob:
         float32 [3, R, C], 0 to 255, or None.
     ground_place
         Its depth over the eyes' distance, left, top, width and height of a texel, eyes' height.
+    ordered
+        Sort the sub-pixels of a tile by view.
+    sliced
+        Cast through row slices: for ``axis`` 3 and colors of one viewpoint.
     """
 
     width: int
@@ -74,6 +80,7 @@ class PanelJob:
     ground: NDArray[np.float32] | None = None
     ground_place: tuple[float, ...] = (0.0,) * 6
     ordered: bool = True
+    sliced: bool = False
 
     def uniform(self, first: int, rows: int) -> NDArray[np.uint8]:
         """The uniform ``panel`` of `panel.wgsl` for a band of rows, uint8 [384]."""
@@ -108,6 +115,83 @@ def _wrapped(turns: float) -> int:
     return round((turns % 1.0) * 2 ** 32) % 2 ** 32
 
 
+class _Coder:
+    """A panel's shaders and what they are bound to."""
+
+    def __init__(self, device: Device, keys: tuple[str, str], job: PanelJob) -> None:
+        self.device, self.job = device, job
+        self.atlas: Atlas = device.kept["fields"][keys[0]]
+        self.texture: DeviceTexture = device.kept["textures"][keys[1]]
+        files = ["field/gpu/march.wgsl", "lightfield/gpu/panel.wgsl",
+                 f"lightfield/gpu/{'slices' if job.sliced else 'direct'}.wgsl"]
+        self.source = shader(*files)
+        self.main = device.kernel(self.source, "main", {"sorted": job.ordered})
+        self.field = device.buffer(self.atlas.march_uniform(
+            job.threshold, job.stop, job.whole, self.texture.there), uniform=True)
+        self.ground = picture_texture(device, job.ground)
+        self.slices = _Slices(self) if job.sliced else None
+
+    def code(self, picture: Any, first: int, since: int, until: int, rows: int) -> None:
+        """Code the tile rows from ``since`` to ``until`` of ``picture``, which has ``rows``.
+
+        Its first row is row ``first`` of the job.
+        """
+        most = until - since if self.slices is None else _TILE_ROWS
+        for tile in range(since, until, most):
+            begin = tile * _TILE
+            many = min(min(tile + most, until) * _TILE, rows) - begin
+            panel = self.device.buffer(self.job.uniform(first + begin, many), uniform=True)
+            words = 4 * self.job.words
+            bound = {0: self.field, 1: self.atlas.table, 4: self.device.sampler(),
+                     5: self.texture.cells, 6: self.texture.charts, 7: self.texture.texels,
+                     8: panel, 9: self.ground, 10: (picture, words * begin, words * many)}
+            if self.slices is None:
+                bound |= {2: self.atlas.masks, 3: self.atlas.texture}
+                before: list[Any] = []
+            else:
+                bound |= {14: self.slices.slabs, 15: self.slices.spans}
+                before = self.slices.steps(panel, many)
+            self.device.run(*before, (self.main, self.device.bind(self.main, bound),
+                                      (-(-self.job.width // _TILE), -(-many // _TILE), 1)))
+
+
+class _Slices:
+    """The slices of some rows of a panel (`slices.wgsl`)."""
+
+    def __init__(self, coder: _Coder) -> None:
+        device, job, self.coder = coder.device, coder.job, coder
+        self.size = [int(number) for number in coder.atlas.lattice[:3]]
+        self.empty, self.build = (device.kernel(coder.source, name) for name in ("empty", "build"))
+        self.slabs = device.texture((self.size[0], self.size[2]), "rgba16float", written=True,
+                                    layers=_TILE * _TILE_ROWS)
+        self.planes = self.size[2] + -(-self.size[2] // 16)
+        self.spans = device.buffer(8 * self.planes * _TILE * _TILE_ROWS)
+        self.uniform = device.buffer(_slice_uniform(job), uniform=True)
+
+    def steps(self, panel: Any, rows: int) -> list[Any]:
+        """What fills the slices of a band of rows."""
+        coder, device = self.coder, self.coder.device
+        build = device.bind(self.build, {
+            0: coder.field, 1: coder.atlas.table, 3: coder.atlas.texture, 4: device.sampler(),
+            8: panel, 11: self.uniform, 12: self.slabs, 13: self.spans})
+        return [(self.empty, device.bind(self.empty, {13: self.spans}),
+                 (-(-2 * self.planes * rows // 64), 1, 1)),
+                (self.build, build, (-(-self.size[0] // 64), self.size[2], rows))]
+
+
+def _slice_uniform(job: PanelJob) -> NDArray[np.uint8]:
+    """The uniform ``slice`` of `slices.wgsl`, uint8 [32]: lattice rows of a panel row's plane."""
+    matrix, eye_y, distance = job.matrix, job.panel[1], job.panel[2]
+    det = matrix[0, 0] * matrix[2, 2] - matrix[0, 2] * matrix[2, 0]
+    depth_i, depth_k = -matrix[2, 0] / det, matrix[0, 0] / det
+    depth = np.array([-depth_i * matrix[0, 3] - depth_k * matrix[2, 3], depth_i, depth_k])
+    lift = matrix[1, 1] / distance * depth
+    out = np.zeros(8, np.float32)
+    out[0:3] = eye_y * lift + [matrix[1, 3], 0, 0]
+    out[4:7] = [matrix[1, 1], 0, 0] - lift
+    return out.view(np.uint8)
+
+
 def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool = True,
                repeats: int = 0) -> tuple[NDArray[np.uint8], dict[str, float]]:
     """Code a panel.
@@ -126,69 +210,51 @@ def code_panel(device: Device, keys: tuple[str, str], job: PanelJob, read: bool 
     Returns
     -------
     picture, figures
-        uint8 [H, W, 3]; seconds of shading, of coding (all bands), of reading back; and, with
-        ``repeats``, the least of a repetition.
+        uint8 [H, W, 3]; seconds of shading, of coding (all bands), of reading back; with
+        ``repeats``, those of one of them, sent off one after the other; bytes of the field.
     """
     atlas: Atlas = device.kept["fields"][keys[0]]
-    texture: DeviceTexture = device.kept["textures"][keys[1]]
     job = replace(job, viewpoints=job.viewpoints[:atlas.layers])
     start = time.perf_counter()
     atlas.shade(job.viewpoints)
     device.wait()
     shaded = time.perf_counter()
-    kernel = device.kernel(shader("field/gpu/march.wgsl", "lightfield/gpu/panel.wgsl"), "main",
-                           {"sorted": job.ordered})
-    marching = device.buffer(
-        atlas.march_uniform(job.threshold, job.stop, job.whole, texture.there), uniform=True)
-    ground = picture_texture(device, job.ground)
-    tiles = -(-job.width // _TILE)
+    coder = _Coder(device, keys, job)
     most = max(_TILE, min(job.height, BINDING // (4 * job.words) // _TILE * _TILE))
     device.wait()
-    ready = time.perf_counter()
-    parts, best, reading = [], float("inf"), 0.0
+    parts, coding, repeated, reading = [], 0.0, 0.0, 0.0
+    # Bands of what was coded before need no calibration.
+    paces: dict[Any, int] = device.kept.setdefault("paces", {})
+    kind = keys, job.width, job.sliced, job.axis, job.rays
     for first in range(0, job.height, most):
         rows = min(most, job.height - first)
         picture = device.buffer(4 * job.words * rows)
-        sizes: list[tuple[int, int]] = []
 
         def run(since: int, until: int, first: int = first, rows: int = rows,
                 picture: Any = picture) -> None:
             """Code tile rows of this part."""
-            begin = since * _TILE
-            many = min(until * _TILE, rows) - begin
-            panel = device.buffer(job.uniform(first + begin, many), uniform=True)
-            part = (picture, 4 * job.words * begin, 4 * job.words * many)
-            group = device.bind(kernel, {
-                0: marching, 1: atlas.table, 2: atlas.masks, 3: atlas.texture,
-                4: device.sampler(), 5: texture.cells, 6: texture.charts, 7: texture.texels,
-                8: panel, 9: ground, 10: part})
-            device.run((kernel, group, (tiles, until - since, 1)))
+            coder.code(picture, first, since, until, rows)
 
-        sizes = bands(-(-rows // _TILE), 4, run, device.wait)
+        begin = time.perf_counter()
+        pace = bands(-(-rows // _TILE), paces.get(kind, 4), run, device.wait)
+        paces[kind] = pace
         device.wait()
+        coding += time.perf_counter() - begin
+        begin = time.perf_counter()
         for _ in range(repeats):
-            begin = time.perf_counter()
-            for since, until in _joined(sizes):
-                run(since, until)
-            device.wait()
-            best = min(best, time.perf_counter() - begin)
+            for since in range(0, -(-rows // _TILE), pace):
+                run(since, min(since + pace, -(-rows // _TILE)))
+        device.wait()
+        repeated += (time.perf_counter() - begin) / max(repeats, 1)
         if read:
             begin = time.perf_counter()
             raw = device.read(picture, np.uint8, (rows, job.words * 4))
             parts.append(raw[:, :3 * job.width].reshape(rows, job.width, 3))
             reading += time.perf_counter() - begin
-    done = time.perf_counter()
     whole = (np.concatenate(parts) if len(parts) > 1 else np.ascontiguousarray(parts[0])
              ) if read else np.zeros((0, 0, 3), np.uint8)
-    figures = {"shade": shaded - start, "cast": done - ready - reading, "read": reading,
+    figures = {"shade": shaded - start, "cast": coding, "read": reading,
                "field_bytes": atlas.nbytes}
     if repeats:
-        figures["repeated"] = best
+        figures["repeated"] = repeated
     return whole, figures
-
-
-def _joined(sizes: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Bands as they are once their size is known: the calibration's joined to the next one."""
-    largest = max(until - since for since, until in sizes)
-    total = sizes[-1][1]
-    return [(since, min(since + largest, total)) for since in range(0, total, largest)]

@@ -71,8 +71,9 @@ fn ground_at(px: f32, py: f32, eye: f32, channel: u32) -> f32 {
     return textureSampleLevel(ground, linear, (vec2<f32>(x, y) + 0.5) / size, 0.0)[channel];
 }
 
-// One channel of what one eye sees at a place of the panel.
-fn seen_by(px: f32, py: f32, eye: f32, channel: u32) -> f32 {
+// One channel of what one eye sees at a place of the panel, in a row of the band.
+// What its ray meets of the field, `met`, is in direct.wgsl or slices.wgsl.
+fn seen_by(px: f32, py: f32, eye: f32, channel: u32, row: u32) -> f32 {
     let distance = panel.shape.z;
     let way = normalize(vec3<f32>(px - eye, py - panel.shape.y, -distance));
     let from_eye = vec4<f32>(eye, panel.shape.y, distance, 1.0);
@@ -82,22 +83,7 @@ fn seen_by(px: f32, py: f32, eye: f32, channel: u32) -> f32 {
                            dot(panel.matrix[2].xyz, way));
     let norm = length(turned);
     let direction = turned / norm;
-    var bounds = enter(origin, direction);
-    var shown = Shown(vec3<f32>(0.0), 1.0, NOWHERE);
-    if (bounds.x < bounds.y) {
-        var comb = vec2<f32>(bounds.x, panel.comb.y);
-        let axis = u32(panel.comb.x);
-        if (axis > 0u) {
-            let planes = planes_of(origin, direction, bounds, axis, panel.comb.y);
-            comb = planes.comb;
-            bounds = planes.bounds;
-        }
-        let layers = panel.comb.w;
-        let between = (eye - panel.eyes.x) / max(panel.eyes.y - panel.eyes.x, 1e-9);
-        let layer = clamp(floor(between * layers), 0.0, layers - 1.0) / layers;
-        shown = march(origin, direction, comb, bounds, comb.y / (norm * panel.shape.w),
-                      layer / field.atlas.z);
-    }
+    let shown = met(origin, direction, norm, eye, row);
     var value = shown.color[channel] + detail(origin, direction, shown)[channel];
     if (shown.through > 0.0) {
         var behind = panel.comb.z;
@@ -116,11 +102,11 @@ fn code(x: u32, row: u32, k: u32) -> u32 {
     let eye = eye_of(phase_of(x, line, k));
     let channel = select(k, 2u - k, panel.texel.w > 0.5);
     let rays = u32(panel.rays.x);
-    if (rays == 1u) { return u32(seen_by(px, py, eye, channel) * 255.0 + 0.5); }
+    if (rays == 1u) { return u32(seen_by(px, py, eye, channel, row - panel.size.y) * 255.0 + 0.5); }
     var light = 0.0;
     for (var ray = 0u; ray < rays; ray++) {
         let away = ((f32(ray) + 0.5) / f32(rays) - 0.5) * panel.rays.y;
-        light += pow(seen_by(px, py, eye + away, channel), panel.rays.z);
+        light += pow(seen_by(px, py, eye + away, channel, row - panel.size.y), panel.rays.z);
     }
     return u32(pow(light / f32(rays), 1.0 / panel.rays.z) * 255.0 + 0.5);
 }

@@ -80,13 +80,15 @@ def _at_first(voxels: VoxelField, sets: list[ColorSet]) -> VoxelField:
     texture = None
     if voxels.texture is not None and shown.texels is not None:
         texture = voxels.texture.with_texels(shown.texels)
-    first = replace(voxels.with_sh(shown.sh), texture=texture, background=None)
     same = texture is None or (voxels.texture is not None and np.array_equal(
         texture.texels, voxels.texture.texels))
-    if same and first.sh.shape == voxels.sh.shape and (
-            np.abs(first.sh - voxels.sh).max(initial=0) < _ROUNDED):
+    if same and shown.sh.shape == voxels.sh.shape and (
+            np.abs(shown.sh - voxels.sh).max(initial=0) < _ROUNDED):
+        # What is shown already may be laid out already.
+        first = replace(voxels.with_sh(voxels.sh), texture=texture, background=None)
         first.take_layouts(voxels)
-    return first
+        return first
+    return replace(voxels.with_sh(shown.sh), texture=texture, background=None)
 
 
 def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None = None,

@@ -1,0 +1,340 @@
+"""Steps of a training on the device: kernels in their order, for many steps at a time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....gpu.device import Device, Kernel
+from .lattice import DeviceLattice, row_floats
+from .notes import Notes, blocks_of_a_packet
+from .shaders import BINDINGS, STEP, source
+from .shells import Shells
+
+__all__ = ["SLOTS", "Steps", "largest_weights"]
+
+SLOTS = 64
+"""Steps that are sent off together."""
+_SUBMITTED = 8
+"""Steps a submission: the device works on the first while the others are written down."""
+_PAGED = ("color", "paint", "vary_colors", "smooth_colors")
+"""Kernels that are run for each page of colors."""
+_BAND = 512
+"""Packets whose largest weights are found in one dispatch."""
+
+Dispatch = tuple[Kernel, Any, tuple[int, int, int]]
+
+
+def _bound(device: Device, entry: str, resources: Mapping[str, Any]) -> tuple[Kernel, Any]:
+    """A kernel and what it is bound to, by the names of its bindings."""
+    file, names = BINDINGS[entry]
+    kernel = device.kernel(source(file), entry)
+    return kernel, device.bind(kernel, {number: resources[name]
+                                        for number, name in enumerate(names) if name})
+
+
+def _grid(count: int, size: int) -> tuple[int, int, int]:
+    """Workgroups for ``count`` threads, in two dimensions where one is too short."""
+    groups = max(1, -(-count // size))
+    across = min(groups, 32768)
+    return across, -(-groups // across), 1
+
+
+class Steps:
+    """A level's training on the device.
+
+    Parameters
+    ----------
+    device
+        Where.
+    given
+        What `DeviceLattice.of` takes to train it, and ``shape`` (lattice points along z, y, x),
+        ``cameras`` float32 [V, 32], ``tiles`` (packets a step) and ``run`` (rows of total
+        variation a step), ``smooths_colors`` (whether that of colors is wanted), ``pace`` (distance
+        between samples), ``shells`` (what `Shells.of` takes of spheres behind the lattice, if there
+        are any).
+    """
+
+    def __init__(self, device: Device, given: dict[str, Any]) -> None:
+        self.device = device
+        self.lattice = DeviceLattice.of(device, given)
+        self.shape, self.tiles, self.run = given["shape"], int(given["tiles"]), int(given["run"])
+        most = blocks_of_a_packet(self.shape, float(given["pace"]))
+        room = max(512, 6 * self.tiles)
+        self.notes = Notes.of(device, self.tiles, most, room, 192 * room)
+        self.uniform = device.buffer(STEP.itemsize * SLOTS, uniform=True)
+        self.buffers = {
+            "cameras": device.buffer(given["cameras"]),
+            "inputs": device.buffer(4 * 20 * self.tiles * SLOTS),
+            "errors": device.buffer(4 * self.tiles * SLOTS),
+            "slopes": device.buffer(4 * self.run), "grounds": device.buffer(512 * self.tiles)}
+        if given.get("smooths_colors"):
+            self.buffers["color_slopes"] = device.buffer(128 * self.run)
+        before = 0
+        self.page_bounds = []
+        for first, last in self.lattice.bounds:
+            self.page_bounds.append(device.buffer(np.array([first, last, before, 0], np.uint32),
+                                                  uniform=True))
+            before = first
+        self.shells = (Shells.of(device, **given["shells"]) if given.get("shells") is not None
+                       else None)
+        self.smooths_colors = bool(given.get("smooths_colors"))
+        self.sums: list[Any] = []
+        self.slots: list[list[Dispatch]] = []
+        # Groups that share the blocks and records; enough to fill a card, few for software.
+        self.groups = 1024 if device.adapter.real else 48
+
+    # -- what runs --------------------------------------------------------------------------------
+
+    def _slot(self, number: int) -> list[Dispatch]:
+        """The kernels of the step in one slot of the uniforms."""
+        lattice = self.lattice
+        resources: dict[str, Any] = {
+            **self.buffers, **self.notes.buffers, "bricks": lattice.bricks,
+            "density": lattice.density, "states": lattice.states, "heads": lattice.heads,
+            "after": lattice.after, "before": lattice.before,
+            "step": (self.uniform, STEP.itemsize * number, STEP.itemsize)}
+        device, groups = self.device, (self.groups, 1, 1)
+        sizes = {"march": (self.tiles, 1, 1), "composite": (self.tiles, 1, 1),
+                 "vary": _grid(self.run, 64), "smooth_run": _grid(self.run, 64),
+                 "vary_colors": _grid(32 * self.run, 256),
+                 "smooth_colors": _grid(32 * self.run, 256),
+                 "shells_forward": _grid(16 * self.tiles, 64),
+                 "shells_backward": _grid(16 * self.tiles, 64)}
+        if self.shells is not None:
+            resources |= self.shells.buffers
+            sizes["shells_step"] = _grid(self.shells.count, 256)
+        pages = {name: iter(self._pages()) for name in _PAGED}
+        return [(*_bound(device, name, {**resources, **next(pages[name], {})} if name in pages
+                         else resources), sizes.get(name, groups)) for name in self.names()]
+
+    def _pages(self) -> list[dict[str, Any]]:
+        """What is bound for each page of colors: it, the pages beside it, its bounds."""
+        pages, last = self.lattice.pages, len(self.lattice.pages) - 1
+        return [{"rows": page, "rows_before": pages[max(0, number - 1)],
+                 "rows_behind": pages[min(last, number + 1)], "page": self.page_bounds[number]}
+                for number, page in enumerate(pages)]
+
+    def dispatches(self, number: int) -> list[Dispatch]:
+        """The same, bound once."""
+        while len(self.slots) <= number:
+            self.slots.append(self._slot(len(self.slots)))
+        return self.slots[number]
+
+    def take(self, steps: NDArray[Any], inputs: NDArray[np.uint32],
+             averaged: NDArray[np.bool_], looks: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Take some steps.
+
+        Parameters
+        ----------
+        steps
+            `STEP` [K], at most `SLOTS`.
+        inputs
+            uint32 [K, T, 20], tiles: view, row, column, grey as a float32's bits, 16 pixels.
+        averaged
+            bool [K], whether the state after a step counts for the average.
+        looks
+            bool [K], whether it is looked for bright bricks before a step: rays leap over others
+            from then on.
+
+        Returns
+        -------
+        errors
+            float32 [K, T], squared errors of the tiles.
+        """
+        device, done = self.device, 0
+        device.write(self.buffers["inputs"], inputs)
+        while True:
+            device.write(self.uniform, self.filled(steps))
+            self.notes.clear(device)
+            self._send(averaged, looks, done)
+            header = self.notes.header(device)
+            done += header["done"]
+            if not header["failed"]:
+                break
+            # All steps from the failed one on did nothing.
+            self.notes = self.notes.larger(device, header)
+            self.slots = []
+        return device.read(self.buffers["errors"], np.float32, (len(steps), self.tiles)).copy()
+
+    def _send(self, averaged: NDArray[np.bool_], looks: NDArray[np.bool_], done: int) -> None:
+        """Send off the steps from the first that is not ``done`` on."""
+        waiting: list[Dispatch] = []
+        for number in range(done, len(averaged)):
+            if looks[number]:
+                waiting += self._looked(number)
+            waiting += self.dispatches(number)
+            if averaged[number]:
+                waiting += self._added()
+            if (number - done) % _SUBMITTED == _SUBMITTED - 1:
+                self.device.run(*waiting)
+                waiting = []
+        if waiting:
+            self.device.run(*waiting)
+
+    def _make_sums(self) -> list[Any]:
+        """Sums of the lattice's density and pages, zero at first; what they are the sums of."""
+        given = [self.lattice.density, *self.lattice.pages]
+        if not self.sums:
+            self.sums = [self.device.buffer(buffer.size) for buffer in given]
+        return given
+
+    def put_sums(self, density: NDArray[np.float32], rows: NDArray[np.float32]) -> None:
+        """Go on with sums [N + 1] of densities and [N + 1, 3 B] of colors."""
+        self._make_sums()
+        self.device.write(self.sums[0], density)
+        for (first, last), sums in zip(self.lattice.bounds, self.sums[1:], strict=True):
+            page = np.zeros((last - first, row_floats(self.lattice.basis)), np.float32)
+            page[:, :rows.shape[1]] = rows[first:last]
+            self.device.write(sums, page)
+
+    def _added(self) -> list[Dispatch]:
+        """Kernels that add the lattice's state to the sums."""
+        given = self._make_sums()
+        return [(*_bound(self.device, "add", {"given": buffer, "sums": sums,
+                                              "blocks": self.notes.buffers["blocks"]}),
+                 _grid(buffer.size // 4, 256))
+                for buffer, sums in zip(given, self.sums, strict=True)]
+
+    def _looked(self, number: int) -> list[Dispatch]:
+        """Kernels that find the table of bright bricks by the step in a slot."""
+        lattice, cells = self.lattice, self.lattice.table.size
+        if "whole" not in self.buffers:
+            self.buffers |= {"whole": self.device.buffer(lattice.table),
+                             "near": self.device.buffer(4 * cells),
+                             "nearer": self.device.buffer(4 * cells)}
+        resources = {**self.buffers, "bricks": lattice.bricks, "density": lattice.density,
+                     "blocks": self.notes.buffers["blocks"],
+                     "step": (self.uniform, STEP.itemsize * number, STEP.itemsize)}
+        return [(*_bound(self.device, name, resources), _grid(cells, 64))
+                for name in ("bright", "along_x", "along_y", "along_z")]
+
+    # -- what else is asked for -------------------------------------------------------------------
+
+    def table(self) -> NDArray[np.int32]:
+        """The table that rays are cast by."""
+        whole = self.lattice.table
+        return self.device.read(self.lattice.bricks, np.int32, whole.shape).copy()
+
+    def measure(self, steps: NDArray[Any], inputs: NDArray[np.uint32], repeats: int,
+                ) -> dict[str, Any]:
+        """Time what a step's kernels take; the lattice is of no use afterwards.
+
+        Parameters
+        ----------
+        steps, inputs
+            One step, as for `take`.
+        repeats
+            How often each is run.
+
+        Returns
+        -------
+        figures
+            ``seconds`` of a step, ``kernels`` (name and seconds of each, in their order),
+            ``blocks``, ``records`` and visible ``samples`` of the step.
+        """
+        # Once, for room and for compiled kernels.
+        self.take(steps[:1], inputs[:1], np.zeros(1, bool), np.ones(1, bool))
+        device, names = self.device, [*self.names()]
+        device.write(self.uniform, self.filled(steps[:1]))
+        dispatches, spent = self.dispatches(0), []
+        # From the whole step down: what comes after a kernel puts right what it leaves behind.
+        for count in range(len(dispatches), 0, -1):
+            device.wait()
+            start = time.perf_counter()
+            for _ in range(repeats):
+                self.notes.clear(device)
+                device.run(*dispatches[:count])
+            device.wait()
+            spent.append((time.perf_counter() - start) / repeats)
+            if count == len(dispatches):
+                header = self.notes.header(device)
+                visible = device.read(self.notes.buffers["sides"], np.float32,
+                                      (header["most_blocks"], 128, 2))[..., 1]
+        spent.append(0.0)
+        return {"seconds": spent[0], "blocks": header["most_blocks"],
+                "records": header["most_records"], "samples": int(np.count_nonzero(visible)),
+                "kernels": [(name, spent[place] - spent[place + 1])
+                            for place, name in enumerate(reversed(names))][::-1]}
+
+    def filled(self, steps: NDArray[Any]) -> NDArray[Any]:
+        """Steps with what only the device's side knows: sizes, room, and where things are."""
+        return _filled(steps, self.lattice, self.shape, self.notes)
+
+    def names(self) -> list[str]:
+        """Names of a step's kernels in their order."""
+        pages = len(self.lattice.pages)
+        before = ["shells_forward"] if self.shells is not None else []
+        behind = ["shells_backward", "shells_step"] if self.shells is not None else []
+        if self.smooths_colors:
+            behind = [*["vary_colors"] * pages, *["smooth_colors"] * pages, *behind]
+        return ["march", *before, "points", *["color"] * pages, "blend", "composite", "gather",
+                "settle", *["paint"] * pages, "vary", *behind, "smooth_run"]
+
+
+def _filled(steps: NDArray[Any], lattice: DeviceLattice, shape: Sequence[int], notes: Notes,
+            ) -> NDArray[Any]:
+    """Steps with what only the device's side knows."""
+    steps = steps.copy()
+    steps["size"], steps["bricks"] = shape[::-1], lattice.table.shape[::-1]
+    steps["tiles"], steps["links"] = notes.tiles, lattice.table.size
+    steps["share"] = 1.0 / (16.0 * notes.tiles)
+    steps["input"] = 20 * notes.tiles * np.arange(len(steps))
+    steps["output"] = notes.tiles * np.arange(len(steps))
+    steps["packet"], steps["empty"] = notes.packet, lattice.count
+    steps["block_room"], steps["record_room"] = notes.block_room, notes.record_room
+    steps["basis"], steps["row"] = lattice.basis, row_floats(lattice.basis)
+    return steps
+
+
+def largest_weights(device: Device, given: dict[str, Any], steps: NDArray[Any],
+                    inputs: NDArray[np.uint32]) -> NDArray[np.float32]:
+    """The largest weight of each row on the rays of tiles.
+
+    Parameters
+    ----------
+    device
+        Where.
+    given
+        ``table``, ``links``, ``density``, ``shape`` and ``cameras`` as `Steps` takes them.
+    steps
+        `STEP` [1], of which the rays' numbers count.
+    inputs
+        uint32 [T, 20], the tiles.
+
+    Returns
+    -------
+    weights
+        float32 [N + 1].
+    """
+    lattice = DeviceLattice.of(device, given)
+    band = min(_BAND, len(inputs))
+    bands = -(-len(inputs) // band)
+    # The last band is filled up with a tile that was there before: it changes no maximum.
+    inputs = np.concatenate([inputs, np.repeat(inputs[-1:], bands * band - len(inputs), axis=0)])
+    notes = Notes.of(device, band, blocks_of_a_packet(given["shape"], float(steps["pace"][0])),
+                     16 * band, 1)
+    uniform = device.buffer(STEP.itemsize, uniform=True)
+    resources = {"step": uniform, "bricks": lattice.bricks, "density": lattice.density,
+                 "cameras": device.buffer(given["cameras"]),
+                 "inputs": device.buffer(4 * 20 * band),
+                 "most": device.buffer(4 * len(given["density"]))}
+    done = 0
+    while done < bands:
+        resources |= notes.buffers
+        device.write(uniform, _filled(steps, lattice, given["shape"], notes))
+        runs = [(*_bound(device, entry, resources), (groups, 1, 1))
+                for entry, groups in (("march", band), ("largest", band), ("next_band", 1))]
+        notes.clear(device)
+        for number in range(done, min(bands, done + SLOTS)):
+            device.write(resources["inputs"], inputs[number * band:(number + 1) * band])
+            device.run(*runs)
+        header = notes.header(device)
+        done += header["done"]
+        if header["failed"]:
+            notes = notes.larger(device, header)
+    return device.read(resources["most"], np.float32, len(given["density"])).copy()

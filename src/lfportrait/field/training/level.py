@@ -1,0 +1,187 @@
+"""One level of a training: which steps, at which rates, and what comes between them."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...gpu import GpuProcess
+from ...progress import Progress
+from ..geometry.outlines import refined_mattes
+from ..grid import VoxelField
+from .averaging import Average
+from .checkpoint import State
+from .gpu_stepping import GpuSteps, fits_gpu, warn
+from .pixels import TrainingPixels
+from .stepping import CpuSteps, Plan, Steps
+from .steps import falling
+
+__all__ = ["Level", "Training"]
+
+_LOOK_AGAIN = 400
+"""Steps after which it is looked again for bricks that have become clear."""
+_LAY_AGAIN = 0.4
+"""Share of the finest level after which mattes are recomputed: its outline is finer by then."""
+
+
+class Training(State, Protocol):
+    """The state of a reconstruction (`Trainer`) as its levels read and change it."""
+
+    data: TrainingPixels
+    process: GpuProcess | None
+    progress: Progress | None
+    steps: Steps | None
+    basis: int
+    workers: int
+    lays_mattes: bool
+
+    @property
+    def scale(self) -> NDArray[np.float32]:
+        """What 8-bit colors of each view are multiplied with, [V, 3]."""
+
+    def options(self) -> NDArray[np.float64]:
+        """Options of the kernels."""
+
+    def deadline(self) -> float:
+        """When the level must end, by the clock of `time.perf_counter`."""
+
+    def pace(self, least: float = 0.0) -> float:
+        """When the level has had its share of the time."""
+
+    def field(self) -> VoxelField:
+        """The field as it is."""
+
+    def sync(self, last: bool = False) -> None:
+        """Bring here what the steps have come to."""
+
+    def tell(self, done: float) -> None:
+        """Report the progress."""
+
+    def save_now_and_then(self) -> None:
+        """Write a checkpoint if it is time."""
+
+
+class Level:
+    """The level that a trainer is at.
+
+    Parameters
+    ----------
+    trainer
+        Its state is read, and is up to date after each step.
+    """
+
+    def __init__(self, trainer: Training) -> None:
+        self.trainer = trainer
+        config, lattice = trainer.config, trainer.lattice
+        assert lattice is not None
+        self.begun, self.deadline = time.perf_counter(), trainer.deadline()
+        level, last = trainer.level, len(config.resolutions) - 1
+        self.finest = level == last
+        self.count = max(1.0, np.round(config.rays[level] * 1e6 / config.batch[level]))
+        self.paced = config.paced and not self.finest
+        self.until = trainer.pace() if self.paced else self.deadline
+        shares = config.shares()
+        self.before, self.share = sum(shares[:level]), shares[level]
+        self.resumed = trainer.level_done
+        self.options = trainer.options()
+        # Without mattes the first, wrong, gradients would clear space for good: until the last
+        # level a trace of density stays, which can grow again.
+        self.lowest = np.float32(-config.density_floor / lattice.voxel
+                                 if trainer.data.has_alpha or self.finest
+                                 else 2.0 * self.options[1])
+        if trainer.behind is None:
+            trainer.behind = trainer.background_trainer()
+        if trainer.batches is None:
+            trainer.batches = trainer.new_batches()
+        self.batches = trainer.batches
+        self.steps = self._steps()
+
+    def _steps(self) -> Steps:
+        """What takes the steps."""
+        trainer = self.trainer
+        assert trainer.lattice is not None
+        given = (trainer.lattice, trainer.data, trainer.config, trainer.level, trainer.basis,
+                 trainer.workers, self.options, self.lowest, lambda: trainer.scale, self._taken)
+        if trainer.process is not None and not fits_gpu(trainer.lattice):
+            trainer.process = None
+            warn(trainer.progress, "a lattice of more than 1023 points a side is trained on the "
+                 "CPU")
+        if trainer.process is not None:
+            return GpuSteps(trainer.process, *given, tiles=self.batches.size,
+                            behind=trainer.behind, average=trainer.average, table=trainer.table)
+        steps = CpuSteps(*given)
+        steps.behind, steps.average = trainer.behind, trainer.average
+        if trainer.table is not None:
+            steps.go_on_with(trainer.table)
+        return steps
+
+    def run(self) -> float:
+        """Train; returns the mean squared error of the last steps."""
+        trainer = self.trainer
+        trainer.steps = self.steps
+        while (trainer.step < self.count
+               or (self.paced and time.perf_counter() < self.until)):
+            was = trainer.level_done
+            if self.batches.chooses(trainer.step):
+                self.steps.flush()
+            plan = self._plan()
+            if trainer.step % _LOOK_AGAIN == 0:
+                self.steps.look_again(self.options[1])
+            self.steps.take(plan)
+            trainer.step += 1
+            trainer.rays_done += 16 * len(plan.tiles)
+            trainer.tell(self.before + self.share * trainer.level_done)
+            self._between(was)
+            if time.perf_counter() > self.deadline:
+                break
+            trainer.save_now_and_then()
+        trainer.sync(self.finest)
+        return float(trainer.recent[0] / max(trainer.recent[1], 1.0))
+
+    def _plan(self) -> Plan:
+        """The next step."""
+        trainer, config, data = self.trainer, self.trainer.config, self.trainer.data
+        generator = self.batches.generator(0, trainer.step)
+        tiles = self.batches.step(trainer.step)
+        if data.has_alpha:
+            greys = generator.random((len(tiles), 1), np.float32)[:, 0]
+        else:
+            greys = np.full(len(tiles), config.background, np.float32)
+        # Rates fall by rays or by the clock: a paced level goes by what is behind, others by what
+        # is ahead.
+        was, now = trainer.level_done, time.perf_counter()
+        by_clock = self.resumed + (1.0 - self.resumed) * (now - self.begun) / (
+            self.until - self.begun)
+        trainer.level_done = min(1.0, (min if self.paced else max)(
+            (trainer.step + 1) / self.count, by_clock))
+        done = self.before + self.share * trainer.level_done
+        rate = falling(config.lr_sigma, config.lr_sigma_final, done)
+        if data.has_alpha:
+            # A step changes the optical depth of a voxel alike, whatever its size.
+            rate *= np.float32(config.resolutions[trainer.level] / 256.0)
+        elif trainer.level == 0:
+            rate *= np.float32(min(1.0, 0.01 + trainer.step / 100.0))
+        averaged = self.finest and Average.due(was, trainer.level_done, config.polyak_fraction)
+        return Plan(tiles, self.batches.blocks, greys, rate,
+                    falling(config.lr_sh, config.lr_sh_final, done), float(generator.random()),
+                    (float(config.lr_color_bg * 0.05 ** done),
+                     float(config.lr_sigma_bg * rate / config.lr_sigma)), averaged)
+
+    def _taken(self, plan: Plan, errors: NDArray[np.float32], squared: float) -> None:
+        """Learn from a step's errors."""
+        self.batches.learn(errors, plan.blocks)
+        self.trainer.recent = 0.98 * self.trainer.recent + np.array([squared,
+                                                                     48 * len(plan.tiles)])
+
+    def _between(self, was: float) -> None:
+        """Correct cameras and mattes, where it is time; ``was`` is what was done a step before."""
+        trainer = self.trainer
+        if trainer.poses is not None and trainer.poses.due(trainer.level, trainer.level_done,
+                                                           self.finest):
+            trainer.place(trainer.poses.refine(trainer.field(), trainer.capture, trainer.gains))
+            self.steps.place()
+        if trainer.lays_mattes and self.finest and was < _LAY_AGAIN <= trainer.level_done:
+            trainer.lay_mattes(refined_mattes(trainer.field(), trainer.capture))

@@ -1,0 +1,14 @@
+"""Figures of coding on a GPU."""
+
+from lfportrait.gpu import gpu_process
+from lfportrait.lightfield import Display, EncodeConfig
+from lfportrait_eval.bench.on_gpu import device_figures
+from tests.fields import shell_field
+
+
+def test_the_devices_own_time_and_the_floor(adapter):
+    panel = Display(width=64, height=40, views=8, pitch=7.0)
+    figures = device_figures(shell_field(12, basis=4), panel, EncodeConfig(), adapter)
+    gpu_process(adapter).close()
+    assert figures["copy_bytes"] > 3 * 64 * 40
+    assert all(figures[name] > 0 for name in ("device_seconds", "shade_seconds", "copy_seconds"))
