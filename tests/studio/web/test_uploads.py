@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.studio.page.conftest import Opened, picture
+from tests.studio.web.conftest import Opened, picture
 
 
 @pytest.fixture

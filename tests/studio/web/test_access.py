@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.studio.page.conftest import SCREENS, Opened
+from tests.studio.web.conftest import SCREENS, Opened
 
 axe = pytest.importorskip("axe_playwright_python")
 AXE = Path(axe.__file__).with_name("axe.min.js")

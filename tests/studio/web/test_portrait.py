@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from tests.studio.page.conftest import Opened
+from tests.studio.web.conftest import Opened
 
 INNER = "(n) => document.querySelectorAll('.stage iframe:not(.coming)')[n].contentWindow.lfportrait"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.studio.page.conftest import Opened
+from tests.studio.web.conftest import Opened
 
 
 @pytest.fixture(scope="module")
