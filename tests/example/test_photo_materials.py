@@ -1,4 +1,4 @@
-"""Materials of a photo: small pieces of its body, and the ears of a bare head."""
+"""Materials of a photo: small pieces of its body, and ears and forehead of a bare head."""
 
 from dataclasses import replace
 
@@ -59,15 +59,17 @@ def test_shade_on_a_bare_throat_is_no_shirt(face):
     assert shares[low + 9:low + 15, 190:210, NECK].mean() > 0.9
 
 
-def test_no_hair_lies_over_a_bare_heads_ears(face):
+def test_no_hair_lies_over_a_bare_heads_ears_and_forehead(face):
     shares = shares_of(face, face.image, hair=False, painted=np.ones((4, 4), np.float32))
     frame = find_regions(face.image, face.landmarks, face.mask, networks=False).frame
     right, down = frame.local((HEIGHT, WIDTH))
     half = 0.5 * frame.width / frame.height
     head = shares[..., [SKIN, HAIR]].sum(axis=-1) > 0.95
     ears = head & (np.abs(right) > half * 1.03) & (down > 0.2) & (down < 0.5)
-    crown = head & (down < -0.2)
+    crown = head & (down < -0.5)
+    brows = head & (np.abs(right) < 0.3 * half) & (down > -0.25) & (down < -0.05)
     assert ears.sum() > 20 and crown.sum() > 100
+    assert brows.sum() > 50 and shares[brows][:, HAIR].max() < 0.05
     assert shares[ears][:, HAIR].max() < 0.05 and shares[crown][:, HAIR].min() > 0.9
 
 

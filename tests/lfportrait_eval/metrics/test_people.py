@@ -12,6 +12,7 @@ from skimage.draw import polygon2mask
 
 from lfportrait import models
 from lfportrait.example import Exemplar, FaceFrame
+from lfportrait.example.guides import regions as regions_module
 from lfportrait.face import write_landmarks
 from lfportrait.files import write_image
 from lfportrait_eval.metrics.people import (
@@ -227,6 +228,22 @@ def test_all_figures_of_a_pair(sitter, painter, painted):
     assert lost["lost"] == pytest.approx(2 / 3) and np.isnan(lost["arc"])
     assert lost["landmarks"] == pytest.approx(3 / eyes)
     assert set(LIMITS) <= set(found)
+
+
+def test_a_sitters_fringe_is_no_forehead(monkeypatch):
+    face = drawn_face(240, 240, seed=3)
+    assert face.mask is not None
+    right, down = FaceFrame.of(face.landmarks).local(face.image.shape[:2])
+    bare = face.mask * ((down < -0.6) | (np.abs(right) > 0.5) & (down < 0.3))
+    sizes = []
+    for hair in (bare, np.maximum(bare, face.mask * (down < -0.12))):
+        monkeypatch.setattr(regions_module, "_networks",
+                            lambda image, size, hair=hair: (face.mask, np.float32(hair)))
+        person = Sitter.of([face.image], lambda image: face.landmarks)
+        assert person is not None
+        sizes.append(forehead_region(face.landmarks, face.image.shape[:2], face.image,
+                                     person.regions).sum())
+    assert sizes[0] > 200 and sizes[1] < 0.05 * sizes[0]
 
 
 def test_tables_count_what_is_beyond_the_limit():

@@ -35,6 +35,9 @@ THROAT, CHEST = 1.15, 1.4
 """What reaches above the one is a neck, and below the other clothes (brows 0, chin 1)."""
 EARS_FROM = 0.9, 0.06
 """A bare head's ears lie this far from the middle, over half the width, and below the brows."""
+FOREHEAD = 0.82, 0.42
+"""A bare head's forehead reaches so far to both sides, over half the width, and so high above the
+brows, over the face's height; round, as hairlines are."""
 GROUND_TRUST = 4.0, 0.05
 """Weight of the tone in a plain background (paper), and in others, against 1 on edges."""
 LEAST_TRUST = 0.5
@@ -68,11 +71,13 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
     shares = picture_shares(Exemplar(photo, regions.landmarks), regions, labels, strict=False)
     _settle_body(shares, regions)
     if regions.hair is None:
-        # A shaven head, or a statue's hair: there is hair where the exemplar has it.
+        # A shaven head, or a statue's hair: there is hair where the exemplar has it, but not on the
+        # forehead, where its fringe would be a cap's edge.
         height, width = painted_hair.shape
         x = np.clip(position[..., 0], 0, width - 1).astype(np.int64)
         y = np.clip(position[..., 1], 0, height - 1).astype(np.int64)
-        hair = painted_hair[y, x] * shares[..., SKIN] * (1 - _ears(regions, photo.shape[:2]))
+        hair = painted_hair[y, x] * shares[..., SKIN] * (
+            1 - _bare(regions, photo.shape[:2]))
         shares[..., HAIR] += hair
         shares[..., SKIN] -= hair
     else:
@@ -86,12 +91,14 @@ def photo_shares(photo: NDArray[np.uint8], regions: Regions, labels: NDArray[np.
     return shares
 
 
-def _ears(regions: Regions, shape: tuple[int, int]) -> Float32:
-    """Where a bare head's ears are, float32 [H, W] in [0, 1]: no hair lies over them."""
+def _bare(regions: Regions, shape: tuple[int, int]) -> Float32:
+    """Where a bare head's ears and forehead are, float32 [H, W] in [0, 1]: no hair lies there."""
     right, down = regions.frame.local(shape)
-    aside = np.abs(right) / (0.5 * regions.frame.width / regions.frame.height) - EARS_FROM[0]
-    return np.asarray(np.clip(aside / 0.05 + 0.5, 0, 1)
-                      * np.clip((down - EARS_FROM[1]) / 0.1 + 0.5, 0, 1), np.float32)
+    across = np.abs(right) / (0.5 * regions.frame.width / regions.frame.height)
+    ears = (np.clip((across - EARS_FROM[0]) / 0.05 + 0.5, 0, 1)
+            * np.clip((down - EARS_FROM[1]) / 0.1 + 0.5, 0, 1))
+    away = np.hypot(across / FOREHEAD[0], np.minimum(down, 0) / FOREHEAD[1])
+    return np.asarray(np.maximum(ears, np.clip((1 - away) / 0.08 + 0.5, 0, 1)), np.float32)
 
 
 def _settle_body(shares: Float32, regions: Regions) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait.example import Exemplar, Regions
+from lfportrait.example.guides.scalp import photo_regions
 
 from ..likeness import Detector, landmark_error
 from .forehead import Tones, forehead_found, tones_of
@@ -50,7 +51,8 @@ class Sitter:
         found = [detect(view) for view in views]
         if found[0] is None:
             return None
-        return Sitter(views, found, Exemplar(views[0], found[0]).regions(),
+        # As photos are painted: with a fringe, and without a scalp in the shade as hair.
+        return Sitter(views, found, photo_regions(views[0], found[0]),
                       [detect(view) for view in arc])
 
 
