@@ -1,7 +1,7 @@
 """What is painted from: the version of a painting that fits a sitter.
 
 Spectacles are taken off, a turned face is seen from the front where that is nearer to the sitter,
-the forehead is bared, and eyes are shut where the sitter's are.
+the forehead is bared, eyes that look apart look the same way, and are shut where the sitter's are.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..face import FacePose
 from .exemplar import Exemplar
+from .gaze import with_parallel_eyes
 from .lids import Lids, asked_lids, closed
 from .turned import frontalised, suited
 from .worn import bared, without_spectacles
@@ -49,7 +50,7 @@ def fitting(exemplar: Exemplar, points: Points, photo: NDArray[np.generic], eyes
     UserError
         As `suited`.
     """
-    chosen = bared(suited(_plain(exemplar, wear), points), fringe=True)
+    chosen = with_parallel_eyes(bared(suited(_plain(exemplar, wear), points), fringe=True))
     return closed(chosen, asked_lids(chosen, points, photo)) if eyes == "auto" else chosen
 
 
@@ -73,7 +74,8 @@ def from_the_front(exemplar: Exemplar, pose: FacePose, fringe: bool, lids: Lids,
     UserError
         As `frontalised`.
     """
-    return closed(bared(frontalised(_plain(exemplar, wear), pose), fringe), lids)
+    front = bared(frontalised(_plain(exemplar, wear), pose), fringe)
+    return closed(with_parallel_eyes(front), lids)
 
 
 def _plain(exemplar: Exemplar, wear: Sequence[str]) -> Exemplar:
