@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .guides.maps import Guides
     from .guides.position import position_guide
     from .guides.regions import Regions, find_regions
+    from .guides.scalp import photo_regions
     from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, shut_eyes
     from .methods import Method, MethodConfig, PhotoMethod, paint, photo_method, prepare
     from .painter.ground import GroundConfig, known_ground
@@ -83,6 +84,7 @@ __all__ = [
     "paint",
     "painted_shares",
     "photo_method",
+    "photo_regions",
     "position_guide",
     "prepare",
     "provided_styles",

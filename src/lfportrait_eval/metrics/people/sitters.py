@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lfportrait.example import Exemplar, Regions
-from lfportrait.example.guides.scalp import photo_regions
+from lfportrait.example import Exemplar, Regions, photo_regions
 
 from ..likeness import Detector, landmark_error
 from .forehead import Tones, forehead_found, tones_of
