@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ...capture import Camera
 from ...lanes.decorators import lean_kernel
@@ -51,7 +51,7 @@ def _votes(cameras: Camera, alphas: Sequence[NDArray[np.uint8]], asked: NDArray[
         distance = float(np.linalg.norm(cameras.position[view] - center))
         voxel = 2.0 * float((radius / shape[::-1]).max()) * float(focal.max()) / distance
         reach, least = (int(np.ceil(voxel)), 12) if wide else (round(0.5 * voxel), 63)
-        covered = ndimage.maximum_filter(alpha, size=2 * reach + 1) > least
+        covered = cv2.dilate(alpha, np.ones((2 * reach + 1,) * 2, np.uint8)) > least
         row = np.concatenate([pose[:3].ravel(), focal, cameras.center[view]])
         _carve(x, y, z, row, covered, asked, seen, against)
     return seen, against

@@ -135,10 +135,9 @@ class Batches:
             self._part = part
             self._order = self._chosen(self.generator(1, part), self._steps * self.size)
         now = self._order[place * self.size:(place + 1) * self.size]
-        tiles = self.data.tiles[now]
-        sorting = np.lexsort((tiles[:, 2], tiles[:, 1], tiles[:, 0]))
-        self._now = now[sorting]
-        return np.asarray(tiles[sorting])
+        # Tiles are numbered view by view, and row by row in each.
+        self._now = np.sort(now)
+        return np.asarray(self.data.tiles[self._now])
 
     def _chosen(self, generator: np.random.Generator, count: int) -> NDArray[np.int64]:
         """The next ``count`` tiles, in random order."""
