@@ -10,16 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..kernels.bricks import brick_table
 from ..kernels.march import lattice_of_world
-from ..kernels.neighbours import fill_neighbours
+from ..kernels.neighbours import fill_neighbours, mark_points
 from ..kernels.refine import refine_rows
+from .growth import dilated, labelled
 
 __all__ = ["Lattice", "box_shape"]
-
-_CUBE = np.ones((3, 3, 3), bool)
 
 
 def box_shape(resolution: int, radius: NDArray[np.float64]) -> tuple[int, int, int]:
@@ -96,26 +94,27 @@ class Lattice:
         one's points, and three at least. Of the points ``loose``, bool [Z, Y, X], only those that
         hang together with the largest piece without a gap count.
         """
-        solid = np.zeros(self.links.shape, bool)
-        filled = self.links >= 0
-        solid[filled] = self.density[self.links[filled]] * self.voxel > 0.05
+        solid = self._points(self.density * self.voxel > 0.05)
         if loose is not None and (solid & loose).any():
-            pieces, count = ndimage.label(solid, _CUBE)
+            pieces, _ = labelled(solid)
             solid &= ~loose | (pieces == np.bincount(pieces[solid]).argmax())
-        pieces, count = ndimage.label(ndimage.binary_dilation(solid, _CUBE), _CUBE)
+        pieces, count = labelled(dilated(solid))
         if count > 1:
             sizes = np.bincount(pieces[solid], minlength=count + 1)
             solid &= (sizes >= max(3, sizes.max() // 5000))[pieces]
         if not count:
-            return filled
-        return np.asarray(ndimage.binary_dilation(solid, _CUBE, iterations=2))
+            return self.links >= 0
+        return dilated(solid, 2)
 
     def seen(self, weights: NDArray[np.float32], least: float) -> NDArray[np.bool_]:
         """Points whose row has more than ``least`` of ``weights`` [N + 1], and their neighbours."""
-        filled = self.links >= 0
-        keep = np.zeros(self.links.shape, bool)
-        keep[filled] = weights[self.links[filled]] > least
-        return np.asarray(ndimage.binary_dilation(keep, _CUBE) & filled)
+        return dilated(self._points(weights > least)) & (self.links >= 0)
+
+    def _points(self, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The points of marked rows, bool [N + 1]: bool [Z, Y, X]."""
+        points = np.empty(self.links.shape, bool)
+        mark_points(self.links, rows, points)
+        return points
 
     def kept(self, keep: NDArray[np.bool_]) -> Lattice:
         """The same lattice with only the points in ``keep``, bool [Z, Y, X]."""
@@ -159,17 +158,9 @@ class Lattice:
             place = (np.arange(new) + 0.5) / new * old - 0.5
             low.append(np.clip(np.floor(place).astype(int), 0, old - 2))
             part.append(np.clip(place - low[-1], 0.0, 1.0).astype(np.float32))
-        corners = [(dz, dy, dx) for dz in (0, 1) for dy in (0, 1) for dx in (0, 1)]
-        # A fine point lives where any of its coarse cell's corners does.
-        fine = np.zeros(shape, bool)
-        for corner in corners:
-            fine |= keep[np.ix_(*(plane + step for plane, step in zip(low, corner)))]
-        places = np.argwhere(fine)
         longest = max(shape)
-        density, rows = refine_rows(
-            self.links, self.density, self.rows, places,
+        links, density, rows = refine_rows(
+            self.links, self.density, self.rows, np.ascontiguousarray(keep),
             np.stack([np.resize(plane, longest) for plane in low]),
-            np.stack([np.resize(plane, longest) for plane in part]))
-        links = np.full(fine.shape, -1, np.int32)
-        links[fine] = np.arange(len(places), dtype=np.int32)
+            np.stack([np.resize(plane, longest) for plane in part]), shape)
         return Lattice(links, density, rows, self.center, self.radius)
