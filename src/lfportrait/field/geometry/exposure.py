@@ -117,7 +117,7 @@ def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
     """
     # Layouts are built on first use: not by several threads.
     _ = field.bricks.rows
-    found = side_by_side(lambda view: _matte_gain(field, capture, int(view), size), views)
+    found = side_by_side(lambda view: _matte_gain(field, capture, view, size), views.tolist())
     gains, spreads = np.array([one for one, _ in found]), [spread for _, spread in found]
     if least > 0:
         least = max(least, float(np.median(spreads)))

@@ -12,7 +12,7 @@ __all__ = ["dilated", "labelled"]
 def _box(points: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice, slice] | None:
     """The box about points, by so much wider; None without a point."""
     flat = points.any(axis=0)
-    sides = [np.flatnonzero(points.any(axis=(1, 2))), np.flatnonzero(flat.any(axis=1)),
+    sides = [np.flatnonzero(points.any(axis=2).any(axis=1)), np.flatnonzero(flat.any(axis=1)),
              np.flatnonzero(flat.any(axis=0))]
     if not len(sides[0]):
         return None

@@ -81,7 +81,8 @@ class Lattice:
 
     def neighbours(self) -> NDArray[np.int32]:
         """int32 [N, 6]: next along x, y, z, previous along x, y, z; the row itself without one."""
-        found = np.repeat(np.arange(self.count, dtype=np.int32)[:, None], 6, axis=1)
+        found = np.empty((self.count, 6), np.int32)
+        found[:] = np.arange(self.count, dtype=np.int32)[:, None]
         fill_neighbours(self.links, found)
         return found
 
