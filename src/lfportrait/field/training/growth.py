@@ -11,9 +11,9 @@ __all__ = ["dilated", "labelled"]
 
 def _box(points: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice, slice] | None:
     """The box about points, by so much wider; None without a point."""
-    flat = points.any(axis=0)
-    sides = [np.flatnonzero(points.any(axis=2).any(axis=1)), np.flatnonzero(flat.any(axis=1)),
-             np.flatnonzero(flat.any(axis=0))]
+    flat = np.any(points, axis=0)
+    sides = [np.flatnonzero(some) for some in (np.any(points, axis=(1, 2)), np.any(flat, axis=1),
+                                               np.any(flat, axis=0))]
     if not len(sides[0]):
         return None
     z, y, x = (slice(max(0, int(side[0]) - margin), int(side[-1]) + 1 + margin) for side in sides)

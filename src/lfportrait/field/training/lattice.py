@@ -86,16 +86,20 @@ class Lattice:
         fill_neighbours(self.links, found)
         return found
 
-    def attached(self, loose: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    def attached(self, loose: NDArray[np.bool_] | None = None,
+                 among: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
         """Lattice points within two steps of the large connected pieces of solid matter.
 
         Crumbs that float beside them come from slivers of the mattes. Solid is what takes a
         twentieth of the light along one voxel; a piece - across gaps of two points, because thin
         things are torn while they are learnt - is large if it has a five-thousandth of the largest
         one's points, and three at least. Of the points ``loose``, bool [Z, Y, X], only those that
-        hang together with the largest piece without a gap count.
+        hang together with the largest piece without a gap count. ``among``, bool [Z, Y, X]: as if
+        the lattice had only these points.
         """
         solid = self._points(self.density * self.voxel > 0.05)
+        if among is not None:
+            solid &= among
         if loose is not None and (solid & loose).any():
             pieces, _ = labelled(solid)
             solid &= ~loose | (pieces == np.bincount(pieces[solid]).argmax())
@@ -104,7 +108,7 @@ class Lattice:
             sizes = np.bincount(pieces[solid], minlength=count + 1)
             solid &= (sizes >= max(3, sizes.max() // 5000))[pieces]
         if not count:
-            return self.links >= 0
+            return self.links >= 0 if among is None else among & (self.links >= 0)
         return dilated(solid, 2)
 
     def seen(self, weights: NDArray[np.float32], least: float) -> NDArray[np.bool_]:
@@ -120,12 +124,15 @@ class Lattice:
     def kept(self, keep: NDArray[np.bool_]) -> Lattice:
         """The same lattice with only the points in ``keep``, bool [Z, Y, X]."""
         keep = keep & (self.links >= 0)
-        order = np.sort(self.links[keep])
+        stays = np.zeros(len(self.density), bool)
+        stays[self.links[keep]] = True
+        order = np.flatnonzero(stays)
+        # Empty points, -1, find the last place, which is that of the empty row.
         place = np.full(len(self.density), -1, np.int32)
         place[order] = np.arange(len(order), dtype=np.int32)
-        links = np.where(keep, place[self.links], -1).astype(np.int32)
         rows = np.append(order, self.count)
-        return Lattice(links, self.density[rows], self.rows[rows], self.center, self.radius)
+        return Lattice(place[self.links], self.density[rows], self.rows[rows], self.center,
+                       self.radius)
 
     def cropped(self, keep: NDArray[np.bool_], margin: int = 2,
                 ) -> tuple[Lattice, NDArray[np.bool_]]:
