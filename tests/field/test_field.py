@@ -407,6 +407,9 @@ def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path)
         def say(self, line):
             pass
 
+        def show(self, field):
+            pass
+
     with pytest.raises(Stop):
         reconstruct_with_figures(capture, config, Interrupt(), checkpoint=checkpoint)
     assert checkpoint.is_file()

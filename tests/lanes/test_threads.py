@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lfportrait.lanes.decorators import kernel, lean, lean_kernel
-from lfportrait.lanes.threads import share_out, shared
+from lfportrait.lanes.threads import share_out, shared, side_by_side
 
 
 @lean
@@ -68,3 +68,35 @@ def test_python_is_told_that_it_must_not_call_a_lean_function():
     _triples(np.ones(3, np.int64), np.zeros(3))  # which compiles it
     with pytest.raises(TypeError, match="by kernels only"):
         _half(np.int64(2))
+
+
+@pytest.mark.parametrize("most", [1, 2, 64])
+@pytest.mark.parametrize("count", [0, 1, 9])
+def test_items_side_by_side_keep_their_order_and_the_callers_threads(most, count):
+    before = numba.get_num_threads()
+    under_way, seen = [], []
+
+    def work(item):
+        under_way.append(item)
+        seen.append(len(under_way))
+        out = np.zeros(50)
+        _numbers(50, out)
+        under_way.remove(item)
+        return item, numba.get_num_threads(), out
+
+    found = side_by_side(work, range(count), most)
+    assert [item for item, _, _ in found] == list(range(count))
+    assert all(np.array_equal(out, np.arange(50)) for _, _, out in found)
+    assert numba.get_num_threads() == before
+    assert max(seen, default=0) <= min(most, before)
+    if min(most, before, count) > 1:
+        assert {threads for _, threads, _ in found} == {1}
+
+
+def test_what_an_item_raises_is_raised():
+    def work(item):
+        if item == 3:
+            raise KeyError(item)
+
+    with pytest.raises(KeyError):
+        side_by_side(work, range(6))

@@ -6,10 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Capture
+from ..lanes.threads import side_by_side
 from ..metrics import psnr, ssim
 from .grid import VoxelField
 
 __all__ = ["held_out_quality"]
+
+_TOGETHER = 8_000_000
+"""Pixels of views that are compared at a time: each takes some 200 bytes."""
 
 
 def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.0,
@@ -20,9 +24,12 @@ def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.
     Renders are multiplied by ``gains`` [V, 3], the photos' exposures, before they are compared.
     ``some`` are numbers of held-out views, from 0; by default all count.
     """
-    scores = []
     tests = capture.testing()
-    for index in range(len(tests)) if some is None else some:
+    # Layouts are built on first use: not by several threads.
+    _ = field.bricks.rows
+
+    def scores(index: int) -> tuple[float, float]:
+        """PSNR and SSIM of one view."""
         view = int(tests[index])
         shot = field.render(capture.cameras, view, background=background)
         image = shot.color
@@ -33,6 +40,10 @@ def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.
             image = (image - behind) * gain + behind
         image = np.clip(image, 0, 1)
         truth = capture.image_float(view, background)
-        scores.append((psnr(image, truth), ssim(image, truth)))
-    means = np.mean(scores, axis=0)
-    return {"psnr": float(means[0]), "ssim": float(means[1]), "views": len(scores)}
+        return psnr(image, truth), ssim(image, truth)
+
+    numbers = range(len(tests)) if some is None else [int(one) for one in some]
+    largest = int((capture.cameras.width * capture.cameras.height).max())
+    found = side_by_side(scores, numbers, max(1, _TOGETHER // largest))
+    means = np.mean(found, axis=0)
+    return {"psnr": float(means[0]), "ssim": float(means[1]), "views": len(found)}

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Capture
+from ...lanes.threads import side_by_side
 from ..grid import VoxelField
 from .sweep import DepthMap
 
@@ -114,27 +115,33 @@ def matte_gains(field: VoxelField, capture: Capture, views: NDArray[np.int64],
         a field that is too inaccurate: one whose brightness is off by more from part to part of
         a photo than from photo to photo.
     """
-    assert capture.alphas is not None
-    gains, spreads = np.zeros((len(views), 3)), np.zeros(len(views))
-    for index, view in enumerate(views):
-        camera = capture.cameras[int(view)]
-        camera = camera.scaled(min(1.0, size / float(max(camera.width[0], camera.height[0]))))
-        shot = field.render(camera, 0, background=0.0)
-        high, wide = shot.alpha.shape
-        photo = cv2.resize(capture.images[view], (wide, high), interpolation=cv2.INTER_AREA)
-        matte = cv2.resize(capture.alphas[view], (wide, high), interpolation=cv2.INTER_AREA)
-        # Well inside the person, where neither matte nor field mixes in what is behind.
-        opaque = ((matte > 250) & (shot.alpha > 0.98)).astype(np.uint8)
-        inside = cv2.erode(opaque, np.ones((3, 3), np.uint8)) > 0
-        if inside.sum() < _FEW:
-            continue
-        ratio = np.log((photo / 255.0 + _DARK) / (np.maximum(shot.color, 0.0) + _DARK))
-        gains[index] = np.median(ratio[inside], axis=0)
-        spreads[index] = _spread(ratio.mean(axis=2), inside,
-                                 max(4, max(high, wide) // 10))
+    # Layouts are built on first use: not by several threads.
+    _ = field.bricks.rows
+    found = side_by_side(lambda view: _matte_gain(field, capture, view, size), views.tolist())
+    gains, spreads = np.array([one for one, _ in found]), [spread for _, spread in found]
     if least > 0:
         least = max(least, float(np.median(spreads)))
     return np.exp(gains) if gains.mean(axis=1).std() >= least else None
+
+
+def _matte_gain(field: VoxelField, capture: Capture, view: int, size: int,
+                ) -> tuple[NDArray[np.float64], float]:
+    """Logarithm of a photo's gains [3], and how much they differ from part to part of it."""
+    assert capture.alphas is not None
+    camera = capture.cameras[view]
+    camera = camera.scaled(min(1.0, size / float(max(camera.width[0], camera.height[0]))))
+    shot = field.render(camera, 0, background=0.0)
+    high, wide = shot.alpha.shape
+    photo = cv2.resize(capture.images[view], (wide, high), interpolation=cv2.INTER_AREA)
+    matte = cv2.resize(capture.alphas[view], (wide, high), interpolation=cv2.INTER_AREA)
+    # Well inside the person, where neither matte nor field mixes in what is behind.
+    opaque = ((matte > 250) & (shot.alpha > 0.98)).astype(np.uint8)
+    inside = cv2.erode(opaque, np.ones((3, 3), np.uint8)) > 0
+    if inside.sum() < _FEW:
+        return np.zeros(3), 0.0
+    ratio = np.log((photo / 255.0 + _DARK) / (np.maximum(shot.color, 0.0) + _DARK))
+    return np.median(ratio[inside], axis=0), _spread(ratio.mean(axis=2), inside,
+                                                     max(4, max(high, wide) // 10))
 
 
 def _spread(ratio: NDArray[np.floating], inside: NDArray[np.bool_], side: int) -> float:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ...capture import Camera
 from ...lanes.decorators import lean_kernel
@@ -51,7 +51,7 @@ def _votes(cameras: Camera, alphas: Sequence[NDArray[np.uint8]], asked: NDArray[
         distance = float(np.linalg.norm(cameras.position[view] - center))
         voxel = 2.0 * float((radius / shape[::-1]).max()) * float(focal.max()) / distance
         reach, least = (int(np.ceil(voxel)), 12) if wide else (round(0.5 * voxel), 63)
-        covered = ndimage.maximum_filter(alpha, size=2 * reach + 1) > least
+        covered = cv2.dilate(alpha, np.ones((2 * reach + 1,) * 2, np.uint8)) > least
         row = np.concatenate([pose[:3].ravel(), focal, cameras.center[view]])
         _carve(x, y, z, row, covered, asked, seen, against)
     return seen, against
@@ -80,9 +80,14 @@ def visual_hull(cameras: Camera, alphas: list[NDArray[np.uint8]], shape: tuple[i
         bool [Z, Y, X]. Points that fewer than a twentieth of the pictures show are not in it:
         nothing would keep them from becoming floaters.
     """
-    seen, against = _votes(cameras, alphas, np.ones(shape, bool), center, radius, wide=True)
-    enough = max(1, round(0.05 * len(alphas)))
-    return (seen >= enough) & (against <= tolerance * seen)
+    return _hull(*_votes(cameras, alphas, np.ones(shape, bool), center, radius, wide=True),
+                 len(alphas), tolerance)
+
+
+def _hull(seen: NDArray[np.int16], against: NDArray[np.int16], views: int,
+          tolerance: float = 0.03) -> NDArray[np.bool_]:
+    """The hull that so many views' votes give."""
+    return (seen >= max(1, round(0.05 * views))) & (against <= tolerance * seen)
 
 
 def ruled_out(cameras: Camera, alphas: Sequence[NDArray[np.uint8]], filled: NDArray[np.bool_],
@@ -127,13 +132,14 @@ def hull_box(cameras: Camera, alphas: list[NDArray[np.uint8]], reach: float = 1.
     """
     center, radius = np.zeros(3), np.full(3, reach)
     size = 72
-    hull = visual_hull(cameras, alphas, (size,) * 3, center, radius)
+    seen, against = _votes(cameras, alphas, np.ones((size,) * 3, bool), center, radius, wide=True)
+    hull = _hull(seen, against, len(alphas))
     axis = reach * (2.0 * (np.arange(size) + 0.5) / size - 1.0)
     z, y, x = np.nonzero(hull)
     if not len(z):
         return center, np.ones(3)
     points = np.stack([axis[x], axis[y], axis[z]], 1)
-    points = points[cameras.shows(points).mean(0) >= 0.4]
+    points = points[seen[hull] >= 0.4 * len(alphas)]
     if not len(points):
         return center, np.ones(3)
     margin = 2.5 * reach / size

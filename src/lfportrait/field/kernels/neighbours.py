@@ -1,11 +1,11 @@
-"""The rows next to each row of a lattice."""
+"""The rows next to each row of a lattice, and the points of rows."""
 
 from __future__ import annotations
 
 from ...lanes.decorators import lean_kernel
 from ...lanes.threads import shared
 
-__all__ = ["fill_neighbours"]
+__all__ = ["fill_neighbours", "mark_points"]
 
 
 @shared("links")
@@ -37,3 +37,15 @@ def fill_neighbours(since, until, links, found):
                     if inside and links[k, j, i] >= 0:
                         other = links[k, j, i]
                     found[row, side] = other
+
+
+@shared("links")
+@lean_kernel
+def mark_points(since, until, links, rows, points):
+    """Fill bool [Z, Y, X], the points of marked rows, bool [N + 1]."""
+    _, height, width = links.shape
+    for z in range(since, until):
+        for y in range(height):
+            for x in range(width):
+                row = links[z, y, x]
+                points[z, y, x] = row >= 0 and rows[max(row, 0)]

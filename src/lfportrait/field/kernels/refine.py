@@ -10,8 +10,8 @@ from ...lanes.threads import shared
 __all__ = ["refine_rows"]
 
 
-def refine_rows(links, density, rows, places, low, part):
-    """Density and color rows at fine points.
+def refine_rows(links, density, rows, keep, low, part, shape):
+    """Density and color rows of a finer lattice: a point lives where a corner of its cell does.
 
     Parameters
     ----------
@@ -19,44 +19,78 @@ def refine_rows(links, density, rows, places, low, part):
         int32 [Z, Y, X], row of each coarse point or -1.
     density, rows
         float32 [N + 1] and [N + 1, width].
-    places
-        int64 [M, 3] (z, y, x), the fine points.
+    keep
+        bool [Z, Y, X], the coarse points about which fine ones live.
     low, part
         Coarse cell and place inside it of each fine plane, per axis (z, y, x): int64 and float32
         [3, longest side].
+    shape
+        Fine points along z, y, x.
 
     Returns
     -------
-    density, rows
-        float32 [M + 1] and [M + 1, width], the last row zero. Color is the mean over the corners
-        that exist: empty points have none to mix in.
+    links, density, rows
+        int32 [Z', Y', X'], float32 [M + 1] and [M + 1, width], the last row zero. Color is the mean
+        over the corners that exist: empty points have none to mix in.
     """
-    fine = np.zeros(len(places) + 1, np.float32)
-    fine_rows = np.zeros((len(places) + 1, rows.shape[1]), np.float32)
-    _refine(links, density, rows, places, low, part, fine, fine_rows)
-    return fine, fine_rows
+    fine = np.empty(shape, np.int32)
+    counts = np.empty(shape[0], np.int64)
+    _find(keep, low, fine, counts)
+    ends = np.cumsum(counts)
+    total = int(ends[-1])
+    fine_density, fine_rows = np.empty(total + 1, np.float32), np.empty((total + 1, rows.shape[1]),
+                                                                        np.float32)
+    fine_density[total], fine_rows[total] = 0.0, 0.0
+    _refine(links, density, rows, ends - counts, low, part, fine, fine_density, fine_rows)
+    return fine, fine_density, fine_rows
 
 
-@shared("places")
+@shared("fine")
 @lean_kernel
-def _refine(since, until, links, density, rows, places, low, part, fine, fine_rows):
-    """Fill what `refine_rows` gives."""
+def _find(since, until, keep, low, fine, counts):
+    """Mark fine points that live by 0 and others by -1; count those of each plane."""
+    for z in range(since, until):
+        count = 0
+        for y in range(fine.shape[1]):
+            for x in range(fine.shape[2]):
+                k, j, i = low[0, z], low[1, y], low[2, x]
+                lives = (keep[k, j, i] | keep[k, j, i + 1] | keep[k, j + 1, i]
+                         | keep[k, j + 1, i + 1] | keep[k + 1, j, i] | keep[k + 1, j, i + 1]
+                         | keep[k + 1, j + 1, i] | keep[k + 1, j + 1, i + 1])
+                fine[z, y, x] = 0 if lives else -1
+                count += lives
+        counts[z] = count
+
+
+@shared("fine")
+@lean_kernel
+def _refine(since, until, links, density, rows, firsts, low, part, fine, fine_density, fine_rows):
+    """Number the fine points, those of each plane from its first number on; fill their rows."""
     width, one = rows.shape[1], np.float32(1.0)
-    for point in range(since, until):
-        z, y, x = places[point, 0], places[point, 1], places[point, 2]
-        mass = np.float32(0.0)
-        for corner in range(8):
-            dz, dy, dx = corner >> 2, (corner >> 1) & 1, corner & 1
-            row = links[low[0, z] + dz, low[1, y] + dy, low[2, x] + dx]
-            if row < 0:
-                continue
-            weight = ((part[0, z] if dz else one - part[0, z])
-                      * (part[1, y] if dy else one - part[1, y])
-                      * (part[2, x] if dx else one - part[2, x]))
-            fine[point] += weight * density[row]
-            mass += weight
-            for i in range(width):
-                fine_rows[point, i] += weight * rows[row, i]
-        scale = one / max(mass, np.float32(1e-6))
-        for i in range(width):
-            fine_rows[point, i] *= scale
+    for z in range(since, until):
+        point = firsts[z]
+        for y in range(fine.shape[1]):
+            for x in range(fine.shape[2]):
+                if fine[z, y, x] < 0:
+                    continue
+                fine[z, y, x] = point
+                mass, dense = np.float32(0.0), np.float32(0.0)
+                for i in range(width):
+                    fine_rows[point, i] = np.float32(0.0)
+                for corner in range(8):
+                    dz, dy, dx = corner >> 2, (corner >> 1) & 1, corner & 1
+                    row = links[low[0, z] + dz, low[1, y] + dy, low[2, x] + dx]
+                    if row < 0:
+                        continue
+                    weight = ((part[0, z] if dz else one - part[0, z])
+                              * (part[1, y] if dy else one - part[1, y])
+                              * (part[2, x] if dx else one - part[2, x]))
+                    dense += weight * density[row]
+                    mass += weight
+                    for i in range(width):
+                        fine_rows[point, i] += weight * rows[row, i]
+                scale = one / max(mass, np.float32(1e-6))
+                for i in range(width):
+                    fine_rows[point, i] *= scale
+                fine_density[point] = dense
+                point += 1

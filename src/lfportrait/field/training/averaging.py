@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..kernels.means import put_means
 from .lattice import Lattice
 
 __all__ = ["Average"]
@@ -60,7 +61,7 @@ class Average:
         """Give the lattice the mean of its states; nothing changes if none was added."""
         if self.count:
             np.divide(self.density, self.count, out=lattice.density)
-            np.divide(self.rows, self.count, out=lattice.rows[:, :self.rows.shape[1]])
+            put_means(self.rows, self.rows.shape[1], np.float32(self.count), lattice.rows, 0)
 
     @property
     def state(self) -> dict[str, Any]:

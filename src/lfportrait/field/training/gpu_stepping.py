@@ -18,6 +18,7 @@ from ...progress import Progress
 from ..background import BackgroundTrainer
 from ..config import ReconstructConfig
 from ..gpu.training.shaders import STEP
+from ..kernels.means import put_means
 from .averaging import Average
 from .lattice import Lattice
 from .pixels import TrainingPixels
@@ -274,22 +275,38 @@ class GpuSteps:
         ``last``: the training is over. Where there is an average, the lattice gets that alone.
         """
         self.flush()
-        lattice, width = self.lattice, self.lattice.rows.shape[1]
+        lattice = self.lattice
         if self.behind is not None:
             data, square = self._call("fetch_shells")
             self.behind.background.data[:] = data.reshape(self.behind.background.data.shape)
             self.behind.mean_square[:] = square
-        if self._states:
-            self.average = self.average or Average(lattice, 3 * self.basis)
-            density, rows = self._call("fetch", width, True)
-            self.average.density[:], self.average.count = density, self._states
-            self.average.rows[:] = rows[:, :3 * self.basis]
         if self._looked:
             self.table = self._call("fetch_table")
-        if last and self.average is not None:
-            self.average.put(lattice)
-        else:
-            lattice.density[:], lattice.rows[:] = self._call("fetch", width)
+        if last and self._states:
+            self._bring(lattice.density, lattice.rows, self._states)
+            # The mean is in the lattice: the sums are as large, and of no use any more.
+            self.average = None
+            return
+        if self._states:
+            self.average = self.average or Average(lattice, 3 * self.basis)
+            self._bring(self.average.density, self.average.rows, sums=True)
+            self.average.count = self._states
+        lattice.rows[:, -2:] = self._bring(lattice.density, lattice.rows)
+
+    def _bring(self, density: NDArray[np.float32], rows: NDArray[np.float32],
+               states: int = 0, sums: bool = False) -> NDArray[np.float32] | None:
+        """Write what the device has into densities [N + 1] and the colors of rows.
+
+        The lattice's values, the mean of ``states`` of them, or their sums. Returns what the
+        optimiser remembers of the rows, float32 [N + 1, 2]; None with states or sums.
+        """
+        found, pages, remembered = self._call("fetch", sums or states > 0)
+        np.divide(found, np.float32(max(states, 1)), out=density)
+        first = 0
+        for page in pages:
+            put_means(page, 3 * self.basis, np.float32(max(states, 1)), rows, first)
+            first += len(page)
+        return remembered
 
     def close(self) -> None:
         """Forget the level; steps that wait are not taken."""

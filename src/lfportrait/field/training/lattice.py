@@ -10,16 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..kernels.bricks import brick_table
 from ..kernels.march import lattice_of_world
-from ..kernels.neighbours import fill_neighbours
+from ..kernels.neighbours import fill_neighbours, mark_points
 from ..kernels.refine import refine_rows
+from .growth import dilated, labelled
 
 __all__ = ["Lattice", "box_shape"]
-
-_CUBE = np.ones((3, 3, 3), bool)
 
 
 def box_shape(resolution: int, radius: NDArray[np.float64]) -> tuple[int, int, int]:
@@ -83,49 +81,58 @@ class Lattice:
 
     def neighbours(self) -> NDArray[np.int32]:
         """int32 [N, 6]: next along x, y, z, previous along x, y, z; the row itself without one."""
-        found = np.repeat(np.arange(self.count, dtype=np.int32)[:, None], 6, axis=1)
+        found = np.empty((self.count, 6), np.int32)
+        found[:] = np.arange(self.count, dtype=np.int32)[:, None]
         fill_neighbours(self.links, found)
         return found
 
-    def attached(self, loose: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    def attached(self, loose: NDArray[np.bool_] | None = None,
+                 among: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
         """Lattice points within two steps of the large connected pieces of solid matter.
 
         Crumbs that float beside them come from slivers of the mattes. Solid is what takes a
         twentieth of the light along one voxel; a piece - across gaps of two points, because thin
         things are torn while they are learnt - is large if it has a five-thousandth of the largest
         one's points, and three at least. Of the points ``loose``, bool [Z, Y, X], only those that
-        hang together with the largest piece without a gap count.
+        hang together with the largest piece without a gap count. ``among``, bool [Z, Y, X]: as if
+        the lattice had only these points.
         """
-        solid = np.zeros(self.links.shape, bool)
-        filled = self.links >= 0
-        solid[filled] = self.density[self.links[filled]] * self.voxel > 0.05
+        solid = self._points(self.density * self.voxel > 0.05)
+        if among is not None:
+            solid &= among
         if loose is not None and (solid & loose).any():
-            pieces, count = ndimage.label(solid, _CUBE)
+            pieces, _ = labelled(solid)
             solid &= ~loose | (pieces == np.bincount(pieces[solid]).argmax())
-        pieces, count = ndimage.label(ndimage.binary_dilation(solid, _CUBE), _CUBE)
+        pieces, count = labelled(dilated(solid))
         if count > 1:
             sizes = np.bincount(pieces[solid], minlength=count + 1)
             solid &= (sizes >= max(3, sizes.max() // 5000))[pieces]
         if not count:
-            return filled
-        return np.asarray(ndimage.binary_dilation(solid, _CUBE, iterations=2))
+            return self.links >= 0 if among is None else among & (self.links >= 0)
+        return dilated(solid, 2)
 
     def seen(self, weights: NDArray[np.float32], least: float) -> NDArray[np.bool_]:
         """Points whose row has more than ``least`` of ``weights`` [N + 1], and their neighbours."""
-        filled = self.links >= 0
-        keep = np.zeros(self.links.shape, bool)
-        keep[filled] = weights[self.links[filled]] > least
-        return np.asarray(ndimage.binary_dilation(keep, _CUBE) & filled)
+        return dilated(self._points(weights > least)) & (self.links >= 0)
+
+    def _points(self, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The points of marked rows, bool [N + 1]: bool [Z, Y, X]."""
+        points = np.empty(self.links.shape, bool)
+        mark_points(self.links, rows, points)
+        return points
 
     def kept(self, keep: NDArray[np.bool_]) -> Lattice:
         """The same lattice with only the points in ``keep``, bool [Z, Y, X]."""
         keep = keep & (self.links >= 0)
-        order = np.sort(self.links[keep])
+        stays = np.zeros(len(self.density), bool)
+        stays[self.links[keep]] = True
+        order = np.flatnonzero(stays)
+        # Empty points, -1, find the last place, which is that of the empty row.
         place = np.full(len(self.density), -1, np.int32)
         place[order] = np.arange(len(order), dtype=np.int32)
-        links = np.where(keep, place[self.links], -1).astype(np.int32)
         rows = np.append(order, self.count)
-        return Lattice(links, self.density[rows], self.rows[rows], self.center, self.radius)
+        return Lattice(place[self.links], self.density[rows], self.rows[rows], self.center,
+                       self.radius)
 
     def cropped(self, keep: NDArray[np.bool_], margin: int = 2,
                 ) -> tuple[Lattice, NDArray[np.bool_]]:
@@ -159,17 +166,9 @@ class Lattice:
             place = (np.arange(new) + 0.5) / new * old - 0.5
             low.append(np.clip(np.floor(place).astype(int), 0, old - 2))
             part.append(np.clip(place - low[-1], 0.0, 1.0).astype(np.float32))
-        corners = [(dz, dy, dx) for dz in (0, 1) for dy in (0, 1) for dx in (0, 1)]
-        # A fine point lives where any of its coarse cell's corners does.
-        fine = np.zeros(shape, bool)
-        for corner in corners:
-            fine |= keep[np.ix_(*(plane + step for plane, step in zip(low, corner)))]
-        places = np.argwhere(fine)
         longest = max(shape)
-        density, rows = refine_rows(
-            self.links, self.density, self.rows, places,
+        links, density, rows = refine_rows(
+            self.links, self.density, self.rows, np.ascontiguousarray(keep),
             np.stack([np.resize(plane, longest) for plane in low]),
-            np.stack([np.resize(plane, longest) for plane in part]))
-        links = np.full(fine.shape, -1, np.int32)
-        links[fine] = np.arange(len(places), dtype=np.int32)
+            np.stack([np.resize(plane, longest) for plane in part]), shape)
         return Lattice(links, density, rows, self.center, self.radius)

@@ -279,8 +279,8 @@ class Trainer:
             wrong, loose = ruled_out(
                 self.capture.cameras[self.views], [self.capture.alphas[v] for v in self.views],
                 keep, lattice.center, lattice.radius)
-            lattice = lattice.kept(keep & ~wrong)
-            keep = lattice.attached(loose)
+            keep &= ~wrong
+            keep &= lattice.attached(loose, keep)
         self.lattice = lattice.kept(keep)
         if self.data.has_alpha and not np.allclose(self.gains, 1.0) and len(self.test_gains):
             found = matte_gains(self.field(), self.capture, self.capture.testing(), least=0.0)

@@ -59,16 +59,18 @@ def fetch_table(device: Device) -> NDArray[np.int32]:
     return np.asarray(device.kept[_KEY].table())
 
 
-def fetch(device: Device, width: int, sums: bool = False,
-          ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Densities [N + 1] and rows [N + 1, width] with their states; or the sums of the average."""
+def fetch(device: Device, sums: bool = False,
+          ) -> tuple[NDArray[np.float32], list[NDArray[np.float32]], NDArray[np.float32] | None]:
+    """Densities [N + 1], pages of colors [rows, `row_floats`], states [N + 1, 2].
+
+    Or the sums of the average, without states.
+    """
     steps: Steps = device.kept[_KEY]
     lattice = steps.lattice
     if sums:
-        return lattice.read(device, steps.sums[0], steps.sums[1:], width)
-    density, rows = lattice.read(device, lattice.density, lattice.pages, width)
-    rows[:, -2:] = device.read(lattice.states, np.float32, (lattice.count + 1, 2))
-    return density, rows
+        return *lattice.read(device, steps.sums[0], steps.sums[1:]), None
+    return (*lattice.read(device, lattice.density, lattice.pages),
+            device.read(lattice.states, np.float32, (lattice.count + 1, 2)))
 
 
 def fetch_shells(device: Device) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

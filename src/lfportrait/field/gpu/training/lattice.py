@@ -111,12 +111,10 @@ class DeviceLattice:
         """Cast rays by another table of the same bricks from now on."""
         device.write(self.bricks, np.ascontiguousarray(table, np.int32))
 
-    def read(self, device: Device, density: Any, pages: list[Any], width: int,
-             ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Densities [N + 1] and rows [N + 1, width] of such buffers as the lattice's own."""
-        wide, columns = row_floats(self.basis), 3 * self.basis
-        rows = np.zeros((self.count + 1, width), np.float32)
-        for (first, last), page in zip(self.bounds, pages, strict=True):
-            rows[first:last, :columns] = device.read(
-                page, np.float32, (last - first, wide))[:, :columns]
-        return device.read(density, np.float32, self.count + 1).copy(), rows
+    def read(self, device: Device, density: Any, pages: list[Any],
+             ) -> tuple[NDArray[np.float32], list[NDArray[np.float32]]]:
+        """Densities [N + 1] and colors, page by page, of such buffers as the lattice's own."""
+        wide = row_floats(self.basis)
+        return (device.read(density, np.float32, self.count + 1),
+                [device.read(page, np.float32, (last - first, wide))
+                 for (first, last), page in zip(self.bounds, pages, strict=True)])
