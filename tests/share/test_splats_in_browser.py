@@ -1,8 +1,9 @@
-"""Splats in a program that others wrote: Spark, on three.js, in a real browser."""
+"""Splats in programs that others wrote, Spark on three.js and PlayCanvas, in a real browser."""
 
 import base64
 import io
 import os
+import shutil
 import threading
 from dataclasses import replace
 from functools import partial
@@ -21,57 +22,30 @@ from tests.fields import head_field, shell_field
 from tests.share.page.browser import decibels
 
 SIZE = 256
-FORMATS = ("ply", "spz", "sog")
 ENGINES = Path(os.environ.get(
     "LFPORTRAIT_ENGINES", Path(__file__).parents[2] / ".venv" / "engines"))
+PACKAGES = {"spark": ("three", "@sparkjsdev/spark"), "playcanvas": ("playcanvas",)}
+"""Of the engines, each with a page `engines/NAME.html`."""
+NEAR = {"spark": (27, 45), "playcanvas": (25, 30)}
+"""PSNR to the field, and to the same splats in lfportrait.
 
-PAGE = """<!DOCTYPE html><meta charset="utf-8"><link rel="icon" href="data:,">
-<script type="importmap">{"imports": {
-  "three": "./modules/three/build/three.module.js",
-  "three/addons/": "./modules/three/examples/jsm/",
-  "spark": "./modules/@sparkjsdev/spark/dist/spark.module.min.js"
-}}</script>
-<script type="module">
-import * as THREE from "three";
-import { SparkRenderer, SplatMesh } from "spark";
-
-window.show = async (file, size, pose, fieldOfView) => {
-  const renderer = new THREE.WebGLRenderer({ preserveDrawingBuffer: true });
-  renderer.setPixelRatio(1);
-  renderer.setSize(size, size);
-  renderer.setClearColor(0xffffff, 1);
-  const scene = new THREE.Scene();
-  // Splats that were fitted without compensation for the widening by 0.3 pixels.
-  const spark = new SparkRenderer({
-    renderer, autoUpdate: false, preBlurAmount: 0.3, blurAmount: 0, sortRadial: false,
-    accumExtSplats: true });
-  const splats = new SplatMesh({ url: file, lod: false, extSplats: true });
-  await splats.initialized;
-  scene.add(spark, splats);
-  const camera = new THREE.PerspectiveCamera(fieldOfView, 1, 0.1, 100);
-  camera.matrixAutoUpdate = false;
-  camera.matrix.set(...pose);
-  camera.updateMatrixWorld(true);
-  await spark.update({ scene, camera });
-  renderer.render(scene, camera);
-  const picture = renderer.domElement.toDataURL("image/png");
-  const count = splats.splats.getNumSplats();
-  renderer.dispose();
-  renderer.forceContextLoss();
-  return [count, picture.split(",")[1]];
-};
-</script>"""
+PlayCanvas' splats fade to nothing at their rims instead of being cut off there: they are smaller.
+"""
+FORMATS = [("spark", "ply"), ("spark", "spz"), ("spark", "sog"),
+           ("playcanvas", "glb"), ("playcanvas", "sog")]
 
 
 @pytest.fixture(scope="module")
 def engines():
-    """The folder of the packages that the page loads."""
+    """The folder of the packages that the pages load."""
     modules = ENGINES / "node_modules"
-    if not all((modules / name).is_dir() for name in ("three", "@sparkjsdev/spark")):
-        if os.environ.get("LFPORTRAIT_REQUIRE_ENGINE") == "1":
-            pytest.fail(f"{modules} has no three and @sparkjsdev/spark, and "
-                        f"LFPORTRAIT_REQUIRE_ENGINE=1 asks for them")
-        pytest.skip(f"{modules} has no three and @sparkjsdev/spark (.ci/run installs them)")
+    missing = [name for names in PACKAGES.values() for name in names
+               if not (modules / name).is_dir()]
+    if missing and os.environ.get("LFPORTRAIT_REQUIRE_ENGINE") == "1":
+        pytest.fail(f"{modules} lacks {', '.join(missing)}, and LFPORTRAIT_REQUIRE_ENGINE=1 asks "
+                    f"for the engines")
+    if missing:
+        pytest.skip(f"{modules} lacks {', '.join(missing)} (.ci/run installs the engines)")
     return modules.resolve()
 
 
@@ -110,68 +84,72 @@ def shimmering():
 def folder(engines, tmp_path_factory):
     """What is served."""
     path = tmp_path_factory.mktemp("served")
-    (path / "index.html").write_text(PAGE, encoding="utf-8")
+    for name in PACKAGES:
+        shutil.copy(Path(__file__).parent / "engines" / f"{name}.html", path)
     (path / "modules").symlink_to(engines)
     return path
 
 
 @pytest.fixture(scope="module")
-def page(folder, browser):
-    """An open page that shows files of the folder."""
+def address(folder):
+    """Where it is served."""
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    opened = browser.new_page()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture
+def shown(folder, address, browser):
+    """Pictures of splats that an engine shows."""
+    page = browser.new_page()
     complaints = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    try:
-        opened.goto(f"http://127.0.0.1:{server.server_port}/index.html")
-        opened.wait_for_function("() => 'show' in window", timeout=30_000)
-        yield opened
-    finally:
-        opened.close()
-        server.shutdown()
-        server.server_close()
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+
+    def picture(engine, kind, splats, cameras, view=0) -> np.ndarray:
+        """What the engine shows of a file: float [H, W, 3], on white."""
+        file = folder / f"splats.{kind}"
+        with file.open("wb") as stream:
+            SPLAT_WRITERS[file.suffix](stream, splats)
+        page.goto(f"{address}/{engine}.html")
+        page.wait_for_function("() => 'show' in window", timeout=30_000)
+        # The engines' cameras have y up and look along -z; matrices are lists of columns.
+        pose = cameras.pose[view] @ np.diag([1.0, -1.0, -1.0, 1.0])
+        angle = float(np.degrees(2 * np.arctan(SIZE / 2 / cameras.focal[view, 1])))
+        code = page.evaluate("(all) => show(...all)",
+                             [file.name, SIZE, pose.T.ravel().tolist(), angle])
+        with Image.open(io.BytesIO(base64.b64decode(code.split(",")[1]))) as read:
+            return np.asarray(read.convert("RGB")) / 255.0
+
+    yield picture
+    page.close()
     assert complaints == []
 
 
-def shown(page, folder, splats, kind, cameras, view) -> np.ndarray:
-    """The engine's picture of a file of splats: float [H, W, 3], on white."""
-    file = folder / f"splats.{kind}"
-    with file.open("wb") as stream:
-        SPLAT_WRITERS[file.suffix](stream, splats)
-    # In three.js a camera's y points up and it looks along -z.
-    pose = cameras.pose[view] @ np.diag([1.0, -1.0, -1.0, 1.0])
-    angle = float(np.degrees(2 * np.arctan(SIZE / 2 / cameras.focal[view, 1])))
-    count, picture = page.evaluate("(all) => show(...all)",
-                                   [file.name, SIZE, pose.ravel().tolist(), angle])
-    assert count == len(splats)
-    with Image.open(io.BytesIO(base64.b64decode(picture))) as read:
-        return np.asarray(read.convert("RGB")) / 255.0
-
-
-@pytest.mark.parametrize("kind", FORMATS)
-def test_an_engine_shows_the_field(page, folder, head, kind):
+@pytest.mark.parametrize(("engine", "kind"), FORMATS)
+def test_an_engine_shows_the_field(shown, head, engine, kind):
     field, splats = head
     cameras, view = orbit_cameras(8, SIZE, field), 3
     expected = np.clip(field.render(cameras, view).color, 0, 1)
-    seen = shown(page, folder, splats, kind, cameras, view)
-    assert decibels(seen, expected) > 27
+    seen = shown(engine, kind, splats, cameras, view)
+    to_field, to_splats = NEAR[engine]
+    assert decibels(seen, expected) > to_field
     # What a mistake in the axes or in the order of the colors would look like.
     for wrong in (seen[:, ::-1], seen[::-1], seen[..., ::-1]):
         assert decibels(wrong, expected) < 20
-    # The same splats give the same picture, but for the files' rounding and 8 bits.
-    assert decibels(seen, np.clip(render_splats(splats, cameras, view), 0, 1)) > 45
+    assert decibels(seen, np.clip(render_splats(splats, cameras, view), 0, 1)) > to_splats
 
 
-@pytest.mark.parametrize("kind", FORMATS)
-def test_an_engine_shows_colors_that_depend_on_the_direction(page, folder, shimmering, kind):
+@pytest.mark.parametrize(("engine", "kind"), FORMATS)
+def test_an_engine_shows_colors_that_depend_on_the_direction(shown, shimmering, engine, kind):
     cameras = Camera.arc(np.array([35.0]), distance=3.0, width=SIZE, height=SIZE,
                          focal=1.3 * SIZE, pitch=10.0)
     expected = np.clip(render_splats(shimmering, cameras), 0, 1)
-    seen = shown(page, folder, shimmering, kind, cameras, 0)
+    seen = shown(engine, kind, shimmering, cameras)
     # A plain color for each splat, and harmonics of the opposite direction.
     plain, opposite = (replace(shimmering, sh=shimmering.sh * np.array(factors, np.float32))
                        for factors in ([1] + 8 * [0], [1] + 3 * [-1] + 5 * [1]))
-    assert decibels(seen, expected) > 39
+    assert decibels(seen, expected) > 38
     for wrong in (plain, opposite):
         assert decibels(seen, np.clip(render_splats(wrong, cameras), 0, 1)) < 36
