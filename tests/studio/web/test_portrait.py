@@ -88,3 +88,33 @@ def test_two_side_by_side_turn_together(portrait):
     portrait.page.click("text=Two side by side")
     portrait.until("() => document.querySelectorAll('.stage').length === 1")
     assert portrait.page.url.endswith("portrait/anna/portrait")
+
+
+def test_strength_is_the_pages_own_only_between_photo_and_painting(portrait):
+    """The page of a kept mix goes from the photo to the mix: the server has to color the rest."""
+    assert portrait.run("""async () => {
+      const { Stage } = await import("/static/stage.js");
+      const pair = (...kinds) => {
+        const stage = new Stage({ id: "anna" }, "");
+        const sets = kinds.map((kind) => ({ kind }));
+        Object.defineProperty(stage, "inner", { value: { renderer: { header: { sets } } } });
+        return stage.pair;
+      };
+      return [pair("photo", "style"), pair("photo", "mix", "style"), pair("photo")];
+    }""") == [True, False, False]
+
+
+def test_a_proposed_name_gives_way_to_what_is_typed(portrait):
+    portrait.go("sitters")
+    portrait.page.get_by_role("button", name="Rename anna").click()
+    portrait.page.wait_for_selector("dialog[open]")
+    portrait.page.keyboard.type("Berta")
+    assert portrait.page.input_value("dialog input") == "Berta"
+    portrait.page.keyboard.press("Escape")
+
+
+def test_what_was_looked_at_on_the_machine_has_names(portrait):
+    portrait.go("sitters")
+    portrait.page.locator("details.card summary").click()
+    portrait.page.wait_for_selector("ul.checks strong")
+    assert "processor" in portrait.page.locator("ul.checks strong").all_inner_texts()

@@ -185,5 +185,7 @@ export function ask(title, body, buttons) {
     );
     document.body.append(window_);
     window_.showModal();
+    // A proposed name gives way to what is typed.
+    window_.querySelector("input[autofocus]")?.select();
   });
 }

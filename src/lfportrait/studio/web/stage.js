@@ -103,10 +103,16 @@ export class Stage {
     return Boolean(state.features?.colors) && this.inner !== null && !this.coarse;
   }
 
-  /** Strength of the painting alone: photo and painting are both in the page. */
+  /** Whether the page goes from the photo to the painting itself: one with a mix goes to the mix. */
+  get pair() {
+    const sets = this.inner?.renderer.header.sets ?? [];
+    return !this.more && sets.length > 1 && sets.every(({ kind }) => kind !== "mix");
+  }
+
+  /** Strength of the painting alone. */
   strength(value) {
     const { inner } = this;
-    if (!inner || inner.renderer.header.sets.length < 2 || this.more) return false;
+    if (!this.pair) return false;
     inner.mix.set(value);
     return true;
   }

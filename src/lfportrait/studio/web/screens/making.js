@@ -156,8 +156,10 @@ class Making {
             h(
               "span",
               {},
-              `${known("error", job.error.code, "")} `.replace(/^error\S* $/, ""),
-              job.error.message,
+              // How it was ended is all that there is to say; of other errors the message says what.
+              job.error.code === "killed"
+                ? t("error.killed")
+                : `${known("error", job.error.code, "")} ${job.error.message}`.trim(),
             ),
           ),
         job.notes.map((text) => h("p.note.fair.small", {}, icon("fair"), text)),

@@ -236,7 +236,7 @@ class Portrait {
   simple(name) {
     const others = { ...plainMix(this.panel.mix), strength: undefined };
     return (
-      name === "strength" && !this.stage.more && Object.values(others).every((value) => value === undefined)
+      name === "strength" && this.stage.pair && Object.values(others).every((value) => value === undefined)
     );
   }
 
@@ -252,7 +252,7 @@ class Portrait {
     this.save();
     if (
       this.stage.live &&
-      (this.stage.more || Object.keys(plainMix(mix)).some((key) => key !== "strength"))
+      (!this.stage.pair || Object.keys(plainMix(mix)).some((key) => key !== "strength"))
     ) {
       // Between both ends it was nearly right; this is what will be kept.
       this.stage.share = 0;

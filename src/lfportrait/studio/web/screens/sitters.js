@@ -254,7 +254,7 @@ function drawMachine(box) {
       h(
         "ul.checks",
         {},
-        (checks ?? []).map(({ grade, text, advice }) =>
+        (checks ?? []).map(({ name, grade, text, advice }) =>
           h(
             "li.note",
             { class: grade },
@@ -262,7 +262,13 @@ function drawMachine(box) {
             h(
               "div",
               {},
-              h("p", {}, h("span.unseen", { text: `${t(`check.${grade}`)}: ` }), text),
+              h(
+                "p",
+                {},
+                h("span.unseen", { text: `${t(`check.${grade}`)}: ` }),
+                h("strong", { text: name }),
+                ` · ${text}`,
+              ),
               advice && h("p.small.soft", { text: advice }),
             ),
           ),
