@@ -118,3 +118,25 @@ def test_what_was_looked_at_on_the_machine_has_names(portrait):
     portrait.page.locator("details.card summary").click()
     portrait.page.wait_for_selector("ul.checks strong")
     assert "processor" in portrait.page.locator("ul.checks strong").all_inner_texts()
+
+
+def test_a_new_version_leaves_the_old_one_as_it_was(portrait):
+    """What the sliders changed goes to the new version; the old one gets back what it had."""
+    sent = portrait.run("""async () => {
+      const { Portrait } = await import("/static/screens/portrait.js");
+      const sent = [], asked = window.fetch;
+      window.fetch = async (path, { method = "GET", body = null } = {}) => {
+        sent.push([method, String(path).split("/").slice(-2).join("/"), body && JSON.parse(body)]);
+        return new Response('{"id": "two"}', { headers: { "content-type": "application/json" } });
+      };
+      const screen = Object.assign(Object.create(Portrait.prototype), {
+        sitter: { id: "anna" }, chosen: "one", open: false,
+        versions: [{ id: "one", name: "one", style: "waves", mix: { strength: 0.6 } }],
+        first: { id: "one", mix: { strength: 1 } },
+        nameOf: async () => "two", reload: async () => {}, choose: async () => {},
+      });
+      try { await screen.copy(); } finally { window.fetch = asked; }
+      return sent;
+    }""")
+    assert [each[:2] for each in sent] == [["POST", "one/copy"], ["PATCH", "versions/one"]]
+    assert sent[1][2] == {"mix": {"strength": 1}}

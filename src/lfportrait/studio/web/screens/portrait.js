@@ -21,7 +21,7 @@ function ignore(error) {
   if (error.code !== "busy") fail(error);
 }
 
-class Portrait {
+export class Portrait {
   constructor(root, sitter, version, other) {
     this.sitter = sitter;
     this.chosen = version || sitter.version;
@@ -122,6 +122,7 @@ class Portrait {
 
   async display() {
     const { version, stage } = this;
+    if (this.first?.id !== version?.id) this.first = version && { id: version.id, mix: plainMix(version.mix) };
     this.panel.show(version?.mix ?? STEADY, []);
     const about = await stage.show(version ? { version: version.id } : { style: null });
     if (!about) return;
@@ -295,11 +296,16 @@ class Portrait {
     for (let n = 2; ; n++) if (!taken.has(`${start} ${n}`)) return `${start} ${n}`;
   }
 
+  /** The new version gets what is shown; the old one is again as it was when it was chosen. */
   async copy() {
     if (this.open) await this.store();
     const name = await this.nameOf(t("portrait.copy"), this.free(this.version.name));
     if (!name) return;
-    const made = await post(`/api/projects/${this.sitter.id}/versions/${this.version.id}/copy`, { name });
+    const old = this.version,
+      path = `/api/projects/${this.sitter.id}/versions/${old.id}`;
+    const made = await post(`${path}/copy`, { name });
+    const moved = this.first?.id === old.id && JSON.stringify(this.first.mix) !== JSON.stringify(plainMix(old.mix));
+    if (moved && !old.fine && !old.from_command_line) await send("PATCH", path, { mix: this.first.mix });
     await this.reload();
     await this.choose(made.id);
   }
