@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes.util
 import functools
 import importlib.util
 import os
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
+from ..graphics import lacking
 
 __all__ = ["Adapter", "adapters", "chosen", "handle_of", "missing"]
 
@@ -141,16 +141,10 @@ def handle_of(adapter: Adapter) -> Any:
 
 def missing() -> str | None:
     """What keeps WebGPU from finding an adapter, and the remedy, in one line; None: nothing."""
-    if importlib.util.find_spec("wgpu") is None:
-        return "wgpu is not installed: pip install 'lfportrait[gpu]'"
     if adapters():
         return None
-    if sys.platform.startswith("linux"):
-        if ctypes.util.find_library("vulkan") is None:
-            return ("there is no Vulkan loader: install it (Debian, Ubuntu: apt install libvulkan1 "
-                    "mesa-vulkan-drivers; Fedora: dnf install vulkan-loader mesa-vulkan-drivers)")
-        return ("no Vulkan driver was found: install the card's (Debian, Ubuntu: apt install "
-                "mesa-vulkan-drivers for AMD, Intel and software; NVIDIA: its own driver)")
+    for lack in lacking():
+        return f"{lack.what}: {lack.remedy}"
     return "no adapter was found: update the graphics card's driver"
 
 
