@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import io
 import json
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,12 @@ from lfportrait.studio.guard import Keys
 
 PORT = 4711
 HOME = f"http://127.0.0.1:{PORT}"
+
+
+def run_apart(coroutine: Any) -> Any:
+    """Run a coroutine in a thread of its own: a browser's loop may hold this one."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, coroutine).result()
 
 
 class Page:

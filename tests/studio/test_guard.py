@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from .conftest import HOME, PORT, opened
+from .conftest import HOME, PORT, opened, run_apart
 
 
 def test_the_page_itself_is_served_and_may_load_nothing_from_elsewhere(page):
@@ -166,7 +166,7 @@ def test_a_body_that_does_not_come_is_given_up(tmp_path):
     for receive in (never, dripping):
         seen.clear()
         begun = time.monotonic()
-        asyncio.run(Guard(app, keys, patience=0.3)(scope, receive, nothing))
+        run_apart(Guard(app, keys, patience=0.3)(scope, receive, nothing))
         assert seen["code"] == "too_slow" and seen["after"] < 2, receive
 
 

@@ -5,6 +5,7 @@ import time
 
 import pytest
 
+from lfportrait.studio import desk, job_state
 from lfportrait.studio.jobs import Jobs
 
 from .conftest import jpeg, opened
@@ -174,7 +175,7 @@ def test_a_server_that_is_started_again_goes_on(page, tmp_path):
 
 
 def test_photos_are_checked_by_themselves(page, monkeypatch):
-    monkeypatch.setattr("lfportrait.studio.desk._QUIET", 0.1)
+    monkeypatch.setattr(desk, "_QUIET", 0.1)
     project = page.do("POST", "/api/projects", {"name": "Anna"})["id"]
     for number in range(3):
         page.send(project, f"{number}.jpg", jpeg(number))
@@ -206,5 +207,5 @@ def test_a_full_disk_does_not_stop_the_queue(page, monkeypatch):
         raise UserError("can't write: No space left on device")
 
     project, _ = sitter(page, "Anna")
-    monkeypatch.setattr("lfportrait.studio.job_state.write_json", full)
+    monkeypatch.setattr(job_state, "write_json", full)
     assert page.wait(head(page, project))["state"] == "done"

@@ -17,7 +17,7 @@ import pytest
 
 from lfportrait.studio.events import Events
 
-from .conftest import jpeg
+from .conftest import jpeg, run_apart
 from .test_jobs import gone, pids
 
 SERVER = """
@@ -186,7 +186,7 @@ def test_a_page_that_does_not_read_costs_nothing():
             while True:
                 await asyncio.wait_for(anext(stream), 5)
 
-    asyncio.run(run())
+    run_apart(run())
 
 
 def test_hours_of_idling_do_not_grow(server):

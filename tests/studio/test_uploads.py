@@ -7,9 +7,10 @@ import time
 import pytest
 from starlette.requests import ClientDisconnect
 
+from lfportrait.studio import uploads
 from lfportrait.studio.answers import Refusal
 
-from .conftest import jpeg
+from .conftest import jpeg, run_apart
 
 
 @pytest.fixture
@@ -109,7 +110,7 @@ def test_odd_names_and_other_files_are_refused(page, project, name, code):
 def test_too_much_is_refused(page, project, monkeypatch):
     large = {"name": "a.jpg", "size": (128 << 20) + 1, "sha256": "0" * 64}
     assert announced(page, project, large)[0]["error"]["code"] == "too_large"
-    monkeypatch.setattr("lfportrait.studio.uploads.free_disk_bytes", lambda _: 1000)
+    monkeypatch.setattr(uploads, "free_disk_bytes", lambda _: 1000)
     found = announced(page, project, entry("a.jpg", jpeg(8)))[0]["error"]
     assert found["code"] == "disk_full" and found["about"]["free_bytes"] == 1000
     assert page.error("POST", f"/api/projects/{project}/uploads", {"files": [large] * 501}
@@ -123,7 +124,7 @@ def test_a_disk_that_fills_up_on_the_way_is_said(page, project, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("lfportrait.studio.uploads.os.replace", full)
+    monkeypatch.setattr(uploads.os, "replace", full)
     path = f"/api/projects/{project}/uploads/{found['upload']}?offset=0"
     assert page.error("PUT", path, data) == "disk_full"
     monkeypatch.undo()
@@ -136,7 +137,7 @@ def test_a_disk_that_fills_up_on_the_way_is_said(page, project, monkeypatch):
 @pytest.mark.parametrize("how", ["slow", "gone"])
 def test_an_upload_that_hardly_moves_or_breaks_off_keeps_what_came(page, project, monkeypatch, how):
     """Asked directly: the test client sends a body at once."""
-    monkeypatch.setattr("lfportrait.studio.uploads._WITHIN", 0.05)
+    monkeypatch.setattr(uploads, "_WITHIN", 0.05)
     data = jpeg(10, (400, 300))
     (found,) = announced(page, project, entry("a.jpg", data))
 
@@ -148,8 +149,8 @@ def test_an_upload_that_hardly_moves_or_breaks_off_keeps_what_came(page, project
 
     begun = time.monotonic()
     with pytest.raises(Refusal if how == "slow" else ClientDisconnect) as error:
-        asyncio.run(page.desk.uploads.receive(page.desk.projects.get(project), found["upload"], 0,
-                                              len(data), dripping()))
+        run_apart(page.desk.uploads.receive(page.desk.projects.get(project), found["upload"], 0,
+                                            len(data), dripping()))
     assert time.monotonic() - begun < 2
     assert how == "gone" or error.value.code == "too_slow"
     (found,) = announced(page, project, entry("a.jpg", data))

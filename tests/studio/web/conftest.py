@@ -20,7 +20,6 @@ from lfportrait.face import write_landmarks
 from lfportrait.face.generic_head import GENERIC_LANDMARKS
 from lfportrait.field import save_field
 from tests.conftest import DATA
-from tests.share.page.browser import chromium
 from tests.share.page.portraits import painted_head
 
 SCREENS = ("sitters", "photos", "making", "style", "portrait", "show")
@@ -99,13 +98,6 @@ def studio(portraits) -> Iterator[Studio]:
     running = Studio(portraits)
     yield running
     running.stop()
-
-
-@pytest.fixture(scope="package")
-def browser() -> Iterator:
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as started, chromium(started) as running:
-        yield running
 
 
 class Opened:
