@@ -26,6 +26,8 @@ def editor(opened, painting):
 
 def points(editor):
     """What the page says of its points, float [68, 2]."""
+    editor.until("""() => [...document.querySelectorAll(".mark")].every(
+      (mark) => mark.getAttribute("aria-label"))""")
     labels = editor.run("""() => [...document.querySelectorAll(".mark")].map(
       (mark) => mark.getAttribute("aria-label"))""")
     numbers = [label.replace(",", "").split() for label in labels]
@@ -40,8 +42,14 @@ def stored(editor):
 
 def saved(editor):
     """What the server has, once the page has written."""
-    editor.page.wait_for_selector("header [role=status]:text('Saved')")
-    return stored(editor)
+    for _ in range(100):
+        editor.page.wait_for_selector("header [role=status]:text('Saved')")
+        found = stored(editor)
+        # The word may still be that of the change before.
+        if np.abs(found - points(editor)).max() <= 0.06:
+            break
+        editor.page.wait_for_timeout(100)
+    return found
 
 
 def middle(editor, number):
