@@ -22,17 +22,16 @@ def _answer(device: Device, name: str, arguments: tuple[Any, ...]) -> tuple[bool
     except MemoryError as error:
         return False, GpuLostError(f"{device.adapter.title} has too little memory: {error}")
     except Exception as error:
-        text = str(error)
-        kind = type(error).__name__
-        if "memory" in text.lower() or kind == "GPUOutOfMemoryError":
+        text, kind = str(error), type(error)
+        if kind.__name__ == "GPUOutOfMemoryError" or any(
+                words in text.lower() for words in ("out of memory", "not enough memory")):
             return False, GpuLostError(f"{device.adapter.title} has too little memory")
         if "lost" in text.lower():
             return False, GpuLostError(f"{device.adapter.title} was lost")
-        if type(error).__module__.startswith(("wgpu", "builtins", "lfportrait")) is False:
-            return False, RuntimeError(f"{kind}: {text}")
-        if type(error).__module__.startswith("wgpu"):
-            return False, RuntimeError(f"{kind}: {text}")
-        return False, error
+        if kind.__module__.split(".")[0] in ("builtins", "lfportrait"):
+            return False, error
+        # The parent need not have the module that this error is from.
+        return False, RuntimeError(f"{kind.__name__}: {text}")
 
 
 def main() -> None:

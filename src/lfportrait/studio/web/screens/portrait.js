@@ -3,6 +3,7 @@
 import { get, post, send } from "../api.js";
 import { Beside } from "../beside.js";
 import { ask, button, fill, h, icon, later } from "../dom.js";
+import { nameOf } from "../naming.js";
 import { t } from "../i18n.js";
 import { MixPanel, plainMix, STEADY } from "../mix.js";
 import { doing, fail, say } from "../shell.js";
@@ -310,20 +311,8 @@ export class Portrait {
     await this.choose(made.id);
   }
 
-  async nameOf(title, value) {
-    const input = h("input", {
-      type: "text",
-      value,
-      required: true,
-      maxlength: 80,
-      autofocus: true,
-      autocomplete: "off",
-    });
-    const answer = await ask(title, h("label.field", {}, h("span", { text: t("name") }), input), [
-      ["", t("cancel")],
-      ["yes", t("save"), "main"],
-    ]);
-    return answer ? input.value.trim() : "";
+  nameOf(title, value) {
+    return nameOf(title, value, t("save"));
   }
 
   async rename(version) {

@@ -2,6 +2,7 @@
 
 import { get, post, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
+import { nameOf } from "../naming.js";
 import { size, t } from "../i18n.js";
 import { doing, fail, preferences, say } from "../shell.js";
 import { isLive, jobsOf, keepJob, keepProject, on, state, tell } from "../state.js";
@@ -135,23 +136,6 @@ function newSitter() {
         { kind: "quiet" },
       ),
   );
-}
-
-/** Ask for a name; "" if it was left. */
-async function nameOf(title, value, word) {
-  const input = h("input", {
-    type: "text",
-    value,
-    required: true,
-    maxlength: 80,
-    autofocus: true,
-    autocomplete: "off",
-  });
-  const answer = await ask(title, h("label.field", {}, h("span", { text: t("name") }), input), [
-    ["", t("cancel")],
-    ["yes", word, "main"],
-  ]);
-  return answer ? input.value.trim() : "";
 }
 
 async function create(name, demo) {
