@@ -136,8 +136,7 @@ export class Stage {
     // A page that had to be made coarser takes no colors: it is packed again.
     this.coarse = sets === null;
     if (this.coarse) return false;
-    const { renderer } = inner,
-      { header } = renderer,
+    const { header } = inner.renderer,
       page = this.frame.contentDocument;
     this.more ??= header.sets.length;
     sets.forEach(({ bands, streams, texels }, index) => {
@@ -158,10 +157,10 @@ export class Stage {
       }
     });
     // What the graphics hold under these numbers is the last slider's.
-    renderer.slots = [null, null];
-    await renderer.show(this.more, this.more + sets.length - 1, this.share ?? 0, true);
+    await inner.mix.between(this.more, this.more + sets.length - 1, this.share ?? 0, true);
+    if (mine !== this.asked) return false;
     this.ends = sets.length === 2;
-    inner.viewer.change();
+    if (this.ends) this.between(this.share ?? 0); // it may have been moved since
     return true;
   }
 
@@ -170,6 +169,7 @@ export class Stage {
     this.share = share;
     const { inner } = this;
     if (!this.ends || !inner) return false;
+    inner.mix.blend = share;
     inner.renderer.blend = share;
     inner.viewer.change();
     return true;

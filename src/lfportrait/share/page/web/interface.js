@@ -19,6 +19,7 @@ class Mix {
     this.sets = renderer.header.sets;
     this.style = this.sets.length > 1 ? 1 : 0;
     this.blend = this.sets.length > 1 ? 1 : 0;
+    this.ends = null; // other color sets in the place of the photo and the painting
     const slider = find("blend");
     find("mix").hidden = this.sets.length < 2;
     slider.value = String(1000 * this.blend);
@@ -38,13 +39,26 @@ class Mix {
 
   async set(blend) {
     this.blend = blend;
+    this.ends = null;
     const painting = this.sets[this.style].name;
     find("blend").setAttribute("aria-valuetext", `${Math.round(100 * blend)} % ${painting}`);
     await this.apply();
   }
 
+  /**
+   * From one color set to another, whatever they are.
+   * @param {boolean} fresh Read them again: under these numbers there were others.
+   */
+  between(first, second, blend, fresh = false) {
+    this.blend = blend;
+    this.ends = [first, second];
+    this.fresh ||= fresh;
+    return this.apply(true);
+  }
+
   async choose(number) {
     this.style = number;
+    this.ends = null;
     [...find("styles").children].forEach((button, index) => {
       button.setAttribute("aria-pressed", String(index + 1 === number));
     });
@@ -60,7 +74,8 @@ class Mix {
    * several the last.
    */
   apply(all = false) {
-    this.wanted = [0, this.sets.length > 1 ? this.style : 0, this.blend, all];
+    const ends = this.ends ?? [0, this.sets.length > 1 ? this.style : 0];
+    this.wanted = [...ends, this.blend, all];
     this.busy ??= this.follow().finally(() => {
       this.busy = null;
       this.viewer.change(false);
@@ -72,6 +87,8 @@ class Mix {
     let done = null;
     while (done !== this.wanted) {
       done = this.wanted;
+      if (this.fresh) this.renderer.slots = [null, null];
+      this.fresh = false;
       await this.renderer.show(...done);
     }
   }
