@@ -132,9 +132,21 @@ def test_the_side_that_was_not_painted_is_the_other_one_mirrored(yaw):
 def test_both_eyes_look_where_the_painter_made_them_look(yaw):
     exemplar = portrait(posed(yaw))
     found = frontal_view(exemplar, face_pose(exemplar.landmarks))
-    for feature in (slice(36, 42), slice(42, 48), slice(48, 60)):
-        column, row = found.landmarks[feature].mean(axis=0).astype(int)
+    for eye in (slice(36, 42), slice(42, 48)):
+        column, row = found.landmarks[eye].mean(axis=0).astype(int)
         assert found.mirrored[row, column] < 0.05
+
+
+@pytest.mark.parametrize("yaw", [-30.0, -15.0, 15.0, 30.0])
+def test_the_far_half_of_a_mouth_is_its_near_half_mirrored(yaw):
+    exemplar = portrait(posed(yaw))
+    found = frontal_view(exemplar, face_pose(exemplar.landmarks))
+    far, near = (54, 48) if yaw > 0 else (48, 54)
+    column, row = np.floor(found.landmarks[far]).astype(int)
+    assert found.mirrored[row, column] > 0.95
+    assert np.abs(found.places[row, column] - exemplar.landmarks[near]).max() < 3
+    column, row = np.floor(found.landmarks[near]).astype(int)
+    assert found.mirrored[row, column] < 0.05
 
 
 @pytest.mark.parametrize("yaw", [-60.0, 60.0])

@@ -7,9 +7,10 @@ the painted person's proportions, from the symmetry of the face; the head's pose
 the painting, and a smooth warp takes what is left of the landmarks' residuals. What turns away from
 the painter, or lies behind nose or brow, is taken from its mirror image on the other side, with the
 light of the side where it comes to lie: faces are symmetric enough (Hassner et al. 2015). The seam
-between the two runs where they differ least (graph cut: Kwatra et al. 2003). An eye and a mouth
-that can be seen at all are kept; the rest of the gaze is shifted, not mirrored, so that both eyes
-look the same way.
+between the two runs where they differ least (graph cut: Kwatra et al. 2003). An eye that can be
+seen at all is kept; the rest of the gaze is shifted, not mirrored, so that both eyes look the same
+way. A mouth is mirrored as skin is: its far corner, a few strokes that the painter saw from the
+side, would be stretched into a smear.
 """
 
 from __future__ import annotations
@@ -43,10 +44,13 @@ CLEAR = 0.5
 """Cosine to the painter's direction from which on a place is taken as he painted it."""
 FULL = 0.85
 """The same from which on its mirror image is not thought of: the seam lies between the two."""
+ALIKE = 0.85
+"""A place is taken as he painted it, too, if it is at least this clear over its mirror image: the
+seam does not lie on the axis itself, where it would be seen in the middle of the lips."""
 CUT = 160.0
 """Pixels a unit of the head in the pictures that the seam is looked for in."""
 FEATURE = 0.22
-"""The same for eyes, brows and mouth, which would else look like a mirror's."""
+"""The same for eyes and brows, which would else look like a mirror's."""
 SURE = 0.15
 """The same for telling its light from that of its mirror image."""
 OUTLINE = 0.015
@@ -244,14 +248,13 @@ class _Head:
 
 
 def _needed(x: Float64, y: Float64, head: Float64) -> Float64:
-    """How clearly a place must be seen to be taken as it was painted: less in eyes and mouth.
+    """How clearly a place must be seen to be taken as it was painted: less in eyes and brows.
 
     ``head`` [68, 3] are the head's landmarks.
     """
     out = np.full(x.shape, CLEAR)
     for numbers, wide, high in ((range(36, 42), 0.12, 0.075), (range(42, 48), 0.12, 0.075),
-                                (range(17, 22), 0.13, 0.05), (range(22, 27), 0.13, 0.05),
-                                (range(48, 60), 0.17, 0.1)):
+                                (range(17, 22), 0.13, 0.05), (range(22, 27), 0.13, 0.05)):
         middle = head[list(numbers), :2].mean(axis=0)
         away = np.hypot((x - middle[0]) / wide, (y - middle[1]) / high)
         out -= (CLEAR - FEATURE) * np.clip((1.5 - away) / 0.5, 0, 1)
@@ -293,8 +296,8 @@ def _own_share(ours: Float32, theirs: Float32, clear: Float32, mirrored: Float32
     Where he saw it clearly it is his, where he hardly did it is the mirror image's. Between the
     two runs the seam, along which they differ least: not across a lock of hair or a shadow's edge.
     """
-    never = (clear <= needed) & (clear < mirrored)
-    always = (clear > np.where(needed < CLEAR, needed, FULL)) | (clear >= mirrored)
+    never = (clear <= needed) & (clear < ALIKE * mirrored)
+    always = (clear > np.where(needed < CLEAR, needed, FULL)) | (clear >= ALIKE * mirrored)
     shrink = min(1.0, CUT / scale)
     size = tuple(max(int(side * shrink), 8) for side in clear.shape[::-1])
     images = [np.asarray(cv2.resize(blurred(one, 0.02 * scale), size,
