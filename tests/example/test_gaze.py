@@ -7,7 +7,7 @@ import pytest
 
 from lfportrait import face, models
 from lfportrait.example import gaze
-from lfportrait.example.gaze import EYES, looking_apart, with_parallel_eyes
+from lfportrait.example.gaze import EYES, agreed, looking_apart, with_parallel_eyes
 from tests.portraits import drawn_face
 
 WHITE, DARK = (235, 235, 235), (20, 40, 120)
@@ -74,6 +74,24 @@ def test_eyes_that_look_apart_look_the_same_way(painted):
     np.testing.assert_array_equal(level.landmarks, exemplar.landmarks)
 
 
+def test_eyes_move_by_no_more_than_discs_and_landmarker_agree_on():
+    corners = np.array([[[0.0, 0.0], [100.0, 0.0]], [[200.0, 0.0], [300.0, 0.0]]])
+
+    def eyes(degrees):
+        irises = corners.mean(axis=1)
+        irises[1, 0] += degrees / gaze.FULL * 50
+        return np.stack([*corners.swapaxes(0, 1), irises, irises, irises], axis=1)
+
+    def asked(by_mesh, by_discs):
+        discs = eyes(by_discs + gaze.DISCS_USUAL)[:, 2]
+        return agreed(eyes(by_mesh + gaze.USUAL[0]), discs)
+
+    # The landmarker reports half of what there is.
+    assert asked(3.0, 5.0) == pytest.approx(5.0) and asked(-3.0, -7.0) == pytest.approx(-6.0)
+    assert asked(3.0, -5.0) == 0.0 and asked(-0.5, 6.0) == 0.0
+    assert asked(3.0, gaze.MOST + 1) == 0.0 and asked(gaze.MOST + 1, 3.0) == 0.0
+
+
 def test_parallel_eyes_and_unlikely_ones_stay(painted, monkeypatch):
     draw, apart = painted
     usual = gaze.USUAL[0] / gaze.FULL
@@ -81,6 +99,9 @@ def test_parallel_eyes_and_unlikely_ones_stay(painted, monkeypatch):
     assert np.linalg.norm(apart(parallel.image)) < 1 and apart(wild.image)[0] > gaze.MOST
     assert with_parallel_eyes(parallel) is parallel and with_parallel_eyes(wild) is wild
     exemplar = draw(-0.15, 0.2)
+    with monkeypatch.context() as other:
+        other.setattr(gaze, "irises_found", lambda image, landmarks: None)
+        assert with_parallel_eyes(exemplar) is exemplar
     monkeypatch.setattr(gaze, "_mesh", lambda image, landmarks: None)
     assert with_parallel_eyes(exemplar) is exemplar
     monkeypatch.setattr(models, "available", lambda name: False)

@@ -51,6 +51,8 @@ CUT = 160.0
 """Pixels a unit of the head in the pictures that the seam is looked for in."""
 FEATURE = 0.22
 """The same for eyes and brows, which would else look like a mirror's."""
+BASE = 0.45
+"""The same for the base of the nose, whose shade lies on one side: mirrored it is a dark bar."""
 SURE = 0.15
 """The same for telling its light from that of its mirror image."""
 OUTLINE = 0.015
@@ -248,16 +250,20 @@ class _Head:
 
 
 def _needed(x: Float64, y: Float64, head: Float64) -> Float64:
-    """How clearly a place must be seen to be taken as it was painted: less in eyes and brows.
+    """How clearly a place must be seen to be taken as it was painted, float64 as ``x``.
+
+    Less in eyes and brows, and a little less at the nose's base.
 
     ``head`` [68, 3] are the head's landmarks.
     """
     out = np.full(x.shape, CLEAR)
-    for numbers, wide, high in ((range(36, 42), 0.12, 0.075), (range(42, 48), 0.12, 0.075),
-                                (range(17, 22), 0.13, 0.05), (range(22, 27), 0.13, 0.05)):
+    for numbers, wide, high, least in (
+            (range(36, 42), 0.12, 0.075, FEATURE), (range(42, 48), 0.12, 0.075, FEATURE),
+            (range(17, 22), 0.13, 0.05, FEATURE), (range(22, 27), 0.13, 0.05, FEATURE),
+            (range(31, 36), 0.12, 0.045, BASE)):
         middle = head[list(numbers), :2].mean(axis=0)
         away = np.hypot((x - middle[0]) / wide, (y - middle[1]) / high)
-        out -= (CLEAR - FEATURE) * np.clip((1.5 - away) / 0.5, 0, 1)
+        out -= (CLEAR - least) * np.clip((1.5 - away) / 0.5, 0, 1)
     return np.maximum(out, FEATURE)
 
 
