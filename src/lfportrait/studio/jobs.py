@@ -58,6 +58,7 @@ class Jobs:
         self._children: dict[str, Child] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
+        self._places: dict[str, int] = {}  # that the pages know
 
     # -- asked by the page ------------------------------------------------------------------------
 
@@ -73,8 +74,12 @@ class Jobs:
 
     def entry(self, job: JobState) -> dict[str, Any]:
         """A job as the page sees it."""
-        waiting = [one.id for one in self.jobs.values() if one.heavy and one.state == "waiting"]
-        return job.entry(waiting.index(job.id) if job.id in waiting else 0)
+        return job.entry(self._queue().get(job.id, 0))
+
+    def _queue(self) -> dict[str, int]:
+        """Places of the heavy jobs that wait, by their ids; 0 is next."""
+        waiting = (one.id for one in self.jobs.values() if one.heavy and one.state == "waiting")
+        return {name: place for place, name in enumerate(waiting)}
 
     def of(self, project: str, kind: str = "") -> JobState | None:
         """The job that runs or waits for a project, the first one if there are several."""
@@ -277,7 +282,7 @@ class Jobs:
         self._events.tell("progress", {
             "job": job.id, "stage": name, "note": note,
             "progress": None if share is None else round(share, 4),
-            "left": round(stage.left(time.time()), 1), "total_progress": job.progress(),
+            "left": round(stage.left(job.spent(stage)), 1), "total_progress": job.progress(),
             "total_left": job.left()}, numbered=False)
 
     def _fail(self, job: JobState, code: str, message: str) -> None:
@@ -300,6 +305,11 @@ class Jobs:
         with contextlib.suppress(UserError):
             job.save(self._folder)
         self._events.tell("job", self.entry(job))
+        # Others have moved up when one begins, is cancelled or moved.
+        before, self._places = self._places, self._queue()
+        for name, place in self._places.items():
+            if name != job.id and before.get(name) != place:
+                self._events.tell("job", self.entry(self.jobs[name]))
         self._changed(job)
 
     def _forget(self) -> None:

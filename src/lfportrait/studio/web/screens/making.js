@@ -287,7 +287,9 @@ class Making {
     const waiting = state.jobs.filter((job) => HEAVY.includes(job.kind) && isLive(job));
     this.queue.hidden = waiting.length < 2 && !waiting.some((job) => job.project !== this.id);
     if (this.queue.hidden) return;
-    const order = [...waiting].sort((one, other) => one.place - other.place);
+    // What runs, then those that wait: the next one's place is 0.
+    const turn = (job) => (job.state === "waiting" ? job.place : -1);
+    const order = [...waiting].sort((one, other) => turn(one) - turn(other));
     fill(
       this.queue,
       h("h2", { text: t("queue.title") }),
