@@ -142,13 +142,23 @@ class Gallery {
         );
         this.chosen = style.id;
         await this.load();
-        if (style.faces > 1) await this.faces(style);
-        else if (style.landmarks === "none") say(t("style.noface", { name: style.name }), { wrong: true });
-        else say(t("style.added", { name: style.name }));
+        await this.greet(style);
       } catch (error) {
         fail(error);
       }
     }
+  }
+
+  /** A painting that has come: its faces are looked for now, and it is asked which one is meant. */
+  async greet({ id, landmarks, name }) {
+    const path = `/api/styles/${id}/faces?project=${this.sitter.id}`;
+    const { signal } = this.stopper;
+    const { faces } = landmarks === "file" ? { faces: [0] } : await slowly(() => get(path, signal), signal);
+    // What was found stands in the gallery, too.
+    if (faces.length !== 1) await this.load();
+    if (faces.length > 1) await this.faces(this.style(id));
+    else if (!faces.length) say(t("style.noface", { name }), { wrong: true });
+    else say(t("style.added", { name }));
   }
 
   draw() {
@@ -306,7 +316,9 @@ class Gallery {
     const path = `/api/styles/${style.id}/check?project=${this.sitter.id}`;
     const { signal } = this.stopper;
     const { facts } = await slowly(() => get(path, signal), signal).catch((error) => {
-      if (error.code === "user_error") return { facts: [{ grade: "bad", text: error.message }] };
+      // Without a face the commands' message names their options.
+      const text = style.landmarks === "none" ? t("style.noface", { name: style.name }) : error.message;
+      if (error.code === "user_error") return { facts: [{ grade: "bad", text }] };
       throw error;
     });
     fill(list, facts.map(({ grade, text }) => h("li.note.small", { class: grade }, icon(grade), h("span", { text }))));
