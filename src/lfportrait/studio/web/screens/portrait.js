@@ -332,9 +332,14 @@ export class Portrait {
       ],
     );
     if (!answer) return;
+    // Asked before: a reload chooses another one, and what was moved belongs to none any more.
+    const shown = version.id === this.chosen;
+    if (shown) this.save.stop();
     await send("DELETE", `/api/projects/${this.sitter.id}/versions/${version.id}`);
+    if (shown) this.open = false;
     await this.reload();
-    if (version.id !== this.chosen) return;
+    if (!shown) return;
+    this.address();
     await this.display();
   }
 
