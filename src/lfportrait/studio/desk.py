@@ -18,7 +18,7 @@ from .job_state import JobState
 from .jobs import Jobs
 from .mixes import mix_arguments
 from .orders import Order
-from .photos import check_key, sheet
+from .photos import VIDEO_FRAME, check_key, sheet
 from .previews import Previews
 from .projects import Project, Projects
 from .styles import Styles
@@ -90,8 +90,9 @@ class Desk:
                            key=lambda path: path.stat().st_mtime)
             if found:
                 return found[-1]
-        small = sorted((project.own / "small").glob("*-240.jpg"))
-        return small[0] if small else None
+        small = project.own / "small"
+        found = sorted(small.glob("*-240.jpg")) or [*small.glob(VIDEO_FRAME)]
+        return found[0] if found else None
 
     def photos(self, project: Project) -> dict[str, Any]:
         """The contact sheet, and how far its check is."""

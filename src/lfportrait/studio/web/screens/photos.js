@@ -140,14 +140,14 @@ class Photos {
   }
 
   drawAdvice(advice) {
-    const { checked, photos, faces } = this.data;
+    const { checked, looked, faces } = this.data;
     fill(
       this.advice,
       h("h2", { text: t("photos.advice") }),
       !checked && h("p.soft", { text: t("photos.unchecked") }),
       checked &&
         !advice.length &&
-        h("p.note.good", {}, icon("good"), t("photos.well", { n: photos.length, faces })),
+        h("p.note.good", {}, icon("good"), t("photos.well", { n: looked, faces })),
       advice.map((line) => h("p.note.fair", {}, icon("fair"), line)),
     );
   }
@@ -211,7 +211,12 @@ class Photos {
 
   card(photo) {
     const reasons = photo.reasons.map((reason) => known("reason", reason)).join(", ");
-    const word = t(`grade.${photo.grade}`);
+    const { looked } = this.data;
+    // A video has no grade of its own: its frames were looked at.
+    const word =
+      photo.video && looked && !photo.left_out
+        ? t("photo.frames", { n: looked })
+        : t(`grade.${photo.grade}`);
     return h(
       "li.shot-card",
       { class: photo.grade, "data-photo": photo.id },
@@ -255,7 +260,8 @@ class Photos {
             "aria-label": t("photo.leave.one", { name: photo.name }),
           },
         ),
-        photo.grade === "red" &&
+        // What is of use stays; it can be left out first. A video would keep all photos away.
+        (photo.grade === "red" || photo.left_out || photo.video) &&
           button(
             "",
             doing(async () => {
