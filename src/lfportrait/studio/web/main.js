@@ -83,7 +83,11 @@ async function begin() {
     event.preventDefault();
     document.getElementById("main").focus();
   });
-  addEventListener("hashchange", route);
+  addEventListener("hashchange", () => {
+    // The address of a studio that was started again, opened in the page of the one before.
+    if (location.hash.startsWith("#token=")) location.reload();
+    else route();
+  });
   // A file that misses a drop zone must not replace the page.
   for (const name of ["dragover", "drop"]) addEventListener(name, (event) => event.preventDefault());
   const shell = () => {

@@ -102,10 +102,16 @@ const HEARD = {
 export function listen() {
   const source = new EventSource(`/api/events?after=${state.event}`);
   source.onopen = () => reached(true);
-  source.onerror = () => {
-    reached(false);
-    // Where the browser gives up by itself (an answer that is no stream) we begin again.
-    if (source.readyState === EventSource.CLOSED) setTimeout(listen, 3000);
+  source.onerror = async () => {
+    if (source.readyState !== EventSource.CLOSED) return reached(false);
+    // The browser gives up by itself where the answer is no stream: another answer says why. A studio
+    // that was started again lets pages in that come by its new address; the key is then this page's, too.
+    const why = await get("/api/state").then(
+      () => null,
+      (error) => error,
+    );
+    if (why?.code === "no_session") tell("notice", why);
+    setTimeout(listen, 3000);
   };
   for (const kind of KINDS) {
     source.addEventListener(kind, async (event) => {
