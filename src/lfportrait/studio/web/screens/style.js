@@ -149,11 +149,10 @@ class Gallery {
     }
   }
 
-  /** A painting that has come: its faces are looked for now, and it is asked which one is meant. */
+  /** A painting that has come: its faces are looked for now, before all pictures of the gallery. */
   async greet({ id, landmarks, name }) {
     const path = `/api/styles/${id}/faces?project=${this.sitter.id}`;
-    const { signal } = this.stopper;
-    const { faces } = landmarks === "file" ? { faces: [0] } : await slowly(() => get(path, signal), signal);
+    const { faces } = landmarks === "file" ? { faces: [0] } : await get(path, this.stopper.signal);
     // What was found stands in the gallery, too.
     if (faces.length !== 1) await this.load();
     if (faces.length > 1) await this.faces(this.style(id));
