@@ -273,6 +273,24 @@ def test_depth_eye_and_patterns(page, project, head, style):
         assert page.ask("POST", path, {"version": version, **wrong}).status_code in (400, 404)
 
 
+def test_a_preview_stands_before_the_ground_that_a_fine_version_has(page, project, head, style):
+    version = page.do("POST", f"/api/projects/{project}/versions", {
+        "name": "Before a ground", "style": style})["id"]
+
+    def corners(placement):
+        seen = shown(page.ask("POST", f"/api/projects/{project}/eye", {
+            "version": version, "placement": placement, "width": 128}))
+        return float(seen[:8, [*range(8), *range(-8, 0)]].mean())
+
+    black = corners({"ground": "black"})
+    assert black < 3 and corners({}) > black + 20 and corners({"ground": "white"}) > black + 20
+    file = page.desk.projects.get(project).folder / "exports" / "ground.png"
+    job = page.do("POST", f"/api/projects/{project}/exports", {
+        "kind": "coded", "version": version, "name": "ground"})["id"]
+    assert page.wait(job)["state"] == "done"
+    assert read_image(file)[:8, :8].mean() > black + 20
+
+
 def test_regions_are_found_painted_over_and_forgotten(page, project, head, style):
     path = f"/api/styles/{style}/regions?project={project}"
     found = page.get(path)

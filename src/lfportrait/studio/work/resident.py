@@ -121,6 +121,8 @@ class _Resident:
         field, panel, config = self._placed(facts)
         key = repr((look.key(), panel, config))
         if self._coded is None or self._coded[0] != key:
+            if config.ground == "painted":
+                field = self.sitting.on_ground(look)
             self._coded = key, encode(field, panel, config, mask=ViewMask.build(panel))
         return self._coded[1]
 
