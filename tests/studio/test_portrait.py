@@ -234,6 +234,36 @@ def digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def test_a_file_waits_for_the_fine_version_that_it_is_of(page, project, head, style):
+    versions, files = (f"/api/projects/{project}/{name}" for name in ("versions", "exports"))
+    version = page.do("POST", versions, {"name": "Later", "style": style,
+                                         "mix": {"strength": 0.7}})["id"]
+    order = {"kind": "coded", "version": version, "name": "later", "fine": True}
+    # Its fine version is not finished: no preview is taken for it.
+    export = page.do("POST", files, order)["id"]
+    assert page.get(f"/api/jobs/{export}")["state"] == "waiting"
+    fine = next(one for one in page.get("/api/jobs")["jobs"]
+                if one["kind"] == "fine" and one["version"] == version)["id"]
+    page.do("POST", f"/api/jobs/{fine}/cancel")
+    assert page.wait(export)["error"]["code"] == "not_ready"
+    # Another one waits for the job that runs already.
+    fine = page.do("POST", f"{versions}/{version}/fine")["id"]
+    for export in [page.do("POST", files, order)["id"] for _ in range(2)]:
+        assert page.wait(export)["state"] == "done"
+    assert page.get(f"/api/jobs/{fine}")["state"] == "done"
+    folder = page.desk.projects.get(project).folder
+    names = {"later.png", "later-2.png"}
+
+    def there():
+        found = {one["name"]: one for one in page.get(files)["exports"]}
+        return found if names <= set(found) else None
+
+    made = wait_for(there)
+    for name in names:
+        assert made[name]["fine"]
+        assert digest(Path(made[name]["path"])) == digest(folder / "versions/Later/lightfield.png")
+
+
 def test_the_viewer_runs_nothing_but_its_own_script(page, project, head, style):
     path = f"/api/projects/{project}/viewer"
     found = page.do("POST", path, {"style": style, "mix": {"identity": 0.5}})

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from starlette.responses import Response
 
 from ...lightfield import Display
 from .. import exports
-from ..answers import Refusal, choice, number, numbers, text, whole
+from ..answers import Refusal, choice, number, numbers, text, truth, whole
 from ..batches import batch_file, study_command
 from ..desk import export_order
 from ..displays import KINDS, Panel, corrected, named, wizard_steps
@@ -206,12 +207,16 @@ def exported(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/projects/{project}/exports")
 async def export(call: Call) -> tuple[int, dict[str, Any]]:
-    """Export a version."""
+    """Export a version; ``fine``: once it is fine, which is begun if nobody did."""
     project, data = call.project, call.data
     version = Versions(project).get(text(data, "version"))
     choices = export_order(call.desk, project, data)
-    target = exports.target(project, exports.KINDS[choices["kind"]], text(data, "name", ""))
-    job = call.desk.export(project, version, {**choices, "target": str(target)})
+    ordered = [Path(job.order["target"]).name for job in call.desk.jobs.jobs.values()
+               if job.kind == "export" and job.project == project.id and not job.over]
+    target = exports.target(project, exports.KINDS[choices["kind"]], text(data, "name", ""),
+                            ordered)
+    job = call.desk.export(project, version, {**choices, "target": str(target)},
+                           fine=truth(data, "fine", False))
     return 201, call.desk.jobs.entry(job)
 
 

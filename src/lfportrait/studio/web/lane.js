@@ -80,6 +80,19 @@ async function load(image) {
   image.src = wanted;
 }
 
+/** A small picture, and the large one in its place when that is there. */
+export function growingPicture(image, small, large) {
+  image.addEventListener(
+    "load",
+    () => {
+      image.dataset.wanted = large;
+      load(image);
+    },
+    { once: true },
+  );
+  return slowPicture(image, small);
+}
+
 /** A picture that is asked for when it is in sight and a lane is free. */
 export function slowPicture(image, path) {
   image.dataset.wanted = path;
