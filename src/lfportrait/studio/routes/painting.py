@@ -13,7 +13,16 @@ from ...labels import BY_HAND
 from ..answers import Refusal, number, numbers, points, text, whole
 from ..mixes import checked_mix
 from ..projects import Project
-from ..styles import GROUPS, LARGEST, LINES, MIRROR, Style, preview_file, write_regions
+from ..styles import (
+    GROUPS,
+    LARGEST,
+    LINES,
+    MIRROR,
+    Style,
+    preview_file,
+    write_picture,
+    write_regions,
+)
 from .call import Call, Table, picture, query_number
 
 TABLE = Table()
@@ -110,7 +119,10 @@ async def style_picture(call: Call) -> Any:
     stamp = f"{style.path.stat().st_mtime_ns:x}" if style.path is not None else "0"
     name = f"{style.id}-{stamp}-{size}.{'jpg' if size else 'png'}"
     path = call.desk.styles.own(project) / name
-    if not path.is_file():
+    if not path.is_file() and style.path is not None:
+        # A file is only read: it is there while the previews' process has much to do.
+        await asyncio.to_thread(write_picture, style.path, size, path)
+    elif not path.is_file():
         await call.desk.previews.ask("style_picture", {"style": style.source, "size": size,
                                                        "file": str(path)})
     return picture(call, path)

@@ -75,8 +75,12 @@ async function load(image) {
     () => {},
   );
   started = true;
-  image.addEventListener("load", give, { once: true });
-  image.addEventListener("error", give, { once: true });
+  const there = () => {
+    image.classList.remove("coming");
+    give();
+  };
+  image.addEventListener("load", there, { once: true });
+  image.addEventListener("error", there, { once: true });
   image.src = wanted;
 }
 
@@ -96,6 +100,7 @@ export function growingPicture(image, small, large) {
 /** A picture that is asked for when it is in sight and a lane is free. */
 export function slowPicture(image, path) {
   image.dataset.wanted = path;
+  image.classList.add("coming");
   sight.observe(image);
   return image;
 }

@@ -83,7 +83,7 @@ class Gallery {
             {},
             t("style.nohead", { sitter: name }),
             " ",
-            h("a", { href: `#making/${id}`, text: t("style.making") }),
+            h("a", { href: `#making/${id}`, text: t("photos.next") }),
           ),
         ),
     );
