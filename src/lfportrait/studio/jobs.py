@@ -198,13 +198,19 @@ class Jobs:
         heavy = any(job.heavy for job in active)
         light = sum(not job.heavy for job in active)
         for job in list(self.jobs.values()):
-            if job.state != "waiting" or (heavy if job.heavy else light >= _LIGHT):
+            if job.state != "waiting" or self._held(job) or (
+                    heavy if job.heavy else light >= _LIGHT):
                 continue
             heavy, light = heavy or job.heavy, light + (not job.heavy)
             job.state = "running"
             task = asyncio.get_running_loop().create_task(self._run(job))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
+
+    def _held(self, job: JobState) -> bool:
+        """Whether a job waits for another one (``after`` in its order) that can still succeed."""
+        other = self.jobs.get(str(job.order.get("after")))
+        return other is not None and other.state not in ("done", "cancelled")
 
     async def _run(self, job: JobState) -> None:
         """One job from its process's begin to its end."""

@@ -75,14 +75,32 @@ async function load(image) {
     () => {},
   );
   started = true;
-  image.addEventListener("load", give, { once: true });
-  image.addEventListener("error", give, { once: true });
+  const there = () => {
+    image.classList.remove("coming");
+    give();
+  };
+  image.addEventListener("load", there, { once: true });
+  image.addEventListener("error", there, { once: true });
   image.src = wanted;
+}
+
+/** A small picture, and the large one in its place when that is there. */
+export function growingPicture(image, small, large) {
+  image.addEventListener(
+    "load",
+    () => {
+      image.dataset.wanted = large;
+      load(image);
+    },
+    { once: true },
+  );
+  return slowPicture(image, small);
 }
 
 /** A picture that is asked for when it is in sight and a lane is free. */
 export function slowPicture(image, path) {
   image.dataset.wanted = path;
+  image.classList.add("coming");
   sight.observe(image);
   return image;
 }

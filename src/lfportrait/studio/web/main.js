@@ -1,5 +1,6 @@
 // The page's beginning, and which screen is seen: the address names screen, sitter and what is open.
 
+import { leaveScreen } from "./api.js";
 import { fill, h, later } from "./dom.js";
 import { speak, t } from "./i18n.js";
 import { drawShell, fail, markSteps, SCREENS, watchServer } from "./shell.js";
@@ -20,6 +21,7 @@ const SHOW = {
   show: showShow,
 };
 let leave = null,
+  left = null,
   shown = "",
   number = 0;
 
@@ -36,9 +38,15 @@ async function route(again = false) {
   const wanted = [screen, id, ...rest].join("/");
   if (wanted === shown && again !== true) return;
   const mine = ++number;
-  await leave?.();
-  leave = null;
   shown = wanted;
+  if (leave) {
+    left = leave();
+    leave = null;
+  }
+  // What a screen has to keep is kept before the next one reads it.
+  await left;
+  if (mine !== number) return;
+  leaveScreen();
   const main = document.getElementById("main");
   drawShell(screen, id, () => route(true));
   document.title = [project(id)?.name, t(`step.${screen}`), "lfportrait studio"].filter(Boolean).join(" · ");

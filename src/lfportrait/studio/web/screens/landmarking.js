@@ -2,6 +2,7 @@
 
 import { bitmap, get, post, send } from "../api.js";
 import { fill, h, icon, later } from "../dom.js";
+import { growingPicture } from "../lane.js";
 import { LandmarkEditor } from "../editor.js";
 import { t } from "../i18n.js";
 import { Landmarks } from "../landmarks.js";
@@ -25,14 +26,30 @@ export async function styleOf(sitter, id) {
   return styles.find((each) => each.id === id) ?? Promise.reject(new Error(`style ${id} is gone`));
 }
 
+/** The painting, until its editor is there. */
+export function whileRead(root, head, style) {
+  const painting = h("img", { alt: t("style.alt", { name: style.name }) });
+  fill(
+    root,
+    head,
+    h(
+      "figure.reading",
+      {},
+      growingPicture(painting, style.picture, style.full),
+      h("figcaption.soft", { role: "status", text: t("editor.reading") }),
+    ),
+  );
+}
+
 export async function showLandmarks(root, sitter, id) {
   root.classList.add("full");
   const style = await styleOf(sitter, id);
   const query = `?project=${sitter.id}`,
     path = `/api/styles/${id}/landmarks${query}`;
-  const image = await bitmap(style.full);
   const saved = h("p.soft", { role: "status" });
   const head = editorHead(sitter, style, "editor.title", saved);
+  whileRead(root, head, style);
+  const image = await bitmap(style.full);
   let held = await get(path).catch((error) =>
     error.code === "not_found" || error.code === "user_error" ? null : Promise.reject(error),
   );

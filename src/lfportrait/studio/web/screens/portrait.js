@@ -8,7 +8,8 @@ import { t } from "../i18n.js";
 import { MixPanel, plainMix, STEADY } from "../mix.js";
 import { doing, fail, say } from "../shell.js";
 import { Stage } from "../stage.js";
-import { isLive, jobsOf, keepJob, keepProject, on } from "../state.js";
+import { fineJob, keepJob, keepProject, on } from "../state.js";
+import { standingOf } from "../times.js";
 
 export async function showPortrait(root, sitter, [version, other]) {
   root.classList.add("full");
@@ -160,7 +161,7 @@ export class Portrait {
               button(
                 "",
                 doing(() => this.rename(each)),
-                { kind: "quiet tool", drawing: "brush", name: t("version.rename", { name: each.name }) },
+                { kind: "quiet tool", drawing: "pencil", name: t("version.rename", { name: each.name }) },
               ),
             !each.from_command_line &&
               button(
@@ -188,11 +189,7 @@ export class Portrait {
 
   drawActions() {
     const { version } = this;
-    const job =
-      version &&
-      jobsOf(this.sitter.id).find(
-        (each) => each.kind === "fine" && each.version === version.id && isLive(each),
-      );
+    const job = version && fineJob(this.sitter.id, version.id);
     fill(
       this.actions,
       version &&
@@ -201,7 +198,7 @@ export class Portrait {
               "a.button",
               { href: `#making/${this.sitter.id}` },
               icon("making"),
-              t("portrait.making", { n: Math.round(100 * (job.progress ?? 0)) }),
+              t("portrait.making", { how: standingOf(job) }),
             )
           : !version.fine &&
             button(

@@ -106,7 +106,7 @@ function card(item) {
       button(
         "",
         doing(() => rename(item)),
-        { kind: "quiet tool", drawing: "brush", name: t("sitter.rename", { name: item.name }) },
+        { kind: "quiet tool", drawing: "pencil", name: t("sitter.rename", { name: item.name }) },
       ),
       button(
         "",

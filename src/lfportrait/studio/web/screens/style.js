@@ -3,10 +3,11 @@
 import { get, picture, post, put, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
 import { t } from "../i18n.js";
-import { slowly } from "../lane.js";
+import { takeFiles } from "../drop.js";
+import { chooseFace } from "../faces.js";
+import { growingPicture, slowly } from "../lane.js";
 import { doing, fail, murmur, say } from "../shell.js";
 import { keepProject, on } from "../state.js";
-import { chooseFace } from "../faces.js";
 import { showLandmarks } from "./landmarking.js";
 import { showRegions } from "./painting.js";
 
@@ -24,6 +25,7 @@ class Gallery {
     this.chosen = style || sitter.style;
     this.grid = h("ul.paintings", { "aria-label": t("style.gallery") });
     this.detail = h("section.detail", { "aria-label": t("style.chosen") });
+    this.missing = h("div");
     this.stopper = new AbortController();
     this.queue = [];
     fill(
@@ -34,42 +36,9 @@ class Gallery {
         h("div", {}, h("h1", { text: t("step.style") }), h("p.lead", { text: t("style.lead") })),
         this.adding(),
       ),
-      !sitter.has.field &&
-        h(
-          "p.note.fair",
-          {},
-          icon("fair"),
-          h(
-            "span",
-            {},
-            t("style.nohead"),
-            " ",
-            h("a", { href: `#making/${sitter.id}`, text: t("step.making") }),
-          ),
-        ),
+      this.missing,
       h("div.style-body", {}, this.detail, this.grid),
     );
-    root.classList.add("drop-screen");
-    root.addEventListener("dragover", (event) => {
-      event.preventDefault();
-      root.classList.add("over");
-    });
-    root.addEventListener(
-      "dragleave",
-      (event) => !root.contains(event.relatedTarget) && root.classList.remove("over"),
-    );
-    root.addEventListener("drop", (event) => {
-      event.preventDefault();
-      root.classList.remove("over");
-      this.add([...event.dataTransfer.files]);
-    });
-    this.pasted = (event) => {
-      const files = [...event.clipboardData.files];
-      if (!files.length) return;
-      event.preventDefault();
-      this.add(files, true);
-    };
-    document.addEventListener("paste", this.pasted);
     // A preview is asked for when its painting is in sight.
     this.sight = new IntersectionObserver(
       (seen) => {
@@ -79,6 +48,8 @@ class Gallery {
     );
     this.ends = [
       on("styles", ({ project: which }) => (!which || which === sitter.id) && this.load().catch(fail)),
+      on("project", (item) => item.id === sitter.id && this.renew(item)),
+      takeFiles(t("style.release"), (files, pasted) => this.add(files, pasted)),
     ];
   }
 
@@ -86,12 +57,36 @@ class Gallery {
     for (const end of this.ends) end();
     this.stopper.abort();
     this.sight.disconnect();
-    document.removeEventListener("paste", this.pasted);
+  }
+
+  /** The sitter as it is now; with a head, paintings are seen on it. */
+  renew(sitter) {
+    const before = this.sitter.has.field;
+    this.sitter = sitter;
+    if (sitter.has.field !== before) this.load().catch(fail);
   }
 
   async load() {
     ({ styles: this.styles } = await get(`/api/styles?project=${this.sitter.id}`));
-    if (!this.styles.some(({ id }) => id === this.chosen)) this.chosen = this.styles[0]?.id ?? null;
+    if (!this.style()) this.chosen = this.styles[0]?.id ?? null;
+    else if (this.chosen !== this.sitter.style) this.keep();
+    const { id, name, has } = this.sitter;
+    fill(
+      this.missing,
+      !has.field &&
+        h(
+          "p.note.fair",
+          {},
+          icon("fair"),
+          h(
+            "span",
+            {},
+            t("style.nohead", { sitter: name }),
+            " ",
+            h("a", { href: `#making/${id}`, text: t("photos.next") }),
+          ),
+        ),
+    );
     this.draw();
     this.drawDetail();
   }
@@ -141,6 +136,7 @@ class Gallery {
           file,
         );
         this.chosen = style.id;
+        this.keep();
         await this.load();
         await this.greet(style);
       } catch (error) {
@@ -180,22 +176,30 @@ class Gallery {
         { "aria-pressed": String(style.id === this.chosen), onclick: () => this.choose(style.id) },
         h(
           "span.pair",
-          {},
+          { class: this.sitter.has.field ? "" : "alone" },
           h("img", { slow: style.picture, alt: "" }),
-          style.preview ? h("img.on-sitter", { src: style.preview, alt: "" }) : h("span.on-sitter.blank"),
+          this.sitter.has.field &&
+            (style.preview ? h("img.on-sitter", { src: style.preview, alt: "" }) : h("span.on-sitter.blank")),
         ),
-        h("span.name", { text: style.name }),
+        h("span.name", { text: style.name, title: style.name }),
         style.kind === "builtin" && h("span.unseen", { text: t("style.builtin") }),
       ),
     );
   }
 
-  async choose(id) {
+  /** What is chosen stays so on other screens, and after a reload. */
+  keep() {
+    const style = this.chosen;
+    keepProject({ ...this.sitter, style });
+    send("PATCH", `/api/projects/${this.sitter.id}`, { style }).then(keepProject).catch(fail);
+  }
+
+  choose(id) {
     this.chosen = id;
     for (const each of this.grid.children)
       each.firstChild.setAttribute("aria-pressed", String(each.dataset.style === id));
     this.drawDetail();
-    keepProject(await send("PATCH", `/api/projects/${this.sitter.id}`, { style: id }));
+    this.keep();
   }
 
   style(id = this.chosen) {
@@ -246,32 +250,7 @@ class Gallery {
     const facts = h("ul.stack.facts");
     fill(
       this.detail,
-      h(
-        "div.both",
-        {},
-        h(
-          "figure",
-          {},
-          h("img", { slow: style.full, alt: t("style.alt", { name: style.name }) }),
-          h("figcaption.soft.small", { text: style.name }),
-        ),
-        h(
-          "figure",
-          {},
-          style.preview
-            ? h("img", {
-                src: style.preview,
-                alt: t("preview.alt", { sitter: this.sitter.name, name: style.name }),
-              })
-            : h(
-                "div.blank",
-                { role: "img", "aria-label": t("preview.wait") },
-                icon("spark"),
-                h("span.small", { text: t(this.sitter.has.field ? "preview.wait" : "preview.later") }),
-              ),
-          h("figcaption.soft.small", { text: this.sitter.name }),
-        ),
-      ),
+      this.both(style),
       h(
         "div.row",
         {},
@@ -308,6 +287,36 @@ class Gallery {
     );
     this.want(style.id);
     this.judge(style, facts).catch(fail);
+  }
+
+  /** The painting, and once there is a head the sitter in it. */
+  both(style) {
+    const { name, has } = this.sitter;
+    const painting = h("img", { alt: t("style.alt", { name: style.name }) });
+    return h(
+      "div.both",
+      { class: has.field ? "" : "alone" },
+      h(
+        "figure",
+        {},
+        growingPicture(painting, style.picture, style.full),
+        h("figcaption.soft.small", { text: style.name }),
+      ),
+      has.field &&
+        h(
+          "figure",
+          {},
+          style.preview
+            ? h("img", { src: style.preview, alt: t("preview.alt", { sitter: name, name: style.name }) })
+            : h(
+                "div.blank",
+                { role: "img", "aria-label": t("preview.wait") },
+                icon("spark"),
+                h("span.small", { text: t("preview.wait") }),
+              ),
+          h("figcaption.soft.small", { text: name }),
+        ),
+    );
   }
 
   /** What the painting will give: it takes a second the first time. */
