@@ -59,17 +59,9 @@ export function selection(sitter, display) {
         button(
           t("select.batch"),
           doing(async () => {
-            const some = picked(chosen);
-            const unique = (values) => [...new Set(values)];
-            show(
-              result,
-              await post("/api/batch", {
-                projects: unique(some.map(([id]) => id)),
-                styles: unique(some.map(([, { style }]) => style)),
-                displays: [display().id],
-                versions: some.map(([id, version]) => [id, version.id]),
-              }),
-            );
+            // Each sitter in the style of the version that was chosen, not in all of them.
+            const versions = picked(chosen).map(([id, version]) => [id, version.id]);
+            show(result, await post("/api/batch", { displays: [display().id], versions }));
           }),
         ),
         button(
