@@ -44,3 +44,13 @@ def test_a_page_goes_on_when_another_one_was_let_in(browser, portraits_of):
           const { state } = await import("/static/state.js");
           return state.projects.some(({ name }) => name === "Cleo");
         }""", seconds=20)
+
+
+def test_a_studio_that_was_ended_by_its_page_is_not_missed(browser, portraits_of):
+    with Opened(browser, portraits_of) as each:
+        each.page.click("text=End the studio")
+        each.page.locator("dialog button.main").click()
+        each.page.wait_for_selector("text=The studio has ended.")
+        assert portraits_of.process.wait(20) == 0
+        each.page.wait_for_timeout(300)
+        assert each.page.inner_text("#alerts") == ""

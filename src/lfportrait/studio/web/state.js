@@ -113,23 +113,32 @@ const HEARD = {
   },
 };
 
+let source = null;
+
+/** The studio is ended by this page: that it does not answer is no news. */
+export function listenNoMore() {
+  source?.close();
+  source = null;
+}
+
 /** Listen to the server for as long as the page is open; EventSource itself comes back after a break. */
 export function listen() {
-  const source = new EventSource(`/api/events?after=${state.event}`);
-  source.onopen = () => reached(true);
-  source.onerror = async () => {
-    if (source.readyState !== EventSource.CLOSED) return reached(false);
+  const stream = new EventSource(`/api/events?after=${state.event}`);
+  source = stream;
+  stream.onopen = () => reached(true);
+  stream.onerror = async () => {
+    if (stream.readyState !== EventSource.CLOSED) return reached(false);
     // The browser gives up by itself where the answer is no stream: another answer says why. A studio
     // that was started again lets pages in that come by its new address; the key is then this page's, too.
-    const why = await get("/api/state").then(
+    const why = await get("/api/state", null).then(
       () => null,
       (error) => error,
     );
     if (why?.code === "no_session") tell("notice", why);
-    setTimeout(listen, 3000);
+    setTimeout(() => source === stream && listen(), 3000);
   };
   for (const kind of KINDS) {
-    source.addEventListener(kind, async (event) => {
+    stream.addEventListener(kind, async (event) => {
       const data = JSON.parse(event.data || "null");
       if (event.lastEventId) state.event = Number(event.lastEventId);
       HEARD[kind]?.(data);
