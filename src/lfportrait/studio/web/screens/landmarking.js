@@ -79,6 +79,8 @@ export async function showLandmarks(root, sitter, id) {
     onreset: doing(async () => {
       save.stop();
       const { points } = await send("DELETE", path);
+      // Where none was found there is nothing to go back to but its place.
+      if (!points) return location.reload();
       landmarks.put(points);
     }),
   });
