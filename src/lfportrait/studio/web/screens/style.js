@@ -236,7 +236,8 @@ class Gallery {
         if (id === this.chosen) this.drawDetail();
       } catch (error) {
         if (error.name === "AbortError") return;
-        if (id === this.chosen) fail(error);
+        // What is wrong with the painting itself stands below it.
+        if (id === this.chosen && error.code !== "user_error") fail(error);
       }
     }
   }
@@ -292,17 +293,18 @@ class Gallery {
   /** The painting, and once there is a head the sitter in it. */
   both(style) {
     const { name, has } = this.sitter;
+    const seen = has.field && style.landmarks !== "none"; // without a face nothing will come
     const painting = h("img", { alt: t("style.alt", { name: style.name }) });
     return h(
       "div.both",
-      { class: has.field ? "" : "alone" },
+      { class: seen ? "" : "alone" },
       h(
         "figure",
         {},
         growingPicture(painting, style.picture, style.full),
         h("figcaption.soft.small", { text: style.name }),
       ),
-      has.field &&
+      seen &&
         h(
           "figure",
           {},
