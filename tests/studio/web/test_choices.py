@@ -129,3 +129,19 @@ def test_stop_stops_what_was_read_ahead(browser, studio, tmp_path):
             route.abort()
         each.page.wait_for_timeout(300)
         assert len(held) == 4 and each.ask("GET", f"/api/projects/{sitter}/photos")["photos"] == []
+
+
+def test_a_batch_takes_each_sitter_in_the_style_of_its_version(opened):
+    """The page names versions alone: projects and styles beside them would be all with all."""
+    asked = []
+    opened.page.route("**/api/batch", lambda route: (
+        asked.append(route.request.post_data_json), route.fulfill(json={
+            "file": "/there/jobs.toml", "text": "[[sitter]]", "command": "lfportrait batch"})))
+    opened.go("show/anna/files")
+    opened.page.wait_for_selector(".kind-card")
+    opened.page.click("summary:has-text('Several at once')")
+    opened.page.locator("details li input").first.check()
+    opened.page.click("text=Write a batch file")
+    opened.page.wait_for_selector("details pre")
+    (sent,) = asked
+    assert set(sent) == {"displays", "versions"} and sent["versions"] == [["anna", "portrait"]]
