@@ -87,8 +87,9 @@ class Gallery {
           ),
         ),
     );
-    this.draw();
+    // The large picture is asked for before the small ones.
     this.drawDetail();
+    this.draw();
   }
 
   adding() {
