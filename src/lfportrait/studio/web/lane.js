@@ -93,8 +93,18 @@ export function slowPicture(image, path) {
   return image;
 }
 
-/** A small picture, and the large one in its place when that is there. */
-export function growingPicture(image, small, large) {
+/** A picture that the server has at hand: asked for when it is nearly in sight. */
+export function quickPicture(image, path) {
+  const there = () => image.classList.remove("coming");
+  image.classList.add("coming");
+  for (const name of ["load", "error"]) image.addEventListener(name, there, { once: true });
+  image.loading = "lazy";
+  image.src = path;
+  return image;
+}
+
+/** A small picture, and the large one in its place when that is there; `show` shows the small one. */
+export function growingPicture(image, small, large, show = slowPicture) {
   image.addEventListener(
     "load",
     () => {
@@ -106,5 +116,5 @@ export function growingPicture(image, small, large) {
     },
     { once: true },
   );
-  return slowPicture(image, small);
+  return show(image, small);
 }

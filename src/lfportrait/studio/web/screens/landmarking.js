@@ -2,7 +2,7 @@
 
 import { bitmap, get, post, send } from "../api.js";
 import { fill, h, icon, later } from "../dom.js";
-import { growingPicture } from "../lane.js";
+import { growingPicture, quickPicture } from "../lane.js";
 import { LandmarkEditor } from "../editor.js";
 import { t } from "../i18n.js";
 import { Landmarks } from "../landmarks.js";
@@ -35,7 +35,7 @@ export function whileRead(root, head, style) {
     h(
       "figure.reading",
       {},
-      growingPicture(painting, style.picture, style.full),
+      growingPicture(painting, style.picture, style.full, quickPicture),
       h("figcaption.soft", { role: "status", text: t("editor.reading") }),
     ),
   );
