@@ -117,7 +117,8 @@ async def style_picture(call: Call) -> Any:
         raise Refusal("bad_request", f"size must be one of {_SIZES}", field="size")
     stamp = f"{style.path.stat().st_mtime_ns:x}" if style.path is not None else "0"
     name = f"{style.id}-{stamp}-{size}.{'jpg' if size else 'png'}"
-    path = call.desk.styles.own(project) / name
+    # Built-in ones are the same for all sitters.
+    path = call.desk.styles.own(project if style.path is not None else None) / name
     if not path.is_file() and style.path is not None:
         # A file is only read: it is there while the previews' process has much to do.
         await asyncio.to_thread(write_picture, style.path, size, path)

@@ -1,7 +1,7 @@
 // The page's beginning, and which screen is seen: the address names screen, sitter and what is open.
 
 import { leaveScreen } from "./api.js";
-import { fill, h, later } from "./dom.js";
+import { button, fill, h, later } from "./dom.js";
 import { speak, t } from "./i18n.js";
 import { drawShell, fail, markSteps, SCREENS, watchServer } from "./shell.js";
 import { enter, listen, on, project, refresh } from "./state.js";
@@ -62,6 +62,7 @@ async function route(again = false) {
     else leave = ends;
   } catch (error) {
     fail(error);
+    if (mine === number) unseen(root, screen, error);
   }
   if (mine !== number) return;
   root.dataset.ready = "";
@@ -70,6 +71,20 @@ async function route(again = false) {
   // Not on the first picture: then the page itself has the focus.
   if (route.before && !root.contains(document.activeElement)) title?.focus({ preventScroll: true });
   route.before = true;
+}
+
+/** A screen that can't be shown says so, and can be tried again. */
+function unseen(root, screen, error) {
+  fill(
+    root,
+    h(
+      "div.empty",
+      {},
+      h("h1", { text: t(`step.${screen}`) }),
+      h("p", { text: error.code === undefined ? t("error.page") : error.message }),
+      button(t("again"), () => route(true), { drawing: "reset" }),
+    ),
+  );
 }
 
 async function begin() {

@@ -24,7 +24,7 @@ export class Preview {
     this.ask = later(() => this.draw(), wait);
     if (sitter.has.field) return;
     this.element.classList.add("none");
-    fill(this.element, h("p.note.fair", {}, icon("fair"), t("editor.nohead", { sitter: sitter.name })));
+    fill(this.element, h("p.note.fair", {}, icon("fair"), t("editor.nohead")));
     this.end = on("project", (item) => item.id === sitter.id && item.has.field && this.begin(item));
   }
 

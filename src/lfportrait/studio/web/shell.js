@@ -132,7 +132,7 @@ export function drawShell(screen, id, again) {
         sitter.thumbnail
           ? h("img.face", { src: sitter.thumbnail, alt: "", width: 45, height: 45 })
           : h("span.face"),
-        h("span", {}, h("span.small.soft", { text: t("sitter") }), h("strong", { text: sitter.name })),
+        h("span", {}, h("span.small.soft", { text: t("sitter") }), h("strong.some", { text: sitter.name, title: sitter.name })),
       ),
   );
   const steps = find("steps");

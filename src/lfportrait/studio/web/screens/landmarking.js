@@ -2,7 +2,7 @@
 
 import { bitmap, get, post, send } from "../api.js";
 import { fill, h, icon, later } from "../dom.js";
-import { growingPicture } from "../lane.js";
+import { growingPicture, quickPicture } from "../lane.js";
 import { LandmarkEditor } from "../editor.js";
 import { t } from "../i18n.js";
 import { Landmarks } from "../landmarks.js";
@@ -20,10 +20,10 @@ export function editorHead(sitter, style, title, saved) {
   );
 }
 
-/** A style of the gallery by its id. */
+/** A style of the gallery by its id, null where there is none. */
 export async function styleOf(sitter, id) {
   const { styles } = await get(`/api/styles?project=${sitter.id}`);
-  return styles.find((each) => each.id === id) ?? Promise.reject(new Error(`style ${id} is gone`));
+  return styles.find((each) => each.id === id) ?? null;
 }
 
 /** The painting, until its editor is there. */
@@ -35,15 +35,21 @@ export function whileRead(root, head, style) {
     h(
       "figure.reading",
       {},
-      growingPicture(painting, style.picture, style.full),
+      growingPicture(painting, style.picture, style.full, quickPicture),
       h("figcaption.soft", { role: "status", text: t("editor.reading") }),
     ),
   );
 }
 
+/** What was removed, perhaps in another window, has no editor. */
+export function toGallery(sitter) {
+  location.hash = `#style/${sitter.id}`;
+}
+
 export async function showLandmarks(root, sitter, id) {
   root.classList.add("full");
   const style = await styleOf(sitter, id);
+  if (!style) return toGallery(sitter);
   const query = `?project=${sitter.id}`,
     path = `/api/styles/${id}/landmarks${query}`;
   const saved = h("p.soft", { role: "status" });

@@ -260,10 +260,10 @@ class Making {
     const stage = job.stages.filter(({ picture }) => picture).at(-1);
     const old = this.picture.querySelector("img");
     if (!stage) {
-      return fill(
-        this.picture,
-        h("div.empty", {}, icon("making"), h("p", { text: t(isLive(job) ? "making.soon" : "making.none") })),
+      const text = t(
+        job.state === "waiting" ? "making.turn" : isLive(job) ? "making.soon" : "making.none",
       );
+      return fill(this.picture, h("div.empty", {}, icon("making"), h("p", { text })));
     }
     const text = t("stage.alt", { stage: known("stage", stage.name, stage.title) });
     if (old?.getAttribute("src") === stage.picture) return;
@@ -318,7 +318,7 @@ class Making {
             h(
               "a",
               { href: `#making/${job.project}` },
-              h("strong", { text: job.name ?? job.project }),
+              h("strong", { text: job.name ?? job.project, title: job.name ?? job.project }),
               " ",
               h("span.soft", { text: t(`kind.${job.kind}`) }),
             ),

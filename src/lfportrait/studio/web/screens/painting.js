@@ -7,13 +7,14 @@ import { Preview } from "../preview.js";
 import { COLORS, labelsOf, Regions } from "../regions.js";
 import { doing, fail } from "../shell.js";
 import { Viewport } from "../viewport.js";
-import { editorHead, styleOf, whileRead } from "./landmarking.js";
+import { editorHead, styleOf, toGallery, whileRead } from "./landmarking.js";
 
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export async function showRegions(root, sitter, id) {
   root.classList.add("full");
   const style = await styleOf(sitter, id);
+  if (!style) return toGallery(sitter);
   const path = `/api/styles/${id}/regions?project=${sitter.id}`;
   const saved = h("p.soft", { role: "status" });
   const head = editorHead(sitter, style, "regions.title", saved);

@@ -103,7 +103,7 @@ export class Portrait {
       return;
     }
     this.stage = new Stage(this.sitter, t("portrait.alt", { name: this.sitter.name }));
-    this.title = h("strong");
+    this.title = h("strong.some");
     fill(this.stages, h("div.column", {}, h("div.row.beside-bar", {}, this.title), this.stage.element));
     // The screen itself is there; the portrait comes when it is packed.
     this.display().catch(fail);
@@ -150,7 +150,7 @@ export class Portrait {
             h(
               "span",
               {},
-              h("strong", { text: each.name }),
+              h("strong.some", { text: each.name, title: each.name }),
               h("span.small.soft", { text: t(each.fine ? "version.fine" : "version.draft") }),
             ),
           ),

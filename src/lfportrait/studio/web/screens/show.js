@@ -226,7 +226,7 @@ class Show {
         h(
           "div.stack",
           {},
-          h("figure.eye", {}, this.eye, this.note),
+          h("figure.eye.first", {}, this.eye, this.note),
           h("div.eye-sliders", {}, eyeAt, crosstalk),
           this.budget,
         ),
@@ -256,6 +256,7 @@ class Show {
       );
       Object.assign(this.eye, { width: image.width, height: image.height });
       this.eye.getContext("2d").drawImage(image, 0, 0);
+      this.eye.parentElement.classList.remove("first");
       this.note.textContent = "";
     } catch (error) {
       if (error.name === "AbortError" || error.code === "busy") return;

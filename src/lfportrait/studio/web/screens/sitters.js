@@ -97,7 +97,7 @@ function card(item) {
       item.thumbnail
         ? h("img", { src: item.thumbnail, alt: "", loading: "lazy" })
         : h("span.blank", {}, icon("sitters")),
-      h("strong", { text: item.name }),
+      h("strong.some", { text: item.name, title: item.name }),
       h("span.tag", { class: kind, text }),
     ),
     h(

@@ -5,7 +5,7 @@ import { ask, button, fill, h, icon } from "../dom.js";
 import { t } from "../i18n.js";
 import { takeFiles } from "../drop.js";
 import { chooseFace } from "../faces.js";
-import { growingPicture, slowly } from "../lane.js";
+import { growingPicture, quickPicture, slowly, slowPicture } from "../lane.js";
 import { doing, fail, murmur, say } from "../shell.js";
 import { keepProject, on } from "../state.js";
 import { showLandmarks } from "./landmarking.js";
@@ -18,6 +18,9 @@ export async function showStyle(root, sitter, [style, what]) {
   await screen.load();
   return () => screen.close();
 }
+
+/** How a painting's picture is shown: a file is only read, a built-in one is painted first. */
+const shown = (style) => (style.kind === "builtin" ? slowPicture : quickPicture);
 
 class Gallery {
   constructor(root, sitter, style) {
@@ -87,8 +90,9 @@ class Gallery {
           ),
         ),
     );
-    this.draw();
+    // The large picture is asked for before the small ones.
     this.drawDetail();
+    this.draw();
   }
 
   adding() {
@@ -177,7 +181,7 @@ class Gallery {
         h(
           "span.pair",
           { class: this.sitter.has.field ? "" : "alone" },
-          h("img", { slow: style.picture, alt: "" }),
+          shown(style)(h("img", { alt: "" }), style.picture),
           this.sitter.has.field &&
             (style.preview ? h("img.on-sitter", { src: style.preview, alt: "" }) : h("span.on-sitter.blank")),
         ),
@@ -301,7 +305,7 @@ class Gallery {
       h(
         "figure",
         {},
-        growingPicture(painting, style.picture, style.full),
+        growingPicture(painting, style.picture, style.full, shown(style)),
         h("figcaption.soft.small", { text: style.name }),
       ),
       seen &&
