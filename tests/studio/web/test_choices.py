@@ -15,6 +15,8 @@ def test_the_wizard_is_gone_through_to_its_end(opened, tmp_path):
     page.set_input_files("#display-file", tmp_path / "small.toml")
     page.wait_for_selector(".toast:has-text('small')")
     copy = page.input_value("#display")
+    # The panel's own window has a test of its own.
+    opened.run("() => { window.open = () => window; }")
     page.click("text=Pattern wizard")
     page.wait_for_selector(".wizard form")
     before = opened.ask("GET", f"/api/displays/{copy}/wizard")["display"]
@@ -55,6 +57,7 @@ def test_a_removed_version_gives_way_to_another_one(opened):
       };
       const screen = Object.assign(Object.create(Portrait.prototype), {
         sitter: { id: "anna" }, chosen: "two", open: true, save: { stop() {} },
+        list: document.createElement("ul"),
         versions: [...left], address() {}, drawVersions() {}, drawActions() {},
         async display() { shown.push(this.version.id); },
       });

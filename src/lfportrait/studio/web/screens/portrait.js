@@ -305,7 +305,14 @@ export class Portrait {
     const moved = this.first?.id === old.id && JSON.stringify(this.first.mix) !== JSON.stringify(plainMix(old.mix));
     if (moved && !old.fine && !old.from_command_line) await send("PATCH", path, { mix: this.first.mix });
     await this.reload();
-    await this.choose(made.id);
+    const shown = this.choose(made.id);
+    this.focusChosen();
+    await shown;
+  }
+
+  /** What had the focus is gone with its dialog: keys go on at the version that is shown. */
+  focusChosen() {
+    this.list.querySelector("button[aria-pressed=true]")?.focus({ preventScroll: true });
   }
 
   nameOf(title, value) {
@@ -335,6 +342,7 @@ export class Portrait {
     await send("DELETE", `/api/projects/${this.sitter.id}/versions/${version.id}`);
     if (shown) this.open = false;
     await this.reload();
+    this.focusChosen();
     if (!shown) return;
     this.address();
     await this.display();
