@@ -1,5 +1,6 @@
 """The queue: one heavy job after the other, paused, cancelled, killed, gone on with."""
 
+import json
 import os
 import time
 
@@ -93,7 +94,11 @@ def test_sitters_queue_and_one_can_be_cancelled(page):
                                              ("waiting", 2)]
     order = page.do("POST", f"/api/jobs/{jobs[3]}/move", {"place": 0})["jobs"]
     assert [job["id"] for job in order] == [jobs[0], jobs[3], jobs[1], jobs[2]]
+    before = page.desk.events.number
     assert page.do("POST", f"/api/jobs/{jobs[1]}/cancel")["state"] == "cancelled"
+    told = [json.loads(line.split("data: ")[1]) for line in page.desk.events.after(before)
+            if "event: job\n" in line]
+    assert [(job["id"], job["place"]) for job in told] == [(jobs[1], 0), (jobs[2], 1)], "moved up"
     assert page.do("POST", f"/api/jobs/{jobs[0]}/cancel")["state"] == "cancelled"
     assert gone(*numbers), "its children end with it"
     others = pids(sitters[3][1])
@@ -119,6 +124,8 @@ def test_a_paused_job_stands_still_and_goes_on(page):
     before = (folder / "steps.txt").read_text()
     time.sleep(0.2)
     assert (folder / "steps.txt").read_text() == before
+    still = [page.get(f"/api/jobs/{job}") for _ in range(2)]
+    assert still[0]["progress"] == still[1]["progress"] > 0 and still[0]["left"] == still[1]["left"]
     assert page.get(f"/api/jobs/{waits}")["state"] == "waiting"
     assert page.error("POST", f"/api/jobs/{job}/pause") == "busy"
     assert page.do("POST", f"/api/jobs/{job}/resume")["state"] == "running"

@@ -234,6 +234,36 @@ def digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def test_a_file_waits_for_the_fine_version_that_it_is_of(page, project, head, style):
+    versions, files = (f"/api/projects/{project}/{name}" for name in ("versions", "exports"))
+    version = page.do("POST", versions, {"name": "Later", "style": style,
+                                         "mix": {"strength": 0.7}})["id"]
+    order = {"kind": "coded", "version": version, "name": "later", "fine": True}
+    # Its fine version is not finished: no preview is taken for it.
+    export = page.do("POST", files, order)["id"]
+    assert page.get(f"/api/jobs/{export}")["state"] == "waiting"
+    fine = next(one for one in page.get("/api/jobs")["jobs"]
+                if one["kind"] == "fine" and one["version"] == version)["id"]
+    page.do("POST", f"/api/jobs/{fine}/cancel")
+    assert page.wait(export)["error"]["code"] == "not_ready"
+    # Another one waits for the job that runs already.
+    fine = page.do("POST", f"{versions}/{version}/fine")["id"]
+    for export in [page.do("POST", files, order)["id"] for _ in range(2)]:
+        assert page.wait(export)["state"] == "done"
+    assert page.get(f"/api/jobs/{fine}")["state"] == "done"
+    folder = page.desk.projects.get(project).folder
+    names = {"later.png", "later-2.png"}
+
+    def there():
+        found = {one["name"]: one for one in page.get(files)["exports"]}
+        return found if names <= set(found) else None
+
+    made = wait_for(there)
+    for name in names:
+        assert made[name]["fine"]
+        assert digest(Path(made[name]["path"])) == digest(folder / "versions/Later/lightfield.png")
+
+
 def test_the_viewer_runs_nothing_but_its_own_script(page, project, head, style):
     path = f"/api/projects/{project}/viewer"
     found = page.do("POST", path, {"style": style, "mix": {"identity": 0.5}})
@@ -271,6 +301,24 @@ def test_depth_eye_and_patterns(page, project, head, style):
     for wrong in ({"placement": {"size": -1}}, {"placement": {"evil": 1}}, {"eye": [1e9, 0]},
                   {"display": "../tiny"}):
         assert page.ask("POST", path, {"version": version, **wrong}).status_code in (400, 404)
+
+
+def test_a_preview_stands_before_the_ground_that_a_fine_version_has(page, project, head, style):
+    version = page.do("POST", f"/api/projects/{project}/versions", {
+        "name": "Before a ground", "style": style})["id"]
+
+    def corners(placement):
+        seen = shown(page.ask("POST", f"/api/projects/{project}/eye", {
+            "version": version, "placement": placement, "width": 128}))
+        return float(seen[:8, [*range(8), *range(-8, 0)]].mean())
+
+    black = corners({"ground": "black"})
+    assert black < 3 and corners({}) > black + 20 and corners({"ground": "white"}) > black + 20
+    file = page.desk.projects.get(project).folder / "exports" / "ground.png"
+    job = page.do("POST", f"/api/projects/{project}/exports", {
+        "kind": "coded", "version": version, "name": "ground"})["id"]
+    assert page.wait(job)["state"] == "done"
+    assert read_image(file)[:8, :8].mean() > black + 20
 
 
 def test_regions_are_found_painted_over_and_forgotten(page, project, head, style):

@@ -2,13 +2,16 @@
 
 import asyncio
 import hashlib
+import os
 import time
 
 import pytest
 from starlette.requests import ClientDisconnect
 
+from lfportrait.files import write_json
 from lfportrait.studio import uploads
 from lfportrait.studio.answers import Refusal
+from lfportrait.studio.photos import VIDEO_FRAME, check_key
 
 from .conftest import jpeg, run_apart
 
@@ -164,6 +167,39 @@ def test_a_project_has_photos_or_one_video(page, project):
     page.send(project, "a.jpg", jpeg(11))
     video = {"name": "a.mp4", "size": 1000, "sha256": "1" * 64}
     assert announced(page, project, video)[0]["error"]["code"] == "exists"
+    # Neither does one come back beside the other.
+    folder = page.desk.projects.folder / "Anna"
+    (folder / "left-out").mkdir(exist_ok=True)
+    (folder / "left-out" / "b.mp4").write_bytes(b"film")
+    clip = next(one for one in page.get(f"/api/projects/{project}/photos")["photos"]
+                if one["video"])
+    assert clip["picture"] is None, "it has none before it is checked"
+    path = f"/api/projects/{project}/photos/{clip['id']}"
+    assert page.error("PATCH", path, {"left_out": False}) == "exists"
+    page.do("DELETE", path)
+    assert [one["name"] for one in page.get(f"/api/projects/{project}/photos")["photos"]] == [
+        "a.jpg"]
+
+
+def test_a_video_shows_its_own_frame_and_where_its_frames_were_taken(page, project):
+    folder = page.desk.projects.folder / "Anna"
+    video, small = folder / "photos" / "a.mp4", folder / ".studio" / "small"
+    video.write_bytes(b"film")
+    small.mkdir(parents=True, exist_ok=True)
+    (small / VIDEO_FRAME).write_bytes(jpeg(1))
+    facts = {str(n): {"yaw": yaw, "wrong": wrong} for n, (yaw, wrong) in enumerate(
+        [(20.0, ""), (-10.0, ""), (40.0, "blurred"), (None, "")])}
+    project_ = page.desk.projects.get(project)
+    write_json(folder / ".studio" / "check.json", {
+        "key": check_key(project_), "facts": facts, "faces": 3, "useless": 1})
+    found = page.get(f"/api/projects/{project}/photos")
+    assert (found["looked"], found["arc"]["yaws"]) == (4, [-10.0, 20.0])
+    assert page.ask("GET", found["photos"][0]["picture"]).status_code == 200
+    assert page.get(f"/api/projects/{project}")["thumbnail"]
+    # The frame of a video that was there before is not shown for this one.
+    later = time.time() + 10
+    os.utime(video, (later, later))
+    assert page.get(f"/api/projects/{project}/photos")["photos"][0]["picture"] is None
 
 
 def test_a_photo_is_left_out_and_taken_in_again(page, project):

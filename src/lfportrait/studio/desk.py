@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..errors import UserError
 from ..measure import free_disk_bytes
 from .answers import Refusal
 from .displays import Displays
@@ -18,8 +19,8 @@ from .job_state import JobState
 from .jobs import Jobs
 from .mixes import mix_arguments
 from .orders import Order
-from .photos import check_key, sheet
-from .previews import Previews
+from .photos import VIDEO_FRAME, check_key, sheet
+from .previews import Previews, Turn
 from .projects import Project, Projects
 from .styles import Styles
 from .uploads import Uploads
@@ -90,8 +91,9 @@ class Desk:
                            key=lambda path: path.stat().st_mtime)
             if found:
                 return found[-1]
-        small = sorted((project.own / "small").glob("*-240.jpg"))
-        return small[0] if small else None
+        small = project.own / "small"
+        found = sorted(small.glob("*-240.jpg")) or [*small.glob(VIDEO_FRAME)]
+        return found[0] if found else None
 
     def photos(self, project: Project) -> dict[str, Any]:
         """The contact sheet, and how far its check is."""
@@ -178,7 +180,7 @@ class Desk:
         async def read() -> None:
             with contextlib.suppress(Refusal):
                 look = self.look(project, None, {})
-                await self.previews.ask("warm", look, "warm")
+                await self.previews.ask("warm", look, "warm", Turn.LATER)
 
         task = asyncio.get_running_loop().create_task(read())
         self._tasks.add(task)
@@ -214,6 +216,11 @@ class Desk:
             return Order("head", **choices)
         version = Versions(project).get(str(job.version))
         if job.kind == "export":
+            if job.order.get("after") and not version.fine:
+                other = self.jobs.jobs.get(job.order["after"])
+                if other is None or other.over:
+                    raise Refusal("not_ready", "the fine version that this file was to be made of "
+                                  "was not finished; order the file again", needs="version")
             panel = self.displays.get(job.order.get("display") or project.display)
             look = self.version_look(project, version)
             return Order("export", **{**choices, "display": panel.source},
@@ -239,8 +246,11 @@ class Desk:
         return running or self.jobs.add("fine", project.id, project.name, version=version.id,
                                         order={"wanted": version.wanted()})
 
-    def export(self, project: Project, version: Version, choices: dict[str, Any]) -> JobState:
-        """Export a version; the job that does."""
+    def export(self, project: Project, version: Version, choices: dict[str, Any], *,
+               fine: bool = False) -> JobState:
+        """Export a version, or wait until it is ``fine``; the job that does."""
+        if fine and not version.fine:
+            choices = {**choices, "after": self.fine(project, version).id}
         return self.jobs.add("export", project.id, project.name, version=version.id,
                              export=choices["kind"], order=choices)
 
@@ -254,6 +264,10 @@ class Desk:
     def _changed(self, job: JobState) -> None:
         """What depends on a job's state."""
         self.look_at_disk()
+        if job.kind == "fine" and job.state == "done":
+            # At once: exports that wait for it begin next.
+            with contextlib.suppress(Refusal, UserError, OSError):
+                self._finished(self.projects.get(str(job.project)), job)
         try:
             loop = asyncio.get_running_loop()
         except RuntimeError:  # the server has not begun
@@ -269,7 +283,7 @@ class Desk:
             return
         try:
             project = self.projects.get(job.project)
-            if state == "done":
+            if state == "done" and job.kind != "fine":
                 await asyncio.to_thread(self._finished, project, job)
             kinds = {"check": ("photos",), "fine": ("versions",), "export": ("exports",),
                      "head": ("photos", "styles")}.get(job.kind, ())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -146,12 +147,12 @@ def checked_options(kind: Kind, data: Any) -> dict[str, Any]:
     return found
 
 
-def target(project: Project, kind: Kind, name: str) -> Path:
-    """A free file for an export."""
+def target(project: Project, kind: Kind, name: str, ordered: Sequence[str] = ()) -> Path:
+    """A free file for an export; those that are ``ordered`` are not there yet."""
     folder = project.folder / "exports"
     folder.mkdir(parents=True, exist_ok=True)
     stem = folder_name(name or project.folder.name)
-    taken = [path.name.lower() for path in folder.iterdir()]
+    taken = [one.lower() for one in (*(path.name for path in folder.iterdir()), *ordered)]
     # The ending says what the file holds: numbers go before it. A quilt's goes on.
     ending, count, found = kind.ending, 1, stem
     while any(one == f"{found}{ending}".lower() or (one.startswith(f"{found}_qs".lower())

@@ -53,13 +53,12 @@ class StageState:
     pictures: int = 0
     begun: float = 0.0
 
-    def left(self, now: float) -> float:
-        """Seconds that it will go on."""
+    def left(self, spent: float) -> float:
+        """Seconds that it will go on, after so many."""
         if self.state == "waiting":
             return self.need
         if self.state != "running":
             return 0.0
-        spent = now - self.begun
         if self.progress is not None and self.progress > 0.02:
             return spent / self.progress - spent
         return max(self.need - spent, 0.0)
@@ -123,32 +122,32 @@ class JobState:
         self.stages.append(StageState(name))
         return self.stages[-1]
 
+    def spent(self, stage: StageState) -> float:
+        """Seconds that a stage has taken so far; while the job is paused they do not grow."""
+        running = stage.state == "running" and self.state == "running"
+        return time.time() - stage.begun if running else stage.seconds
+
     def left(self) -> float | None:
         """Seconds to its end; None before its stages are known."""
         if not self.stages:
             return None
-        now = time.time()
-        return round(sum(one.left(now) for one in self.stages), 1)
+        return round(sum(one.left(self.spent(one)) for one in self.stages), 1)
 
     def progress(self) -> float | None:
         """How much of it is done, 0 to 1, by time."""
         left = self.left()
         if self.state == "done" or left is None:
             return 1.0 if self.state == "done" else None
-        now = time.time()
-        spent = sum(now - one.begun if one.state == "running" else one.seconds
-                    for one in self.stages)
+        spent = sum(map(self.spent, self.stages))
         return round(spent / max(spent + left, 1e-6), 4)
 
     def entry(self, place: int) -> dict[str, Any]:
         """As the page sees it; ``place`` is its place in the queue, 0 is next."""
-        now, running = time.time(), self.state == "running"
         stages = [{
             "name": one.name, "title": one.name, "state": one.state, "note": one.note,
             "progress": None if one.progress is None else round(one.progress, 4),
-            "seconds": round(now - one.begun if one.state == "running" and running
-                             else one.seconds, 1),
-            "left": round(one.left(now), 1) if not self.over else 0.0,
+            "seconds": round(self.spent(one), 1),
+            "left": round(one.left(self.spent(one)), 1) if not self.over else 0.0,
             "picture": f"/api/jobs/{self.id}/stages/{one.name}/picture?v={one.pictures}"
             if one.pictures else None} for one in self.stages]
         return {"id": self.id, "kind": self.kind, "project": self.project, "name": self.name,

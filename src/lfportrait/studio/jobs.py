@@ -58,6 +58,7 @@ class Jobs:
         self._children: dict[str, Child] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
+        self._places: dict[str, int] = {}  # that the pages know
 
     # -- asked by the page ------------------------------------------------------------------------
 
@@ -73,8 +74,12 @@ class Jobs:
 
     def entry(self, job: JobState) -> dict[str, Any]:
         """A job as the page sees it."""
-        waiting = [one.id for one in self.jobs.values() if one.heavy and one.state == "waiting"]
-        return job.entry(waiting.index(job.id) if job.id in waiting else 0)
+        return job.entry(self._queue().get(job.id, 0))
+
+    def _queue(self) -> dict[str, int]:
+        """Places of the heavy jobs that wait, by their ids; 0 is next."""
+        waiting = (one.id for one in self.jobs.values() if one.heavy and one.state == "waiting")
+        return {name: place for place, name in enumerate(waiting)}
 
     def of(self, project: str, kind: str = "") -> JobState | None:
         """The job that runs or waits for a project, the first one if there are several."""
@@ -193,13 +198,19 @@ class Jobs:
         heavy = any(job.heavy for job in active)
         light = sum(not job.heavy for job in active)
         for job in list(self.jobs.values()):
-            if job.state != "waiting" or (heavy if job.heavy else light >= _LIGHT):
+            if job.state != "waiting" or self._held(job) or (
+                    heavy if job.heavy else light >= _LIGHT):
                 continue
             heavy, light = heavy or job.heavy, light + (not job.heavy)
             job.state = "running"
             task = asyncio.get_running_loop().create_task(self._run(job))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
+
+    def _held(self, job: JobState) -> bool:
+        """Whether a job waits for another one (``after`` in its order) that can still succeed."""
+        other = self.jobs.get(str(job.order.get("after")))
+        return other is not None and other.state not in ("done", "cancelled")
 
     async def _run(self, job: JobState) -> None:
         """One job from its process's begin to its end."""
@@ -277,7 +288,7 @@ class Jobs:
         self._events.tell("progress", {
             "job": job.id, "stage": name, "note": note,
             "progress": None if share is None else round(share, 4),
-            "left": round(stage.left(time.time()), 1), "total_progress": job.progress(),
+            "left": round(stage.left(job.spent(stage)), 1), "total_progress": job.progress(),
             "total_left": job.left()}, numbered=False)
 
     def _fail(self, job: JobState, code: str, message: str) -> None:
@@ -300,6 +311,11 @@ class Jobs:
         with contextlib.suppress(UserError):
             job.save(self._folder)
         self._events.tell("job", self.entry(job))
+        # Others have moved up when one begins, is cancelled or moved.
+        before, self._places = self._places, self._queue()
+        for name, place in self._places.items():
+            if name != job.id and before.get(name) != place:
+                self._events.tell("job", self.entry(self.jobs[name]))
         self._changed(job)
 
     def _forget(self) -> None:

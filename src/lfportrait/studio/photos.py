@@ -22,8 +22,8 @@ from .answers import Refusal
 from .names import free_name, id_of
 from .projects import Project
 
-__all__ = ["VIDEO_FRAME", "check_key", "find_photo", "leave_out", "photo_entry", "photo_picture",
-           "remove_photo", "sheet"]
+__all__ = ["VIDEO_FRAME", "check_key", "find_photo", "leave_out", "one_kind", "photo_entry",
+           "photo_picture", "remove_photo", "sheet"]
 
 _SIDES = (240, 1280)
 VIDEO_FRAME = "video.jpg"
@@ -98,11 +98,15 @@ def photo_entry(project: Project, path: Path, check: dict[str, Any] | None = Non
         facts, place, placed is not None and not out, checked and not out)
     state = path.stat()
     stamp = f"{state.st_size:x}{state.st_mtime_ns:x}"
+    if video:
+        frame = _frame(project, path)
+        stamp += f"{frame.stat().st_mtime_ns:x}" if frame is not None else ""
     number = id_of(path.name)
     return {"id": number, "name": path.name, "size": state.st_size, "left_out": out,
             "video": video, "grade": "grey" if out else grade, "reasons": reasons,
             **{key: None if facts is None else facts.get(key) for key in _FACTS}, "placed": place,
-            "picture": f"/api/projects/{project.id}/photos/{number}/picture?v={stamp}"}
+            "picture": None if video and frame is None else
+            f"/api/projects/{project.id}/photos/{number}/picture?v={stamp}"}
 
 
 def sheet(project: Project) -> dict[str, Any]:
@@ -118,6 +122,7 @@ def sheet(project: Project) -> dict[str, Any]:
     return {"photos": sorted(photos, key=lambda one: one["name"]), "checked": checked,
             "checking": None, "arc": _arc(check if checked else {}, placed, photos),
             "advice": check.get("advice", []) if checked else [],
+            "looked": len(check.get("facts", {})) if checked else 0,  # of a video its frames
             "faces": check.get("faces", 0), "useless": check.get("useless", 0)}
 
 
@@ -136,7 +141,7 @@ def _arc(check: dict[str, Any], placed: dict[str, dict[str, float]] | None,
     if placed:
         step = check.get("step", 14.0)
         gaps = [[a, b] for a, b in itertools.pairwise(yaws) if b - a > step]
-    return {"gaps": gaps, "reach": [yaws[0], yaws[-1]] if yaws else None,
+    return {"gaps": gaps, "reach": [yaws[0], yaws[-1]] if yaws else None, "yaws": yaws,
             "placed": placed is not None}
 
 
@@ -146,6 +151,8 @@ def leave_out(project: Project, path: Path, out: bool) -> Path:
         return path
     if project.calibrated:
         raise Refusal("exists", "these photos are a calibrated data set: none can be left out")
+    if not out:
+        one_kind(project, path.name)
     target = project.left_out if out else project.photos
     target.mkdir(exist_ok=True)
     place = target / free_name(path.name, [other.name for other in target.iterdir()])
@@ -162,6 +169,23 @@ def remove_photo(project: Project, path: Path) -> None:
     shutil.move(path, trash / free_name(path.name, [other.name for other in trash.iterdir()]))
 
 
+def _frame(project: Project, video: Path) -> Path | None:
+    """The picture of a video, made when it is checked; another one's is older than the video."""
+    frame = project.own / "small" / VIDEO_FRAME
+    if frame.is_file() and frame.stat().st_mtime >= video.stat().st_mtime:
+        return frame
+    return None
+
+
+def one_kind(project: Project, name: str) -> None:
+    """A project has photos, or one video: raise a `Refusal` where another file would be both."""
+    kinds = [path.suffix.lower() in VIDEOS for path in project.files()]
+    video = Path(name).suffix.lower() in VIDEOS
+    if any(kinds) or (video and kinds):
+        raise Refusal("exists", "a project has photos or one video, not both: remove what is "
+                      "there, or make a new project", name=name)
+
+
 def photo_picture(project: Project, path: Path, size: int) -> Path:
     """A small JPEG of a photo, made once.
 
@@ -174,8 +198,8 @@ def photo_picture(project: Project, path: Path, size: int) -> Path:
         raise Refusal("bad_request", f"size must be one of {_SIDES}", field="size")
     state = path.stat()
     if path.suffix.lower() in VIDEOS:
-        frame = project.own / "small" / VIDEO_FRAME
-        if not frame.is_file():
+        frame = _frame(project, path)
+        if frame is None:
             raise Refusal("not_found", "a video has a picture once it is checked")
         return frame
     name = f"{id_of(path.name)}-{state.st_size:x}{state.st_mtime_ns:x}-{size}.jpg"

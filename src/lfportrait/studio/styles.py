@@ -14,10 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from ..errors import UserError
-from ..files import PHOTOS, atomic_write, open_picture, read_json
+from ..files import PHOTOS, atomic_path, atomic_write, open_picture, read_image, read_json
 from ..labels import BY_HAND
 from .answers import Refusal
 from .names import file_name, folder_name, free_name, id_of
@@ -27,6 +29,8 @@ __all__ = ["GROUPS", "LINES", "MIRROR", "Style", "Styles"]
 
 LARGEST = 128 << 20
 """Bytes of a painting's file."""
+_SHOWN = 4096
+"""Longest side of a painting's picture on the page."""
 _BESIDE = ("landmarks.txt", "landmarks.png", "mask.png", "check.png", "regions.png")
 """Endings of what lies beside a painting."""
 
@@ -257,6 +261,25 @@ def _check(data: bytes, target: Path) -> None:
                       "needs at least 64")
 
 
+def write_picture(source: Path | NDArray[np.uint8], size: int, target: Path) -> None:
+    """Write a painting, a file or what was read of one, with sides of at most ``size`` pixels.
+
+    Parameters
+    ----------
+    source
+        The file, or uint8 [H, W, 3 or 4].
+    size
+        0: as large as a browser shows it well.
+    target
+        Its file, of the kind that its name says.
+    """
+    image = read_image(source) if isinstance(source, Path) else source
+    picture = Image.fromarray(np.ascontiguousarray(image[..., :3]))
+    picture.thumbnail((size or _SHOWN,) * 2, Image.Resampling.LANCZOS)
+    with atomic_path(target) as temporary:
+        picture.save(temporary, quality=92)
+
+
 def write_regions(style: Style, data: bytes, size: tuple[int, int]) -> None:
     """Write a picture of regions beside a painting, checked.
 
@@ -269,8 +292,6 @@ def write_regions(style: Style, data: bytes, size: tuple[int, int]) -> None:
     size
         Width and height that it must have.
     """
-    import numpy as np
-
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:
             if picture.size != size:

@@ -24,6 +24,7 @@ from ..files import PHOTOS, RAW, VIDEOS
 from ..measure import free_disk_bytes
 from .answers import Refusal, failed
 from .names import file_name, free_name, id_of
+from .photos import one_kind
 from .projects import Project
 
 __all__ = ["Uploads"]
@@ -191,7 +192,7 @@ class Uploads:
                 upload.part.unlink()
                 return here[digest]
             project.photos.mkdir(exist_ok=True)
-            _one_kind(project, upload.name)
+            one_kind(project, upload.name)
             taken = {path.name for place in (project.photos, project.left_out)
                      if place.is_dir() for path in place.iterdir()}
             target = project.photos / free_name(upload.name, taken)
@@ -221,21 +222,12 @@ def _checked(project: Project, entry: Any) -> tuple[str, int, str]:
     if size > most:
         raise Refusal("too_large", f"{name} has {size / 2 ** 20:.0f} MB; {most / 2 ** 20:.0f} are "
                       "the most", name=name)
-    _one_kind(project, name)
+    one_kind(project, name)
     free = free_disk_bytes(project.folder)
     if size + _ROOM > free:
         raise Refusal("disk_full", f"{name} does not fit: {free / 1e9:.1f} GB are free; make room, "
                       "then send it again", name=name, free_bytes=free)
     return name, size, digest
-
-
-def _one_kind(project: Project, name: str) -> None:
-    """A project has photos, or one video."""
-    kinds = [path.suffix.lower() in VIDEOS for path in project.files()]
-    video = Path(name).suffix.lower() in VIDEOS
-    if any(kinds) or (video and kinds):
-        raise Refusal("exists", "a project has photos or one video, not both: remove what is "
-                      "there, or make a new project", name=name)
 
 
 def _sweep(project: Project) -> None:

@@ -151,7 +151,7 @@ class Opened:
         """A request as the page sends it; the answer's JSON."""
         return self.run("""async ([method, path, data]) => {
           const { get, send } = await import("/static/api.js");
-          return method === "GET" ? get(path) : send(method, path, data ?? {});
+          return method === "GET" ? get(path, null) : send(method, path, data ?? {});
         }""", [method, path, data])
 
     def until(self, script: str, argument=None, seconds: float = 60.0):

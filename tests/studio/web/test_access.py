@@ -61,6 +61,10 @@ def test_no_screen_is_wider_than_its_window(browser, studio, width):
                 each.go(hash_)
                 wide = each.run("() => document.documentElement.scrollWidth")
                 assert wide <= width, (hash_, language)
+                narrow = each.run("""() => [...document.querySelectorAll("h1, h2, p.lead")]
+                  .map((each) => [each.textContent, each.getBoundingClientRect().width])
+                  .filter(([text, width]) => width > 0 && text.length > 8 && width < 60)""")
+                assert narrow == [], (hash_, language)
 
 
 def test_a_sitter_is_made_and_removed_by_keys_alone(opened):

@@ -133,7 +133,7 @@ def test_a_new_version_leaves_the_old_one_as_it_was(portrait):
         return new Response('{"id": "two"}', { headers: { "content-type": "application/json" } });
       };
       const screen = Object.assign(Object.create(Portrait.prototype), {
-        sitter: { id: "anna" }, chosen: "one", open: false,
+        sitter: { id: "anna" }, chosen: "one", open: false, list: document.createElement("ul"),
         versions: [{ id: "one", name: "one", style: "waves", mix: { strength: 0.6 } }],
         first: { id: "one", mix: { strength: 1 } },
         nameOf: async () => "two", reload: async () => {}, choose: async () => {},

@@ -41,3 +41,73 @@ def test_the_same_screen_in_the_panels_window_is_pixel_for_pixel(opened):
     }""")
     assert shown == [0, 0, 0]
     assert "full screen" in panel.inner_text("#note")
+
+
+def drafted(opened, **more):
+    """The versions of Anna, with one more that is a preview."""
+    def answer(route):
+        answer = route.fetch()
+        versions = answer.json()["versions"]
+        route.fulfill(response=answer, json={"versions": [*versions, {
+            **versions[0], "id": "v-try", "name": "Try", "fine": False,
+            "from_command_line": False, "style": "builtin-fauve", **more}]})
+
+    opened.page.route("**/api/projects/anna/versions", answer)
+
+
+def order(opened, name):
+    """Order a file by a button of its dialog; what the server is asked for."""
+    opened.page.click(".kind-card >> nth=0 >> text=Make")
+    opened.page.wait_for_selector("dialog[open]")
+    with opened.page.expect_request(lambda request: request.method == "POST"
+                                    and request.url.endswith("/exports")) as asked:
+        opened.page.click(f"dialog >> text={name}")
+    return asked.value.post_data_json
+
+
+def test_a_preview_is_called_one_and_its_files_can_wait(opened):
+    drafted(opened)
+    opened.page.route("**/api/projects/anna/exports", lambda route: route.fulfill(
+        status=409, json={"error": {"code": "busy", "message": "not here"}})
+        if route.request.method == "POST" else route.continue_())
+    opened.go("show/anna/files")
+    opened.page.wait_for_selector(".kind-card")
+    note = opened.page.locator("[data-screen] > .note")
+    # What `make` made is fine.
+    opened.page.select_option("header select", "portrait")
+    assert not note.is_visible()
+    opened.page.click(".kind-card >> nth=0 >> text=Make")
+    assert opened.page.locator("dialog button[type=submit]").count() == 1
+    opened.page.keyboard.press("Escape")
+    opened.page.select_option("header select", "v-try")
+    assert "is a preview" in note.inner_text() and "Make it fine" in note.inner_text()
+    sent = order(opened, "Make it fine first")
+    assert sent["fine"] is True and sent["version"] == "v-try"
+    assert order(opened, "Make it of the preview now")["fine"] is False
+    # Being made: the note says how far, and a file can wait.
+    opened.run("""async () => {
+      const { keepJob } = await import("/static/state.js");
+      keepJob({ id: "j-9", kind: "fine", project: "anna", version: "v-try", state: "waiting",
+                stages: [], notes: [], place: 0, progress: null, left: null });
+      keepJob({ id: "j-8", kind: "export", project: "anna", version: "v-try", state: "waiting",
+                stages: [], notes: [], place: 0, progress: null, left: null, export: "coded" });
+    }""")
+    assert "waiting" in note.inner_text() and "Make it fine" not in note.inner_text()
+    assert "waiting until the version is fine" in opened.page.inner_text(".files")
+    assert order(opened, "Wait for the fine version")["fine"] is True
+
+
+def test_a_version_that_turns_fine_is_no_preview_any_more(opened):
+    drafted(opened)
+    opened.go("show/anna")
+    opened.page.select_option("header select", "v-try")
+    note = opened.page.locator("[data-screen] > .note")
+    assert note.is_visible()
+    opened.page.unroute("**/api/projects/anna/versions")
+    drafted(opened, fine=True)
+    opened.run("""async () => {
+      const { tell } = await import("/static/state.js");
+      tell("versions", { project: "anna" });
+    }""")
+    note.wait_for(state="hidden")
+    assert "preview" not in opened.page.inner_text("header select option[value=v-try]")

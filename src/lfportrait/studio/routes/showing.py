@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from starlette.responses import Response
 
 from ...lightfield import Display
 from .. import exports
-from ..answers import Refusal, choice, number, numbers, text, whole
+from ..answers import Refusal, choice, number, numbers, text, truth, whole
 from ..batches import batch_file, study_command
 from ..desk import export_order
 from ..displays import KINDS, Panel, corrected, named, wizard_steps
@@ -35,7 +36,7 @@ def displays(call: Call) -> dict[str, Any]:
 @TABLE.add("GET", "/api/displays/bridge")
 async def bridge(call: Call) -> Any:
     """What Looking Glass Bridge on this machine reports."""
-    found = await call.desk.previews.ask("bridge", {})
+    found = await call.ask("bridge", {})
     shown = []
     for entry in found["displays"]:
         panel = Panel(f"bridge-{entry['index']}", "bridge", Display(**entry["display"]))
@@ -51,7 +52,7 @@ async def add(call: Call) -> tuple[int, dict[str, Any]]:
     if "text" in data:
         panel = desk.displays.read(name, _contents(data))
     elif "bridge" in data:
-        found = await desk.previews.ask("bridge", {})
+        found = await call.ask("bridge", {})
         index = whole(data, "bridge", 0, 64)
         entry = next((one for one in found["displays"] if one["index"] == index), None)
         if entry is None:
@@ -110,8 +111,7 @@ async def pattern(call: Call) -> Any:
         path.parent.mkdir(parents=True, exist_ok=True)
         for old in sorted(path.parent.glob("*.png"), key=lambda one: one.stat().st_mtime)[:-7]:
             old.unlink(missing_ok=True)
-        await call.desk.previews.ask("pattern", {"display": panel.source, "kind": kind,
-                                                 "file": str(path)})
+        await call.ask("pattern", {"display": panel.source, "kind": kind, "file": str(path)})
     return picture(call, path)
 
 
@@ -161,7 +161,7 @@ def _shown(call: Call) -> tuple[Project, dict[str, Any]]:
 async def budget(call: Call) -> Any:
     """The panel's depth budget for this head."""
     _, facts = _shown(call)
-    return await call.desk.previews.ask("budget", facts)
+    return await call.ask("budget", facts)
 
 
 @TABLE.add("POST", "/api/projects/{project}/eye")
@@ -169,7 +169,7 @@ async def eye(call: Call) -> Response:
     """What an eye in front of the panel sees."""
     _, facts = _shown(call)
     where = numbers({"eye": call.data.get("eye", [0.0, 0.0])}, "eye", 2, 100.0)
-    found = await call.desk.previews.ask("eye", {
+    found = await call.ask("eye", {
         **facts, "eye": where, "crosstalk": number(call.data, "crosstalk", 0, 20, 0.0),
         "width": whole(call.data, "width", 64, 4096, 960)}, text(call.data, "slot", ""))
     return Response(found["picture"], media_type="image/jpeg")
@@ -184,7 +184,7 @@ async def full(call: Call) -> dict[str, Any]:
     for old in folder.glob("*.png"):
         old.unlink(missing_ok=True)
     stamp = hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
-    await call.desk.previews.ask("full", {**facts, "file": str(folder / f"{stamp}.png")})
+    await call.ask("full", {**facts, "file": str(folder / f"{stamp}.png")})
     return {"picture": f"/api/projects/{project.id}/full/{stamp}"}
 
 
@@ -206,12 +206,16 @@ def exported(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/projects/{project}/exports")
 async def export(call: Call) -> tuple[int, dict[str, Any]]:
-    """Export a version."""
+    """Export a version; ``fine``: once it is fine, which is begun if nobody did."""
     project, data = call.project, call.data
     version = Versions(project).get(text(data, "version"))
     choices = export_order(call.desk, project, data)
-    target = exports.target(project, exports.KINDS[choices["kind"]], text(data, "name", ""))
-    job = call.desk.export(project, version, {**choices, "target": str(target)})
+    ordered = [Path(job.order["target"]).name for job in call.desk.jobs.jobs.values()
+               if job.kind == "export" and job.project == project.id and not job.over]
+    target = exports.target(project, exports.KINDS[choices["kind"]], text(data, "name", ""),
+                            ordered)
+    job = call.desk.export(project, version, {**choices, "target": str(target)},
+                           fine=truth(data, "fine", False))
     return 201, call.desk.jobs.entry(job)
 
 

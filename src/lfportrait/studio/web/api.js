@@ -52,8 +52,16 @@ async function request(path, how = {}) {
   return answer;
 }
 
-/** GET of JSON. */
-export async function get(path, signal = undefined) {
+// What the screen that is seen waits for.
+let screen = new AbortController();
+/** Give up what the screen that is left has asked for and not got: the server drops it, too. */
+export function leaveScreen() {
+  screen.abort();
+  screen = new AbortController();
+}
+
+/** GET of JSON, for the screen that is seen; null for no signal. */
+export async function get(path, signal = screen.signal) {
   return (await request(path, { signal })).json();
 }
 
@@ -69,8 +77,8 @@ export async function put(path, bytes) {
   return (await sent("PUT", path, bytes, "application/octet-stream")).json();
 }
 
-/** A picture that the server draws from a JSON body. */
-export async function picture(path, body, signal) {
+/** A picture that the server draws from a JSON body, for the screen that is seen. */
+export async function picture(path, body, signal = screen.signal) {
   const answer = await sent("POST", path, JSON.stringify(body), "application/json", signal);
   const image = await createImageBitmap(await answer.blob());
   return { image, seconds: Number(answer.headers.get("X-Lfportrait-Seconds")) };
@@ -81,7 +89,7 @@ function sent(method, path, body, type, signal = undefined) {
 }
 
 /** A stored picture, drawn into a canvas or read from it. */
-export async function bitmap(path, signal) {
+export async function bitmap(path, signal = screen.signal) {
   const answer = await request(path, { signal });
   return createImageBitmap(await answer.blob(), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
 }

@@ -24,18 +24,20 @@ function sector(from, to, inner, outer) {
 
 /**
  * The drawing.
- * @param {object} arc Of the server: gaps, reach, placed.
+ * @param {object} arc Of the server: gaps, yaws, placed.
  * @param {object[]} photos
  * @param {function} onpick Called with a photo's id when its dot is pressed.
  */
-export function drawArc({ gaps = [], placed = false }, photos, onpick) {
+export function drawArc({ gaps = [], yaws = [], placed = false }, photos, onpick) {
   const seen = photos.filter(
     (photo) =>
       !photo.left_out &&
       (photo.placed?.yaw ?? photo.yaw) !== null &&
       (photo.placed?.yaw ?? photo.yaw) !== undefined,
   );
-  const words = seen.length ? t("arc.words", { n: seen.length, gaps: gaps.length }) : t("arc.none");
+  const frames = seen.length ? [] : yaws; // of a video
+  const n = seen.length || frames.length;
+  const words = n ? t("arc.words", { n, gaps: gaps.length }) : t("arc.none");
   return h(
     "figure.arc",
     {},
@@ -61,6 +63,10 @@ export function drawArc({ gaps = [], placed = false }, photos, onpick) {
       h("svg:text.side.end", { x: MIDDLE[0] - 36, y: MIDDLE[1] + 2, text: t("arc.left") }),
       h("svg:text.side", { x: MIDDLE[0] + 36, y: MIDDLE[1] + 2, text: t("arc.right") }),
       h("svg:text.side.middle", { x: 200, y: 242, text: t("arc.front") }),
+      frames.map((yaw) => {
+        const [x, y] = at(yaw);
+        return h("svg:circle.shot.green.frame", { cx: x.toFixed(1), cy: y.toFixed(1), r: 3 });
+      }),
       seen.map((photo) => {
         const yaw = photo.placed?.yaw ?? photo.yaw,
           pitch = photo.placed?.pitch ?? photo.pitch ?? 0;

@@ -1,10 +1,11 @@
-// Files of a portrait: what each is for and how large; those that are made; lists for studies and batches.
+// Files of a portrait: what each is for and how large, and those that are made.
 
 import { get, post, send } from "./api.js";
 import { ask, button, fill, fresh, h, icon } from "./dom.js";
 import { known, size, t } from "./i18n.js";
 import { doing, fail, say } from "./shell.js";
-import { isLive, jobsOf, keepJob, on, state } from "./state.js";
+import { selection } from "./selection.js";
+import { fineJob, isLive, jobsOf, keepJob, on, state } from "./state.js";
 
 const GROUPS = {
   panel: ["coded", "quilt", "hop", "rgbd", "stereo", "anaglyph"],
@@ -15,17 +16,21 @@ const GROUPS = {
 };
 
 export class Exports {
-  /** @param {function} about Gives version, display and placement. */
-  constructor(sitter, about, display) {
-    this.sitter = sitter;
-    this.about = about;
-    this.display = display;
+  /**
+   * @param {function} about Gives the ids of version and display, and the placement.
+   * @param {function} display Gives the panel.
+   * @param {function} version Gives the version.
+   */
+  constructor(sitter, about, display, version) {
+    Object.assign(this, { sitter, about, display, version });
     this.made = h("section.stack", { "aria-label": t("files.made") });
     this.kinds = h("div.stack.wide");
-    this.element = h("div.stack.wide", {}, this.made, this.kinds, this.selection());
+    this.element = h("div.stack.wide", {}, this.made, this.kinds, selection(sitter, display));
     this.ends = [
       on("exports", ({ project: which }) => which === sitter.id && this.readMade().catch(fail)),
-      on("job", (job) => job.project === sitter.id && job.kind === "export" && this.drawMade()),
+      on("job", (job) => {
+        if (job.project === sitter.id && ["export", "fine"].includes(job.kind)) this.drawMade();
+      }),
       on("progress", ({ job }) => this.running().some(({ id }) => id === job) && this.drawMade()),
     ];
   }
@@ -33,8 +38,6 @@ export class Exports {
   close() {
     for (const end of this.ends) end();
   }
-
-  setVersion() {}
 
   async load() {
     await this.readMade();
@@ -71,7 +74,16 @@ export class Exports {
     );
   }
 
+  /** How far a file is, that is not there yet. */
+  standing(job) {
+    if (job.error) return job.error.message;
+    return job.state === "waiting" && fineJob(this.sitter.id, job.version)
+      ? t("files.waits")
+      : t(`job.${job.state}`);
+  }
+
   drawMade() {
+    if (!this.about_) return;
     const { exports: files } = this.about_,
       running = this.running();
     this.made.hidden = !files.length && !running.length;
@@ -90,7 +102,7 @@ export class Exports {
               {},
               h("strong", { text: known("file", job.export ?? "", job.name ?? "") }),
               " ",
-              h("span.small.soft", { text: job.error?.message ?? t(`job.${job.state}`) }),
+              h("span.small.soft", { text: this.standing(job) }),
             ),
             job.state === "failed"
               ? button(
@@ -105,7 +117,8 @@ export class Exports {
               : h(
                   "div.row",
                   {},
-                  h("progress", { max: 1, value: job.progress, "aria-label": t("files.making") }),
+                  job.state !== "waiting" &&
+                    h("progress", { max: 1, value: job.progress, "aria-label": t("files.making") }),
                   button(
                     "",
                     doing(async () => keepJob(await post(`/api/jobs/${job.id}/cancel`))),
@@ -189,6 +202,8 @@ export class Exports {
       required: true,
       autocomplete: "off",
     });
+    const { fine, from_command_line: given, id } = this.version();
+    const first = !fine && !given && t(fineJob(this.sitter.id, id) ? "files.wait" : "files.fine.first");
     const answer = await ask(
       known("file", kind.kind, kind.title),
       h(
@@ -196,12 +211,14 @@ export class Exports {
         {},
         h("p.soft", { text: known("purpose", kind.kind, kind.purpose) }),
         kind.needs_display && h("p.small", { text: t("files.display", { name: this.display().name }) }),
+        !fine && h("p.note.fair", {}, icon("fair"), t("files.draft")),
         h("label.field", {}, h("span", { text: t("name") }), name),
         kind.options.map((option) => this.option(option, values)),
       ),
       [
         ["", t("cancel")],
-        ["yes", t("files.make"), "main"],
+        ...(first ? [["fine", first, "main"]] : []),
+        ["yes", t(fine ? "files.make" : "files.draft.make"), first ? "" : "main"],
       ],
     );
     if (!answer) return;
@@ -210,6 +227,7 @@ export class Exports {
         kind: kind.kind,
         ...this.about(),
         options: values,
+        fine: answer === "fine",
         name: name.value.trim(),
       }),
     );
@@ -254,101 +272,5 @@ export class Exports {
             oninput: (event) => put(type === "number" ? Number(event.target.value) : event.target.value),
           });
     return h("div.field", {}, h("label", { for: id }, h("code", { text: name })), input);
-  }
-
-  /** Versions of all sitters, for a batch or a study. */
-  selection() {
-    const list = h("ul.stack.tight"),
-      chosen = new Map(),
-      result = h("div.stack", { role: "status" });
-    const whole = h(
-      "details.card",
-      {
-        ontoggle: doing(async () => {
-          if (!whole.open || list.children.length) return;
-          for (const sitter of state.projects) {
-            const { versions } = await get(`/api/projects/${sitter.id}/versions`);
-            list.append(
-              ...versions.map((version) => {
-                const id = fresh("pick");
-                return h(
-                  "li",
-                  {},
-                  h(
-                    "label.check",
-                    { for: id },
-                    h("input", {
-                      id,
-                      type: "checkbox",
-                      onchange: (event) => {
-                        if (event.target.checked)
-                          chosen.set(`${sitter.id} ${version.id}`, [sitter.id, version]);
-                        else chosen.delete(`${sitter.id} ${version.id}`);
-                      },
-                    }),
-                    `${sitter.name}: ${version.name}`,
-                  ),
-                );
-              }),
-            );
-          }
-        }),
-      },
-      h("summary", {}, h("strong", { text: t("select.title") })),
-      h(
-        "div.stack",
-        {},
-        h("p.soft", { text: t("select.text") }),
-        list,
-        h(
-          "div.row",
-          {},
-          button(
-            t("select.batch"),
-            doing(async () => {
-              const picked = this.picked(chosen);
-              const unique = (values) => [...new Set(values)];
-              this.tell(
-                result,
-                await post("/api/batch", {
-                  projects: unique(picked.map(([id]) => id)),
-                  styles: unique(picked.map(([, { style }]) => style)),
-                  displays: [this.display().id],
-                  versions: picked.map(([id, version]) => [id, version.id]),
-                }),
-              );
-            }),
-          ),
-          button(
-            t("select.study"),
-            doing(async () => {
-              this.tell(
-                result,
-                await post("/api/study", {
-                  versions: this.picked(chosen).map(([id, version]) => [id, version.id]),
-                  title: this.sitter.name,
-                }),
-              );
-            }),
-          ),
-        ),
-        result,
-      ),
-    );
-    return whole;
-  }
-
-  picked(chosen) {
-    if (!chosen.size) throw Object.assign(new Error(t("select.none")), { code: "none" });
-    return [...chosen.values()];
-  }
-
-  tell(box, { file, command, text }) {
-    fill(
-      box,
-      h("p", {}, t("select.written"), " ", h("code", { text: file })),
-      h("p", {}, t("select.command"), " ", h("code.command", { text: command })),
-      h("pre.small", { text, tabindex: 0, "aria-label": file }),
-    );
   }
 }

@@ -62,12 +62,13 @@ const sight = new IntersectionObserver(
   { rootMargin: "300px" },
 );
 
-async function load(image) {
+/** Give a picture its address when a lane is free; `place` is where it is seen. */
+async function load(image, place = image) {
   const { wanted } = image.dataset;
   let started = false;
   const give = await lane(
     () => {
-      const gone = !image.isConnected;
+      const gone = !place.isConnected;
       // A picture that is on its way to nowhere holds a connection.
       if (gone && started) image.removeAttribute("src");
       return gone;
@@ -75,14 +76,45 @@ async function load(image) {
     () => {},
   );
   started = true;
-  image.addEventListener("load", give, { once: true });
-  image.addEventListener("error", give, { once: true });
+  const there = () => {
+    image.classList.remove("coming");
+    give();
+  };
+  image.addEventListener("load", there, { once: true });
+  image.addEventListener("error", there, { once: true });
   image.src = wanted;
 }
 
 /** A picture that is asked for when it is in sight and a lane is free. */
 export function slowPicture(image, path) {
   image.dataset.wanted = path;
+  image.classList.add("coming");
   sight.observe(image);
   return image;
+}
+
+/** A picture that the server has at hand: asked for when it is nearly in sight. */
+export function quickPicture(image, path) {
+  const there = () => image.classList.remove("coming");
+  image.classList.add("coming");
+  for (const name of ["load", "error"]) image.addEventListener(name, there, { once: true });
+  image.loading = "lazy";
+  image.src = path;
+  return image;
+}
+
+/** A small picture, and the large one in its place when that is there; `show` shows the small one. */
+export function growingPicture(image, small, large, show = slowPicture) {
+  image.addEventListener(
+    "load",
+    () => {
+      const next = new Image();
+      next.alt = image.alt;
+      next.dataset.wanted = large;
+      next.addEventListener("load", () => image.replaceWith(next), { once: true });
+      load(next, image);
+    },
+    { once: true },
+  );
+  return show(image, small);
 }

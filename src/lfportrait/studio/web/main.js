@@ -1,6 +1,7 @@
 // The page's beginning, and which screen is seen: the address names screen, sitter and what is open.
 
-import { fill, h, later } from "./dom.js";
+import { leaveScreen } from "./api.js";
+import { button, fill, h, later } from "./dom.js";
 import { speak, t } from "./i18n.js";
 import { drawShell, fail, markSteps, SCREENS, watchServer } from "./shell.js";
 import { enter, listen, on, project, refresh } from "./state.js";
@@ -20,6 +21,7 @@ const SHOW = {
   show: showShow,
 };
 let leave = null,
+  left = null,
   shown = "",
   number = 0;
 
@@ -36,9 +38,15 @@ async function route(again = false) {
   const wanted = [screen, id, ...rest].join("/");
   if (wanted === shown && again !== true) return;
   const mine = ++number;
-  await leave?.();
-  leave = null;
   shown = wanted;
+  if (leave) {
+    left = leave();
+    leave = null;
+  }
+  // What a screen has to keep is kept before the next one reads it.
+  await left;
+  if (mine !== number) return;
+  leaveScreen();
   const main = document.getElementById("main");
   drawShell(screen, id, () => route(true));
   document.title = [project(id)?.name, t(`step.${screen}`), "lfportrait studio"].filter(Boolean).join(" · ");
@@ -54,6 +62,7 @@ async function route(again = false) {
     else leave = ends;
   } catch (error) {
     fail(error);
+    if (mine === number) unseen(root, screen, error);
   }
   if (mine !== number) return;
   root.dataset.ready = "";
@@ -62,6 +71,20 @@ async function route(again = false) {
   // Not on the first picture: then the page itself has the focus.
   if (route.before && !root.contains(document.activeElement)) title?.focus({ preventScroll: true });
   route.before = true;
+}
+
+/** A screen that can't be shown says so, and can be tried again. */
+function unseen(root, screen, error) {
+  fill(
+    root,
+    h(
+      "div.empty",
+      {},
+      h("h1", { text: t(`step.${screen}`) }),
+      h("p", { text: error.code === undefined ? t("error.page") : error.message }),
+      button(t("again"), () => route(true), { drawing: "reset" }),
+    ),
+  );
 }
 
 async function begin() {
@@ -83,7 +106,11 @@ async function begin() {
     event.preventDefault();
     document.getElementById("main").focus();
   });
-  addEventListener("hashchange", route);
+  addEventListener("hashchange", () => {
+    // The address of a studio that was started again, opened in the page of the one before.
+    if (location.hash.startsWith("#token=")) location.reload();
+    else route();
+  });
   // A file that misses a drop zone must not replace the page.
   for (const name of ["dragover", "drop"]) addEventListener(name, (event) => event.preventDefault());
   const shell = () => {

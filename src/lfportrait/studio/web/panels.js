@@ -17,7 +17,7 @@ export class Panels {
   constructor(sitter, { onchange, full }) {
     Object.assign(this, { sitter, onchange, full, displays: [], chosen: sitter.display });
     this.element = h("section.card.stack", { "aria-label": t("show.panel") });
-    this.wizardPlace = h("div");
+    this.wizardPlace = h("div.wizard-place");
   }
 
   close() {

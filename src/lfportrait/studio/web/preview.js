@@ -4,6 +4,7 @@ import { picture } from "./api.js";
 import { fill, h, icon, later } from "./dom.js";
 import { t } from "./i18n.js";
 import { fail } from "./shell.js";
+import { on } from "./state.js";
 
 export class Preview {
   /**
@@ -21,11 +22,23 @@ export class Preview {
     this.note = h("p.soft.small", { "aria-live": "polite" });
     this.element = h("figure.preview", {}, this.canvas, this.note);
     this.ask = later(() => this.draw(), wait);
-    if (!sitter.has.field)
-      fill(this.element, h("div.blank", {}, icon("spark"), h("span.small", { text: t("preview.later") })));
+    if (sitter.has.field) return;
+    this.element.classList.add("none");
+    fill(this.element, h("p.note.fair", {}, icon("fair"), t("editor.nohead")));
+    this.end = on("project", (item) => item.id === sitter.id && item.has.field && this.begin(item));
+  }
+
+  /** The head is made: from now on there is a preview. */
+  begin(sitter) {
+    this.end();
+    this.sitter = sitter;
+    this.element.classList.remove("none");
+    fill(this.element, this.canvas, this.note);
+    this.draw();
   }
 
   close() {
+    this.end?.();
     this.ask.stop();
     this.stopper?.abort();
   }

@@ -4,6 +4,7 @@ import { watchLine } from "./api.js";
 import { button, fill, h, icon, segments } from "./dom.js";
 import { LANGUAGES, language, speak, t } from "./i18n.js";
 import { isLive, jobsOf, on, project } from "./state.js";
+import { shareOf } from "./times.js";
 
 export const SCREENS = ["sitters", "photos", "making", "style", "portrait", "show"];
 const find = (id) => document.getElementById(id);
@@ -99,8 +100,8 @@ function mark(screen, sitter) {
   if (screen === "photos" && sitter.photos) return [String(sitter.photos), ""];
   if (screen === "making") {
     const job = jobsOf(sitter.id).find(isLive);
-    if (job?.state === "running") return [`${Math.round(100 * (job.progress ?? 0))} %`, ""];
-    if (job) return ["…", ""];
+    const share = job?.state === "running" ? shareOf(job) : null;
+    if (job) return [share === null ? t(`job.${job.state}`) : `${Math.round(100 * share)} %`, ""];
     if (sitter.has.field) return ["✓", "good"];
   }
   if (screen === "style" && sitter.has.styled) return ["✓", "good"];
@@ -131,7 +132,7 @@ export function drawShell(screen, id, again) {
         sitter.thumbnail
           ? h("img.face", { src: sitter.thumbnail, alt: "", width: 45, height: 45 })
           : h("span.face"),
-        h("span", {}, h("span.small.soft", { text: t("sitter") }), h("strong", { text: sitter.name })),
+        h("span", {}, h("span.small.soft", { text: t("sitter") }), h("strong.some", { text: sitter.name, title: sitter.name })),
       ),
   );
   const steps = find("steps");

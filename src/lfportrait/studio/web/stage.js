@@ -26,6 +26,7 @@ export class Stage {
   close() {
     this.turn++;
     this.stopper?.abort();
+    this.coming?.abort();
     this.frame?.remove();
     this.frame = null;
   }
@@ -37,9 +38,10 @@ export class Stage {
   async show(wish) {
     const mine = ++this.turn;
     this.note.textContent = t("stage.wait");
+    this.coming?.abort();
+    this.coming = new AbortController();
     try {
-      const about = await post(`/api/projects/${this.sitter.id}/viewer`, wish);
-      if (mine !== this.turn) return null;
+      const about = await post(`/api/projects/${this.sitter.id}/viewer`, wish, this.coming.signal);
       const frame = h("iframe.coming", { title: this.name, src: about.page });
       this.element.prepend(frame);
       await this.ready(frame, mine);
@@ -56,6 +58,10 @@ export class Stage {
       this.more = null;
       frame.classList.remove("coming");
       return about;
+    } catch (error) {
+      // A newer wish came, or the screen was left.
+      if (error.name === "AbortError") return null;
+      throw error;
     } finally {
       if (mine === this.turn) this.note.textContent = "";
     }

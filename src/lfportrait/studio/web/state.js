@@ -1,6 +1,7 @@
 // What the server holds, as this page knows it, kept up to date by its events.
 
 import { get, post, reached } from "./api.js";
+import { heardJob, heardStage } from "./times.js";
 
 const KINDS = [
   "hello",
@@ -43,10 +44,14 @@ export function tell(kind, data = null) {
 export const project = (id) => state.projects.find((each) => each.id === id) ?? null;
 /** Jobs of a sitter that run or wait, or all of them. */
 export const jobsOf = (id) => state.jobs.filter((each) => each.project === id);
+/** The job that makes a version of a sitter fine, or undefined. */
+export const fineJob = (id, version) =>
+  jobsOf(id).find((job) => job.kind === "fine" && job.version === version && isLive(job));
 export const isLive = (job) => ["waiting", "running", "paused", "stopped"].includes(job.state);
 
 function place(list, item) {
   const index = list.findIndex(({ id }) => id === item.id);
+  if (item.stages) heardJob(item, list[index]);
   if (index < 0) list.push(item);
   else list[index] = item;
 }
@@ -64,6 +69,12 @@ export function keepJob(item) {
   return item;
 }
 
+/** Keep the list of all jobs. */
+export function keepJobs(jobs) {
+  for (const job of jobs) heardJob(job, state.jobs.find(({ id }) => id === job.id));
+  state.jobs = jobs;
+}
+
 /** Trade the token of the address for a cookie, once. */
 export async function enter() {
   const token = /^#token=(.+)$/.exec(location.hash)?.[1];
@@ -73,7 +84,10 @@ export async function enter() {
 }
 
 export async function refresh() {
-  Object.assign(state, await get("/api/state"));
+  // Not for a screen: it is needed whichever is seen.
+  const { jobs, ...others } = await get("/api/state", null);
+  Object.assign(state, others);
+  keepJobs(jobs);
   tell("state", state);
 }
 
@@ -95,20 +109,36 @@ const HEARD = {
     if (!stage) return;
     Object.assign(stage, { progress: data.progress, note: data.note, left: data.left });
     Object.assign(job, { progress: data.total_progress, left: data.total_left });
+    heardStage(stage, stage);
   },
 };
 
+let source = null;
+
+/** The studio is ended by this page: that it does not answer is no news. */
+export function listenNoMore() {
+  source?.close();
+  source = null;
+}
+
 /** Listen to the server for as long as the page is open; EventSource itself comes back after a break. */
 export function listen() {
-  const source = new EventSource(`/api/events?after=${state.event}`);
-  source.onopen = () => reached(true);
-  source.onerror = () => {
-    reached(false);
-    // Where the browser gives up by itself (an answer that is no stream) we begin again.
-    if (source.readyState === EventSource.CLOSED) setTimeout(listen, 3000);
+  const stream = new EventSource(`/api/events?after=${state.event}`);
+  source = stream;
+  stream.onopen = () => reached(true);
+  stream.onerror = async () => {
+    if (stream.readyState !== EventSource.CLOSED) return reached(false);
+    // The browser gives up by itself where the answer is no stream: another answer says why. A studio
+    // that was started again lets pages in that come by its new address; the key is then this page's, too.
+    const why = await get("/api/state", null).then(
+      () => null,
+      (error) => error,
+    );
+    if (why?.code === "no_session") tell("notice", why);
+    setTimeout(() => source === stream && listen(), 3000);
   };
   for (const kind of KINDS) {
-    source.addEventListener(kind, async (event) => {
+    stream.addEventListener(kind, async (event) => {
       const data = JSON.parse(event.data || "null");
       if (event.lastEventId) state.event = Number(event.lastEventId);
       HEARD[kind]?.(data);

@@ -86,6 +86,8 @@ class Uploads {
   stop() {
     this.stopper.abort();
     this.stopper = new AbortController();
+    // What a stream has read ahead is not sent either.
+    for (const item of this.items) if (item.state === "reading") item.state = "stopped";
     this.items = this.items.filter(({ state }) => ["done", "have", "wrong"].includes(state));
     this.changed();
   }

@@ -122,7 +122,8 @@ export class Wizard {
           id,
           type: kind === "number" ? "number" : "text",
           min: 0,
-          inputmode: "numeric",
+          step: "any", // half a band counts
+          inputmode: kind === "number" ? "decimal" : null, // several need a comma
           class: "short",
           oninput: (event) =>
             set(

@@ -7,19 +7,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ... import models
 from ...capture import FAIR, GOOD
+from ...errors import UserError
 from ...example import Exemplar
-from ...face import detect_faces, write_landmarks
+from ...face import GENERIC_LANDMARKS, detect_faces, write_landmarks
 from ...files import read_image, write_image, write_json
 from ...job import check_style, chosen_face
 from ...labels import BY_HAND
 from .sitting import Sitting
 
-__all__ = ["PAINTING_ANSWERS"]
+__all__ = ["PAINTING_ANSWERS", "usual_face"]
 
 Facts = Mapping[str, Any]
+_NOSE = 30
+"""Its tip among the 68."""
 
 
 def _faces(sitting: Sitting, facts: Facts) -> dict[str, Any]:
@@ -44,10 +48,40 @@ def _choose(sitting: Sitting, facts: Facts) -> dict[str, Any]:
     path = Path(facts["style"])
     image = np.ascontiguousarray(read_image(path)[..., :3])
     at = facts.get("at")
-    points, _ = chosen_face(path, image, int(facts.get("face", 0)),
-                            None if at is None else (float(at[0]), float(at[1])))
+    if at is None:
+        points, _ = chosen_face(path, image, int(facts.get("face", 0)))
+    else:
+        place = float(at[0]), float(at[1])
+        try:
+            points, _ = chosen_face(path, image, 0, place)
+        except UserError:  # not even there: then all points are set by hand, from a usual face
+            points = usual_face(place, image.shape[1], image.shape[0])
     write_landmarks(path.with_suffix(".landmarks.txt"), points)
     return {"points": points.tolist()}
+
+
+def usual_face(place: tuple[float, float], width: int, height: int) -> NDArray[np.float64]:
+    """Landmarks of a usual face with the tip of its nose at a place, to be corrected by hand.
+
+    Parameters
+    ----------
+    place
+        x and y in pixels.
+    width, height
+        Of the picture: the face takes two fifths of the shorter side, or less near the border.
+
+    Returns
+    -------
+    points
+        float64 [68, 2], in the picture as far as the place allows it.
+    """
+    nose = np.clip(place, 0, [width - 1, height - 1])
+    face = (GENERIC_LANDMARKS[:, :2] - GENERIC_LANDMARKS[_NOSE, :2]) * [1, -1]
+    reach = np.array([-face.min(0), face.max(0)])
+    room = np.array([nose, [width - 1, height - 1] - nose]) / reach
+    scale = 0.4 * min(width, height) / np.ptp(face[:, 1])
+    points: NDArray[np.float64] = nose + face * max(min(scale, room.min()), 0.25 * scale)
+    return points
 
 
 def _check(sitting: Sitting, facts: Facts) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ...errors import UserError
-from ...files import atomic_path, read_image, write_json
+from ...files import atomic_path, write_json
 from ...lightfield import (
     DepthReport,
     Display,
@@ -37,6 +37,7 @@ from ...lightfield import (
 from ...lightfield.screens import Bridge
 from ...share import OpenPage, PageConfig, recolored, write_page
 from ...stylize import StyledField
+from ..styles import write_picture
 from .paintings import PAINTING_ANSWERS
 from .pipe import Pipe
 from .sitting import Look, Sitting
@@ -121,6 +122,8 @@ class _Resident:
         field, panel, config = self._placed(facts)
         key = repr((look.key(), panel, config))
         if self._coded is None or self._coded[0] != key:
+            if config.ground == "painted":
+                field = self.sitting.on_ground(look)
             self._coded = key, encode(field, panel, config, mask=ViewMask.build(panel))
         return self._coded[1]
 
@@ -167,14 +170,9 @@ class _Resident:
         return {"ok": True, "screen": device.index}
 
     def style_picture(self, facts: Facts) -> dict[str, Any]:
-        """Write a painting's picture: a built-in one, or a file's own."""
-        path = Path(facts["style"])
-        image = read_image(path) if path.is_file() else self.sitting.exemplar(str(path)).image
-        picture = Image.fromarray(np.ascontiguousarray(image[..., :3]))
-        size = int(facts["size"]) or 4096
-        picture.thumbnail((size, size), Image.Resampling.LANCZOS)
-        with atomic_path(facts["file"]) as temporary:
-            picture.save(temporary, quality=92)
+        """Write the picture of a built-in style."""
+        image = self.sitting.exemplar(str(facts["style"])).image
+        write_picture(image, int(facts["size"]), Path(facts["file"]))
         return {}
 
 

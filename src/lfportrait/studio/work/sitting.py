@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 
 from ...cache import hash_of
 from ...errors import UserError
-from ...example import Exemplar
-from ...field import VoxelField
+from ...example import Exemplar, known_ground
+from ...field import Backdrop, VoxelField, head_points
 from ...job import Session
 from ...lightfield import eight_bit, render_views
 from ...stylize import Painters, StyledField, StylizeConfig, load_styled
@@ -103,6 +104,7 @@ class Sitting:
         self._painted: _Kept[VoxelField] = _Kept(4)
         self._mixed: _Kept[VoxelField] = _Kept(2)
         self._exemplars: _Kept[Exemplar] = _Kept(12)
+        self._backdrops: _Kept[Backdrop] = _Kept(4)
         # With landmarks that are moved at this moment: the next ones are others.
         self._tried: _Kept[VoxelField] = _Kept(1)
 
@@ -143,6 +145,24 @@ class Sitting:
             raise UserError("the photographed head has no painting to mix with")
         styled = base
         return self._mixed.get(look.key(), lambda: styled.mix(**look.mix))
+
+    def on_ground(self, look: Look) -> VoxelField:
+        """What is shown, before the ground that its painting has when it is made in full.
+
+        Previews are painted without one, for a turned head alone needs none; a panel and the files
+        for it would be black behind it.
+        """
+        field, style = self.field(look), look.style
+        if field.backdrop is not None or style is None:
+            return field
+
+        def painted() -> Backdrop:
+            exemplar = self.exemplar(style, look.landmarks)
+            return Backdrop(*known_ground(exemplar, seed=StylizeConfig.seed), head_points(field))
+
+        shown = copy(field)
+        shown.backdrop = self._backdrops.get(look.painted_key(), painted)
+        return shown
 
     def _made(self, look: Look) -> VoxelField:
         """The painted head, at full strength."""

@@ -2,6 +2,7 @@
 
 import { bitmap, get, post, send } from "../api.js";
 import { fill, h, icon, later } from "../dom.js";
+import { growingPicture, quickPicture } from "../lane.js";
 import { LandmarkEditor } from "../editor.js";
 import { t } from "../i18n.js";
 import { Landmarks } from "../landmarks.js";
@@ -19,20 +20,42 @@ export function editorHead(sitter, style, title, saved) {
   );
 }
 
-/** A style of the gallery by its id. */
+/** A style of the gallery by its id, null where there is none. */
 export async function styleOf(sitter, id) {
   const { styles } = await get(`/api/styles?project=${sitter.id}`);
-  return styles.find((each) => each.id === id) ?? Promise.reject(new Error(`style ${id} is gone`));
+  return styles.find((each) => each.id === id) ?? null;
+}
+
+/** The painting, until its editor is there. */
+export function whileRead(root, head, style) {
+  const painting = h("img", { alt: t("style.alt", { name: style.name }) });
+  fill(
+    root,
+    head,
+    h(
+      "figure.reading",
+      {},
+      growingPicture(painting, style.picture, style.full, quickPicture),
+      h("figcaption.soft", { role: "status", text: t("editor.reading") }),
+    ),
+  );
+}
+
+/** What was removed, perhaps in another window, has no editor. */
+export function toGallery(sitter) {
+  location.hash = `#style/${sitter.id}`;
 }
 
 export async function showLandmarks(root, sitter, id) {
   root.classList.add("full");
   const style = await styleOf(sitter, id);
+  if (!style) return toGallery(sitter);
   const query = `?project=${sitter.id}`,
     path = `/api/styles/${id}/landmarks${query}`;
-  const image = await bitmap(style.full);
   const saved = h("p.soft", { role: "status" });
   const head = editorHead(sitter, style, "editor.title", saved);
+  whileRead(root, head, style);
+  const image = await bitmap(style.full);
   let held = await get(path).catch((error) =>
     error.code === "not_found" || error.code === "user_error" ? null : Promise.reject(error),
   );
@@ -62,6 +85,8 @@ export async function showLandmarks(root, sitter, id) {
     onreset: doing(async () => {
       save.stop();
       const { points } = await send("DELETE", path);
+      // Where none was found there is nothing to go back to but its place.
+      if (!points) return location.reload();
       landmarks.put(points);
     }),
   });

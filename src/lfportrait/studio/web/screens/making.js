@@ -4,7 +4,8 @@ import { post } from "../api.js";
 import { button, fill, h, icon } from "../dom.js";
 import { duration, known, t } from "../i18n.js";
 import { doing, murmur } from "../shell.js";
-import { isLive, jobsOf, keepJob, on, project, state, tell } from "../state.js";
+import { isLive, jobsOf, keepJob, keepJobs, on, project, state, tell } from "../state.js";
+import { leftOfJob, leftOfStage, shareOf, standingOf } from "../times.js";
 
 const HEAVY = ["head", "fine"];
 const HEAD = ["capture", "reconstruct", "surface"];
@@ -39,9 +40,12 @@ class Making {
       on("project", (item) => item.id === id && this.draw()),
       on("progress", (data) => this.step(data)),
     ];
+    // Between what the server says, time goes on.
+    this.clock = setInterval(() => this.tick(), 1000);
   }
 
   close() {
+    clearInterval(this.clock);
     for (const end of this.ends) end();
   }
 
@@ -133,7 +137,7 @@ class Making {
       );
     const { state: how } = job;
     this.picture = h("div.latest");
-    this.total = h("progress", { max: 1, value: job.progress ?? 0, "aria-label": t("making.total") });
+    this.total = h("progress", { max: 1, "aria-label": t("making.total") });
     this.left = h("span.soft");
     this.stages = h("ol.stages");
     const whole = [
@@ -221,23 +225,34 @@ class Making {
   }
 
   when(stage, job) {
-    if (stage.state === "running" && job.state === "running")
-      return Number.isFinite(stage.left) && stage.left !== null
-        ? t("time.left", { time: duration(stage.left) })
-        : "…";
+    if (stage.state === "running" && job.state === "running") return leftOfStage(stage);
     if (stage.state === "done") return duration(stage.seconds);
     return t(`stagestate.${stage.state}`);
   }
 
   times(job) {
-    this.total.value = job.progress ?? 0;
+    const share = shareOf(job);
+    this.total.hidden = job.state === "waiting";
+    if (share === null) this.total.removeAttribute("value");
+    else this.total.value = share;
     this.left.textContent = [
-      `${Math.round(100 * (job.progress ?? 0))} %`,
-      job.state === "running" && job.left !== null && t("time.left", { time: duration(job.left) }),
-      job.state === "waiting" && t("queue.place", { n: job.place }),
+      job.state === "waiting" ? t("job.waiting") : share !== null && `${Math.round(100 * share)} %`,
+      job.state === "running" && leftOfJob(job),
+      job.state === "waiting" && t("queue.place", { n: job.place + 1 }),
     ]
       .filter(Boolean)
       .join(" · ");
+  }
+
+  /** A second later: the same job, with less time left. */
+  tick() {
+    const job = state.jobs.find(({ id }) => id === this.shown);
+    if (job?.state !== "running") return;
+    job.stages.forEach((stage, index) => {
+      const row = this.stages.children[index];
+      if (stage.state === "running" && row) row.querySelector(".when").textContent = this.when(stage, job);
+    });
+    this.times(job);
   }
 
   /** The newest picture, large. */
@@ -245,10 +260,10 @@ class Making {
     const stage = job.stages.filter(({ picture }) => picture).at(-1);
     const old = this.picture.querySelector("img");
     if (!stage) {
-      return fill(
-        this.picture,
-        h("div.empty", {}, icon("making"), h("p", { text: t(isLive(job) ? "making.soon" : "making.none") })),
+      const text = t(
+        job.state === "waiting" ? "making.turn" : isLive(job) ? "making.soon" : "making.none",
       );
+      return fill(this.picture, h("div.empty", {}, icon("making"), h("p", { text })));
     }
     const text = t("stage.alt", { stage: known("stage", stage.name, stage.title) });
     if (old?.getAttribute("src") === stage.picture) return;
@@ -287,7 +302,9 @@ class Making {
     const waiting = state.jobs.filter((job) => HEAVY.includes(job.kind) && isLive(job));
     this.queue.hidden = waiting.length < 2 && !waiting.some((job) => job.project !== this.id);
     if (this.queue.hidden) return;
-    const order = [...waiting].sort((one, other) => one.place - other.place);
+    // What runs, then those that wait: the next one's place is 0.
+    const turn = (job) => (job.state === "waiting" ? job.place : -1);
+    const order = [...waiting].sort((one, other) => turn(one) - turn(other));
     fill(
       this.queue,
       h("h2", { text: t("queue.title") }),
@@ -301,22 +318,20 @@ class Making {
             h(
               "a",
               { href: `#making/${job.project}` },
-              h("strong", { text: job.name ?? job.project }),
+              h("strong", { text: job.name ?? job.project, title: job.name ?? job.project }),
               " ",
               h("span.soft", { text: t(`kind.${job.kind}`) }),
             ),
             h(
               "div.row",
               {},
-              h("span.tag", {
-                text: `${t(`job.${job.state}`)}${job.state === "running" ? ` ${Math.round(100 * (job.progress ?? 0))} %` : ""}`,
-              }),
+              h("span.tag", { text: standingOf(job) }),
               job.state === "waiting" &&
-                job.place > 1 &&
+                job.place > 0 &&
                 button(
                   t("queue.first"),
                   doing(async () => {
-                    state.jobs = (await post(`/api/jobs/${job.id}/move`, { place: 0 })).jobs;
+                    keepJobs((await post(`/api/jobs/${job.id}/move`, { place: 0 })).jobs);
                     tell("state");
                   }),
                   { kind: "quiet" },

@@ -7,14 +7,18 @@ import { Preview } from "../preview.js";
 import { COLORS, labelsOf, Regions } from "../regions.js";
 import { doing, fail } from "../shell.js";
 import { Viewport } from "../viewport.js";
-import { editorHead, styleOf } from "./landmarking.js";
+import { editorHead, styleOf, toGallery, whileRead } from "./landmarking.js";
 
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export async function showRegions(root, sitter, id) {
   root.classList.add("full");
   const style = await styleOf(sitter, id);
+  if (!style) return toGallery(sitter);
   const path = `/api/styles/${id}/regions?project=${sitter.id}`;
+  const saved = h("p.soft", { role: "status" });
+  const head = editorHead(sitter, style, "regions.title", saved);
+  whileRead(root, head, style);
   const about = await get(path);
   const size = [about.width, about.height];
   const [image, found, painted] = await Promise.all([
@@ -23,7 +27,7 @@ export async function showRegions(root, sitter, id) {
     about.picture ? bitmap(about.picture) : null,
   ]);
   const regions = new Regions(size, labelsOf(found, size), painted && labelsOf(painted, size));
-  const saved = h("p.soft", { role: "status", text: t(about.painted ? "editor.edited" : "editor.found") });
+  saved.textContent = t(about.painted ? "editor.edited" : "editor.found");
   const preview = new Preview(sitter, () => ({ style: id, draft: true, slot: "editor", size: 480 }), 0);
   const brush = new Brush(
     image,
@@ -59,7 +63,7 @@ export async function showRegions(root, sitter, id) {
   });
   fill(
     root,
-    editorHead(sitter, style, "regions.title", saved),
+    head,
     h("div.editing", {}, brush.element, preview.element),
   );
   preview.draw();

@@ -3,10 +3,11 @@
 import { get, post, send } from "../api.js";
 import { drawArc } from "../arc.js";
 import { button, fill, h, icon } from "../dom.js";
+import { takeFiles } from "../drop.js";
 import { known, size, t } from "../i18n.js";
 import { doing, fail, murmur, say } from "../shell.js";
 import { isLive, jobsOf, keepJob, on, project } from "../state.js";
-import { droppedFiles, uploadsOf } from "../uploads.js";
+import { uploadsOf } from "../uploads.js";
 
 const KINDS = ".jpg,.jpeg,.png,.webp,.tif,.tiff,.bmp,.avif,.heic,.heif,.hif,.mp4,.mov,.m4v,.avi,.mkv,.webm";
 const MARKS = { green: "good", yellow: "fair", red: "bad" };
@@ -47,6 +48,7 @@ class Photos {
       on("project", (item) => item.id === id && this.drawNext()),
       on("progress", ({ job }) => job === this.data?.checking?.job && this.drawHeading()),
       this.uploads.watch(() => this.drawWay()),
+      takeFiles(t("photos.release"), (list) => this.take(list)),
     ];
   }
 
@@ -59,16 +61,17 @@ class Photos {
     this.draw();
   }
 
-  /** Where photos are dropped or chosen. */
+  /** Send files that were chosen, dropped or pasted. */
+  take(files) {
+    if (!files.length) return say(t("photos.nothing"));
+    this.uploads
+      .add([...files])
+      .then(() => this.load())
+      .catch(fail);
+  }
+
+  /** Where photos are chosen; they are dropped anywhere. */
   zone() {
-    const take = (files) => {
-      if (files.length)
-        this.uploads
-          .add([...files])
-          .then(() => this.load())
-          .catch(fail);
-      else say(t("photos.nothing"));
-    };
     const input = (more) =>
       h("input", {
         type: "file",
@@ -76,32 +79,15 @@ class Photos {
         multiple: true,
         ...more,
         onchange: (event) => {
-          take(event.target.files);
+          this.take(event.target.files);
           event.target.value = "";
         },
       });
     const files = input({ accept: KINDS, id: "photo-files" }),
       folder = input({ webkitdirectory: true, id: "photo-folder" });
-    let depth = 0;
-    const zone = h(
+    this.drop = h(
       "section.drop",
-      {
-        "aria-label": t("photos.add"),
-        ondragenter: () => {
-          depth++;
-          zone.classList.add("over");
-        },
-        ondragleave: () => {
-          if (--depth <= 0) zone.classList.remove("over");
-        },
-        ondragover: (event) => event.preventDefault(),
-        ondrop: async (event) => {
-          event.preventDefault();
-          depth = 0;
-          zone.classList.remove("over");
-          take(await droppedFiles(event.dataTransfer).catch(() => []));
-        },
-      },
+      { "aria-label": t("photos.add") },
       icon("upload"),
       h(
         "div",
@@ -118,8 +104,7 @@ class Photos {
       files,
       folder,
     );
-    this.drop = zone;
-    return zone;
+    return this.drop;
   }
 
   draw() {
@@ -140,14 +125,14 @@ class Photos {
   }
 
   drawAdvice(advice) {
-    const { checked, photos, faces } = this.data;
+    const { checked, looked, faces } = this.data;
     fill(
       this.advice,
       h("h2", { text: t("photos.advice") }),
       !checked && h("p.soft", { text: t("photos.unchecked") }),
       checked &&
         !advice.length &&
-        h("p.note.good", {}, icon("good"), t("photos.well", { n: photos.length, faces })),
+        h("p.note.good", {}, icon("good"), t("photos.well", { n: looked, faces })),
       advice.map((line) => h("p.note.fair", {}, icon("fair"), line)),
     );
   }
@@ -211,7 +196,12 @@ class Photos {
 
   card(photo) {
     const reasons = photo.reasons.map((reason) => known("reason", reason)).join(", ");
-    const word = t(`grade.${photo.grade}`);
+    const { looked } = this.data;
+    // A video has no grade of its own: its frames were looked at.
+    const word =
+      photo.video && looked && !photo.left_out
+        ? t("photo.frames", { n: looked })
+        : t(`grade.${photo.grade}`);
     return h(
       "li.shot-card",
       { class: photo.grade, "data-photo": photo.id },
@@ -255,7 +245,8 @@ class Photos {
             "aria-label": t("photo.leave.one", { name: photo.name }),
           },
         ),
-        photo.grade === "red" &&
+        // What is of use stays; it can be left out first. A video would keep all photos away.
+        (photo.grade === "red" || photo.left_out || photo.video) &&
           button(
             "",
             doing(async () => {

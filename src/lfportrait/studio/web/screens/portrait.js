@@ -8,7 +8,8 @@ import { t } from "../i18n.js";
 import { MixPanel, plainMix, STEADY } from "../mix.js";
 import { doing, fail, say } from "../shell.js";
 import { Stage } from "../stage.js";
-import { isLive, jobsOf, keepJob, keepProject, on } from "../state.js";
+import { fineJob, keepJob, keepProject, on } from "../state.js";
+import { standingOf } from "../times.js";
 
 export async function showPortrait(root, sitter, [version, other]) {
   root.classList.add("full");
@@ -102,7 +103,7 @@ export class Portrait {
       return;
     }
     this.stage = new Stage(this.sitter, t("portrait.alt", { name: this.sitter.name }));
-    this.title = h("strong");
+    this.title = h("strong.some");
     fill(this.stages, h("div.column", {}, h("div.row.beside-bar", {}, this.title), this.stage.element));
     // The screen itself is there; the portrait comes when it is packed.
     this.display().catch(fail);
@@ -149,7 +150,7 @@ export class Portrait {
             h(
               "span",
               {},
-              h("strong", { text: each.name }),
+              h("strong.some", { text: each.name, title: each.name }),
               h("span.small.soft", { text: t(each.fine ? "version.fine" : "version.draft") }),
             ),
           ),
@@ -160,7 +161,7 @@ export class Portrait {
               button(
                 "",
                 doing(() => this.rename(each)),
-                { kind: "quiet tool", drawing: "brush", name: t("version.rename", { name: each.name }) },
+                { kind: "quiet tool", drawing: "pencil", name: t("version.rename", { name: each.name }) },
               ),
             !each.from_command_line &&
               button(
@@ -188,11 +189,7 @@ export class Portrait {
 
   drawActions() {
     const { version } = this;
-    const job =
-      version &&
-      jobsOf(this.sitter.id).find(
-        (each) => each.kind === "fine" && each.version === version.id && isLive(each),
-      );
+    const job = version && fineJob(this.sitter.id, version.id);
     fill(
       this.actions,
       version &&
@@ -201,7 +198,7 @@ export class Portrait {
               "a.button",
               { href: `#making/${this.sitter.id}` },
               icon("making"),
-              t("portrait.making", { n: Math.round(100 * (job.progress ?? 0)) }),
+              t("portrait.making", { how: standingOf(job) }),
             )
           : !version.fine &&
             button(
@@ -308,7 +305,14 @@ export class Portrait {
     const moved = this.first?.id === old.id && JSON.stringify(this.first.mix) !== JSON.stringify(plainMix(old.mix));
     if (moved && !old.fine && !old.from_command_line) await send("PATCH", path, { mix: this.first.mix });
     await this.reload();
-    await this.choose(made.id);
+    const shown = this.choose(made.id);
+    this.focusChosen();
+    await shown;
+  }
+
+  /** What had the focus is gone with its dialog: keys go on at the version that is shown. */
+  focusChosen() {
+    this.list.querySelector("button[aria-pressed=true]")?.focus({ preventScroll: true });
   }
 
   nameOf(title, value) {
@@ -332,9 +336,15 @@ export class Portrait {
       ],
     );
     if (!answer) return;
+    // Asked before: a reload chooses another one, and what was moved belongs to none any more.
+    const shown = version.id === this.chosen;
+    if (shown) this.save.stop();
     await send("DELETE", `/api/projects/${this.sitter.id}/versions/${version.id}`);
+    if (shown) this.open = false;
     await this.reload();
-    if (version.id !== this.chosen) return;
+    this.focusChosen();
+    if (!shown) return;
+    this.address();
     await this.display();
   }
 

@@ -1,13 +1,14 @@
 // Screen 6: which panel, how the head stands in it, what an eye before it sees; and all files.
 
 import { get, picture, post, send } from "../api.js";
-import { fill, h, icon, later, segments, slider } from "../dom.js";
+import { button, fill, h, icon, later, segments, slider } from "../dom.js";
 import { Exports } from "../exports.js";
 import { t } from "../i18n.js";
 import { Panels } from "../panels.js";
 import { changesOf, drawBudget, PLACE, placementPanel } from "../placement.js";
-import { fail } from "../shell.js";
-import { keepProject, on } from "../state.js";
+import { doing, fail } from "../shell.js";
+import { fineJob, keepJob, keepProject, on } from "../state.js";
+import { standingOf } from "../times.js";
 
 export async function showShow(root, sitter, [tab = "panel"]) {
   const screen = new Show(root, sitter, tab);
@@ -23,7 +24,9 @@ class Show {
     this.version = sitter.version;
     this.eyeX = 0;
     this.talk = 1;
+    this.list = [];
     this.body = h("div.stack.wide");
+    this.quality = h("div.note.fair", { hidden: true });
     this.panels = new Panels(sitter, { onchange: () => this.look(), full: () => this.about() });
     const tabs = segments(
       t("show.parts"),
@@ -43,6 +46,7 @@ class Show {
       onchange: () => {
         this.version = this.versions.value;
         this.keep({ version: this.version });
+        this.drawQuality();
         this.look();
       },
     });
@@ -54,12 +58,15 @@ class Show {
         h("div", {}, h("h1", { text: t("step.show") }), h("p.lead", { text: t("show.lead") })),
         h("div.row", {}, this.versions, tabs),
       ),
+      this.quality,
       this.body,
     );
     this.look = later(() => this.see().catch(fail), 200);
     this.store = later(() => this.keep({ placement: changesOf(this.place) }), 800);
     this.ends = [
-      on("versions", ({ project: which }) => which === sitter.id && this.readVersions().catch(fail)),
+      on("versions", ({ project: which }) => which === sitter.id && this.renew().catch(fail)),
+      on("job", (job) => job.project === sitter.id && job.kind === "fine" && this.drawQuality()),
+      on("progress", ({ job }) => job === this.making && this.drawQuality()),
     ];
   }
 
@@ -80,8 +87,48 @@ class Show {
     this.draw();
   }
 
+  /** The versions again; one that is fine by now looks different. */
+  async renew() {
+    const before = this.shown;
+    await this.readVersions();
+    if (this.shown?.id !== before?.id || this.shown?.fine !== before?.fine) this.look();
+  }
+
+  get shown() {
+    return this.list.find(({ id }) => id === this.version) ?? null;
+  }
+
+  /** Whether all here is a preview, and what can be done about it. */
+  drawQuality() {
+    const { shown, sitter } = this;
+    const job = shown && fineJob(sitter.id, shown.id);
+    this.making = job?.id;
+    this.quality.hidden = !shown || shown.fine;
+    if (this.quality.hidden) return;
+    fill(
+      this.quality,
+      icon("fair"),
+      h(
+        "div.row.between",
+        {},
+        h("p", { text: t("show.draft", { name: shown.name }) }),
+        job
+          ? h("a.button", { href: `#making/${sitter.id}` }, t("portrait.making", { how: standingOf(job) }))
+          : !shown.from_command_line &&
+              button(
+                t("portrait.fine"),
+                doing(async () => {
+                  keepJob(await post(`/api/projects/${sitter.id}/versions/${shown.id}/fine`));
+                }),
+                { drawing: "spark" },
+              ),
+      ),
+    );
+  }
+
   async readVersions() {
     const { versions } = await get(`/api/projects/${this.sitter.id}/versions`);
+    this.list = versions;
     if (!versions.some(({ id }) => id === this.version)) this.version = versions.at(-1)?.id ?? null;
     fill(
       this.versions,
@@ -94,6 +141,7 @@ class Show {
       ),
     );
     this.versions.hidden = versions.length === 0;
+    this.drawQuality();
   }
 
   /** What is shown, and how. */
@@ -121,6 +169,7 @@ class Show {
         this.sitter,
         () => this.about(),
         () => this.panels.display,
+        () => this.shown,
       );
       fill(this.body, this.files.element);
       this.files.load().catch(fail);
@@ -177,7 +226,7 @@ class Show {
         h(
           "div.stack",
           {},
-          h("figure.eye", {}, this.eye, this.note),
+          h("figure.eye.first", {}, this.eye, this.note),
           h("div.eye-sliders", {}, eyeAt, crosstalk),
           this.budget,
         ),
@@ -207,6 +256,7 @@ class Show {
       );
       Object.assign(this.eye, { width: image.width, height: image.height });
       this.eye.getContext("2d").drawImage(image, 0, 0);
+      this.eye.parentElement.classList.remove("first");
       this.note.textContent = "";
     } catch (error) {
       if (error.name === "AbortError" || error.code === "busy") return;

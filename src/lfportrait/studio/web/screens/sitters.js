@@ -1,11 +1,11 @@
 // Screen 1: the sitters, and whether this machine is ready.
 
-import { get, post, send } from "../api.js";
+import { get, leaveScreen, post, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
 import { nameOf } from "../naming.js";
 import { size, t } from "../i18n.js";
 import { doing, fail, preferences, say } from "../shell.js";
-import { isLive, jobsOf, keepJob, keepProject, on, state, tell } from "../state.js";
+import { isLive, jobsOf, keepJob, keepProject, listen, listenNoMore, on, state, tell } from "../state.js";
 
 export async function showSitters(root) {
   const list = h("ul.sitters", { "aria-label": t("step.sitters") });
@@ -97,7 +97,7 @@ function card(item) {
       item.thumbnail
         ? h("img", { src: item.thumbnail, alt: "", loading: "lazy" })
         : h("span.blank", {}, icon("sitters")),
-      h("strong", { text: item.name }),
+      h("strong.some", { text: item.name, title: item.name }),
       h("span.tag", { class: kind, text }),
     ),
     h(
@@ -106,7 +106,7 @@ function card(item) {
       button(
         "",
         doing(() => rename(item)),
-        { kind: "quiet tool", drawing: "brush", name: t("sitter.rename", { name: item.name }) },
+        { kind: "quiet tool", drawing: "pencil", name: t("sitter.rename", { name: item.name }) },
       ),
       button(
         "",
@@ -276,7 +276,12 @@ function end() {
         ],
       );
       if (!answer) return;
-      await post("/api/shutdown");
+      listenNoMore();
+      await post("/api/shutdown").catch((error) => {
+        listen();
+        throw error;
+      });
+      leaveScreen(); // what is still asked for gets no answer
       fill(document.getElementById("main"), h("div.empty", {}, h("h1", { text: t("shutdown.done") })));
     }),
     { kind: "quiet" },

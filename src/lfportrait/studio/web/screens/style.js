@@ -3,10 +3,11 @@
 import { get, picture, post, put, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
 import { t } from "../i18n.js";
-import { slowly } from "../lane.js";
+import { takeFiles } from "../drop.js";
+import { chooseFace } from "../faces.js";
+import { growingPicture, quickPicture, slowly, slowPicture } from "../lane.js";
 import { doing, fail, murmur, say } from "../shell.js";
 import { keepProject, on } from "../state.js";
-import { chooseFace } from "../faces.js";
 import { showLandmarks } from "./landmarking.js";
 import { showRegions } from "./painting.js";
 
@@ -18,12 +19,16 @@ export async function showStyle(root, sitter, [style, what]) {
   return () => screen.close();
 }
 
+/** How a painting's picture is shown: a file is only read, a built-in one is painted first. */
+const shown = (style) => (style.kind === "builtin" ? slowPicture : quickPicture);
+
 class Gallery {
   constructor(root, sitter, style) {
     this.sitter = sitter;
     this.chosen = style || sitter.style;
     this.grid = h("ul.paintings", { "aria-label": t("style.gallery") });
     this.detail = h("section.detail", { "aria-label": t("style.chosen") });
+    this.missing = h("div");
     this.stopper = new AbortController();
     this.queue = [];
     fill(
@@ -34,42 +39,9 @@ class Gallery {
         h("div", {}, h("h1", { text: t("step.style") }), h("p.lead", { text: t("style.lead") })),
         this.adding(),
       ),
-      !sitter.has.field &&
-        h(
-          "p.note.fair",
-          {},
-          icon("fair"),
-          h(
-            "span",
-            {},
-            t("style.nohead"),
-            " ",
-            h("a", { href: `#making/${sitter.id}`, text: t("step.making") }),
-          ),
-        ),
+      this.missing,
       h("div.style-body", {}, this.detail, this.grid),
     );
-    root.classList.add("drop-screen");
-    root.addEventListener("dragover", (event) => {
-      event.preventDefault();
-      root.classList.add("over");
-    });
-    root.addEventListener(
-      "dragleave",
-      (event) => !root.contains(event.relatedTarget) && root.classList.remove("over"),
-    );
-    root.addEventListener("drop", (event) => {
-      event.preventDefault();
-      root.classList.remove("over");
-      this.add([...event.dataTransfer.files]);
-    });
-    this.pasted = (event) => {
-      const files = [...event.clipboardData.files];
-      if (!files.length) return;
-      event.preventDefault();
-      this.add(files, true);
-    };
-    document.addEventListener("paste", this.pasted);
     // A preview is asked for when its painting is in sight.
     this.sight = new IntersectionObserver(
       (seen) => {
@@ -79,6 +51,8 @@ class Gallery {
     );
     this.ends = [
       on("styles", ({ project: which }) => (!which || which === sitter.id) && this.load().catch(fail)),
+      on("project", (item) => item.id === sitter.id && this.renew(item)),
+      takeFiles(t("style.release"), (files, pasted) => this.add(files, pasted)),
     ];
   }
 
@@ -86,14 +60,39 @@ class Gallery {
     for (const end of this.ends) end();
     this.stopper.abort();
     this.sight.disconnect();
-    document.removeEventListener("paste", this.pasted);
+  }
+
+  /** The sitter as it is now; with a head, paintings are seen on it. */
+  renew(sitter) {
+    const before = this.sitter.has.field;
+    this.sitter = sitter;
+    if (sitter.has.field !== before) this.load().catch(fail);
   }
 
   async load() {
     ({ styles: this.styles } = await get(`/api/styles?project=${this.sitter.id}`));
-    if (!this.styles.some(({ id }) => id === this.chosen)) this.chosen = this.styles[0]?.id ?? null;
-    this.draw();
+    if (!this.style()) this.chosen = this.styles[0]?.id ?? null;
+    else if (this.chosen !== this.sitter.style) this.keep();
+    const { id, name, has } = this.sitter;
+    fill(
+      this.missing,
+      !has.field &&
+        h(
+          "p.note.fair",
+          {},
+          icon("fair"),
+          h(
+            "span",
+            {},
+            t("style.nohead", { sitter: name }),
+            " ",
+            h("a", { href: `#making/${id}`, text: t("photos.next") }),
+          ),
+        ),
+    );
+    // The large picture is asked for before the small ones.
     this.drawDetail();
+    this.draw();
   }
 
   adding() {
@@ -141,14 +140,24 @@ class Gallery {
           file,
         );
         this.chosen = style.id;
+        this.keep();
         await this.load();
-        if (style.faces > 1) await this.faces(style);
-        else if (style.landmarks === "none") say(t("style.noface", { name: style.name }), { wrong: true });
-        else say(t("style.added", { name: style.name }));
+        await this.greet(style);
       } catch (error) {
         fail(error);
       }
     }
+  }
+
+  /** A painting that has come: its faces are looked for now, before all pictures of the gallery. */
+  async greet({ id, landmarks, name }) {
+    const path = `/api/styles/${id}/faces?project=${this.sitter.id}`;
+    const { faces } = landmarks === "file" ? { faces: [0] } : await get(path, this.stopper.signal);
+    // What was found stands in the gallery, too.
+    if (faces.length !== 1) await this.load();
+    if (faces.length > 1) await this.faces(this.style(id));
+    else if (!faces.length) say(t("style.noface", { name }), { wrong: true });
+    else say(t("style.added", { name }));
   }
 
   draw() {
@@ -171,22 +180,30 @@ class Gallery {
         { "aria-pressed": String(style.id === this.chosen), onclick: () => this.choose(style.id) },
         h(
           "span.pair",
-          {},
-          h("img", { slow: style.picture, alt: "" }),
-          style.preview ? h("img.on-sitter", { src: style.preview, alt: "" }) : h("span.on-sitter.blank"),
+          { class: this.sitter.has.field ? "" : "alone" },
+          shown(style)(h("img", { alt: "" }), style.picture),
+          this.sitter.has.field &&
+            (style.preview ? h("img.on-sitter", { src: style.preview, alt: "" }) : h("span.on-sitter.blank")),
         ),
-        h("span.name", { text: style.name }),
+        h("span.name", { text: style.name, title: style.name }),
         style.kind === "builtin" && h("span.unseen", { text: t("style.builtin") }),
       ),
     );
   }
 
-  async choose(id) {
+  /** What is chosen stays so on other screens, and after a reload. */
+  keep() {
+    const style = this.chosen;
+    keepProject({ ...this.sitter, style });
+    send("PATCH", `/api/projects/${this.sitter.id}`, { style }).then(keepProject).catch(fail);
+  }
+
+  choose(id) {
     this.chosen = id;
     for (const each of this.grid.children)
       each.firstChild.setAttribute("aria-pressed", String(each.dataset.style === id));
     this.drawDetail();
-    keepProject(await send("PATCH", `/api/projects/${this.sitter.id}`, { style: id }));
+    this.keep();
   }
 
   style(id = this.chosen) {
@@ -223,7 +240,8 @@ class Gallery {
         if (id === this.chosen) this.drawDetail();
       } catch (error) {
         if (error.name === "AbortError") return;
-        if (id === this.chosen) fail(error);
+        // What is wrong with the painting itself stands below it.
+        if (id === this.chosen && error.code !== "user_error") fail(error);
       }
     }
   }
@@ -237,32 +255,7 @@ class Gallery {
     const facts = h("ul.stack.facts");
     fill(
       this.detail,
-      h(
-        "div.both",
-        {},
-        h(
-          "figure",
-          {},
-          h("img", { slow: style.full, alt: t("style.alt", { name: style.name }) }),
-          h("figcaption.soft.small", { text: style.name }),
-        ),
-        h(
-          "figure",
-          {},
-          style.preview
-            ? h("img", {
-                src: style.preview,
-                alt: t("preview.alt", { sitter: this.sitter.name, name: style.name }),
-              })
-            : h(
-                "div.blank",
-                { role: "img", "aria-label": t("preview.wait") },
-                icon("spark"),
-                h("span.small", { text: t(this.sitter.has.field ? "preview.wait" : "preview.later") }),
-              ),
-          h("figcaption.soft.small", { text: this.sitter.name }),
-        ),
-      ),
+      this.both(style),
       h(
         "div.row",
         {},
@@ -301,12 +294,45 @@ class Gallery {
     this.judge(style, facts).catch(fail);
   }
 
+  /** The painting, and once there is a head the sitter in it. */
+  both(style) {
+    const { name, has } = this.sitter;
+    const seen = has.field && style.landmarks !== "none"; // without a face nothing will come
+    const painting = h("img", { alt: t("style.alt", { name: style.name }) });
+    return h(
+      "div.both",
+      { class: seen ? "" : "alone" },
+      h(
+        "figure",
+        {},
+        growingPicture(painting, style.picture, style.full, shown(style)),
+        h("figcaption.soft.small", { text: style.name }),
+      ),
+      seen &&
+        h(
+          "figure",
+          {},
+          style.preview
+            ? h("img", { src: style.preview, alt: t("preview.alt", { sitter: name, name: style.name }) })
+            : h(
+                "div.blank",
+                { role: "img", "aria-label": t("preview.wait") },
+                icon("spark"),
+                h("span.small", { text: t("preview.wait") }),
+              ),
+          h("figcaption.soft.small", { text: name }),
+        ),
+    );
+  }
+
   /** What the painting will give: it takes a second the first time. */
   async judge(style, list) {
     const path = `/api/styles/${style.id}/check?project=${this.sitter.id}`;
     const { signal } = this.stopper;
     const { facts } = await slowly(() => get(path, signal), signal).catch((error) => {
-      if (error.code === "user_error") return { facts: [{ grade: "bad", text: error.message }] };
+      // Without a face the commands' message names their options.
+      const text = style.landmarks === "none" ? t("style.noface", { name: style.name }) : error.message;
+      if (error.code === "user_error") return { facts: [{ grade: "bad", text }] };
       throw error;
     });
     fill(list, facts.map(({ grade, text }) => h("li.note.small", { class: grade }, icon(grade), h("span", { text }))));

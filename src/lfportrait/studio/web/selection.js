@@ -1,0 +1,98 @@
+// Versions of all sitters, for a batch or a study.
+
+import { get, post } from "./api.js";
+import { button, fill, fresh, h } from "./dom.js";
+import { t } from "./i18n.js";
+import { doing } from "./shell.js";
+import { state } from "./state.js";
+
+/**
+ * @param {object} sitter
+ * @param {function} display Gives the chosen panel.
+ */
+export function selection(sitter, display) {
+  const list = h("ul.stack.tight"),
+    chosen = new Map(),
+    result = h("div.stack", { role: "status" });
+  const whole = h(
+    "details.card",
+    {
+      ontoggle: doing(async () => {
+        if (!whole.open || list.children.length) return;
+        for (const each of state.projects) {
+          const { versions } = await get(`/api/projects/${each.id}/versions`);
+          list.append(
+            ...versions.map((version) => {
+              const id = fresh("pick");
+              return h(
+                "li",
+                {},
+                h(
+                  "label.check",
+                  { for: id },
+                  h("input", {
+                    id,
+                    type: "checkbox",
+                    onchange: (event) => {
+                      if (event.target.checked)
+                        chosen.set(`${each.id} ${version.id}`, [each.id, version]);
+                      else chosen.delete(`${each.id} ${version.id}`);
+                    },
+                  }),
+                  `${each.name}: ${version.name}`,
+                ),
+              );
+            }),
+          );
+        }
+      }),
+    },
+    h("summary", {}, h("strong", { text: t("select.title") })),
+    h(
+      "div.stack",
+      {},
+      h("p.soft", { text: t("select.text") }),
+      list,
+      h(
+        "div.row",
+        {},
+        button(
+          t("select.batch"),
+          doing(async () => {
+            // Each sitter in the style of the version that was chosen, not in all of them.
+            const versions = picked(chosen).map(([id, version]) => [id, version.id]);
+            show(result, await post("/api/batch", { displays: [display().id], versions }));
+          }),
+        ),
+        button(
+          t("select.study"),
+          doing(async () => {
+            show(
+              result,
+              await post("/api/study", {
+                versions: picked(chosen).map(([id, version]) => [id, version.id]),
+                title: sitter.name,
+              }),
+            );
+          }),
+        ),
+      ),
+      result,
+    ),
+  );
+  return whole;
+}
+
+function picked(chosen) {
+  if (!chosen.size) throw Object.assign(new Error(t("select.none")), { code: "none" });
+  return [...chosen.values()];
+}
+
+function show(box, { file, command, text }) {
+  fill(
+    box,
+    h("p", {}, t("select.written"), " ", h("code", { text: file })),
+    h("p", {}, t("select.command"), " ", h("code.command", { text: command })),
+    h("pre.small", { text, tabindex: 0, "aria-label": file }),
+  );
+}

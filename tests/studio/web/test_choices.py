@@ -1,0 +1,150 @@
+"""What is chosen, answered or removed by a click, on each screen."""
+
+import pytest
+
+from tests.job.test_pipeline import PANEL
+from tests.studio.web.conftest import Opened, picture
+
+
+def test_the_wizard_is_gone_through_to_its_end(opened, tmp_path):
+    """Half a band, no bands, the views from the middle, clean edges; each answer is written."""
+    page = opened.page
+    opened.go("show/anna")
+    # A small one: its patterns are drawn at once.
+    (tmp_path / "small.toml").write_text(PANEL.to_toml())
+    page.set_input_files("#display-file", tmp_path / "small.toml")
+    page.wait_for_selector(".toast:has-text('small')")
+    copy = page.input_value("#display")
+    # The panel's own window has a test of its own.
+    opened.run("() => { window.open = () => window; }")
+    page.click("text=Pattern wizard")
+    page.wait_for_selector(".wizard form")
+    before = opened.ask("GET", f"/api/displays/{copy}/wizard")["display"]
+    follow = page.locator(".wizard").get_by_role("button", name="Next")
+
+    def answer(step, *words, number=None):
+        page.wait_for_selector(f".wizard li[aria-current=step]:has-text('{step}')")
+        if number is not None:
+            page.locator(".wizard input").fill(number)
+        for word in words:
+            page.locator(".wizard").get_by_role("button", name=word, exact=True).click()
+        with page.expect_response("**/wizard"):
+            follow.click()
+
+    answer("Lenses", "Upright", number="1.5")
+    page.wait_for_selector(".wizard .note:has-text('pitch')")
+    answer("Lenses", "No bands", "White")
+    views = before["views"]
+    answer("Views", "Yes", number=f"{views // 2 - 1}, {views // 2}")
+    answer("Edges", "Clean")
+    page.wait_for_selector(".wizard >> text=The panel is set")
+    after = opened.ask("GET", f"/api/displays/{copy}/wizard")["display"]
+    assert 1 / after["pitch"] - 1 / before["pitch"] == pytest.approx(1.5 / 3 / before["width"])
+    page.locator(".wizard").get_by_role("button", name="Close").click()
+    opened.until("() => !document.querySelector('.wizard')")
+    opened.ask("DELETE", f"/api/displays/{copy}")
+
+
+def test_a_removed_version_gives_way_to_another_one(opened):
+    """What is shown after the one that was shown; the server's answers are played."""
+    shown = opened.run("""async () => {
+      const { Portrait } = await import("/static/screens/portrait.js");
+      let left = [{ id: "one", name: "one", mix: {} }, { id: "two", name: "two", mix: {} }];
+      const asked = window.fetch, shown = [];
+      window.fetch = async (path, { method = "GET" } = {}) => {
+        if (method === "DELETE") left = left.filter(({ id }) => !String(path).endsWith(id));
+        return new Response(JSON.stringify(method === "GET" ? { versions: left } : { ok: true }));
+      };
+      const screen = Object.assign(Object.create(Portrait.prototype), {
+        sitter: { id: "anna" }, chosen: "two", open: true, save: { stop() {} },
+        list: document.createElement("ul"),
+        versions: [...left], address() {}, drawVersions() {}, drawActions() {},
+        async display() { shown.push(this.version.id); },
+      });
+      try {
+        const removing = screen.remove(left[1]);
+        document.querySelector("dialog button.danger").click();
+        await removing;
+      } finally { window.fetch = asked; }
+      return [shown, screen.open];
+    }""")
+    assert shown == [["one"], False], "shown again, and nothing of the other is written into it"
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_the_faces_of_a_painting_that_comes_are_looked_for(browser, studio, tmp_path, count):
+    """Several: it is asked which one. None: it is said."""
+    picture(40 + count, 200).save(tmp_path / "new.png")
+    face = [[60.0 + n, 80.0 + n] for n in range(68)]
+    with Opened(browser, studio, "style/ben") as each:
+        each.page.route("**/picture?*size=0*", lambda route: route.fulfill(
+            body=(tmp_path / "new.png").read_bytes(), content_type="image/png"))
+        each.page.route("**/faces?*", lambda route: route.fulfill(json={
+            "faces": [{"number": n + 1, "box": [20 + 80 * n, 20, 60, 80], "landmarks": face}
+                      for n in range(count)], "width": 200, "height": 200,
+            "chosen": 1 if count else None}))
+        each.page.set_input_files("#painting-files", [tmp_path / "new.png"])
+        if count == 2:
+            each.page.wait_for_selector("dialog[open] .face-box")
+            assert each.page.locator(".face-box").count() == 2
+            assert each.page.locator(".face-box[aria-pressed=true]").inner_text() == "1"
+            each.page.keyboard.press("Escape")
+        else:
+            word = "is in the gallery" if count else "No face was found in new"
+            each.page.wait_for_selector(f".toast >> text={word}")
+        own = next(one["id"] for one in each.ask("GET", "/api/styles?project=ben")["styles"]
+                   if one["name"] == "new")
+        each.ask("DELETE", f"/api/styles/{own}?project=ben")
+
+
+def test_a_video_can_be_removed_and_photos_come_instead(browser, studio, tmp_path):
+    (tmp_path / "turn.mp4").write_bytes(b"no film, but of its kind")
+    picture(50).save(tmp_path / "one.png")
+    with Opened(browser, studio) as each:
+        sitter = each.ask("POST", "/api/projects", {"name": "Vera", "demo": False})["id"]
+        each.reload()
+        each.go(f"photos/{sitter}")
+        page = each.page
+        page.set_input_files("#photo-files", [tmp_path / "turn.mp4"])
+        page.wait_for_selector(".shot-card")
+        page.set_input_files("#photo-files", [tmp_path / "one.png"])
+        page.wait_for_selector(".note.bad:has-text('remove what is there')")
+        page.get_by_role("button", name="Remove turn.mp4").click()
+        each.until("() => !document.querySelector('.shot-card')")
+        page.set_input_files("#photo-files", [tmp_path / "one.png"])
+        page.wait_for_selector(".shot-card:has-text('one.png')")
+
+
+def test_stop_stops_what_was_read_ahead(browser, studio, tmp_path):
+    for number in range(8):
+        picture(60 + number).save(tmp_path / f"{number}.png")
+    with Opened(browser, studio) as each:
+        sitter = each.ask("POST", "/api/projects", {"name": "Stella", "demo": False})["id"]
+        each.reload()
+        each.go(f"photos/{sitter}")
+        held = []
+        each.page.route("**/uploads/*", lambda route: held.append(route))
+        each.page.set_input_files("#photo-files", sorted(tmp_path.iterdir()))
+        while len(held) < 4:
+            each.page.wait_for_timeout(20)
+        each.page.click("text=Stop")
+        for route in held:
+            route.abort()
+        each.page.wait_for_timeout(300)
+        assert len(held) == 4 and each.ask("GET", f"/api/projects/{sitter}/photos")["photos"] == []
+
+
+def test_a_batch_takes_each_sitter_in_the_style_of_its_version(opened):
+    """The page names versions alone: projects and styles beside them would be all with all."""
+    asked = []
+    opened.page.route("**/api/batch", lambda route: (
+        asked.append(route.request.post_data_json), route.fulfill(json={
+            "file": "/there/jobs.toml", "text": "[[sitter]]", "command": "lfportrait batch"})))
+    opened.go("show/anna/files")
+    opened.page.wait_for_selector(".kind-card")
+    opened.page.click("summary:has-text('Several at once')")
+    opened.page.locator("details li input").first.check()
+    opened.page.click("text=Write a batch file")
+    opened.page.wait_for_selector("details pre")
+    (sent,) = asked
+    assert set(sent) == {"displays", "versions"} and sent["versions"] == [["anna", "portrait"]]

@@ -1,0 +1,90 @@
+"""A screen that is left: what it waits for is given up, what it keeps is kept first."""
+
+import re
+
+import pytest
+
+GIVEN_UP = "net::ERR_ABORTED"
+SLOW = {
+    "style/anna": "**/preview",
+    "portrait/anna": "**/viewer",
+    "show/anna": "**/eye",
+    "style/ben": "**/check?*",
+    "photos/ben": "**/photos",
+}
+
+
+@pytest.mark.parametrize("screen", SLOW)
+def test_a_request_that_waits_is_given_up(opened, screen):
+    begun, failed = [], []
+    opened.page.route(SLOW[screen], lambda route: begun.append(route.request.url))
+    opened.page.on("requestfailed", lambda request: failed.append((request.url, request.failure)))
+    opened.run("(name) => { location.hash = name; }", screen)
+    for _ in range(200):
+        if begun:
+            break
+        opened.page.wait_for_timeout(30)
+    assert begun
+    opened.go("making/ben")
+    for _ in range(100):
+        if failed:
+            break
+        opened.page.wait_for_timeout(30)
+    assert (begun[0], GIVEN_UP) in failed
+    # Nobody is troubled with it.
+    assert opened.page.locator("#alerts .toast").count() == 0
+
+
+def test_a_picture_that_waits_is_given_up(opened):
+    begun, failed = [], []
+    opened.page.route("**/picture?*", lambda route: begun.append(route.request.url))
+    opened.page.on("requestfailed", lambda request: failed.append((request.url, request.failure)))
+    opened.go("style/ben")
+    opened.page.wait_for_timeout(500)
+    assert begun
+    assert sum("builtin" in url for url in begun) <= 3, "a few at a time"
+    opened.go("making/ben")
+    opened.page.wait_for_timeout(500)
+    assert {(url, GIVEN_UP) for url in begun} <= set(failed)
+
+
+def test_a_screen_that_is_left_at_once_is_not_drawn(opened):
+    opened.run("""() => {
+      location.hash = "show/anna";
+      setTimeout(() => { location.hash = "photos/anna"; });
+      setTimeout(() => { location.hash = "making/ben"; });
+    }""")
+    opened.page.wait_for_selector("[data-screen=making][data-ready]")
+    opened.page.wait_for_timeout(700)
+    assert opened.page.locator("[data-screen]").count() == 1
+    assert opened.page.get_attribute("[data-screen]", "data-screen") == "making"
+
+
+def test_a_change_is_kept_before_the_next_screen_reads_it(opened):
+    style = next(one["id"] for one in opened.ask("GET", "/api/styles?project=ben")["styles"]
+                 if one["kind"] == "project")
+    opened.go(f"style/ben/{style}/landmarks")
+    mark = opened.page.locator(".mark[data-number='30']")
+    mark.focus()
+    opened.page.keyboard.press("Shift+ArrowRight")
+    moved = mark.get_attribute("aria-label")
+    opened.go("making/ben")
+    points = opened.ask("GET", f"/api/styles/{style}/landmarks?project=ben")["points"]
+    x = float(re.search(r"x ([\d.]+)", moved)[1])
+    assert points[30][0] == pytest.approx(x, abs=0.06)
+
+
+def test_a_screen_that_can_not_be_shown_says_so_and_is_tried_again(opened):
+    opened.page.route("**/api/projects/ben/photos", lambda route: route.fulfill(
+        status=500, json={"error": {"code": "internal", "message": "x"}}))
+    opened.go("photos/ben")
+    assert "went wrong" in opened.page.inner_text("#main")
+    opened.page.unroute("**/api/projects/ben/photos")
+    opened.page.click("#main >> text=Try again")
+    opened.page.wait_for_selector(".drop")
+
+
+def test_the_editor_of_a_painting_that_is_gone_leads_to_the_gallery(opened):
+    for what in ("landmarks", "regions"):
+        opened.go(f"style/ben/own-nobody/{what}")
+        opened.page.wait_for_selector(".paintings li")
