@@ -40,6 +40,9 @@ DIM, FAINT = 0.5, 0.05
 """Paint darker than bare skin by this, in logarithms, is no skin; weight of light read from it."""
 KEPT = 0.25
 """Light that differs so much, in logarithms, leaves 1 / e of what a place's hue has of its own."""
+OWN = 0.15, 0.35
+"""A hue that is so far off the painter's curve, in logarithms, begins to be carried on as far as
+brightness, and wholly is."""
 KNOTS, ALIKE = 33, 0.08
 """Knots of the curve from brightness to hue; it is smoothed by this width, in logarithms."""
 FEW = 0.02
@@ -141,7 +144,10 @@ def _change(light: Float32, weight: Float32, most: Float32, clear: Float32, own:
     known = light.mean(axis=-1)
     rest = light - known[..., None] - (hue(dark + known) - hue(dark))
     bright = dark + _spread(known[..., None], weight, most, unit)[..., 0]
-    rest = _spread(rest, weight, most, unit, REACHES[2:])
+    near, far = (_spread(rest, weight, most, unit, reaches) for reaches in (REACHES[2:], REACHES))
+    # Shade that is green where the light is red has a hue of its own, which goes as far.
+    strong = np.clip((np.abs(far).max(axis=-1) - OWN[0]) / (OWN[1] - OWN[0]), 0, 1)
+    rest = near + strong[..., None] * (far - near)
     seen = clear > 0.5
     if seen.any():
         low, high = np.quantile(own.mean(axis=-1)[seen], (UTMOST, 1 - UTMOST))
