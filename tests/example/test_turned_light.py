@@ -26,8 +26,9 @@ def sides(change, seen=130, hair=None):
     ours = np.where((columns < 80)[..., None], left, lit)
     share = blurred((columns < 90).astype(np.float32), 3.0)
     both = (columns < seen).astype(np.float32)
+    face, features = np.ones(SHAPE, np.float32), np.zeros(SHAPE, np.float32)
     return Sides(np.asarray(ours, np.float32), np.asarray(theirs, np.float32), share, both,
-                 np.ones(SHAPE, np.float32), hair, 100.0)
+                 face, face, hair, features, 100.0)
 
 
 def difference(one, two):
@@ -77,3 +78,34 @@ def test_light_makes_a_highlight_no_brighter_than_all_paint():
 def test_where_nothing_was_seen_twice_the_mirror_image_stays():
     given = sides(SHADE)
     assert relit(replace(given, both=np.zeros(SHAPE, np.float32))) is given.theirs
+
+
+def test_dark_paint_between_brows_and_mouth_is_shade():
+    given = sides(np.full(3, -1.4), hair=np.zeros(SHAPE, np.float32))
+    found = relit(replace(given, features=np.ones(SHAPE, np.float32)))
+    assert np.abs(difference(found, given.ours)).max() < 0.25
+
+
+def test_half_tones_keep_their_warmth_beside_cold_shade():
+    # The painter's half-tones are as warm as his lights; only his deep shade, above, is grey.
+    rows, columns = np.indices(SHAPE)
+    lit = SKIN + DARK
+    left = lit * np.exp(-0.4 * np.abs(80 - columns) / 80)[..., None]
+    shade = np.where(rows < 60, 1.0, 0.0)[..., None] * [-1.2, -0.9, -0.3]
+    ours = np.where((columns < 80)[..., None], left, left * np.exp(shade)) - DARK
+    given = replace(sides(0.0, seen=105, hair=np.zeros(SHAPE, np.float32)),
+                    ours=np.asarray(ours, np.float32), theirs=np.asarray(left - DARK, np.float32),
+                    features=np.ones(SHAPE, np.float32))
+    change = (np.log(relit(given) + DARK) - np.log(lit))[:, 120]
+    bright = change.mean(axis=-1)
+    half = (bright > -0.44) & (bright < -0.3)
+    assert half.sum() > 5
+    assert (change[half, 0] - change[half, 2] > -0.1).all()
+    assert change[bright < -0.8][:, 0].mean() < change[bright < -0.8][:, 2].mean() - 0.4
+
+
+def test_shade_goes_on_to_the_end_of_the_face():
+    given = sides(np.full(3, -0.5), seen=105, hair=np.zeros(SHAPE, np.float32))
+    given = replace(given, scale=60.0)
+    change = np.log(relit(given) + DARK) - np.log(given.theirs + DARK)
+    assert (change[60, 110:145] < -0.35).all()

@@ -159,7 +159,8 @@ def frontal_view(exemplar: Exemplar, pose: FacePose) -> Frontal:
     other, theirs = _mirror_image(exemplar.image, own, head.landmarks, pose.scale)
     share = _own_share(ours, theirs, clear, clear[:, ::-1], head.needed, pose.scale)
     both = head.face * ((clear > SURE) & (clear[:, ::-1] > SURE))
-    theirs = relit(Sides(ours, theirs, share, both, head.face, hair, pose.scale))
+    theirs = relit(Sides(ours, theirs, share, both, head.face, head.inside, hair,
+                         _features(head.landmarks, share.shape), pose.scale))
     image = share[..., None] * ours + (1 - share[..., None]) * theirs
     mask = None
     if exemplar.mask is not None:
@@ -201,6 +202,12 @@ def _over_the_cheek(hair: Float32, head: _Head) -> Float32:
     away = np.arange(width)[None] + 0.5 - head.center[0]
     far = below & (away * head.pose.rotation[2, 0] < 0)
     return np.asarray(far * head.face * np.clip(2 * (hair - hair[:, ::-1]), 0, 1), np.float32)
+
+
+def _features(landmarks: Float64, shape: tuple[int, ...]) -> Float32:
+    """From the brows to the mouth, float32 [h, w]."""
+    corners = cv2.convexHull(np.asarray(landmarks[17:60], np.float32))[:, 0]
+    return polygon(shape, np.asarray(corners, np.float64))
 
 
 def _one_person(mask: Float32, landmarks: Float64) -> Float32:
