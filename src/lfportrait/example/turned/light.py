@@ -106,7 +106,8 @@ def relit(sides: Sides) -> Float32:
     unlike = (differing.mean(axis=-1) / UNLIKE) ** 2
     known_light = asked * np.exp(-unlike * (1 - sides.features))
     # Two dark brows, or sockets, are alike in any light.
-    known_light = known_light * _lit(blurred(brightness[1].mean(axis=-1), broad), bare)
+    lighter = np.maximum(*(blurred(one.mean(axis=-1), broad) for one in brightness))
+    known_light = known_light * _lit(lighter, bare)
     weight, most, light, clear, own, mirrored = (_small(plane) for plane in (
         known_light, asked, differing, np.maximum(sides.face * (sides.share > 0.9), known_light),
         *(blurred(one, broad) for one in brightness)))
