@@ -103,7 +103,7 @@ export function quickPicture(image, path) {
   return image;
 }
 
-/** A small picture, and the large one in its place when that is there; `show` shows the small one. */
+/** A small picture, and the large one in its place when that is there; `show` is how both are shown. */
 export function growingPicture(image, small, large, show = slowPicture) {
   image.addEventListener(
     "load",
@@ -112,7 +112,8 @@ export function growingPicture(image, small, large, show = slowPicture) {
       next.alt = image.alt;
       next.dataset.wanted = large;
       next.addEventListener("load", () => image.replaceWith(next), { once: true });
-      load(next, image);
+      if (show === slowPicture) load(next, image);
+      else next.src = large;
     },
     { once: true },
   );
