@@ -19,7 +19,7 @@ from .jobs import Jobs
 from .mixes import mix_arguments
 from .orders import Order
 from .photos import check_key, sheet
-from .previews import Previews
+from .previews import Previews, Turn
 from .projects import Project, Projects
 from .styles import Styles
 from .uploads import Uploads
@@ -178,7 +178,7 @@ class Desk:
         async def read() -> None:
             with contextlib.suppress(Refusal):
                 look = self.look(project, None, {})
-                await self.previews.ask("warm", look, "warm")
+                await self.previews.ask("warm", look, "warm", Turn.LATER)
 
         task = asyncio.get_running_loop().create_task(read())
         self._tasks.add(task)

@@ -2,15 +2,18 @@
 
 It is started with the first question, and again where it was ended from outside. A newer question
 of the same slot takes the place of an older one that waits: of a landmark that is dragged only the
-last place counts.
+last place counts. What somebody changes at this moment goes before what a page has just opened, and
+that before the pictures of a gallery. A question whose page has gone is not asked any more.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import itertools
-from collections import deque
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +21,30 @@ from .answers import Refusal
 from .child import Child
 from .events import Events
 
-__all__ = ["Previews"]
+__all__ = ["Previews", "Turn"]
 
 _MOST = 64
-"""Questions that wait."""
+"""Questions of one turn that wait."""
 
 
-@dataclass
+class Turn(IntEnum):
+    """Which questions go first."""
+
+    NOW = 0
+    """What somebody changes at this moment and looks at: a landmark, a slider."""
+    NEXT = 1
+    """What a page needs to go on."""
+    LATER = 2
+    """Pictures that fill a gallery."""
+
+
+@dataclass(eq=False)
 class _Question:
     number: int
     name: str
     facts: dict[str, Any]
     slot: str
+    turn: Turn
     answer: asyncio.Future[Any] = field(repr=False)
 
 
@@ -46,7 +61,7 @@ class Previews:
 
     def __init__(self, log: Path, events: Events) -> None:
         self._log, self._events = log, events
-        self._waiting: deque[_Question] = deque()
+        self._waiting: list[_Question] = []
         self._numbers = itertools.count(1)
         self._child: Child | None = None
         self._task: asyncio.Task[None] | None = None
@@ -61,32 +76,66 @@ class Previews:
         """Whether questions are being answered."""
         return self._task is not None and not self._task.done()
 
-    async def ask(self, name: str, facts: dict[str, Any], slot: str = "") -> Any:
+    async def ask(self, name: str, facts: dict[str, Any], slot: str = "",
+                  turn: Turn | None = None,
+                  gone: Callable[[], Awaitable[None]] | None = None) -> Any:
         """The answer to a question (`lfportrait.studio.work.resident`).
+
+        Parameters
+        ----------
+        name, facts
+            The question.
+        slot
+            A newer question of the same slot takes its place, as long as it waits.
+        turn
+            When it is asked; by default at once with a slot, else next.
+        gone
+            Returns when nobody waits for the answer any more: a question that still waits is then
+            dropped. One that is being answered is answered to its end.
 
         Raises
         ------
         Refusal
-            If it can't be answered, or a newer one of the same slot came.
+            If it can't be answered, nobody waits for it, or a newer one of the same slot came.
         """
+        if turn is None:
+            turn = Turn.NOW if slot else Turn.NEXT
         if slot:
             for old in [one for one in self._waiting if one.slot == slot]:
-                self._waiting.remove(old)
-                _refuse(old, Refusal("busy", "a newer preview was asked for"))
-        if len(self._waiting) >= _MOST:
+                self._drop(old, "a newer preview was asked for")
+        if sum(one.turn == turn for one in self._waiting) >= _MOST:
             raise Refusal("busy", "too many previews wait; try again in a moment")
-        question = _Question(next(self._numbers), name, facts, slot,
+        question = _Question(next(self._numbers), name, facts, slot, turn,
                              asyncio.get_running_loop().create_future())
         self._waiting.append(question)
         if self._task is None or self._task.done():
             self._task = asyncio.get_running_loop().create_task(self._work())
-        return await question.answer
+        watch = None if gone is None else asyncio.ensure_future(self._watched(question, gone))
+        try:
+            return await question.answer
+        finally:
+            if watch is not None:
+                watch.cancel()
+                with contextlib.suppress(asyncio.CancelledError):
+                    await watch
+
+    async def _watched(self, question: _Question, gone: Callable[[], Awaitable[None]]) -> None:
+        """Drop a question when nobody waits for its answer."""
+        await gone()
+        self._drop(question, "the page that asked has gone")
+
+    def _drop(self, question: _Question, why: str) -> None:
+        """Do not ask a question that still waits."""
+        if question in self._waiting:
+            self._waiting.remove(question)
+            _refuse(question, Refusal("busy", why))
 
     async def _work(self) -> None:
         """Ask what waits, one after the other."""
         while self._waiting:
-            question = self._waiting.popleft()
-            if question.answer.done():  # the page has gone
+            question = min(self._waiting, key=lambda one: (one.turn, one.number))
+            self._waiting.remove(question)
+            if question.answer.done():  # its request was cancelled
                 continue
             try:
                 await self._asked(question)

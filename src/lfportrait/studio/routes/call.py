@@ -17,6 +17,7 @@ from starlette.routing import Route
 from ...errors import UserError
 from ..answers import Refusal, failed
 from ..desk import Desk
+from ..previews import Turn
 from ..projects import Project
 
 __all__ = ["Call", "Table", "attachment", "picture", "query_number"]
@@ -52,6 +53,19 @@ class Call:
         """The project of the query; None where there is none."""
         name = self.request.query_params.get("project")
         return None if name is None else self.desk.projects.get(name)
+
+    async def ask(self, name: str, facts: dict[str, Any], slot: str = "",
+                  turn: Turn | None = None) -> Any:
+        """The answer of the process that keeps heads in memory (`Previews.ask`).
+
+        It is not asked when the page goes before. A body must have been read before this.
+        """
+        return await self.desk.previews.ask(name, facts, slot, turn, self._gone)
+
+    async def _gone(self) -> None:
+        """Wait for the end of the connection."""
+        while (await self.request.receive())["type"] != "http.disconnect":
+            pass  # an empty body
 
 
 class Table:

@@ -12,6 +12,7 @@ from ...files import read_json
 from ...labels import BY_HAND
 from ..answers import Refusal, number, numbers, points, text, whole
 from ..mixes import checked_mix
+from ..previews import Turn
 from ..projects import Project
 from ..styles import GROUPS, LARGEST, LINES, MIRROR, Style, preview_file, write_regions
 from .call import Call, Table, picture, query_number
@@ -90,13 +91,11 @@ async def copy(call: Call) -> tuple[int, dict[str, Any]]:
     target = call.desk.styles.folder(project) / f"{style.name}.png"
     if target.exists():
         raise Refusal("exists", f"there is a painting {style.name!r} already")
-    found = await call.desk.previews.ask("copy_style", {"style": style.source,
-                                                        "file": str(target)})
+    await call.desk.previews.ask("copy_style", {"style": style.source, "file": str(target)})
     _tell(call, project)
     word = "own" if project is not None else "mine"
     fresh = next(one for one in call.desk.styles.all(project)
                  if one.path == target and one.id.startswith(word))
-    del found
     return 201, call.desk.styles.entry(fresh, project)
 
 
@@ -111,8 +110,8 @@ async def style_picture(call: Call) -> Any:
     name = f"{style.id}-{stamp}-{size}.{'jpg' if size else 'png'}"
     path = call.desk.styles.own(project) / name
     if not path.is_file():
-        await call.desk.previews.ask("style_picture", {"style": style.source, "size": size,
-                                                       "file": str(path)})
+        await call.ask("style_picture", {"style": style.source, "size": size, "file": str(path)},
+                       turn=Turn.LATER if size else Turn.NEXT)
     return picture(call, path)
 
 
@@ -120,7 +119,7 @@ async def style_picture(call: Call) -> Any:
 async def check(call: Call) -> Any:
     """What a painting will give."""
     style, _ = _style(call)
-    return await call.desk.previews.ask("check_style", {"style": style.source})
+    return await call.ask("check_style", {"style": style.source})
 
 
 async def _found(call: Call, style: Style, project: Project | None) -> dict[str, Any]:
@@ -277,7 +276,7 @@ async def regions_picture(call: Call) -> Any:
         return picture(call, path)
     path = call.desk.styles.own(project) / f"{style.id}-{style.stamp()}.regions.png"
     if not path.is_file():
-        await call.desk.previews.ask("regions", {"style": style.source, "file": str(path)})
+        await call.ask("regions", {"style": style.source, "file": str(path)})
     return picture(call, path)
 
 
@@ -311,7 +310,9 @@ async def preview(call: Call) -> Any:
     keep = preview_file(project, style) if plain and style is not None else None
     if keep is not None:
         facts["keep"] = str(keep)
-    found = await call.desk.previews.ask("preview", facts, text(data, "slot", ""))
+    slot = text(data, "slot", "")
+    found = await call.ask("preview", facts, slot,
+                           Turn.LATER if keep is not None and not slot else None)
     if keep is not None:
         _tell(call, project)
     return Response(found["picture"], media_type="image/jpeg", headers={

@@ -14,6 +14,7 @@ from starlette.responses import Response
 from ...files import read_json
 from ..answers import Refusal, text, whole
 from ..mixes import checked_mix, styles_of
+from ..previews import Turn
 from ..projects import Project
 from ..versions import Version, Versions
 from .call import Call, Table, picture
@@ -113,7 +114,8 @@ async def _picture(call: Call, look: dict[str, Any], size: int, keep: Path | Non
     facts = {"look": look, "cameras": cameras_of(call.data), "size": size}
     if keep is not None:
         facts["keep"] = str(keep)
-    found = await call.desk.previews.ask("preview", facts, text(call.data, "slot", ""))
+    found = await call.ask("preview", facts, text(call.data, "slot", ""),
+                           Turn.LATER if keep is not None else None)
     data: bytes = found["picture"]
     return data
 
@@ -156,7 +158,7 @@ async def viewer(call: Call) -> dict[str, Any]:
         look, is_fine = call.desk.look(project, style, _mix(call, project)), False
     folder = project.own / "pages"
     folder.mkdir(parents=True, exist_ok=True)
-    found = await call.desk.previews.ask("viewer", {
+    found = await call.ask("viewer", {
         "look": look, "folder": str(folder), "title": project.name})
     key = found["key"]
     await asyncio.to_thread(_forget, folder, key)
@@ -174,7 +176,7 @@ async def colors(call: Call) -> dict[str, Any]:
         raise Refusal("bad_request", "mixes must be one or two mixes", field="mixes")
     looks = [call.desk.mixed_look(project, version, checked_mix(mix)) for mix in mixes]
     page = _page(project, text(call.data, "page").rpartition("/")[2])
-    found: dict[str, Any] = await call.desk.previews.ask(
+    found: dict[str, Any] = await call.ask(
         "colors", {"page": str(page), "looks": looks}, text(call.data, "slot", ""))
     return found
 

@@ -35,7 +35,7 @@ def displays(call: Call) -> dict[str, Any]:
 @TABLE.add("GET", "/api/displays/bridge")
 async def bridge(call: Call) -> Any:
     """What Looking Glass Bridge on this machine reports."""
-    found = await call.desk.previews.ask("bridge", {})
+    found = await call.ask("bridge", {})
     shown = []
     for entry in found["displays"]:
         panel = Panel(f"bridge-{entry['index']}", "bridge", Display(**entry["display"]))
@@ -51,7 +51,7 @@ async def add(call: Call) -> tuple[int, dict[str, Any]]:
     if "text" in data:
         panel = desk.displays.read(name, _contents(data))
     elif "bridge" in data:
-        found = await desk.previews.ask("bridge", {})
+        found = await call.ask("bridge", {})
         index = whole(data, "bridge", 0, 64)
         entry = next((one for one in found["displays"] if one["index"] == index), None)
         if entry is None:
@@ -110,8 +110,7 @@ async def pattern(call: Call) -> Any:
         path.parent.mkdir(parents=True, exist_ok=True)
         for old in sorted(path.parent.glob("*.png"), key=lambda one: one.stat().st_mtime)[:-7]:
             old.unlink(missing_ok=True)
-        await call.desk.previews.ask("pattern", {"display": panel.source, "kind": kind,
-                                                 "file": str(path)})
+        await call.ask("pattern", {"display": panel.source, "kind": kind, "file": str(path)})
     return picture(call, path)
 
 
@@ -161,7 +160,7 @@ def _shown(call: Call) -> tuple[Project, dict[str, Any]]:
 async def budget(call: Call) -> Any:
     """The panel's depth budget for this head."""
     _, facts = _shown(call)
-    return await call.desk.previews.ask("budget", facts)
+    return await call.ask("budget", facts)
 
 
 @TABLE.add("POST", "/api/projects/{project}/eye")
@@ -169,7 +168,7 @@ async def eye(call: Call) -> Response:
     """What an eye in front of the panel sees."""
     _, facts = _shown(call)
     where = numbers({"eye": call.data.get("eye", [0.0, 0.0])}, "eye", 2, 100.0)
-    found = await call.desk.previews.ask("eye", {
+    found = await call.ask("eye", {
         **facts, "eye": where, "crosstalk": number(call.data, "crosstalk", 0, 20, 0.0),
         "width": whole(call.data, "width", 64, 4096, 960)}, text(call.data, "slot", ""))
     return Response(found["picture"], media_type="image/jpeg")
@@ -184,7 +183,7 @@ async def full(call: Call) -> dict[str, Any]:
     for old in folder.glob("*.png"):
         old.unlink(missing_ok=True)
     stamp = hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
-    await call.desk.previews.ask("full", {**facts, "file": str(folder / f"{stamp}.png")})
+    await call.ask("full", {**facts, "file": str(folder / f"{stamp}.png")})
     return {"picture": f"/api/projects/{project.id}/full/{stamp}"}
 
 

@@ -1,0 +1,17 @@
+"""A resident process that answers when a file lies beside its log, for tests of the queue."""
+
+import time
+from pathlib import Path
+
+from lfportrait.studio.work.pipe import Pipe
+
+
+def serve() -> None:
+    pipe = Pipe()
+    while True:
+        number, name, facts = pipe.requests.get()
+        with open(facts["asked"], "a") as stream:
+            stream.write(f"{name}\n")
+        while not Path(facts["open"]).exists():
+            time.sleep(0.005)
+        pipe.tell(number, "ok", {"name": name})
