@@ -58,7 +58,7 @@ def export(order: Order, teller: Teller) -> dict[str, Any]:
             figures: dict[str, Any] = {}
         else:
             # As the commands read it: from the file, with the numbers that it keeps.
-            field = load_styled(look.styled) if fine else Sitting().field(look)
+            field = load_styled(look.styled) if fine else Sitting().on_panel(look)
             figures = _written(field, path, kind, options, order, progress)
     out = Path(figures.pop("out", path))
     return {"export": id_of(out.name), "file": out.name, "kind": kind, "fine": fine,

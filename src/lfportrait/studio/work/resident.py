@@ -99,7 +99,7 @@ class _Resident:
         return {"sets": None if None in sets else sets}
 
     def _placed(self, facts: Facts) -> tuple[Any, Display, EncodeConfig]:
-        field = self.sitting.field(Look(facts["look"]))
+        field = self.sitting.on_panel(Look(facts["look"]))
         panel = Display.resolve(facts["display"])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the report says it

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ...cache import hash_of
 from ...errors import UserError
-from ...example import Exemplar
-from ...field import VoxelField
+from ...example import Exemplar, known_ground
+from ...field import Backdrop, VoxelField, head_points
 from ...job import Session
 from ...lightfield import eight_bit, render_views
 from ...stylize import Painters, StyledField, StylizeConfig, load_styled
@@ -103,6 +103,7 @@ class Sitting:
         self._painted: _Kept[VoxelField] = _Kept(4)
         self._mixed: _Kept[VoxelField] = _Kept(2)
         self._exemplars: _Kept[Exemplar] = _Kept(12)
+        self._grounds: _Kept[Backdrop] = _Kept(2)
         # With landmarks that are moved at this moment: the next ones are others.
         self._tried: _Kept[VoxelField] = _Kept(1)
 
@@ -143,6 +144,19 @@ class Sitting:
             raise UserError("the photographed head has no painting to mix with")
         styled = base
         return self._mixed.get(look.key(), lambda: styled.mix(**look.mix))
+
+    def on_panel(self, look: Look) -> VoxelField:
+        """What is shown, with the painted ground behind it, which a preview is made without."""
+        field = self.field(look)
+        if look.job is None or look.style is None or field.backdrop is not None:
+            return field
+        session, exemplar = self.session(look.job), self.exemplar(look.style, look.landmarks)
+        backdrop = self._grounds.get(look.painted_key(), lambda: Backdrop(
+            *known_ground(exemplar, seed=session.config.seed), head_points(session.field)))
+        # The field itself stays as it is: its page has no ground.
+        grounded = replace(field, backdrop=backdrop)
+        grounded.take_layouts(field)
+        return grounded
 
     def _made(self, look: Look) -> VoxelField:
         """The painted head, at full strength."""
