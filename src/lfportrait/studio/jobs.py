@@ -92,6 +92,11 @@ class Jobs:
         self._pump()
         return job
 
+    def waits(self, job: JobState) -> bool:
+        """Whether a job must wait for the end of another one."""
+        other = self.jobs.get(job.after or "")
+        return other is not None and not other.over
+
     async def cancel(self, job: JobState) -> None:
         """End a job; finished stages stay."""
         if job.over:
@@ -193,7 +198,8 @@ class Jobs:
         heavy = any(job.heavy for job in active)
         light = sum(not job.heavy for job in active)
         for job in list(self.jobs.values()):
-            if job.state != "waiting" or (heavy if job.heavy else light >= _LIGHT):
+            if job.state != "waiting" or self.waits(job) or (
+                    heavy if job.heavy else light >= _LIGHT):
                 continue
             heavy, light = heavy or job.heavy, light + (not job.heavy)
             job.state = "running"
