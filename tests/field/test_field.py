@@ -8,6 +8,7 @@ import zipfile
 from dataclasses import replace
 
 import cv2
+import numba
 import numpy as np
 import pytest
 
@@ -112,6 +113,24 @@ def test_a_file_is_little_more_than_its_voxels(tmp_path, save):
     with zipfile.ZipFile(tmp_path / "f.npz") as archive:
         deflated = {entry.filename for entry in archive.infolist() if entry.compress_type}
         assert deflated == {"links.npy", "background_links.npy"}
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_arrays_of_several_pieces_are_deflated_as_one(tmp_path, threads):
+    """The pieces are deflated side by side; a reader and the check of the file see one stream."""
+    values = np.random.default_rng(3).integers(0, 4, (1200, 1200), np.int32)
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(threads, before))
+    try:
+        save_field(shell_field(8), tmp_path / "f.npz", deflated=("many",), many=values,
+                   none=np.empty(0, np.int32))
+    finally:
+        numba.set_num_threads(before)
+    with zipfile.ZipFile(tmp_path / "f.npz") as archive:
+        assert archive.testzip() is None
+        assert archive.getinfo("many.npy").compress_size < values.nbytes / 4
+    with np.load(tmp_path / "f.npz") as found:
+        np.testing.assert_array_equal(found["many"], values)
 
 
 @pytest.mark.parametrize("save", [save_field, save_checkpoint])
