@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 from lfportrait.studio.work.pipe import Pipe
 
@@ -34,6 +35,11 @@ def serve() -> None:
     pipe.tell("picture", "capture")
     pipe.tell("done", "capture", 0.5)
     pipe.tell("skipped", "reconstruct")
-    pipe.tell("end", {"kind": order.kind})
+    result = {"kind": order.kind}
+    if order.kind == "export":
+        target = Path(order.more["target"])
+        target.write_text("styled" if "styled" in order.more["look"] else "preview")
+        result |= {"file": target.name, "fine": "styled" in order.more["look"]}
+    pipe.tell("end", result)
     child.kill()
     time.sleep(600)  # it is ended from outside

@@ -207,6 +207,70 @@ def test_a_project_with_a_job_is_not_removed(page):
     assert page.error("POST", "/api/jobs", {"kind": "head", "project": project}) == "not_found"
 
 
+def version_of(page):
+    """A sitter with a head, a version of it, and the files that a fine one has."""
+    project, folder = sitter(page, "Anna", "wait")
+    own = page.desk.projects.get(project)
+    (own.job / "capture").mkdir(parents=True)
+    for name in ("field.npz", "capture/transforms.json"):
+        (own.job / name).write_bytes(b"")
+    version = page.do("POST", f"/api/projects/{project}/versions", {
+        "name": "First", "style": "builtin-charcoal"})["id"]
+    for name in ("styled.npz", "lightfield.png"):
+        (folder / "versions/First" / name).write_bytes(b"")
+    return project, folder, version
+
+
+def exported(page, project, version, **more):
+    return page.do("POST", f"/api/projects/{project}/exports", {
+        "kind": "field", "version": version, "name": "out", **more})
+
+
+def test_an_export_waits_for_its_fine_version(page):
+    project, folder, version = version_of(page)
+    export = exported(page, project, version, fine=True)
+    assert export["quality"] == "fine" and export["state"] == "waiting"
+    (fine,) = (one for one in page.get("/api/jobs")["jobs"] if one["kind"] == "fine")
+    assert export["after"] == fine["id"]
+    pids(folder)
+    assert page.get(f"/api/jobs/{export['id']}")["state"] == "waiting"
+    (folder / "wait").unlink()
+    assert page.wait(fine["id"])["state"] == page.wait(export["id"])["state"] == "done"
+    (entry,) = page.get(f"/api/projects/{project}/exports")["exports"]
+    assert entry["quality"] == "fine" and entry["fine"]
+    assert page.ask("GET", entry["file"]).content == b"styled"
+    # What is fine already does not wait.
+    again = exported(page, project, version, fine=True)
+    assert again["after"] is None and page.wait(again["id"])["state"] == "done"
+
+
+def test_an_export_says_that_it_is_a_preview(page):
+    project, folder, version = version_of(page)
+    fine = page.do("POST", f"/api/projects/{project}/versions/{version}/fine")
+    pids(folder)
+    export = exported(page, project, version)
+    assert export["quality"] == "preview" and export["after"] is None
+    page.wait(export["id"], "running")
+    (folder / "wait").unlink()
+    assert page.wait(export["id"])["state"] == page.wait(fine["id"])["state"] == "done"
+
+
+def test_an_export_does_not_take_a_preview_for_the_fine_version(page):
+    project, folder, version = version_of(page)
+    export = exported(page, project, version, fine=True)
+    pids(folder)
+    page.do("POST", f"/api/jobs/{export['after']}/cancel")
+    found = page.wait(export["id"])
+    assert found["state"] == "failed" and "make it fine" in found["error"]["message"]
+    assert page.error("POST", f"/api/jobs/{export['id']}/resume") == "not_ready"
+    (folder / "wait").unlink()
+    page.do("POST", f"/api/jobs/{export['after']}/resume")
+    page.do("POST", f"/api/jobs/{export['id']}/resume")
+    assert page.wait(export["id"])["state"] == "done"
+    (entry,) = page.get(f"/api/projects/{project}/exports")["exports"]
+    assert page.ask("GET", entry["file"]).content == b"styled"
+
+
 def test_a_full_disk_does_not_stop_the_queue(page, monkeypatch):
     from lfportrait.errors import UserError
 

@@ -182,6 +182,27 @@ def test_a_lost_preview_process_comes_back(page, project, head):
     assert page.ask("POST", path, {"style": None, "size": 64}).status_code == 200
 
 
+def test_a_preview_after_moves_is_that_of_a_fresh_process(page, project, head, style):
+    path = f"/api/projects/{project}/preview"
+    points = read_landmarks(page.desk.projects.get(project).folder
+                            / "paintings/Ken.landmarks.txt")
+
+    def moved(number, by):
+        there = points.copy()
+        there[number] += by
+        answer = page.ask("POST", path, {"style": style, "size": 96, "slot": "editor",
+                                         "landmarks": there.tolist()})
+        return answer.status_code, answer.content
+
+    moved(30, 8.0)
+    moved(48, -5.0)
+    kept = moved(30, 3.0)
+    assert kept[0] == 200 and kept != moved(8, 9.0)
+    os.kill(page.desk.previews.process, 9)
+    fresh = [moved(30, 3.0) for _ in range(2)]  # the first question may find the process gone
+    assert fresh[1] == kept
+
+
 def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
     versions = f"/api/projects/{project}/versions"
     first = page.do("POST", versions, {"name": "First: try", "style": style})
@@ -292,6 +313,12 @@ def test_depth_eye_and_patterns(page, project, head, style):
     left, right = (shown(page.ask("POST", path, {"version": version, "eye": [x, 0],
                                                  "width": 128})) for x in (-0.5, 0.5))
     assert left.shape == (96, 128, 3) and np.abs(left - right).mean() > 0.5
+    # A preview has its painted ground on a panel, as a fine version has.
+    black, painted = (shown(page.ask("POST", path, {
+        "version": version, "width": 128, "placement": {"ground": ground, "size": 0.5}}))
+        for ground in ("black", "painted"))
+    corners = [black[:12, :12], black[:12, -12:]], [painted[:12, :12], painted[:12, -12:]]
+    assert np.max(corners[0]) < 12 and np.min(corners[1]) > 24
     coded = page.do("POST", f"/api/projects/{project}/full", {"version": version})["picture"]
     assert shown(page.ask("GET", coded)).shape == (96, 128, 3)
     display = page.get("/api/projects/" + project)["display"]

@@ -7,7 +7,6 @@ et al. 2022). A ray's color is Eq. 1 of Shen et al. 2023.
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,14 +19,15 @@ from ..device import gpu_adapter
 from ..gpu import GpuProcess, attempted
 from .backdrop import SOLID, Backdrop
 from .background import Background, cube_rays
-from .kernels.bricks import Bricks, build_bricks
+from .kernels.bricks import Bricks
 from .kernels.march import lattice_of_world
 from .kernels.render import render_kernel
-from .kernels.stretches import Stretches, build_stretches
+from .kernels.stretches import Stretches
 from .kernels.texture import PROBES, REACH, add_texture
 from .kernels.weights import CAPACITY, pixel_weights
+from .layouts import Layouts
 from .storage import load_field, read_back, save_field
-from .texture import NO_TEXTURE, SurfaceTexture, TextureRows, texture_cells
+from .texture import NO_TEXTURE, SurfaceTexture, TextureRows
 
 __all__ = ["Rendering", "SampleWeights", "VoxelField", "camera_row", "surface_points"]
 
@@ -132,7 +132,7 @@ class VoxelField:
     backdrop: Backdrop | None = None
     _bricks: Bricks | None = field(default=None, init=False, repr=False, compare=False)
     _stretches: Stretches | None = field(default=None, init=False, repr=False, compare=False)
-    _cells: NDArray[np.int32] | None = field(default=None, init=False, repr=False, compare=False)
+    _layouts: Layouts = field(default_factory=Layouts, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         count = len(self.density)
@@ -163,20 +163,24 @@ class VoxelField:
     def bricks(self) -> Bricks:
         """The layout for casting, built on first use."""
         if self._bricks is None:
-            self._bricks = build_bricks(self.links, self.density, self.sh)
+            self._bricks = self._layouts.bricks(self.links, self.density, self.sh)
         return self._bricks
 
     @property
     def stretches(self) -> Stretches:
         """The layout for slices, built on first use."""
         if self._stretches is None:
-            self._stretches = build_stretches(self.links, self.density, self.sh)
+            self._stretches = self._layouts.stretches(self.links, self.density, self.sh)
         return self._stretches
 
     def take_layouts(self, other: VoxelField) -> None:
         """Use what another field of the same links, densities and coefficients has laid out."""
+        self.take_lattice(other)
         self._bricks, self._stretches = other._bricks, other._stretches
-        self._cells = other._cells if self.texture is not None else None
+
+    def take_lattice(self, other: VoxelField) -> None:
+        """Lay out together with a field of the same links and densities, cube and frame."""
+        self._layouts = other._layouts
 
     @property
     def lattice(self) -> NDArray[np.float64]:
@@ -191,9 +195,8 @@ class VoxelField:
         """
         if self.texture is None:
             return NO_TEXTURE
-        if self._cells is None:
-            self._cells = texture_cells(self.texture, self.bricks)
-        return self.texture.rows(self._cells, self.lattice, footprint, whole)
+        cells = self._layouts.cells(self.texture, self.bricks)
+        return self.texture.rows(cells, self.lattice, footprint, whole)
 
     def lattice_points(self) -> NDArray[np.float64]:
         """World positions of the rows, float64 [N, 3]."""
@@ -204,25 +207,25 @@ class VoxelField:
             self.center + self.radius * (2.0 * (np.stack([x, y, z], 1) + 0.5) / size - 1.0))
         return points
 
-    @functools.cached_property
+    @property
     def solid_extent(self) -> tuple[float, float, float]:
         """How far the solid voxels reach from the vertical axis, and from where to where along it.
 
         Thin fog does not count: only what stops light within about a twentieth of the head.
         """
-        solid = self.density > SOLID
-        points = self.lattice_points()[solid] if solid.any() else self.bounds
-        reach = float(np.quantile(np.hypot(points[:, 0], points[:, 2]), 0.999))
-        low, high = (float(v) for v in np.quantile(points[:, 1], [0.001, 0.999]))
-        return reach, low, high
+        if self._layouts.extent is None:
+            solid = self.density > SOLID
+            points = self.lattice_points()[solid] if solid.any() else self.bounds
+            reach = float(np.quantile(np.hypot(points[:, 0], points[:, 2]), 0.999))
+            low, high = (float(v) for v in np.quantile(points[:, 1], [0.001, 0.999]))
+            self._layouts.extent = reach, low, high
+        return self._layouts.extent
 
     def with_sh(self, sh: NDArray[np.floating[Any]]) -> VoxelField:
         """The same densities with other coefficients [N, 3, B], and without the texture."""
         out = VoxelField(self.links, self.density, np.ascontiguousarray(sh, np.float32),
                          self.center, self.radius, self.frame, self.background)
-        own = self._bricks
-        if own is not None:
-            out._bricks = Bricks(own.table, own.links, own.density, out.sh, own.shape)
+        out.take_lattice(self)
         return out
 
     def render(self, cameras: Camera, view: int = 0, *, background: float | Any = 1.0,

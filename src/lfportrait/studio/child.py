@@ -20,7 +20,10 @@ from ..errors import UserError
 from ..models import OFFLINE
 from .work.pipe import framed
 
-__all__ = ["Child"]
+__all__ = ["CAN_PAUSE", "Child"]
+
+CAN_PAUSE = hasattr(os, "killpg")
+"""Whether this system can stop a process and all that it has started, and let it go on."""
 
 
 class Child:
@@ -96,7 +99,7 @@ class Child:
         UserError
             On systems that can't.
         """
-        if not hasattr(os, "killpg"):
+        if not CAN_PAUSE:
             raise UserError("this system can't pause a process; cancel the job instead: it goes on "
                             "where its last stage ended")
         self._signal(signal.SIGSTOP if paused else signal.SIGCONT)

@@ -11,10 +11,10 @@ from typing import Any
 
 from ..errors import UserError
 from ..measure import free_disk_bytes
-from .answers import Refusal
+from .answers import Refusal, truth
 from .displays import Displays
 from .events import Events
-from .exports import KINDS, checked_options, checked_placement, keep
+from .exports import KINDS, checked_options, checked_placement, keep, quality_of
 from .job_state import JobState
 from .jobs import Jobs
 from .mixes import mix_arguments
@@ -216,12 +216,11 @@ class Desk:
             return Order("head", **choices)
         version = Versions(project).get(str(job.version))
         if job.kind == "export":
-            if job.order.get("after") and not version.fine:
-                other = self.jobs.jobs.get(job.order["after"])
-                if other is None or other.over:
-                    raise Refusal("not_ready", "the fine version that this file was to be made of "
-                                  "was not finished; order the file again", needs="version")
             panel = self.displays.get(job.order.get("display") or project.display)
+            if job.order.get("fine") and not version.fine and not self.jobs.waits(job):
+                raise Refusal("not_ready", "the version was not made fine, so it is not exported: "
+                              "make it fine, then let the export go on", needs="styled")
+            job.order["quality"] = quality_of(version.fine or bool(job.order.get("fine")))
             look = self.version_look(project, version)
             return Order("export", **{**choices, "display": panel.source},
                          more={**job.order, "version": version.id, "look": look})
@@ -246,12 +245,15 @@ class Desk:
         return running or self.jobs.add("fine", project.id, project.name, version=version.id,
                                         order={"wanted": version.wanted()})
 
-    def export(self, project: Project, version: Version, choices: dict[str, Any], *,
-               fine: bool = False) -> JobState:
-        """Export a version, or wait until it is ``fine``; the job that does."""
-        if fine and not version.fine:
-            choices = {**choices, "after": self.fine(project, version).id}
-        return self.jobs.add("export", project.id, project.name, version=version.id,
+    def export(self, project: Project, version: Version, choices: dict[str, Any]) -> JobState:
+        """Export a version; the job that does.
+
+        With ``fine`` among the choices it waits until the version is made fine.
+        """
+        after = None
+        if choices.get("fine") and not version.fine:
+            after = self.fine(project, version).id
+        return self.jobs.add("export", project.id, project.name, version=version.id, after=after,
                              export=choices["kind"], order=choices)
 
     def look_at_disk(self) -> None:
@@ -264,10 +266,10 @@ class Desk:
     def _changed(self, job: JobState) -> None:
         """What depends on a job's state."""
         self.look_at_disk()
-        if job.kind == "fine" and job.state == "done":
-            # At once: exports that wait for it begin next.
+        if job.state == "done" and job.project is not None:
+            # At once: a job that waits for this one begins after it.
             with contextlib.suppress(Refusal, UserError, OSError):
-                self._finished(self.projects.get(str(job.project)), job)
+                self._finished(self.projects.get(job.project), job)
         try:
             loop = asyncio.get_running_loop()
         except RuntimeError:  # the server has not begun
@@ -283,8 +285,6 @@ class Desk:
             return
         try:
             project = self.projects.get(job.project)
-            if state == "done" and job.kind != "fine":
-                await asyncio.to_thread(self._finished, project, job)
             kinds = {"check": ("photos",), "fine": ("versions",), "export": ("exports",),
                      "head": ("photos", "styles")}.get(job.kind, ())
             if state != "running" or job.kind == "head":
@@ -310,5 +310,5 @@ def export_order(desk: Desk, project: Project, data: dict[str, Any]) -> dict[str
     if display is not None:
         display = desk.displays.get(str(display)).id
     return {"kind": kind.kind, "display": display or desk.displays.of(project).id,
-            "placement": checked_placement(data.get("placement")),
+            "fine": truth(data, "fine"), "placement": checked_placement(data.get("placement")),
             "options": checked_options(kind, data.get("options"))}

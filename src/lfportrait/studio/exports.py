@@ -15,7 +15,7 @@ from .names import folder_name, id_of
 from .projects import Project
 
 __all__ = ["KINDS", "Kind", "checked_options", "checked_placement", "entries", "find", "keep",
-           "kinds", "remove", "target"]
+           "kinds", "quality_of", "remove", "target"]
 
 
 @dataclass(frozen=True)
@@ -147,6 +147,11 @@ def checked_options(kind: Kind, data: Any) -> dict[str, Any]:
     return found
 
 
+def quality_of(fine: bool) -> str:
+    """What is exported: ``"fine"``, or the ``"preview"`` of a version."""
+    return "fine" if fine else "preview"
+
+
 def target(project: Project, kind: Kind, name: str, ordered: Sequence[str] = ()) -> Path:
     """A free file for an export; those that are ``ordered`` are not there yet."""
     folder = project.folder / "exports"
@@ -177,6 +182,7 @@ def entries(project: Project) -> list[dict[str, Any]]:
             "id": number, "name": path.name, "kind": data.get("kind"),
             "version": data.get("version"), "size_bytes": state.st_size,
             "created": data.get("created", state.st_mtime), "fine": data.get("fine", False),
+            "quality": quality_of(data.get("fine", False)),
             "file": f"/api/projects/{project.id}/exports/{number}/file", "path": str(path),
             "figures": data.get("figures", {})})
     return sorted(found, key=lambda one: one["created"])

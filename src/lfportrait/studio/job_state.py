@@ -76,6 +76,8 @@ class JobState:
         ``waiting``, ``running``, ``paused``, ``done``, ``failed``, ``cancelled`` or ``stopped``.
     order
         What the process needs to know beside that.
+    after
+        Id of the job whose end it waits for, or None.
     created, started, ended
         In seconds since 1970.
     stages
@@ -96,6 +98,7 @@ class JobState:
     name: str = ""
     state: str = "waiting"
     order: dict[str, Any] = field(default_factory=dict)
+    after: str | None = None
     created: float = 0.0
     started: float | None = None
     ended: float | None = None
@@ -152,8 +155,9 @@ class JobState:
             if one.pictures else None} for one in self.stages]
         return {"id": self.id, "kind": self.kind, "project": self.project, "name": self.name,
                 "version": self.version, "export": self.export, "state": self.state,
-                "place": place, "created": self.created, "started": self.started,
-                "ended": self.ended, "stages": stages, "progress": self.progress(),
+                "quality": self.order.get("quality"), "after": self.after, "place": place,
+                "created": self.created, "started": self.started, "ended": self.ended,
+                "stages": stages, "progress": self.progress(),
                 "left": None if self.over else self.left(), "notes": self.notes,
                 "error": self.error, "result": self.result}
 

@@ -97,6 +97,11 @@ class Jobs:
         self._pump()
         return job
 
+    def waits(self, job: JobState) -> bool:
+        """Whether a job must wait for the end of another one."""
+        other = self.jobs.get(job.after or "")
+        return other is not None and not other.over
+
     async def cancel(self, job: JobState) -> None:
         """End a job; finished stages stay."""
         if job.over:
@@ -198,7 +203,7 @@ class Jobs:
         heavy = any(job.heavy for job in active)
         light = sum(not job.heavy for job in active)
         for job in list(self.jobs.values()):
-            if job.state != "waiting" or self._held(job) or (
+            if job.state != "waiting" or self.waits(job) or (
                     heavy if job.heavy else light >= _LIGHT):
                 continue
             heavy, light = heavy or job.heavy, light + (not job.heavy)
@@ -206,11 +211,6 @@ class Jobs:
             task = asyncio.get_running_loop().create_task(self._run(job))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
-
-    def _held(self, job: JobState) -> bool:
-        """Whether a job waits for another one (``after`` in its order) that can still succeed."""
-        other = self.jobs.get(str(job.order.get("after")))
-        return other is not None and other.state not in ("done", "cancelled")
 
     async def _run(self, job: JobState) -> None:
         """One job from its process's begin to its end."""

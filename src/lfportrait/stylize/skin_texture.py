@@ -44,7 +44,8 @@ def surface_texture(styled: VoxelField, painting: Painting,
     colors = np.asarray(C0 * styled.sh[:, :, 0] + 0.5, np.float32)
     detail = _keen(lattice.left_out(painting.color, colors))
     detail *= lattice.near[..., None]
-    return SurfaceTexture.of(detail, projections(skin, step), row_charts(skin),
+    charts = skin.once("row charts", lambda: row_charts(skin))
+    return SurfaceTexture.of(detail, projections(skin, step), charts,
                              skin.pixels / step)
 
 

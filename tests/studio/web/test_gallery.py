@@ -55,6 +55,8 @@ def test_without_a_head_paintings_are_shown_alone_and_large(opened):
 
 
 def test_the_editors_show_the_painting_at_once_and_say_when_a_preview_comes(opened):
+    # Its face is found once, which takes a busy machine its time.
+    opened.ask("GET", f"/api/styles/{own(opened)}/landmarks?project=ben")
     waiting = []
     opened.page.route("**/landmarks?*", lambda route: waiting.append(route))
     opened.run("(name) => { location.hash = name; }", f"style/ben/{own(opened)}/landmarks")

@@ -90,7 +90,8 @@ def test_a_preview_is_called_one_and_its_files_can_wait(opened):
       keepJob({ id: "j-9", kind: "fine", project: "anna", version: "v-try", state: "waiting",
                 stages: [], notes: [], place: 0, progress: null, left: null });
       keepJob({ id: "j-8", kind: "export", project: "anna", version: "v-try", state: "waiting",
-                stages: [], notes: [], place: 0, progress: null, left: null, export: "coded" });
+                stages: [], notes: [], place: 0, progress: null, left: null, export: "coded",
+                after: "j-9" });
     }""")
     assert "waiting" in note.inner_text() and "Make it fine" not in note.inner_text()
     assert "waiting until the version is fine" in opened.page.inner_text(".files")

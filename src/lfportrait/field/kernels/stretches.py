@@ -18,7 +18,7 @@ from ...lanes.shuffles import store_half
 from ...lanes.threads import shared
 from ...lanes.vectors import LANES
 
-__all__ = ["Stretches", "build_stretches"]
+__all__ = ["Places", "Stretches", "build_stretches", "fill_stretches", "place_stretches"]
 
 _load = LANES.load
 
@@ -48,6 +48,15 @@ class Stretches:
         return int(self.places.nbytes + self.occupied.nbytes + self.values.nbytes)
 
 
+@dataclass(frozen=True)
+class Places:
+    """Where a lattice has stretches: as in `Stretches`, and ``count``, their number S."""
+
+    places: NDArray[np.int32]
+    occupied: NDArray[np.uint64]
+    count: int
+
+
 @shared("places")
 @lean_kernel
 def _count(since, until, links, places, occupied, counts):
@@ -68,8 +77,8 @@ def _count(since, until, links, places, occupied, counts):
 
 @shared("places")
 @kernel
-def _fill(since, until, links, density, sh, first, places, values):
-    """Add the number of each height's first stretch, and copy what is at the points."""
+def _fill(since, until, links, density, sh, none, places, values):
+    """Copy what is at the points; ``none`` is the number of stretches without any."""
     lines = 1 + sh.shape[1]
     most = np.float32(6e4)
     scratch = np.zeros((lines, 16), np.float32)
@@ -78,11 +87,8 @@ def _fill(since, until, links, density, sh, first, places, values):
         for k in range(links.shape[0]):
             for block in range(places.shape[2]):
                 number = places[j, k, block]
-                if number < 0:
-                    places[j, k, block] = first[len(first) - 1]
+                if number == none:
                     continue
-                number += first[j]
-                places[j, k, block] = number
                 scratch[:] = np.float32(0.0)
                 for lane in range(min(16, links.shape[2] - 16 * block)):
                     row = links[k, j, 16 * block + lane]
@@ -109,15 +115,29 @@ def build_stretches(links: NDArray[np.int32], density: NDArray[np.float32],
     sh
         float [N, 3, B], spherical-harmonic coefficients.
     """
+    return fill_stretches(place_stretches(links), links, density, sh)
+
+
+def place_stretches(links: NDArray[np.int32]) -> Places:
+    """Where a lattice, int32 [Z, Y, X], has stretches."""
     depth, height, width = links.shape
     places = np.empty((height, depth, -(-width // 16)), np.int32)
     occupied = np.zeros((height, depth), np.uint64)
     counts = np.zeros(height, np.int64)
     _count(links, places, occupied, counts)
-    first = np.zeros(height + 1, np.int64)
+    first = np.zeros(height + 1, np.int32)
     np.cumsum(counts, out=first[1:])
+    # The number of each height's first stretch is added; those without any point come last.
+    places = np.where(places < 0, first[-1], places + first[:-1, None, None])
+    return Places(places, occupied, int(first[-1]))
+
+
+def fill_stretches(where: Places, links: NDArray[np.int32], density: NDArray[np.float32],
+                   sh: NDArray[np.floating]) -> Stretches:
+    """A field laid out in the stretches of its lattice; arguments as `build_stretches`."""
     lines = 1 + 3 * sh.shape[2]
-    values = np.empty((int(first[-1]) + 1) * lines * 16, np.uint16)
+    values = np.empty((where.count + 1) * lines * 16, np.uint16)
     values[-lines * 16:] = 0
-    _fill(links, density, sh.reshape(len(sh), lines - 1), first, places, values)
-    return Stretches(places, occupied, values)
+    _fill(links, density, sh.reshape(len(sh), lines - 1), np.int32(where.count), where.places,
+          values)
+    return Stretches(where.places, where.occupied, values)

@@ -11,7 +11,7 @@ from starlette.responses import Response
 
 from ...lightfield import Display
 from .. import exports
-from ..answers import Refusal, choice, number, numbers, text, truth, whole
+from ..answers import Refusal, choice, number, numbers, text, whole
 from ..batches import batch_file, study_command
 from ..desk import export_order
 from ..displays import KINDS, Panel, corrected, named, wizard_steps
@@ -206,7 +206,7 @@ def exported(call: Call) -> dict[str, Any]:
 
 @TABLE.add("POST", "/api/projects/{project}/exports")
 async def export(call: Call) -> tuple[int, dict[str, Any]]:
-    """Export a version; ``fine``: once it is fine, which is begun if nobody did."""
+    """Export a version."""
     project, data = call.project, call.data
     version = Versions(project).get(text(data, "version"))
     choices = export_order(call.desk, project, data)
@@ -214,8 +214,7 @@ async def export(call: Call) -> tuple[int, dict[str, Any]]:
                if job.kind == "export" and job.project == project.id and not job.over]
     target = exports.target(project, exports.KINDS[choices["kind"]], text(data, "name", ""),
                             ordered)
-    job = call.desk.export(project, version, {**choices, "target": str(target)},
-                           fine=truth(data, "fine", False))
+    job = call.desk.export(project, version, {**choices, "target": str(target)})
     return 201, call.desk.jobs.entry(job)
 
 

@@ -10,6 +10,7 @@ from ... import models
 from ...measure import free_disk_bytes, usable_cores
 from ...version import __version__
 from ..answers import Refusal, text, truth
+from ..child import CAN_PAUSE
 from ..exports import checked_placement
 from ..projects import Project
 from ..versions import Versions, make_command
@@ -28,7 +29,7 @@ def state(call: Call) -> dict[str, Any]:
             "free_bytes": free_disk_bytes(desk.projects.folder), "cores": usable_cores(),
             "projects": [desk.project_entry(one) for one in desk.projects.all()],
             "jobs": desk.jobs.entries(), "networks": _networks(), "event": number,
-            "features": {"colors": True, "pause": hasattr(__import__("os"), "killpg")}}
+            "features": {"colors": True, "pause": CAN_PAUSE}}
 
 
 def _networks() -> list[dict[str, Any]]:

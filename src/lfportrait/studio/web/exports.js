@@ -77,9 +77,7 @@ export class Exports {
   /** How far a file is, that is not there yet. */
   standing(job) {
     if (job.error) return job.error.message;
-    return job.state === "waiting" && fineJob(this.sitter.id, job.version)
-      ? t("files.waits")
-      : t(`job.${job.state}`);
+    return t(job.state === "waiting" && job.after ? "files.waits" : `job.${job.state}`);
   }
 
   drawMade() {

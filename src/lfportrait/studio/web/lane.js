@@ -4,6 +4,7 @@
 const LANES = 3;
 const waiting = [];
 const going = new Set();
+const loose = new Map(); // large pictures on their way, and where they will be seen
 
 /** Free what belongs to pictures that nobody sees any more, then let the next ones in. */
 function move() {
@@ -16,6 +17,13 @@ function move() {
       next.begin();
     }
   }
+}
+
+/** After a screen was left: give up what was to be seen on it. */
+export function sweep() {
+  for (const [image, place] of loose) if (!place.isConnected) image.removeAttribute("src");
+  loose.clear();
+  move();
 }
 
 /** Wait for a lane; the function that comes gives it back. */
@@ -103,7 +111,7 @@ export function quickPicture(image, path) {
   return image;
 }
 
-/** A small picture, and the large one in its place when that is there; `show` shows the small one. */
+/** A small picture, and the large one in its place when that is there; `show` is how both are shown. */
 export function growingPicture(image, small, large, show = slowPicture) {
   image.addEventListener(
     "load",
@@ -111,8 +119,15 @@ export function growingPicture(image, small, large, show = slowPicture) {
       const next = new Image();
       next.alt = image.alt;
       next.dataset.wanted = large;
-      next.addEventListener("load", () => image.replaceWith(next), { once: true });
-      load(next, image);
+      next.onload = () => {
+        loose.delete(next);
+        image.replaceWith(next);
+      };
+      if (show === slowPicture) load(next, image);
+      else {
+        loose.set(next, image);
+        next.src = large;
+      }
     },
     { once: true },
   );

@@ -3,6 +3,7 @@
 import { leaveScreen } from "./api.js";
 import { button, fill, h, later } from "./dom.js";
 import { speak, t } from "./i18n.js";
+import { sweep } from "./lane.js";
 import { drawShell, fail, markSteps, SCREENS, watchServer } from "./shell.js";
 import { enter, listen, on, project, refresh } from "./state.js";
 import { showMaking } from "./screens/making.js";
@@ -54,6 +55,7 @@ async function route(again = false) {
   // Pictures that are still on their way would hold up what the next screen asks for.
   for (const image of main.querySelectorAll("img")) image.removeAttribute("src");
   fill(main, root);
+  sweep();
   scrollTo(0, 0);
   try {
     const ends = await SHOW[screen](root, project(id), rest);

@@ -58,18 +58,12 @@ def export(order: Order, teller: Teller) -> dict[str, Any]:
             figures: dict[str, Any] = {}
         else:
             # As the commands read it: from the file, with the numbers that it keeps.
-            field = load_styled(look.styled) if fine else _drafted(look, kind)
+            field = load_styled(look.styled) if fine else Sitting().on_panel(look)
             figures = _written(field, path, kind, options, order, progress)
     out = Path(figures.pop("out", path))
     return {"export": id_of(out.name), "file": out.name, "kind": kind, "fine": fine,
             "version": more.get("version"),
             "figures": _plain(figures)}
-
-
-def _drafted(look: Look, kind: str) -> VoxelField:
-    """The field of a preview or a mix; solid models need no ground."""
-    sitting = Sitting()
-    return sitting.field(look) if kind in _MESHES else sitting.on_ground(look)
 
 
 def _written(field: VoxelField, path: Path, kind: str, options: dict[str, Any], order: Order,

@@ -100,7 +100,7 @@ class _Resident:
         return {"sets": None if None in sets else sets}
 
     def _placed(self, facts: Facts) -> tuple[Any, Display, EncodeConfig]:
-        field = self.sitting.field(Look(facts["look"]))
+        field = self.sitting.on_panel(Look(facts["look"]))
         panel = Display.resolve(facts["display"])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the report says it
@@ -122,8 +122,6 @@ class _Resident:
         field, panel, config = self._placed(facts)
         key = repr((look.key(), panel, config))
         if self._coded is None or self._coded[0] != key:
-            if config.ground == "painted":
-                field = self.sitting.on_ground(look)
             self._coded = key, encode(field, panel, config, mask=ViewMask.build(panel))
         return self._coded[1]
 
@@ -174,6 +172,7 @@ class _Resident:
         image = self.sitting.exemplar(str(facts["style"])).image
         write_picture(image, int(facts["size"]), Path(facts["file"]))
         return {}
+
 
 
 def serve() -> None:

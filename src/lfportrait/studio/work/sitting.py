@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -104,7 +103,7 @@ class Sitting:
         self._painted: _Kept[VoxelField] = _Kept(4)
         self._mixed: _Kept[VoxelField] = _Kept(2)
         self._exemplars: _Kept[Exemplar] = _Kept(12)
-        self._backdrops: _Kept[Backdrop] = _Kept(4)
+        self._grounds: _Kept[Backdrop] = _Kept(2)
         # With landmarks that are moved at this moment: the next ones are others.
         self._tried: _Kept[VoxelField] = _Kept(1)
 
@@ -146,23 +145,18 @@ class Sitting:
         styled = base
         return self._mixed.get(look.key(), lambda: styled.mix(**look.mix))
 
-    def on_ground(self, look: Look) -> VoxelField:
-        """What is shown, before the ground that its painting has when it is made in full.
-
-        Previews are painted without one, for a turned head alone needs none; a panel and the files
-        for it would be black behind it.
-        """
-        field, style = self.field(look), look.style
-        if field.backdrop is not None or style is None:
+    def on_panel(self, look: Look) -> VoxelField:
+        """What is shown, with the painted ground behind it, which a preview is made without."""
+        field = self.field(look)
+        if look.job is None or look.style is None or field.backdrop is not None:
             return field
-
-        def painted() -> Backdrop:
-            exemplar = self.exemplar(style, look.landmarks)
-            return Backdrop(*known_ground(exemplar, seed=StylizeConfig.seed), head_points(field))
-
-        shown = copy(field)
-        shown.backdrop = self._backdrops.get(look.painted_key(), painted)
-        return shown
+        session, exemplar = self.session(look.job), self.exemplar(look.style, look.landmarks)
+        backdrop = self._grounds.get(look.painted_key(), lambda: Backdrop(
+            *known_ground(exemplar, seed=session.config.seed), head_points(session.field)))
+        # The field itself stays as it is: its page has no ground.
+        grounded = replace(field, backdrop=backdrop)
+        grounded.take_layouts(field)
+        return grounded
 
     def _made(self, look: Look) -> VoxelField:
         """The painted head, at full strength."""

@@ -142,14 +142,15 @@ class StyledField(VoxelField):
             raise UserError(f"two styles have the name {twice[0]}: rename one of the pictures")
         if not (np.isfinite(painted).all() and np.isfinite(photo).all()):
             raise ValueError("the colors of a styled field must be finite")
-        return StyledField(
+        styled = StyledField(
             real.links, real.density, np.zeros((len(real.density), 3, 1), np.float32), real.center,
             real.radius, real.frame, real.background, textures[0] if textures else None,
             painted=np.clip(painted, 0.0, 1.0).astype(np.float32), styles=tuple(styles),
             photo=np.clip(photo, 0.0, 1.0).astype(np.float32), labels=labels,
             regions=tuple(regions), texel_rows=texel_rows,
-            painted_texels=np.stack([one.texels for one in textures]) if textures else None,
-            ).mix()
+            painted_texels=np.stack([one.texels for one in textures]) if textures else None)
+        styled.take_lattice(real)
+        return styled.mix()
 
     def mix(self, strength: float = 1.0, identity: float = 0.0,
             regions: Mapping[str, RegionValue] | None = None, keep_colors: bool = False,
@@ -211,8 +212,11 @@ class StyledField(VoxelField):
             if keep_colors:
                 mixed = colored(luma(mixed), photo - luma(photo))
             coefficients[rows, :, 0] = ((mixed - np.float32(0.5)) * np.float32(1 / C0)).T
-        return replace(self, sh=coefficients, mixture=mixture, texture=self._mixed_texture(
-            self._amounts(slice(None), wanted, style, strength), identity, keep_colors))
+        mixed_field = replace(
+            self, sh=coefficients, mixture=mixture, texture=self._mixed_texture(
+                self._amounts(slice(None), wanted, style, strength), identity, keep_colors))
+        mixed_field.take_lattice(self)
+        return mixed_field
 
     def _mixed_texture(self, amounts: Mapping[str, Any], identity: float,
                        keep_colors: bool) -> SurfaceTexture | None:

@@ -170,7 +170,7 @@ class Making {
         h(
           "div.row",
           {},
-          how === "running" && act("pause", t("job.pause"), { drawing: "pause" }),
+          how === "running" && state.features?.pause && act("pause", t("job.pause"), { drawing: "pause" }),
           ["paused", "failed", "cancelled"].includes(how) &&
             act("resume", t("job.resume"), { drawing: "play", kind: "main" }),
           isLive(job) && act("cancel", t("job.cancel"), { kind: "quiet" }),
