@@ -2,7 +2,7 @@
 
 import { get, post, send } from "./api.js";
 import { ask, button, fill, fresh, h, icon } from "./dom.js";
-import { known, size, t } from "./i18n.js";
+import { known, said, size, t } from "./i18n.js";
 import { doing, fail, say } from "./shell.js";
 import { isLive, jobsOf, keepJob, on, state } from "./state.js";
 
@@ -90,7 +90,7 @@ export class Exports {
               {},
               h("strong", { text: known("file", job.export ?? "", job.name ?? "") }),
               " ",
-              h("span.small.soft", { text: job.error?.message ?? t(`job.${job.state}`) }),
+              h("span.small.soft", { text: job.error ? said(job.error.message) : t(`job.${job.state}`) }),
             ),
             job.state === "failed"
               ? button(

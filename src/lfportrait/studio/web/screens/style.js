@@ -2,7 +2,7 @@
 
 import { get, picture, post, put, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
-import { t } from "../i18n.js";
+import { said, t } from "../i18n.js";
 import { slowly } from "../lane.js";
 import { doing, fail, murmur, say } from "../shell.js";
 import { keepProject, on } from "../state.js";
@@ -309,7 +309,12 @@ class Gallery {
       if (error.code === "user_error") return { facts: [{ grade: "bad", text: error.message }] };
       throw error;
     });
-    fill(list, facts.map(({ grade, text }) => h("li.note.small", { class: grade }, icon(grade), h("span", { text }))));
+    fill(
+      list,
+      facts.map(({ grade, text }) =>
+        h("li.note.small", { class: grade }, icon(grade), h("span", { text: said(text) })),
+      ),
+    );
   }
 
   async faces(style) {
