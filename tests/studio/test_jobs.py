@@ -6,8 +6,9 @@ import time
 
 import pytest
 
-from lfportrait.studio import desk, job_state
+from lfportrait.studio import child, desk, job_state
 from lfportrait.studio.jobs import Jobs
+from lfportrait.studio.routes import start
 
 from .conftest import jpeg, opened
 
@@ -280,3 +281,19 @@ def test_a_full_disk_does_not_stop_the_queue(page, monkeypatch):
     project, _ = sitter(page, "Anna")
     monkeypatch.setattr(job_state, "write_json", full)
     assert page.wait(head(page, project))["state"] == "done"
+
+
+def test_pausing_is_offered_where_the_system_can(page, monkeypatch):
+    assert page.get("/api/state")["features"]["pause"] == hasattr(os, "killpg")
+    monkeypatch.setattr(child, "CAN_PAUSE", False)
+    monkeypatch.setattr(start, "CAN_PAUSE", False)
+    assert page.get("/api/state")["features"]["pause"] is False
+    project, folder = sitter(page, "Anna", "wait")
+    job = head(page, project)
+    pids(folder)
+    page.wait(job, "running")
+    answer = page.ask("POST", f"/api/jobs/{job}/pause")
+    assert answer.status_code == 422 and "cancel the job" in answer.json()["error"]["message"]
+    assert page.get(f"/api/jobs/{job}")["state"] == "running"
+    (folder / "wait").unlink()
+    assert page.wait(job)["state"] == "done"

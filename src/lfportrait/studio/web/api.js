@@ -1,6 +1,6 @@
 // Talking to the server: JSON there and back, one kind of error, bytes where they are pictures.
 
-import { known } from "./i18n.js";
+import { known, said } from "./i18n.js";
 
 const SAID = [
   "no_session",
@@ -16,7 +16,7 @@ const SAID = [
 /** What the server refused, with a sentence for the person at the page. */
 export class ApiError extends Error {
   constructor(status, { code = "internal", message = "", about = {} } = {}) {
-    super(SAID.includes(code) ? known("error", code, message) : message || known("error", code));
+    super(SAID.includes(code) ? known("error", code, said(message)) : said(message) || known("error", code));
     Object.assign(this, { status, code, about });
   }
 }

@@ -2,7 +2,7 @@
 
 import { get, post, send } from "./api.js";
 import { ask, button, fill, fresh, h, icon } from "./dom.js";
-import { known, size, t } from "./i18n.js";
+import { known, said, size, t } from "./i18n.js";
 import { doing, fail, say } from "./shell.js";
 import { selection } from "./selection.js";
 import { fineJob, isLive, jobsOf, keepJob, on, state } from "./state.js";
@@ -76,7 +76,7 @@ export class Exports {
 
   /** How far a file is, that is not there yet. */
   standing(job) {
-    if (job.error) return job.error.message;
+    if (job.error) return said(job.error.message);
     return t(job.state === "waiting" && job.after ? "files.waits" : `job.${job.state}`);
   }
 

@@ -3,7 +3,8 @@
 export const LANGUAGES = { en: "English", de: "Deutsch" };
 
 let words = {},
-  spare = {};
+  spare = {},
+  sentences = [];
 export let language = "en";
 
 async function read(name) {
@@ -25,6 +26,7 @@ export async function speak(wanted = null) {
   language = first in LANGUAGES ? first : "en";
   spare = await read("en");
   words = language === "en" ? spare : await read(language);
+  sentences = language === "en" ? [] : patterns(await read(`server.${language}`));
   document.documentElement.lang = language;
 }
 
@@ -39,6 +41,37 @@ export function t(key, values = {}) {
     const value = values[name] ?? "";
     return one === undefined ? String(value) : Number(value) === 1 ? one : many;
   });
+}
+
+/** What the server's English sentences look like, those that say the most first. */
+function patterns(table) {
+  const own = (text) => text.replaceAll("{}", "").length;
+  return Object.entries(table)
+    .sort(([one], [other]) => own(other) - own(one))
+    .map(([english, other]) => {
+      const parts = english.split("{}").map((part) => part.replace(/[.*+?^${}()|[\]\\/]/g, "\\$&"));
+      return [new RegExp(`^${parts.join("([^]*?)")}$`), other];
+    });
+}
+
+/** A sentence of the server's, which is English, in the chosen language; what nobody knows stays as it is. */
+export function said(text) {
+  if (typeof text !== "string") return text;
+  for (const [pattern, other] of sentences) {
+    const values = pattern.exec(text)?.slice(1);
+    if (values) return other.replaceAll("{}", () => part(values.shift()));
+  }
+  return text;
+}
+
+/** What stands in a sentence's place: a name, a number, or words that are known, too. */
+function part(value) {
+  const one = value.split(", ");
+  const other = one.map(said);
+  // A list of phrases, not a sentence with a comma in it.
+  if (one.length > 1 && one.every((text, place) => text !== other[place])) return other.join(", ");
+  const whole = said(value);
+  return whole === value ? other.join(", ") : whole;
 }
 
 /** A text where there is one, else what the server said. */

@@ -2,7 +2,7 @@
 
 import { get, post, send } from "./api.js";
 import { ask, button, fill, h, icon } from "./dom.js";
-import { t } from "./i18n.js";
+import { said, t } from "./i18n.js";
 import { showOnPanel } from "./panelwindow.js";
 import { doing, say } from "./shell.js";
 import { keepProject } from "./state.js";
@@ -66,7 +66,7 @@ export class Panels {
     fill(
       this.element,
       h("label.field", { for: "display" }, h("span", { text: t("display.choose") }), choice),
-      h("p.small.soft", { text: display.summary }),
+      h("p.small.soft", { text: said(display.summary) }),
       !display.calibrated && h("p.note.fair.small", {}, icon("fair"), t("display.uncalibrated")),
       h(
         "div.row",

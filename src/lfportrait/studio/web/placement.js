@@ -1,7 +1,7 @@
 // How the head stands in a panel: the command line's parameters, and the depth that the panel has.
 
 import { button, fill, h, segments, slider } from "./dom.js";
-import { t } from "./i18n.js";
+import { said, t } from "./i18n.js";
 
 export const PLACE = {
   size: 0.8,
@@ -115,7 +115,7 @@ export function drawBudget(box, { lines, sharp, head }) {
     h(
       "ul.small.soft",
       {},
-      lines.map((text) => h("li", { text })),
+      lines.map((text) => h("li", { text: said(text) })),
     ),
   );
 }

@@ -1,7 +1,7 @@
 // Photos on their way to the server: four at a time, gone on with by their hash, each one's state known.
 
 import { post, stream } from "./api.js";
-import { t } from "./i18n.js";
+import { said, t } from "./i18n.js";
 
 const STREAMS = 4;
 const READ = 2; // files that a stream reads ahead
@@ -143,7 +143,7 @@ class Uploads {
     const about = { name: item.name, size: item.size, sha256: item.hash };
     const [answer] = (await post(`/api/projects/${this.project}/uploads`, { files: [about] }, signal)).files;
     if (answer.state === "refused") {
-      this.wrong(item, answer.error.message);
+      this.wrong(item, said(answer.error.message));
       return true;
     }
     if (answer.state === "have") {

@@ -2,7 +2,7 @@
 
 import { get, post } from "./api.js";
 import { button, fill, fresh, h, icon, segments } from "./dom.js";
-import { t } from "./i18n.js";
+import { said as translated, t } from "./i18n.js";
 import { closePanel, showOnPanel, watchPanel } from "./panelwindow.js";
 import { doing } from "./shell.js";
 
@@ -159,7 +159,7 @@ export class Wizard {
         answer: this.answer,
       });
       this.display = display;
-      this.said = said;
+      this.said = translated(said);
       if (next === null) return this.finish();
       this.step = next;
       this.about.pattern = pattern;

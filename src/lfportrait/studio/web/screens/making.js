@@ -2,7 +2,7 @@
 
 import { post } from "../api.js";
 import { button, fill, h, icon } from "../dom.js";
-import { duration, known, t } from "../i18n.js";
+import { duration, known, said, t } from "../i18n.js";
 import { doing, murmur } from "../shell.js";
 import { isLive, jobsOf, keepJob, keepJobs, on, project, state, tell } from "../state.js";
 import { leftOfJob, leftOfStage, shareOf, standingOf } from "../times.js";
@@ -163,10 +163,10 @@ class Making {
               // How it was ended is all that there is to say; of other errors the message says what.
               job.error.code === "killed"
                 ? t("error.killed")
-                : `${known("error", job.error.code, "")} ${job.error.message}`.trim(),
+                : `${known("error", job.error.code, "")} ${said(job.error.message)}`.trim(),
             ),
           ),
-        job.notes.map((text) => h("p.note.fair.small", {}, icon("fair"), text)),
+        job.notes.map((text) => h("p.note.fair.small", {}, icon("fair"), said(text))),
         h(
           "div.row",
           {},
@@ -215,7 +215,7 @@ class Making {
                 value: stage.progress,
                 "aria-label": known("stage", stage.name, stage.title),
               }),
-            h("p.soft.small.said", { text: stage.state === "running" ? (stage.note ?? "") : "" }),
+            h("p.soft.small.said", { text: stage.state === "running" ? said(stage.note ?? "") : "" }),
           ),
         ),
       ),
@@ -289,7 +289,7 @@ class Making {
     const bar = row.querySelector("progress");
     if (data.progress === null) bar.removeAttribute("value");
     else bar.value = data.progress;
-    row.querySelector(".said").textContent = data.note ?? "";
+    row.querySelector(".said").textContent = said(data.note ?? "");
     row.querySelector(".when").textContent = this.when(job.stages[index], job);
     this.times(job);
     const tens = Math.floor(10 * (job.progress ?? 0));

@@ -4,7 +4,7 @@ import { get, post, send } from "../api.js";
 import { drawArc } from "../arc.js";
 import { button, fill, h, icon } from "../dom.js";
 import { takeFiles } from "../drop.js";
-import { known, size, t } from "../i18n.js";
+import { known, said, size, t } from "../i18n.js";
 import { doing, fail, murmur, say } from "../shell.js";
 import { isLive, jobsOf, keepJob, on, project } from "../state.js";
 import { uploadsOf } from "../uploads.js";
@@ -133,7 +133,7 @@ class Photos {
       checked &&
         !advice.length &&
         h("p.note.good", {}, icon("good"), t("photos.well", { n: looked, faces })),
-      advice.map((line) => h("p.note.fair", {}, icon("fair"), line)),
+      advice.map((line) => h("p.note.fair", {}, icon("fair"), said(line))),
     );
   }
 

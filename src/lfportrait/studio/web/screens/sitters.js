@@ -3,7 +3,7 @@
 import { get, leaveScreen, post, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
 import { nameOf } from "../naming.js";
-import { size, t } from "../i18n.js";
+import { said, size, t } from "../i18n.js";
 import { doing, fail, preferences, say } from "../shell.js";
 import { isLive, jobsOf, keepJob, keepProject, listen, listenNoMore, on, state, tell } from "../state.js";
 
@@ -203,7 +203,7 @@ function drawMachine(box) {
             {},
             missing.map((each) =>
               h("li.small", {
-                text: `${each.name}: ${each.for} (${size(each.size_bytes)}, ${each.licence})`,
+                text: `${each.name}: ${said(each.for)} (${size(each.size_bytes)}, ${each.licence})`,
               }),
             ),
           ),
@@ -250,10 +250,10 @@ function drawMachine(box) {
                 "p",
                 {},
                 h("span.unseen", { text: `${t(`check.${grade}`)}: ` }),
-                h("strong", { text: name }),
-                ` · ${text}`,
+                h("strong", { text: said(name) }),
+                ` · ${said(text)}`,
               ),
-              advice && h("p.small.soft", { text: advice }),
+              advice && h("p.small.soft", { text: said(advice) }),
             ),
           ),
         ),

@@ -2,7 +2,7 @@
 
 import { get, picture, post, put, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
-import { t } from "../i18n.js";
+import { said, t } from "../i18n.js";
 import { takeFiles } from "../drop.js";
 import { chooseFace } from "../faces.js";
 import { growingPicture, quickPicture, slowly, slowPicture } from "../lane.js";
@@ -335,7 +335,12 @@ class Gallery {
       if (error.code === "user_error") return { facts: [{ grade: "bad", text }] };
       throw error;
     });
-    fill(list, facts.map(({ grade, text }) => h("li.note.small", { class: grade }, icon(grade), h("span", { text }))));
+    fill(
+      list,
+      facts.map(({ grade, text }) =>
+        h("li.note.small", { class: grade }, icon(grade), h("span", { text: said(text) })),
+      ),
+    );
   }
 
   async faces(style) {
