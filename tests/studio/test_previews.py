@@ -11,6 +11,7 @@ from lfportrait.studio.answers import Refusal
 from lfportrait.studio.events import Events
 from lfportrait.studio.previews import Previews, Turn
 from lfportrait.studio.routes.call import Call
+from tests.studio.conftest import run_apart
 
 
 class Asked:
@@ -66,7 +67,7 @@ def tried(tmp_path, monkeypatch, act):
         finally:
             await queue.close()
 
-    return asyncio.run(all_of_it())
+    return run_apart(all_of_it())
 
 
 async def forever():
