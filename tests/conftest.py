@@ -30,10 +30,14 @@ Those that two processes begin with need different kernels, which are compiled o
 process has compiled, the other finds on the disk."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the long files first (xdist hands out files in this order)."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Put the long files first (xdist hands out files in this order), and leave slow tests out."""
     place = {TESTS / name: number for number, name in enumerate(FIRST)}
     items.sort(key=lambda item: place.get(item.path, len(place)))
+    if os.environ.get("LFPORTRAIT_SLOW") != "1":
+        slow = [item for item in items if item.get_closest_marker("slow")]
+        config.hook.pytest_deselected(items=slow)
+        items[:] = [item for item in items if item not in set(slow)]
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -67,6 +71,34 @@ def adapter():
     if os.environ.get("LFPORTRAIT_REQUIRE_GPU") == "1":
         pytest.fail(f"LFPORTRAIT_REQUIRE_GPU=1 asks for a GPU, but {why}")
     pytest.skip(why)
+
+
+@pytest.fixture(scope="session")
+def gpu_children(adapter):
+    """Gives a process of a device, the same one to several tests: its start takes a second.
+
+    Drivers in software do not live long, so that each twelfth use gets a new process, as does one
+    after a loss.
+    """
+    from lfportrait.gpu import GpuProcess
+
+    kept, uses = [GpuProcess(adapter)], [0]
+
+    def child():
+        uses[0] += 1
+        if uses[0] % 12 == 0 or kept[0].starts > 1:
+            kept[0].close()
+            kept[0] = GpuProcess(adapter)
+        return kept[0]
+
+    yield child
+    kept[0].close()
+
+
+@pytest.fixture
+def gpu_child(gpu_children):
+    """A process of a device that tests before this one may have used, and later ones will."""
+    return gpu_children()
 
 
 @pytest.fixture
