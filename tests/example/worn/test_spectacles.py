@@ -14,7 +14,7 @@ from lfportrait.face import face_pose
 from lfportrait.face.generic_head import MIRRORED
 from tests.example.worn.drawn_spectacles import KINDS, put_on
 
-SIZE = 360, 480
+SIZE = 480, 640
 TURNS = (-35.0, 35.0)
 BARE = [*((style, 0.0) for style in demo_styles()), *(("impression", turn) for turn in TURNS),
         *(pytest.param(style, turn, marks=pytest.mark.slow) for style in ("fauve", "charcoal")
