@@ -1,5 +1,7 @@
 """The people: each has what its model says, and those of the embedded data stay as they are."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -36,6 +38,12 @@ KEPT = {
 }
 
 
+@cache
+def seen(model, view=0):
+    """A person's picture, taken once."""
+    return photograph(model, ROUND, view)
+
+
 def openness(model):
     """Height of the eyes over their width."""
     eye = landmarks(model)[36:42]
@@ -45,7 +53,7 @@ def openness(model):
 
 @pytest.mark.parametrize("model", EVERYONE)
 def test_everyone_has_what_the_model_says(model):
-    views = [photograph(model, ROUND, view) for view in range(4)]
+    views = [seen(model, view) for view in range(4)]
     front, back = views[0], views[3]
     assert {0, 1, 2} <= set(np.unique(front.surface))
     assert all((view.surface == 4).any() == (model.spectacles > 0) for view in views)
@@ -79,7 +87,7 @@ def test_people_of_the_embedded_data_stay_as_they_are(name, model):
 
 def test_a_beard_covers_the_chin_but_not_the_lips():
     model = PEOPLE["bearded"]
-    with_beard = photograph(model, ROUND)
+    with_beard = seen(model)
     without = photograph(model._replace(beard_full=0.0), ROUND)
     x, y = np.floor(ROUND.project(landmarks(model))[0][0]).astype(int).T
     assert with_beard.surface[y[8] - 2, x[8]] == 1
@@ -89,7 +97,7 @@ def test_a_beard_covers_the_chin_but_not_the_lips():
 
 def test_spectacles_stand_off_the_face():
     model = PEOPLE["spectacles"]
-    dressed, bare = photograph(model, ROUND), photograph(model._replace(spectacles=0.0), ROUND)
+    dressed, bare = seen(model), photograph(model._replace(spectacles=0.0), ROUND)
     rims = (dressed.surface == 4) & (bare.surface >= 0)
     away = bare.depth[rims] - dressed.depth[rims]
     assert np.median(away) > 0.04
