@@ -13,7 +13,6 @@ from tests.reference import head_hair as reference
 
 ROUND = Camera.arc(np.array([0.0, 40.0, -40.0, 150.0]), distance=4.4, width=112, height=112,
                    focal=235.0, target=(0.0, -0.05, 0.0))
-EVERYONE = [pytest.param(model, id=name) for name, model in PEOPLE.items()]
 # Landmarks 0, 8, 17, 30, 36, 37, 48 and 57 of the people of the embedded data, measured before
 # there were others.
 KEPT = {
@@ -38,6 +37,12 @@ KEPT = {
 }
 
 
+@pytest.fixture(scope="module", params=PEOPLE)
+def model(request):
+    """Each person: all tests of one follow on each other, as a head is built once for them."""
+    return PEOPLE[request.param]
+
+
 @cache
 def seen(model, view=0):
     """A person's picture, taken once."""
@@ -51,7 +56,6 @@ def openness(model):
     return 0.5 * height / np.linalg.norm(eye[3] - eye[0])
 
 
-@pytest.mark.parametrize("model", EVERYONE)
 def test_everyone_has_what_the_model_says(model):
     views = [seen(model, view) for view in range(4)]
     front, back = views[0], views[3]
@@ -70,7 +74,16 @@ def test_everyone_has_what_the_model_says(model):
         assert ndimage.label(view.image[..., 3] > 0, np.ones((3, 3)))[1] == 1
 
 
-@pytest.mark.parametrize("model", EVERYONE)
+def test_landmarks_project_inside_the_silhouette(model):
+    camera = Camera.look_at(np.array([[0.0, 0.0, 4.4]]), np.zeros(3), width=96, height=96,
+                            focal=180.0)
+    alpha = photograph(model, camera).image[..., 3]
+    x, y = np.floor(camera.project(landmarks(model))[0][0]).astype(int).T
+    assert (alpha[y, x] > 0).all()
+    inner = slice(17, 68)
+    assert (alpha[y[inner], x[inner]] == 255).all()
+
+
 def test_nobody_has_eyes_half_closed(model):
     assert np.isfinite(landmarks(model)).all()
     if model.eye_open > 0:

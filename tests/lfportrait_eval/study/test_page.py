@@ -4,8 +4,6 @@ import json
 from collections import Counter
 from contextlib import contextmanager
 
-import pytest
-
 from lfportrait.cli import main
 from lfportrait.files import read_json
 from lfportrait_eval.study import StudyConfig, write_study
