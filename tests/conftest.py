@@ -16,18 +16,24 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
 
 TESTS = Path(__file__).resolve().parent
-FIRST = ("field/test_poses.py", "lfportrait_eval/baselines/transfer/test_network.py",
-         "job/batch/test_batch.py",
-         "field/test_raycast.py", "job/batch/test_ray.py", "lightfield/test_slices.py",
-         "field/test_cutout.py", "job/test_pipeline.py",
-         "lfportrait_eval/bench/test_bench.py", "capture/test_calibrate.py",
-         "example/video/test_frames.py", "lightfield/test_lightfield.py",
-         "field/test_field.py", "lfportrait_eval/metrics/test_evaluate.py",
-         "project/test_examples.py",
-         "project/test_object_scene.py", "cli/test_cli.py", "stylize/test_stylize.py")
+FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "job/batch/test_ray.py",
+         "studio/web/test_uploads.py", "studio/web/test_portrait.py", "studio/test_portrait.py",
+         "lfportrait_eval/study/test_page.py", "share/page/test_in_browser.py",
+         "field/test_cutout.py", "job/test_pipeline.py", "studio/web/test_landmark_editor.py",
+         "example/worn/test_spectacles.py", "share/test_splats.py",
+         "lfportrait_eval/bench/test_bench.py",
+         "lfportrait_eval/baselines/transfer/test_network.py", "job/test_warmup.py",
+         "studio/test_server.py", "lightfield/screens/test_live.py", "field/test_poses.py",
+         "share/page/test_panel_mode.py", "example/worn/test_hat.py",
+         "example/worn/test_forehead.py", "field/test_field.py", "field/gpu/training/test_steps.py",
+         "share/page/test_recolored.py", "lightfield/gpu/test_coding_on_gpu.py",
+         "lightfield/prints/test_prints.py", "demo/test_people.py", "stylize/test_stylize.py",
+         "capture/test_calibrate.py", "lightfield/gpu/test_live.py",
+         "example/test_painted_turned.py", "job/test_style_check.py", "field/test_head_surface.py",
+         "field/test_raycast.py", "field/gpu/training/test_training.py",
+         "lfportrait_eval/tables/test_tables.py")
 """Files that take long, longest first, so that no process sits on one when the others are done.
-Those that two processes begin with need different kernels, which are compiled once then: what one
-process has compiled, the other finds on the disk."""
+The two that the processes begin with need no kernels but those that were compiled before them."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -36,8 +42,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=lambda item: place.get(item.path, len(place)))
     if os.environ.get("LFPORTRAIT_SLOW") != "1":
         slow = [item for item in items if item.get_closest_marker("slow")]
+        items[:] = [item for item in items if not item.get_closest_marker("slow")]
         config.hook.pytest_deselected(items=slow)
-        items[:] = [item for item in items if item not in set(slow)]
 
 
 @pytest.fixture(autouse=True, scope="session")
