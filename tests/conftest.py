@@ -58,9 +58,15 @@ def no_pauses():
 
 @pytest.fixture(autouse=True)
 def kept(monkeypatch, tmp_path_factory, request):
-    """A folder for what the user's cache would keep, new for each test: none believes another."""
+    """A folder for what the user's cache would keep, new for each test: none believes another.
+
+    What source files say stays in the user's own, as each run would read all of them for seconds.
+    """
+    from lfportrait.cache import user_cache
+
     folder = tmp_path_factory.getbasetemp() / "kept" / str(abs(hash(request.node.nodeid)))
-    monkeypatch.setattr("lfportrait.cache.user_cache", lambda kind: folder / kind)
+    monkeypatch.setattr("lfportrait.cache.user_cache",
+                        lambda kind: user_cache(kind) if kind == "code" else folder / kind)
     return folder
 
 
