@@ -16,24 +16,34 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
 
 TESTS = Path(__file__).resolve().parent
-FIRST = ("field/test_poses.py", "lfportrait_eval/baselines/transfer/test_network.py",
-         "job/batch/test_batch.py",
-         "field/test_raycast.py", "job/batch/test_ray.py", "lightfield/test_slices.py",
-         "field/test_cutout.py", "job/test_pipeline.py",
-         "lfportrait_eval/bench/test_bench.py", "capture/test_calibrate.py",
-         "example/video/test_frames.py", "lightfield/test_lightfield.py",
-         "field/test_field.py", "lfportrait_eval/metrics/test_evaluate.py",
-         "project/test_examples.py",
-         "project/test_object_scene.py", "cli/test_cli.py", "stylize/test_stylize.py")
+FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "job/batch/test_ray.py",
+         "studio/web/test_uploads.py", "studio/web/test_portrait.py", "studio/test_portrait.py",
+         "lfportrait_eval/study/test_page.py", "share/page/test_in_browser.py",
+         "field/test_cutout.py", "job/test_pipeline.py", "studio/web/test_landmark_editor.py",
+         "example/worn/test_spectacles.py", "share/test_splats.py",
+         "lfportrait_eval/bench/test_bench.py",
+         "lfportrait_eval/baselines/transfer/test_network.py", "job/test_warmup.py",
+         "studio/test_server.py", "lightfield/screens/test_live.py", "field/test_poses.py",
+         "share/page/test_panel_mode.py", "example/worn/test_hat.py",
+         "example/worn/test_forehead.py", "field/test_field.py", "field/gpu/training/test_steps.py",
+         "share/page/test_recolored.py", "lightfield/gpu/test_coding_on_gpu.py",
+         "lightfield/prints/test_prints.py", "demo/test_people.py", "stylize/test_stylize.py",
+         "capture/test_calibrate.py", "lightfield/gpu/test_live.py",
+         "example/test_painted_turned.py", "job/test_style_check.py", "field/test_head_surface.py",
+         "field/test_raycast.py", "field/gpu/training/test_training.py",
+         "lfportrait_eval/tables/test_tables.py")
 """Files that take long, longest first, so that no process sits on one when the others are done.
-Those that two processes begin with need different kernels, which are compiled once then: what one
-process has compiled, the other finds on the disk."""
+The two that the processes begin with need no kernels but those that were compiled before them."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the long files first (xdist hands out files in this order)."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Put the long files first (xdist hands out files in this order), and leave slow tests out."""
     place = {TESTS / name: number for number, name in enumerate(FIRST)}
     items.sort(key=lambda item: place.get(item.path, len(place)))
+    if os.environ.get("LFPORTRAIT_SLOW") != "1":
+        slow = [item for item in items if item.get_closest_marker("slow")]
+        items[:] = [item for item in items if not item.get_closest_marker("slow")]
+        config.hook.pytest_deselected(items=slow)
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -48,9 +58,15 @@ def no_pauses():
 
 @pytest.fixture(autouse=True)
 def kept(monkeypatch, tmp_path_factory, request):
-    """A folder for what the user's cache would keep, new for each test: none believes another."""
+    """A folder for what the user's cache would keep, new for each test: none believes another.
+
+    What source files say stays in the user's own, as each run would read all of them for seconds.
+    """
+    from lfportrait.cache import user_cache
+
     folder = tmp_path_factory.getbasetemp() / "kept" / str(abs(hash(request.node.nodeid)))
-    monkeypatch.setattr("lfportrait.cache.user_cache", lambda kind: folder / kind)
+    monkeypatch.setattr("lfportrait.cache.user_cache",
+                        lambda kind: user_cache(kind) if kind == "code" else folder / kind)
     return folder
 
 
@@ -67,6 +83,34 @@ def adapter():
     if os.environ.get("LFPORTRAIT_REQUIRE_GPU") == "1":
         pytest.fail(f"LFPORTRAIT_REQUIRE_GPU=1 asks for a GPU, but {why}")
     pytest.skip(why)
+
+
+@pytest.fixture(scope="session")
+def gpu_children(adapter):
+    """Gives a process of a device, the same one to several tests: its start takes a second.
+
+    Drivers in software do not live long, so that each twelfth use gets a new process, as does one
+    after a loss.
+    """
+    from lfportrait.gpu import GpuProcess
+
+    kept, uses = [GpuProcess(adapter)], [0]
+
+    def child():
+        uses[0] += 1
+        if uses[0] % 12 == 0 or kept[0].starts > 1:
+            kept[0].close()
+            kept[0] = GpuProcess(adapter)
+        return kept[0]
+
+    yield child
+    kept[0].close()
+
+
+@pytest.fixture
+def gpu_child(gpu_children):
+    """A process of a device that tests before this one may have used, and later ones will."""
+    return gpu_children()
 
 
 @pytest.fixture

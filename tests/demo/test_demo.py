@@ -61,17 +61,6 @@ def test_landmarks_are_a_face(model):
     assert 0.30 < np.hypot(x[42:48].mean() - x[36:42].mean(), 0) < 0.45
 
 
-@pytest.mark.parametrize("model", EVERYONE)
-def test_landmarks_project_inside_the_silhouette(model):
-    camera = Camera.look_at(np.array([[0.0, 0.0, 4.4]]), np.zeros(3), width=96, height=96,
-                            focal=180.0)
-    alpha = photograph(model, camera).image[..., 3]
-    x, y = np.floor(camera.project(landmarks(model))[0][0]).astype(int).T
-    assert (alpha[y, x] > 0).all()
-    inner = slice(17, 68)
-    assert (alpha[y[inner], x[inner]] == 255).all()
-
-
 def test_silhouette_agrees_with_the_reference(capture):
     for view in (0, 3, 7):
         origins, directions = capture.cameras.rays(view)

@@ -1,5 +1,7 @@
 """The people: each has what its model says, and those of the embedded data stay as they are."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -11,7 +13,6 @@ from tests.reference import head_hair as reference
 
 ROUND = Camera.arc(np.array([0.0, 40.0, -40.0, 150.0]), distance=4.4, width=112, height=112,
                    focal=235.0, target=(0.0, -0.05, 0.0))
-EVERYONE = [pytest.param(model, id=name) for name, model in PEOPLE.items()]
 # Landmarks 0, 8, 17, 30, 36, 37, 48 and 57 of the people of the embedded data, measured before
 # there were others.
 KEPT = {
@@ -36,6 +37,18 @@ KEPT = {
 }
 
 
+@pytest.fixture(scope="module", params=PEOPLE)
+def model(request):
+    """Each person: all tests of one follow on each other, as a head is built once for them."""
+    return PEOPLE[request.param]
+
+
+@cache
+def seen(model, view=0):
+    """A person's picture, taken once."""
+    return photograph(model, ROUND, view)
+
+
 def openness(model):
     """Height of the eyes over their width."""
     eye = landmarks(model)[36:42]
@@ -43,9 +56,8 @@ def openness(model):
     return 0.5 * height / np.linalg.norm(eye[3] - eye[0])
 
 
-@pytest.mark.parametrize("model", EVERYONE)
 def test_everyone_has_what_the_model_says(model):
-    views = [photograph(model, ROUND, view) for view in range(4)]
+    views = [seen(model, view) for view in range(4)]
     front, back = views[0], views[3]
     assert {0, 1, 2} <= set(np.unique(front.surface))
     assert all((view.surface == 4).any() == (model.spectacles > 0) for view in views)
@@ -62,7 +74,16 @@ def test_everyone_has_what_the_model_says(model):
         assert ndimage.label(view.image[..., 3] > 0, np.ones((3, 3)))[1] == 1
 
 
-@pytest.mark.parametrize("model", EVERYONE)
+def test_landmarks_project_inside_the_silhouette(model):
+    camera = Camera.look_at(np.array([[0.0, 0.0, 4.4]]), np.zeros(3), width=96, height=96,
+                            focal=180.0)
+    alpha = photograph(model, camera).image[..., 3]
+    x, y = np.floor(camera.project(landmarks(model))[0][0]).astype(int).T
+    assert (alpha[y, x] > 0).all()
+    inner = slice(17, 68)
+    assert (alpha[y[inner], x[inner]] == 255).all()
+
+
 def test_nobody_has_eyes_half_closed(model):
     assert np.isfinite(landmarks(model)).all()
     if model.eye_open > 0:
@@ -79,7 +100,7 @@ def test_people_of_the_embedded_data_stay_as_they_are(name, model):
 
 def test_a_beard_covers_the_chin_but_not_the_lips():
     model = PEOPLE["bearded"]
-    with_beard = photograph(model, ROUND)
+    with_beard = seen(model)
     without = photograph(model._replace(beard_full=0.0), ROUND)
     x, y = np.floor(ROUND.project(landmarks(model))[0][0]).astype(int).T
     assert with_beard.surface[y[8] - 2, x[8]] == 1
@@ -89,7 +110,7 @@ def test_a_beard_covers_the_chin_but_not_the_lips():
 
 def test_spectacles_stand_off_the_face():
     model = PEOPLE["spectacles"]
-    dressed, bare = photograph(model, ROUND), photograph(model._replace(spectacles=0.0), ROUND)
+    dressed, bare = seen(model), photograph(model._replace(spectacles=0.0), ROUND)
     rims = (dressed.surface == 4) & (bare.surface >= 0)
     away = bare.depth[rims] - dressed.depth[rims]
     assert np.median(away) > 0.04

@@ -113,8 +113,10 @@ def test_nothing_slow_is_imported_and_the_end_is_clean(server):
     assert server.process.wait(10) == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-@pytest.mark.parametrize("paused", [False, True])
+@pytest.mark.parametrize(("number", "paused"), [
+    (signal.SIGINT, False), (signal.SIGTERM, True), (signal.SIGKILL, False),
+    (signal.SIGKILL, True), pytest.param(signal.SIGINT, True, marks=pytest.mark.slow),
+    pytest.param(signal.SIGTERM, False, marks=pytest.mark.slow)])
 def test_all_processes_end_with_the_server(server, folder, number, paused):
     if paused and sys.platform != "linux":
         pytest.skip("paused processes end with their server on Linux only")

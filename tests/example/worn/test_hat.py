@@ -128,7 +128,9 @@ def test_a_part_of_a_photo_keeps_its_rest_under_the_hat(face):
     assert np.abs(made - photo.image / 255)[far].max() < 0.02
 
 
-@pytest.mark.parametrize("name", PAINTINGS + BARE)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=[pytest.mark.slow] if number % 2 else [])
+    for number, name in enumerate(PAINTINGS + BARE)])
 def test_old_masters_hats_are_found(shared_data, shared_weights, name, monkeypatch):
     monkeypatch.setenv("LFPORTRAIT_MODELS", str(shared_weights))
     path = shared_data / "paintings" / f"{name}.jpg"

@@ -145,17 +145,18 @@ def wait_for(condition, seconds=120):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_driver_and_workers_killed_it_ends_with_the_same_files(made, studio, tmp_path):
-    results = tmp_path / "results"
-    words = (studio / "jobs.toml", "--out", results, "--quiet", "--workers", 2)
+    results, jobs = tmp_path / "results", studio / "anna.toml"
+    jobs.write_text((studio / "jobs.toml").read_text().replace("sittings/*", "sittings/anna"))
+    words = (jobs, "--out", results, "--quiet", "--workers", 2, "--cores", 1)
     with command(*words) as process:
-        wait_for(lambda: sum(entry["event"] == "done" for entry in journal(results)) >= 5)
+        wait_for(lambda: sum(entry["event"] == "done" for entry in journal(results)) >= 3)
         workers = children(process)
         assert len(workers) >= 2
         process.kill()
     # Nobody goes on writing when the batch is gone.
     wait_for(lambda: not any(map(alive, workers)), 20)
     before = {entry["task"] for entry in journal(results) if entry["event"] == "done"}
-    assert 5 <= len(before) < 22
+    assert 3 <= len(before) < 11
     status = batch_status(results)[1]
     assert not status["running"] and sum(row["done"] for row in status["stages"].values()
                                          if "done" in row) >= len(before)
@@ -174,7 +175,8 @@ def test_driver_and_workers_killed_it_ends_with_the_same_files(made, studio, tmp
     assert killed == 2
     # Nothing is done twice that was done, and what was lost is given out again.
     assert not before & set(started(again))
-    assert digests(results) == digests(made[0])
+    assert digests(results) == {name: found for name, found in digests(made[0]).items()
+                                if name.startswith("anna/")}
 
 
 @pytest.fixture

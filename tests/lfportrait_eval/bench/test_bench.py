@@ -149,7 +149,8 @@ def test_a_plot_shows_its_curves_inside_its_axes():
         line_plot({"a": ([], [])}, across="x", up="y")
 
 
-def test_transfer_reports_preparation_and_synthesis_apart():
+def test_transfer_reports_preparation_and_synthesis_apart(monkeypatch):
+    monkeypatch.setattr("lfportrait_eval.bench.transfer.ROWS", 2)
     camera = Camera.arc(np.array([5.0]), distance=4.4, width=120, height=160, focal=220.0)
     photo = np.ascontiguousarray(photograph(SITTER, camera).image[..., :3])
     points = camera.project(landmarks(SITTER))[0][0]

@@ -31,3 +31,11 @@ def short(videos, tmp_path_factory):
     folder = tmp_path_factory.mktemp("short") / "study"
     write_study([str(video) for video in videos[:3]], folder, StudyConfig())
     return folder
+
+
+@pytest.fixture(scope="session")
+def single(videos, tmp_path_factory):
+    """A study of one pair: three answers."""
+    folder = tmp_path_factory.mktemp("single") / "study"
+    write_study([str(video) for video in videos[:2]], folder, StudyConfig(repeats=0))
+    return folder

@@ -4,8 +4,6 @@ import json
 from collections import Counter
 from contextlib import contextmanager
 
-import pytest
-
 from lfportrait.cli import main
 from lfportrait.files import read_json
 from lfportrait_eval.study import StudyConfig, write_study
@@ -156,8 +154,8 @@ def test_double_clicks_and_held_keys_count_once(browser, study):
         assert each.answered() == 4
 
 
-def test_going_back_and_pausing(browser, short):
-    with visit(browser, short) as each:
+def test_going_back_and_pausing(browser, single):
+    with visit(browser, single) as each:
         page = each.page
         each.start()
         assert page.is_disabled("#back")
@@ -177,7 +175,7 @@ def test_going_back_and_pausing(browser, short):
         each.finish()
         page.click("#change")
         page.wait_for_selector(READY)
-        assert each.answered() == 11
+        assert each.answered() == 2
         with page.expect_download():
             each.press("2")
 
@@ -197,8 +195,8 @@ def test_both_portraits_turn_together(browser, study):
                                   "(video) => video.muted && video.loop)")
 
 
-def test_another_person_at_the_same_screen(browser, short):
-    with visit(browser, short) as each:
+def test_another_person_at_the_same_screen(browser, single):
+    with visit(browser, single) as each:
         each.start()
         first = each.state()["person"]
         with each.finish().path().open() as stream:
@@ -302,11 +300,11 @@ def test_everything_has_a_name_and_a_keyboard_reaches_it(browser, study):
         assert {"← Left", "Right →", "Pause"} <= reached
 
 
-@pytest.mark.parametrize("kept", ["{", '{"person": 3}', "null",
-                                  '{"person": "a", "number": 1, "place": 9, "answers": []}'])
-def test_what_was_kept_and_is_damaged_is_begun_anew(browser, study, design, kept):
+def test_what_was_kept_and_is_damaged_is_begun_anew(browser, study, design):
     with visit(browser, study) as each:
-        each.page.evaluate("([key, text]) => localStorage.setItem(key, text)",
-                           [f"lfportrait-study-{design['study']}", kept])
-        each.page.reload()
-        assert each.page.is_visible("#welcome") and each.answered() == 0
+        for kept in ("{", '{"person": 3}', "null",
+                     '{"person": "a", "number": 1, "place": 9, "answers": []}'):
+            each.page.evaluate("([key, text]) => localStorage.setItem(key, text)",
+                               [f"lfportrait-study-{design['study']}", kept])
+            each.page.reload()
+            assert each.page.is_visible("#welcome") and each.answered() == 0, kept

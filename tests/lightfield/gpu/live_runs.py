@@ -1,4 +1,4 @@
-"""What the tests of live light fields run beside a device, in a short process of its own each."""
+"""What the tests of live light fields run beside a device, in its process."""
 
 import dataclasses
 import os
@@ -30,8 +30,15 @@ def coarse(device, field, display, config, other):
     Returns the picture before ``other`` is asked for, the first of it, how many rows each of that
     one's stand for, the last picture, and how many steps it took.
     """
-    module._PICTURE = 1e-9  # no device is fast enough for that
-    coder = LiveCoder(device, field, display)
+    before, module._PICTURE = module._PICTURE, 1e-9  # no device is fast enough for that
+    try:
+        return _coarse(LiveCoder(device, field, display), config, other)
+    finally:
+        module._PICTURE = before
+
+
+def _coarse(coder, config, other):
+    """As above, of a device that is taken for slow."""
     coder.settle(config)
     before = coder.read()
     coder.step(other)

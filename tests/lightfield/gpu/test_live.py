@@ -20,15 +20,22 @@ EVEN = 50.0
 """PSNR in dB from which pictures count as equal."""
 
 
+def caller(process):
+    """What calls a function of `live_runs` in a device's process."""
+    return lambda function, *arguments: process.call(
+        "tests.lightfield.gpu.live_runs:quietly", function, *arguments)
+
+
 @pytest.fixture
-def run(adapter):
-    """Calls a function of `live_runs` in a process of its own."""
+def run(gpu_child):
+    return caller(gpu_child)
+
+
+@pytest.fixture
+def run_alone(adapter):
+    """In a process that nothing was done in before: its memory is looked at."""
     process = GpuProcess(adapter)
-
-    def call(function, *arguments):
-        return process.call("tests.lightfield.gpu.live_runs:quietly", function, *arguments)
-
-    yield call
+    yield caller(process)
     process.close()
 
 
@@ -119,9 +126,9 @@ def test_an_eye_in_the_middle_sees_a_plain_perspective_view(run):
     assert psnr(picture / 255.0, np.clip(view, 0, 1)) > 40
 
 
-def test_memory_stays_as_it_is_over_a_hundred_pictures(run):
+def test_memory_stays_as_it_is_over_a_hundred_pictures(run_alone):
     panel = PANEL.scaled(48, 32)
-    (early, first), (late, last) = run("hundred", shell_field(16, basis=1), panel)[0]
+    (early, first), (late, last) = run_alone("hundred", shell_field(16, basis=1), panel)[0]
     assert last == first
     assert late - early < 16 << 20
 

@@ -14,7 +14,7 @@ import pytest
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
-from lfportrait.gpu import Adapter, GpuProcess
+from lfportrait.gpu import Adapter
 from lfportrait.lightfield import Display, EncodeConfig, encode
 from lfportrait.lightfield.screens import fields_to_show, show_live
 from lfportrait.lightfield.screens.live import one_eyed
@@ -122,12 +122,10 @@ def test_escape_q_and_the_windows_own_button_close():
 
 
 @pytest.fixture
-def play(adapter):
-    """Plays a script in a process of its own (`live_runs.played`)."""
-    process = GpuProcess(adapter)
-    yield lambda *arguments: process.call("tests.lightfield.gpu.live_runs:quietly", "played",
-                                          *arguments)
-    process.close()
+def play(gpu_child):
+    """Plays a script beside a device (`live_runs.played`)."""
+    return lambda *arguments: gpu_child.call("tests.lightfield.gpu.live_runs:quietly", "played",
+                                             *arguments)
 
 
 def alike(picture, wanted):
@@ -312,7 +310,7 @@ def x_server():
 
 @pytest.mark.parametrize("word", ["--live", "--simulate"])
 def test_a_real_window_shows_the_pictures_own_pixels(saved, adapter, x_server, word):
-    done = command(saved, word, "--seconds", "2", "--json", "out.json", DISPLAY=x_server)
+    done = command(saved, word, "--seconds", "1", "--json", "out.json", DISPLAY=x_server)
     assert done.returncode == 0, done.stderr
     figures = json.loads((saved / "out.json").read_text())
     assert figures["frames"] > 2 and figures["device"].startswith("gpu: ")

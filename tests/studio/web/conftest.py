@@ -22,6 +22,7 @@ from lfportrait.field import save_field
 from tests.conftest import DATA
 from tests.share.page.portraits import painted_head
 
+ROOT = Path(__file__).resolve().parents[3]
 SCREENS = ("sitters", "photos", "making", "style", "portrait", "show")
 
 
@@ -74,9 +75,9 @@ class Studio:
 
     def start(self, port: int = 0) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "lfportrait", "studio", "--folder", str(self.folder),
-             "--port", str(port), "--no-browser"], stdout=subprocess.PIPE, text=True,
-            env=self.surroundings())
+            [sys.executable, "-m", "tests.studio.web.quick_studio", "studio", "--folder",
+             str(self.folder), "--port", str(port), "--no-browser"], stdout=subprocess.PIPE,
+            text=True, cwd=ROOT, env=self.surroundings())
         self.address = self.process.stdout.readline().split(" ")[0]
         assert self.address.startswith("http://127.0.0.1:"), "the studio does not start"
         self.home = self.address.partition("#")[0]

@@ -15,13 +15,28 @@ def painting(browser, studio):
         return own, each.ask("GET", f"/api/styles/{own}/landmarks?project=ben")["points"]
 
 
+@pytest.fixture(scope="module")
+def page(browser, studio):
+    """A page for all tests: opening one takes longer than most of them."""
+    with Opened(browser, studio) as each:
+        yield each
+
+
 @pytest.fixture
-def editor(opened, painting):
-    opened.painting, first = painting
-    opened.ask("PUT", f"/api/styles/{opened.painting}/landmarks?project=ben", {"points": first})
-    opened.go(f"style/ben/{opened.painting}/landmarks")
-    opened.page.wait_for_selector(".mark")
-    return opened
+def editor(page, painting):
+    """The editor, entered again, of the points as they were at first."""
+    page.painting, first = painting
+    page.page.unroute_all()
+    page.go("sitters")
+    for _ in range(100):
+        page.ask("PUT", f"/api/styles/{page.painting}/landmarks?project=ben", {"points": first})
+        page.go(f"style/ben/{page.painting}/landmarks")
+        page.page.wait_for_selector(".mark")
+        # The test before may have left a change that was on its way.
+        if np.abs(points(page) - first).max() <= 0.06 and np.abs(stored(page) - first).max() == 0:
+            return page
+        page.go("sitters")
+    raise AssertionError("the points do not come back")
 
 
 def points(editor):

@@ -13,7 +13,6 @@ from lfportrait.field.training.gpu_stepping import (
     ray_numbers,
     tiles_given,
 )
-from lfportrait.gpu import GpuProcess
 
 from .scene import (
     SmallSteps,
@@ -27,11 +26,8 @@ from .scene import (
 
 
 @pytest.fixture
-def process(adapter):
-    """A device's process for one test: software adapters don't bear long lives."""
-    own = GpuProcess(adapter)
-    yield own
-    own.close()
+def process(gpu_child):
+    return gpu_child
 
 
 @pytest.mark.parametrize("basis, density", [(9, 25.0), (4, 25.0), (1, 1.5)])

@@ -8,7 +8,7 @@ import pytest
 from lfportrait.field import ReconstructConfig
 from lfportrait.field.quality import held_out_quality
 from lfportrait.field.training.trainer import Trainer
-from lfportrait.gpu import GpuLostError, GpuProcess
+from lfportrait.gpu import GpuLostError
 from lfportrait.progress import Progress
 from tests.field.test_field import ball_capture
 
@@ -47,11 +47,8 @@ class Fragile:
 
 
 @pytest.fixture
-def process(adapter):
-    """A device's process for one test."""
-    own = GpuProcess(adapter)
-    yield own
-    own.close()
+def process(gpu_child):
+    return gpu_child
 
 
 def trained(process, config=CONFIG, checkpoint=None, capture=None):
@@ -66,15 +63,20 @@ def trained(process, config=CONFIG, checkpoint=None, capture=None):
     return trainer, said.lines
 
 
+@pytest.fixture(scope="module")
+def on_cpu():
+    """The same training on the CPU from its beginning to its end."""
+    return trained(None)[0]
+
+
 def quality(trainer):
     """PSNR in dB of all photos."""
     capture = replace(trainer.capture, held_out=np.ones(len(trainer.capture), bool))
     return held_out_quality(trainer.field(), capture, 1.0)["psnr"]
 
 
-def test_a_training_ends_where_the_cpus_does(process):
+def test_a_training_ends_where_the_cpus_does(process, on_cpu):
     on_gpu, lines = trained(process)
-    on_cpu, _ = trained(None)
     assert abs(quality(on_gpu) - quality(on_cpu)) < 0.3
     assert quality(on_gpu) > 25
     assert on_gpu.device != "cpu"
@@ -97,17 +99,18 @@ def test_a_room_is_trained_as_on_the_cpu(process):
 
 @pytest.mark.parametrize("call, number", [("begin", 0), ("take", 0), ("largest", 0),
                                           ("fetch", 1)])
-def test_a_lost_gpu_is_one_line_and_the_cpu_goes_on(process, call, number):
+def test_a_lost_gpu_is_one_line_and_the_cpu_goes_on(process, on_cpu, call, number):
     fragile = Fragile(process, call, number)
     on_both, lines = trained(fragile)
     assert fragile.calls[-1] == call
     assert [line for line in lines if "CPU" in line] == [
         "Card 9 was lost; the training goes on on the CPU"]
     assert on_both.device == "cpu"
-    assert abs(quality(on_both) - quality(trained(None)[0])) < 0.5
+    assert abs(quality(on_both) - quality(on_cpu)) < 0.5
 
 
-def test_the_cpu_goes_on_from_the_last_checkpoint(process, tmp_path, monkeypatch):
+def test_the_cpu_goes_on_from_the_last_checkpoint(process, on_cpu, tmp_path,
+                                                     monkeypatch):
     # Saved in the middle of the second level; the GPU is lost at its end.
     path = tmp_path / "state.npz"
     saved = []
@@ -124,11 +127,11 @@ def test_the_cpu_goes_on_from_the_last_checkpoint(process, tmp_path, monkeypatch
     assert fragile.calls.count("fetch") == 3
     assert saved == [20]  # was not passed again
     assert sum("CPU" in line for line in lines) == 1
-    assert abs(quality(trainer) - quality(trained(None)[0])) < 0.5
+    assert abs(quality(trainer) - quality(on_cpu)) < 0.5
 
 
-def test_a_gpus_checkpoint_is_gone_on_from_on_the_cpu_and_the_other_way(process, tmp_path,
-                                                                        monkeypatch):
+def test_a_gpus_checkpoint_is_gone_on_from_on_the_cpu_and_the_other_way(process, on_cpu,
+                                                                        tmp_path, monkeypatch):
     path = tmp_path / "state.npz"
 
     class Stop(Exception):
@@ -139,12 +142,11 @@ def test_a_gpus_checkpoint_is_gone_on_from_on_the_cpu_and_the_other_way(process,
             self.save()
             raise Stop
 
-    whole, _ = trained(None)
     for first, then in ((process, None), (None, process)):
         path.unlink(missing_ok=True)
         with monkeypatch.context() as patch, pytest.raises(Stop):
             patch.setattr(Trainer, "save_now_and_then", stop)
             trained(first, checkpoint=path)
         trainer, _ = trained(then, checkpoint=path)
-        assert trainer.rays_done == whole.rays_done
-        assert abs(quality(trainer) - quality(whole)) < 0.3
+        assert trainer.rays_done == on_cpu.rays_done
+        assert abs(quality(trainer) - quality(on_cpu)) < 0.3
