@@ -1,12 +1,16 @@
 """What is not asked for is not imported: quick commands do not wait for slow libraries."""
 
+import ast
+import gc
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 import lfportrait
-from lfportrait.lazy import attach
+from lfportrait.lazy import attach, syntax_tree
 
 SLOW = ("numba", "torch", "scipy", "skimage", "cv2", "mediapipe", "pycolmap", "av")
 
@@ -68,3 +72,22 @@ def test_names_come_from_the_imports_that_type_checkers_see(tmp_path):
     with pytest.raises(AttributeError):
         get("TYPE_CHECKING")
     assert get("split").__name__ == "split"
+
+
+def test_texts_are_parsed_from_several_threads():
+    """Python 3.11 counts the depths of trees that threads build at a time together."""
+    text = "x = [" + ", ".join(f"f({n}, (a, [b, {{c: d}}]))" for n in range(50)) + "]\n"
+    before = gc.get_threshold()
+    gc.set_threshold(300)  # what is called then may let another thread go on
+
+    def pause(*_):
+        time.sleep(0.0005)
+
+    gc.callbacks.append(pause)
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            trees = list(threads.map(syntax_tree, [text] * 30))
+    finally:
+        gc.callbacks.remove(pause)
+        gc.set_threshold(*before)
+    assert len({ast.dump(tree) for tree in trees}) == 1

@@ -11,17 +11,30 @@ from __future__ import annotations
 
 import ast
 import sys
+import threading
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
-__all__ = ["attach"]
+__all__ = ["attach", "syntax_tree"]
+
+_PARSING = threading.Lock()
+
+
+def syntax_tree(text: str) -> ast.Module:
+    """The syntax tree of a text, from any thread.
+
+    Where two threads parse at a time, Python 3.11 may count their depths together and fail with
+    "AST constructor recursion depth mismatch" (CPython issue 106905).
+    """
+    with _PARSING:
+        return ast.parse(text)
 
 
 def _homes(file: str) -> dict[str, tuple[str, str]]:
     """Module, and name in it, of all that a file imports under ``if TYPE_CHECKING``."""
     with open(file, encoding="utf-8") as stream:
-        tree = ast.parse(stream.read())
+        tree = syntax_tree(stream.read())
     blocks = [node for node in tree.body if isinstance(node, ast.If)]
     return {alias.asname or alias.name: ("." * node.level + (node.module or ""), alias.name)
             for block in blocks for node in block.body if isinstance(node, ast.ImportFrom)

@@ -19,6 +19,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .lazy import syntax_tree
+
 __all__ = ["Kept", "Sources"]
 
 _PACKAGE = __name__.partition(".")[0]
@@ -212,7 +214,7 @@ class Sources:
             names = {data.name, data.stem, *data.relative_to(path.parent).parts[:-1]}
             if any(f'"{one}' in text or f"/{one}" in text for one in names):
                 digest.update(data.read_bytes())
-        tree = ast.parse(text)
+        tree = syntax_tree(text)
         package = name if path.name == "__init__.py" else name.rpartition(".")[0]
         top: dict[str, _Import] = {}
         offers: dict[str, _Import] = {}

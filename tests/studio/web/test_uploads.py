@@ -13,6 +13,12 @@ def sitter(opened):
     opened.page.wait_for_selector("[data-screen][data-ready]")
     opened.go(f"photos/{opened.id}")
     yield opened
+    # What has come is looked at by itself, in a job: one that works holds the project.
+    opened.until("""async (id) => {
+      const { jobs } = await (await fetch("/api/jobs")).json();
+      return jobs.every((each) => each.project !== id
+                        || ["done", "failed", "cancelled"].includes(each.state));
+    }""", opened.id)
     opened.ask("DELETE", f"/api/projects/{opened.id}", {"confirm": "cleo"})
 
 
