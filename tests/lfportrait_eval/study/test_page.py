@@ -24,7 +24,7 @@ class Visit:
 
     def open(self):
         page = self.context.new_page()
-        page.set_default_timeout(20000)
+        page.set_default_timeout(60000)
         page.on("console", lambda message: self.complaints.append(message.text))
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("request", lambda request: self.requests.append(request.url))
