@@ -69,7 +69,8 @@ def with_parallel_eyes(exemplar: Exemplar) -> Exemplar:
         return {"eyes": np.empty((0, 5, 2)) if mesh is None else mesh[np.array(EYES)],
                 "discs": np.empty((0, 2)) if discs is None else discs}
 
-    key = key_of(("face", "example.gaze", "example.irises"), exemplar.image, exemplar.landmarks)
+    key = key_of(("example.gaze", "example.irises"), face.detectors_key(), exemplar.image,
+                 exemplar.landmarks)
     found = kept_arrays("gazes", key, find)
     eyes, discs = found["eyes"], found["discs"]
     if not len(eyes) or not len(discs) or _opening(eyes) < CLOSED:

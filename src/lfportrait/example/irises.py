@@ -74,20 +74,20 @@ def irises_found(image: NDArray[np.uint8], landmarks: Float64) -> Float64 | None
     irises
         float64 [2, 2] pixels, of the picture's left eye first; None where an eye shows no disc.
     """
-    eyes = [_seen(image, np.asarray(landmarks[part], np.float64))
-            for part in (slice(36, 42), slice(42, 48))]
-    if any(eye is None for eye in eyes):
+    seen = (_seen(image, np.asarray(landmarks[part], np.float64))
+            for part in (slice(36, 42), slice(42, 48)))
+    eyes = [eye for eye in seen if eye is not None]
+    if len(eyes) < 2:
         return None
     best: tuple[float, list[Float64]] = (2 * LEAST, [])
     for radius in RADII:
-        found = [_disc(eye, radius * WIDTH) for eye in eyes if eye is not None]
+        found = [_disc(eye, radius * WIDTH) for eye in eyes]
         total = sum(score for score, _ in found)
         if min(score for score, _ in found) > 0.5 * LEAST and total > best[0]:
             best = total, [place for _, place in found]
     if not best[1]:
         return None
-    return np.stack([_in_portrait(eye, place) for eye, place in zip(eyes, best[1])
-                     if eye is not None])
+    return np.stack([_in_portrait(eye, place) for eye, place in zip(eyes, best[1])])
 
 
 def _frame(outline: Float64) -> tuple[Float64, Float64]:

@@ -274,11 +274,10 @@ class Desk:
             loop = asyncio.get_running_loop()
         except RuntimeError:  # the server has not begun
             return
-        task = loop.create_task(self._follow(job, job.state, [one.state for one in job.stages]))
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        loop.call_soon(self._follow, job, job.state)
 
-    async def _follow(self, job: JobState, state: str, stages: list[str]) -> None:
+    def _follow(self, job: JobState, state: str) -> None:
+        """Tell the pages what a job's ``state`` has changed."""
         if job.project is None:
             if job.kind == "networks" and state == "done":
                 self.events.tell("reset")

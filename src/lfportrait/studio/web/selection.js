@@ -34,9 +34,9 @@ export function selection(sitter, display) {
                     id,
                     type: "checkbox",
                     onchange: (event) => {
-                      if (event.target.checked)
-                        chosen.set(`${each.id} ${version.id}`, [each.id, version]);
-                      else chosen.delete(`${each.id} ${version.id}`);
+                      const key = `${each.id} ${version.id}`;
+                      if (event.target.checked) chosen.set(key, [each.id, version.id]);
+                      else chosen.delete(key);
                     },
                   }),
                   `${each.name}: ${version.name}`,
@@ -60,20 +60,15 @@ export function selection(sitter, display) {
           t("select.batch"),
           doing(async () => {
             // Each sitter in the style of the version that was chosen, not in all of them.
-            const versions = picked(chosen).map(([id, version]) => [id, version.id]);
+            const versions = picked(chosen);
             show(result, await post("/api/batch", { displays: [display().id], versions }));
           }),
         ),
         button(
           t("select.study"),
           doing(async () => {
-            show(
-              result,
-              await post("/api/study", {
-                versions: picked(chosen).map(([id, version]) => [id, version.id]),
-                title: sitter.name,
-              }),
-            );
+            const versions = picked(chosen);
+            show(result, await post("/api/study", { versions, title: sitter.name }));
           }),
         ),
       ),
@@ -83,6 +78,7 @@ export function selection(sitter, display) {
   return whole;
 }
 
+/** Ids of sitter and version of what is chosen. */
 function picked(chosen) {
   if (!chosen.size) throw Object.assign(new Error(t("select.none")), { code: "none" });
   return [...chosen.values()];

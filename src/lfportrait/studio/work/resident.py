@@ -174,7 +174,6 @@ class _Resident:
         return {}
 
 
-
 def serve() -> None:
     """Answer until the pipe ends."""
     pipe = Pipe()
