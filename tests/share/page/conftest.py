@@ -6,9 +6,12 @@ from lfportrait.share import PageConfig, write_page
 from tests.share.page.portraits import painted_head, pure_head
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="package", autouse=True)
 def small_posters():
-    """Posters of a quarter of their size, which take a sixteenth of the time."""
+    """Posters of a quarter of their size, which take a sixteenth of the time.
+
+    Only here: a test elsewhere may compare the bytes of pages that two processes wrote.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("lfportrait.share.page.poster._HEIGHT", 250)
         yield
@@ -19,8 +22,8 @@ def head():
     return painted_head(strokes=True)
 
 
-@pytest.fixture(scope="session")
-def page(head, tmp_path_factory):
+@pytest.fixture(scope="package")
+def page(head, small_posters, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "portrait.html"
     write_page(head, path, PageConfig(title="Anna </script> @script@", artist="A & B",
                                       date="May 2026"))
@@ -32,8 +35,8 @@ def pure():
     return pure_head()
 
 
-@pytest.fixture(scope="session")
-def pure_page(pure, tmp_path_factory):
+@pytest.fixture(scope="package")
+def pure_page(pure, small_posters, tmp_path_factory):
     path = tmp_path_factory.mktemp("pure") / "portrait.html"
     write_page(pure, path, PageConfig(sh=2))
     return path
