@@ -157,6 +157,47 @@ def test_slider_buttons_and_keys_are_wired(browser, page):
         assert each.complaints == []
 
 
+SLIDE = """async (blend) => {
+  const { mix, viewer } = lfportrait;
+  viewer.slid = Infinity;  // so long as the slider moves, no picture of the mix itself is drawn
+  await mix.set(blend);
+  while (viewer.mixing || viewer.moved) await new Promise((done) => setTimeout(done, 5));
+}"""
+
+
+def test_a_slider_mixes_pictures_of_its_ends(browser, page):
+    """Nearly exactly: this painting's strokes are beyond black and white, and clipped there."""
+    with Opened(browser, page, width=400, height=260, reduced_motion="reduce") as each:
+        each.loaded()
+        each.run("() => lfportrait.viewer.settled()")
+        painting = each.canvas()
+        each.run("() => { lfportrait.viewer.slid = 0; lfportrait.viewer.expect(); }")
+        each.page.wait_for_function("() => lfportrait.viewer.ends.whole")
+        assert np.array_equal(each.canvas(), painting)  # they are drawn unseen
+        each.run(SLIDE, 0.4)
+        mixed = each.canvas()
+        each.run("() => { lfportrait.viewer.slid = 0; return lfportrait.viewer.settled(); }")
+        exact = each.canvas()
+        assert decibels(mixed / 255, exact / 255) > 36
+        assert decibels(painting / 255, exact / 255) < 30
+        # Nobody was at the slider: pictures of the ends are coarse at first.
+        assert each.run("() => lfportrait.viewer.ends.pairs.length") == 0
+        each.run("() => { lfportrait.viewer.slid = 0; lfportrait.viewer.pace = 1; }")
+        each.run(SLIDE, 0.5)
+        assert each.run("() => lfportrait.viewer.ends.pairs[0].share") < 0.3
+        # Seen from elsewhere they are others.
+        each.run("() => { lfportrait.orbit.turn(0.3, 0); lfportrait.viewer.change(); }")
+        assert each.run("() => Object.keys(lfportrait.renderer.targets)"
+                        ".filter((name) => name.startsWith('ends'))") == []
+        each.run(SLIDE, 0.2)
+        each.page.wait_for_function(
+            "() => lfportrait.viewer.ends.whole && !lfportrait.viewer.ends.finer")
+        mixed = each.canvas()
+        each.run("() => { lfportrait.viewer.slid = 0; return lfportrait.viewer.settled(); }")
+        assert decibels(mixed / 255, each.canvas() / 255) > 36
+        assert each.complaints == []
+
+
 def test_it_sways_unless_motion_is_not_wanted(browser, page):
     count = "() => lfportrait.viewer.drawn"
     with Opened(browser, page) as each:

@@ -30,12 +30,12 @@ from .texels import PageTexture
 
 __all__ = ["page_script", "write_page"]
 
-_SCRIPTS = ("unpack", "bricks", "texels", "renderer", "camera", "displays", "panel", "viewer",
-            "input", "interface", "panelmode", "main")
+_SCRIPTS = ("unpack", "bricks", "texels", "renderer", "camera", "displays", "panel", "ends",
+            "viewer", "input", "interface", "panelmode", "main")
 _ROUNDED = 1 / 255 / C0
 """Coefficients of degree 0 that are so near to each other are a level of an 8-bit picture apart, as
 those of a file may be."""
-_SHADERS = ("march", "texture", "ground", "view", "panel")
+_SHADERS = ("march", "texture", "ground", "view", "mixed", "panel")
 _DISPLAY = ("name", "width", "height", "views", "pitch", "slant", "offset", "subpixels", "cone",
             "distance", "eye_height", "inverted", "flip_x", "flip_y", "cells", "cell_pattern",
             "gamma", "calibrated")

@@ -177,8 +177,13 @@ export class Stage {
     if (!this.ends || !inner) return false;
     inner.mix.blend = share;
     inner.renderer.blend = share;
-    inner.viewer.change();
+    inner.viewer.mixed();
     return true;
+  }
+
+  /** A slider is taken that goes from the photo to the painting. */
+  expect() {
+    this.inner?.viewer.expect();
   }
 }
 

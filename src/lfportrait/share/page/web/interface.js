@@ -24,6 +24,7 @@ class Mix {
     find("mix").hidden = this.sets.length < 2;
     slider.value = String(1000 * this.blend);
     slider.addEventListener("input", () => this.set(Number(slider.value) / 1000));
+    for (const event of ["pointerenter", "focus"]) slider.addEventListener(event, () => viewer.expect());
     const styles = find("styles");
     styles.hidden = this.sets.length < 3;
     this.sets.forEach(({ name }, number) => {
@@ -42,7 +43,7 @@ class Mix {
     this.ends = null;
     const painting = this.sets[this.style].name;
     find("blend").setAttribute("aria-valuetext", `${Math.round(100 * blend)} % ${painting}`);
-    await this.apply();
+    await this.apply(false, true);
   }
 
   /**
@@ -72,13 +73,16 @@ class Mix {
   /**
    * Put it into the textures and draw anew. What is asked for while one is read comes next, and of
    * several the last.
+   * @param {boolean} slid A slider was moved: nothing but the share of both has changed.
    */
-  apply(all = false) {
+  apply(all = false, slid = false) {
+    this.slid = slid && (this.slid || !this.busy);
     const ends = this.ends ?? [0, this.sets.length > 1 ? this.style : 0];
     this.wanted = [...ends, this.blend, all];
     this.busy ??= this.follow().finally(() => {
       this.busy = null;
-      this.viewer.change(false);
+      if (this.slid) this.viewer.mixed();
+      else this.viewer.change(false);
     });
     return this.busy;
   }

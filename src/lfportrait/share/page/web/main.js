@@ -66,7 +66,12 @@ async function begin() {
     window.lfportrait = { renderer, viewer, orbit, mix, panels, Panel, readDisplay, makeDisplay };
     document.documentElement.dataset.ready = String(Math.round(performance.now()));
     // The slider's other end, before somebody asks for it.
-    if (HEADER.sets.length > 1) setTimeout(() => mix.apply(true).catch((error) => stand(error, viewer)), 600);
+    if (HEADER.sets.length > 1) {
+      setTimeout(() => {
+        renderer.program("mixed");
+        mix.apply(true).catch((error) => stand(error, viewer));
+      }, 600);
+    }
   } catch (error) {
     if (!(error instanceof UserError)) console.warn(error);
     stand(error, viewer);

@@ -80,6 +80,7 @@ class Renderer {
     this.targets = {};
     this.bytes = []; // of the textures, as the device holds them
     this.slots = [null, null]; // number of the color set in each of the two textures
+    this.filled = (this.filled ?? 0) + 1; // how often what they hold has changed
   }
 
   /** Read what all color sets share, and upload it. */
@@ -194,6 +195,7 @@ class Renderer {
       this.bytes[TEXELS + slot] = 0;
     }
     this.slots[slot] = number;
+    this.filled++;
     gl.flush();
   }
 
@@ -342,10 +344,7 @@ class Renderer {
     const { gl } = this;
     const old = this.targets[name];
     if (old && old.width === width && old.height === height) return old.frame;
-    if (old) {
-      gl.deleteTexture(old.texture);
-      gl.deleteFramebuffer(old.frame);
-    }
+    this.release(name);
     const texture = gl.createTexture(), frame = gl.createFramebuffer();
     gl.activeTexture(gl.TEXTURE0 + 6);
     gl.bindTexture(gl.TEXTURE_2D, texture);
@@ -354,6 +353,15 @@ class Renderer {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
     this.targets[name] = { texture, frame, width, height };
     return frame;
+  }
+
+  /** Give a picture's memory back, if it is there. */
+  release(name) {
+    const { gl, targets } = this;
+    if (!targets[name]) return;
+    gl.deleteTexture(targets[name].texture);
+    gl.deleteFramebuffer(targets[name].frame);
+    delete targets[name];
   }
 
   /** Put a picture onto the canvas, stretched to it. */

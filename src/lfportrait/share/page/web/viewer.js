@@ -6,6 +6,8 @@ const SWAY = 0.2; // radians to each side
 const PERIOD = 9000; // milliseconds there and back
 const REST = 6000; // milliseconds after which the head begins to sway again
 const STRIP = 24; // milliseconds that a strip of a still picture should take
+const COARSE = 0.6; // time of a sample of a coarse picture, over that of a still one, at least
+const PAUSE = 300; // milliseconds after which a slider is taken to stand still
 
 class Viewer {
   constructor(renderer, orbit, calm) {
@@ -19,10 +21,15 @@ class Viewer {
     this.still = 0; // rows of the still picture that are drawn
     this.strip = 32;
     this.drawn = 0;
+    this.took = 0; // milliseconds, for the strips of a still picture
+    this.pace = 0; // milliseconds a pixel of the last one
     this.panel = null;
     this.running = false;
     this.tilt = [0, 0];
     this.waiters = [];
+    this.ends = new Ends(this);
+    this.mixing = false;
+    this.slid = 0; // when a slider was moved last
   }
 
   /** Something has changed: draw anew. `hand` where a person did it. */
@@ -30,7 +37,36 @@ class Viewer {
     if (hand) this.touched = performance.now();
     this.still = 0;
     this.moved = true;
+    this.mixing = false;
+    this.ends.drop();
+    this.ends.wanted = false;
     this.wake();
+  }
+
+  /** A hand has moved a slider: the share of the two color sets has changed, and nothing else. */
+  mixed() {
+    if (!this.between) return this.change();
+    this.touched = this.slid = performance.now();
+    // The view is not there yet: it comes first.
+    if (this.moved) this.change();
+    else this.mixing = true;
+    this.still = 0;
+    this.ends.wanted = true;
+    this.wake();
+  }
+
+  /** A hand is at a slider: what it may show is made before it moves, if there is time. */
+  expect() {
+    if (!this.between) return;
+    this.touched = performance.now();
+    this.ends.wanted = true;
+    this.wake();
+  }
+
+  /** Whether there are two color sets to mix in a view. */
+  get between() {
+    const [first, second] = this.renderer.slots;
+    return !this.panel && first !== null && second !== null && first !== second;
   }
 
   wake() {
@@ -68,7 +104,8 @@ class Viewer {
     let more;
     if (this.panel) more = this.framePanel(sways);
     else if (sways || this.moved) more = this.frameMoving(sways, passed);
-    else more = this.frameStill();
+    else if (this.mixing || (this.ends.wanted && time - this.slid < PAUSE)) more = this.frameMixed();
+    else more = this.frameStill() || this.frameEnds();
     this.drawn++;
     this.waiters = this.waiters.filter((waiter) => !waiter());
     if (more || sways) {
@@ -89,9 +126,18 @@ class Viewer {
     return [canvas.width, canvas.height].map((n) => Math.max(1, Math.round(n * share)));
   }
 
+  /** The share of the canvas' sides at which a coarse picture takes so many milliseconds. */
+  quickShare(milliseconds) {
+    if (!this.pace) return this.share;
+    const [width, height] = this.size(1);
+    return Math.min(1, Math.max(0.15, Math.sqrt(milliseconds / (COARSE * this.pace * width * height))));
+  }
+
   /** A coarse picture; its size follows the time that the last ones took. */
   frameMoving(sways, passed) {
     const { renderer } = this;
+    // The first of several: no larger than the still picture's time allows.
+    if (!this.measured) this.share = Math.min(this.share, Math.max(0.2, this.quickShare(TOO_LONG)));
     if (passed && this.measured) {
       this.time = this.time ? 0.8 * this.time + 0.2 * passed : passed;
       if (this.time > TOO_LONG || passed > 200) {
@@ -120,23 +166,52 @@ class Viewer {
     this.measured = false;
     const size = this.size(1);
     if (this.still >= size[1]) return false;
+    if (this.still === 0) this.took = 0;
     const frame = renderer.target("still", size);
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     const rows = [this.still, Math.min(this.strip, size[1] - this.still)];
     const camera = this.orbit.camera(size, window.devicePixelRatio || 1, this.sway());
     this.timed(rows, size, () => renderer.view(camera, size, { rows }));
     this.still += rows[1];
-    if (this.still >= size[1]) renderer.present(frame, size);
-    return this.still < size[1];
+    if (this.still < size[1]) return true;
+    renderer.present(frame, size);
+    this.pace = this.took / (size[0] * size[1]);
+    return false;
+  }
+
+  /** What lies between a slider's ends; they become finer meanwhile. */
+  frameMixed() {
+    const { ends } = this;
+    this.measured = false;
+    ends.follow();
+    if (!ends.shown || !this.mixing) ends.draw();
+    if (this.mixing || ends.finer) ends.present();
+    this.mixing = false;
+    return true;
+  }
+
+  /** A strip of the ends of a slider that a hand is at. */
+  frameEnds() {
+    if (!this.ends.wanted || !this.between) return false;
+    this.ends.follow();
+    if (this.ends.whole) return false;
+    this.ends.draw();
+    return true;
+  }
+
+  /** Wait until all is drawn. */
+  wait(row = 0) {
+    const { gl } = this.renderer;
+    gl.readPixels(0, row, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
   }
 
   /** Draw a strip, wait for it, and choose the next one's height by the time it took. */
   timed(rows, size, draw) {
-    const { gl } = this.renderer;
     const start = performance.now();
     draw();
-    gl.readPixels(0, rows[0], 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    this.wait(rows[0]);
     const took = Math.max(performance.now() - start, 1);
+    this.took += took;
     const height = Math.round(this.strip * Math.min(2, STRIP / took));
     this.strip = Math.min(Math.max(height, 4), size[1]);
   }

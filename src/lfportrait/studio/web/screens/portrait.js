@@ -227,8 +227,8 @@ export class Portrait {
   begin(ends, name, share) {
     this.stage.ends = false;
     this.stage.share = share;
-    if (!this.stage.live || this.simple(name)) return;
-    this.stage.colors(ends.map(plainMix)).catch(ignore);
+    if (this.simple(name)) this.stage.expect();
+    else if (this.stage.live) this.stage.colors(ends.map(plainMix)).catch(ignore);
   }
 
   /** Whether photo and painting, which the page has, are both ends. */
