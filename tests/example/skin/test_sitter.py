@@ -10,7 +10,7 @@ from lfportrait.errors import UserError
 from lfportrait.example import face_size
 from lfportrait.example.guides.appearance import grey, skin_distance
 from lfportrait.example.skin import Skin, load_skin, save_skin, skin_key
-from lfportrait.example.skin.sitter import _told_apart
+from lfportrait.example.skin.sitter import _clothes, _told_apart
 from tests.example.skin.conftest import PIXELS
 from tests.portraits import HEAD_LANDMARKS
 
@@ -114,6 +114,27 @@ def test_clothes_are_what_differs_from_the_face_below_the_chin(skin, points):
     blue, bare = points[:, 1] < -0.76, (points[:, 1] < CHIN) & (points[:, 1] > -0.68)
     assert (skin.clothes[blue] > 0.5).mean() > 0.98
     assert (skin.clothes[bare] < 0.5).mean() > 0.98
+
+
+def test_what_no_photo_saw_below_the_chin_is_dressed_as_what_is_around(skin, points):
+    """It is dark and grey in a field, as a jacket may be."""
+    x, y, z = points.T
+    colors = skin.atlas.color.reshape(-1, 3)[skin.index].copy()
+    hollow = (np.abs(x) < 0.15) & (y < CHIN - 0.02) & (y > CHIN - 0.12) & (z > 0)
+    sleeve = (np.abs(x) < 0.15) & (y < -0.8) & (z > 0)
+    seen = np.ones(len(points), np.float32)
+    depth = (skin.plane.origin[1] - y) / skin.plane.height
+
+    def dressed():
+        return _clothes(skin.plane, colors, np.float32(points), skin.flat, seen, depth, None)
+
+    assert hollow.sum() > 50 and sleeve.sum() > 50
+    colors[hollow] = 0.15
+    assert (dressed()[hollow] > 0.5).mean() > 0.3
+    seen[hollow | sleeve] = 0
+    colors[sleeve] = colors[np.abs(points - HEAD_LANDMARKS[30]).sum(axis=1) < 0.3].mean(axis=0)
+    assert (dressed()[hollow] > 0.5).mean() < 0.05
+    assert (dressed()[sleeve] > 0.5).mean() > 0.9
 
 
 def test_what_no_photo_shows_is_unseen(field, skin, points):

@@ -159,7 +159,7 @@ class Skin:
             if hair is None:
                 hair = hair_by_relief(plane, flat, contours, seen, ears)
         depth = (plane.origin[1] - points[:, 1]) / plane.height
-        clothes = _clothes(atlas, index, points, depth, hair)
+        clothes = _clothes(plane, colors, points, flat, seen, depth, hair)
         return Skin(atlas, plane, pixels, index, flat, tone, detail, appearance,
                     contours * seen, hair, clothes, ears, seen,
                     normals[:, 2] > -0.2, _row_places(field, atlas))
@@ -367,20 +367,23 @@ def _plausible(plane: HeadPlane, points: Float32, hair: Float32) -> bool:
     return bool(above.any() and hair[above].mean() > 0.2)
 
 
-def _clothes(atlas: Atlas, index: NDArray[np.int32], points: Float32, depth: Float64,
-             hair: Float32 | None) -> Float32:
+def _clothes(plane: HeadPlane, colors: Float32, points: Float32, flat: Float32, seen: Float32,
+             depth: Float64, hair: Float32 | None) -> Float32:
     """What lies below the chin, is no hair, and is not of the color of the cheeks, [N].
 
     ``depth`` [N] is 0 at the brows and 1 at the chin.
     """
-    out = np.zeros(len(index), np.float32)
+    out = np.zeros(len(colors), np.float32)
     below = depth > 1.0
-    colors = atlas.color.reshape(-1, 3)[index]
     face = (depth > 0.3) & (depth < 0.95) & (points[:, 2] > 0)
     face &= np.abs(points[:, 0]) < np.ptp(points[face, 0]) * 0.25 if face.any() else face
     chosen = below | face
     away = skin_distance(colors[chosen], face[chosen])
     out[chosen] = 1 / (1 + np.exp(np.clip((3.5 - away) / 0.5, -30, 30)))
+    # Of what no photo saw, as below a chin, colors say little: it is as what is around.
+    known, unseen = below & (seen > 0.5), below & (seen <= 0.5)
+    around = Cells.over(flat, 0.03 * plane.height).carried(4 * out - 2, known, 1.0, 20.0)
+    out[unseen] = np.clip(out[unseen] + around[unseen], 0, 1)
     out *= np.clip((depth - 1.0) / 0.15, 0, 1).astype(np.float32)
     return out if hair is None else out * (1 - hair)
 
