@@ -1,9 +1,14 @@
 """Fixtures that several test files share, and how the two test processes share the cores."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
+
+# Tests start a hundred processes: each would compile what it imports of the sources once more.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # Before anything loads OpenMP. Two test processes run at once, each with as many threads as there
 # are cores: threads that spin while they wait for work take the cores from those that have some
