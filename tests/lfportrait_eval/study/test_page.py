@@ -7,15 +7,17 @@ from contextlib import contextmanager
 from lfportrait.cli import main
 from lfportrait.files import read_json
 from lfportrait_eval.study import StudyConfig, write_study
+from tests.share.page.browser import CONTEXTS, SMALL
 
 READY = 'html[data-ready="yes"]'
+SIZE = {"viewport": {"width": 900, "height": 700}}
 
 
 class Visit:
     """A person's browser with the study in it."""
 
     def __init__(self, browser, study, person=None):
-        self.context = browser.new_context(viewport={"width": 900, "height": 700})
+        self.context = CONTEXTS.take(browser, **SIZE)
         self.address = (study / "index.html").resolve().as_uri() + (
             "" if person is None else f"?person={person}")
         self.complaints: list[str] = []
@@ -67,7 +69,7 @@ class Visit:
 def visit(browser, study, person=None):
     opened = Visit(browser, study, person)
     yield opened
-    opened.context.close()
+    CONTEXTS.give(opened.context, SMALL.as_uri(), **SIZE)
 
 
 def test_from_the_start_to_the_results(browser, short, tmp_path):

@@ -4,15 +4,21 @@ import base64
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from lfportrait import studio
+
 ARGUMENTS = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader",
-             "--enable-unsafe-swiftshader"]
-"""WebGL2 in software: slow, the same everywhere."""
+             "--enable-unsafe-swiftshader", "--disable-gpu-compositing"]
+"""WebGL2 in software: slow, the same everywhere. What is drawn by other means than WebGL does not
+take the long way through it."""
+
+SMALL = Path(studio.__file__).parent / "web" / "favicon.svg"
 
 VIEW = """([camera, size, how]) => {
   const { renderer, viewer } = lfportrait;
@@ -63,6 +69,52 @@ def chromium(playwright, *more: str) -> Iterator:
     running.close()
 
 
+class Contexts:
+    """A browser's contexts, each used by one test after the other.
+
+    Between two tests a context keeps a page of next to nothing, from where their pages come from:
+    so the process that shows them lives on, with their scripts as it has compiled them, and the
+    next page is there in half of the time.
+    """
+
+    def __init__(self) -> None:
+        self._idle: dict[str, list] = {}
+        self._small: dict[Any, Any] = {}
+
+    def take(self, browser, **options):
+        """A context that nobody uses, and in which no page has left anything."""
+        idle = self._idle.setdefault(repr(sorted(options.items())), [])
+        idle[:] = [each for each in idle if each.browser.is_connected()]
+        found = next((each for each in idle if each.browser is browser), None)
+        if found is None:
+            return browser.new_context(**options)
+        idle.remove(found)
+        return found
+
+    def give(self, context, small: str, **options) -> None:
+        """Close what is open in it, for the next one who takes it with the same options.
+
+        ``small`` is the address of a small file, at the place where the pages come from.
+        """
+        from playwright.sync_api import Error
+
+        kept = self._small.get(context)
+        if kept is None:
+            kept = self._small[context] = context.new_page()
+            with suppress(Error):  # a server may be gone
+                kept.goto(small)
+        for page in context.pages:
+            if page is not kept:
+                with suppress(Error):
+                    page.evaluate("() => localStorage.clear()")
+                page.close()
+        context.clear_cookies()
+        self._idle[repr(sorted(options.items()))].append(context)
+
+
+CONTEXTS = Contexts()
+
+
 class Opened:
     """A page in the browser.
 
@@ -75,7 +127,8 @@ class Opened:
     """
 
     def __init__(self, browser, path: Path, *, width=240, height=160, live=True, **context):
-        self.context = browser.new_context(viewport={"width": width, "height": height}, **context)
+        self.options = {"viewport": {"width": width, "height": height}, **context}
+        self.context = CONTEXTS.take(browser, **self.options)
         self.page = self.context.new_page()
         self.complaints: list[str] = []
         self.requests: list[str] = []
@@ -92,7 +145,7 @@ class Opened:
         return self
 
     def __exit__(self, *_):
-        self.context.close()
+        CONTEXTS.give(self.context, SMALL.as_uri(), **self.options)
 
     def run(self, script: str, argument=None):
         return self.page.evaluate(f"(argument) => {{ {TEXT} return ({script})(argument); }}",

@@ -20,6 +20,7 @@ from lfportrait.face import write_landmarks
 from lfportrait.face.generic_head import GENERIC_LANDMARKS
 from lfportrait.field import save_field
 from tests.conftest import DATA
+from tests.share.page.browser import CONTEXTS
 from tests.share.page.portraits import painted_head
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -117,7 +118,8 @@ class Opened:
         self.studio = studio
         context.setdefault("reduced_motion", "reduce")
         context.setdefault("locale", "en")
-        self.context = browser.new_context(viewport={"width": width, "height": height}, **context)
+        self.options = {"viewport": {"width": width, "height": height}, **context}
+        self.context = CONTEXTS.take(browser, **self.options)
         self.page = self.context.new_page()
         self.complaints: list[str] = []
         self.requests: list[str] = []
@@ -134,13 +136,19 @@ class Opened:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.context.close()
+        CONTEXTS.give(self.context, f"{self.studio.home}static/favicon.svg", **self.options)
 
     def go(self, hash_: str) -> None:
         """Another screen, by its address."""
-        self.page.evaluate("(name) => { location.hash = name; }", hash_)
+        # The screen before may be one of the same name, and stays until the next one is drawn.
+        self.page.evaluate("""(name) => {
+          if ((location.hash.slice(1) || "sitters") === name) return;
+          document.querySelector("[data-screen]").dataset.before = "";
+          location.hash = name;
+        }""", hash_)
         screen = hash_.partition("/")[0]
-        self.page.wait_for_selector(f"[data-screen={screen}][data-ready]", timeout=60000)
+        self.page.wait_for_selector(f"[data-screen={screen}][data-ready]:not([data-before])",
+                                    timeout=60000)
 
     def reload(self) -> None:
         self.page.reload()
@@ -158,12 +166,12 @@ class Opened:
 
     def until(self, script: str, argument=None, seconds: float = 60.0):
         """What a script returns, once it is true; the page's policy forbids Playwright's own."""
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
+        begun = time.monotonic()
+        while (waited := time.monotonic() - begun) < seconds:
             found = self.run(script, argument)
             if found:
                 return found
-            time.sleep(0.03)
+            time.sleep(min(0.03 + 0.1 * waited, 0.3))  # to ask takes time of what is waited for
         raise AssertionError(f"{script} stays {found}; {self.complaints}")
 
 

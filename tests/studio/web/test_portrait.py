@@ -68,10 +68,14 @@ def test_a_slider_goes_between_its_ends_on_the_graphics(portrait):
     portrait.page.uncheck("#keep-colors")
 
 
+def both_are_shown(portrait):
+    portrait.until("() => document.querySelectorAll("
+                   "'.stages-pair.two .stage iframe:not(.coming)').length === 2", seconds=120)
+
+
 def test_two_side_by_side_turn_together(portrait):
     portrait.go("portrait/anna/portrait/portrait")
-    portrait.page.wait_for_selector(".stages-pair.two .column:nth-child(2) iframe:not(.coming)",
-                                    timeout=120000)
+    both_are_shown(portrait)
     yaw = f"() => [0, 1].map((n) => ({INNER})(n).orbit.yaw)"
     for which in (0, 1):
         portrait.run(f"(n) => {{ const each = ({INNER})(n); each.orbit.turn(0.2, 0);"
@@ -80,8 +84,7 @@ def test_two_side_by_side_turn_together(portrait):
     assert portrait.run(yaw) == pytest.approx([0.4, 0.4])
     # A reload shows both again.
     portrait.reload()
-    portrait.page.wait_for_selector(".stages-pair.two .column:nth-child(2) iframe:not(.coming)",
-                                    timeout=120000)
+    both_are_shown(portrait)
     portrait.page.uncheck("#linked")
     portrait.run(f"() => {{ const each = ({INNER})(0); each.orbit.turn(0.3, 0);"
                  " each.viewer.change(); }")

@@ -9,8 +9,7 @@ from tests.studio.web.conftest import Opened, picture
 def sitter(opened):
     """A new sitter's photo screen."""
     opened.id = opened.ask("POST", "/api/projects", {"name": "cleo", "demo": False})["id"]
-    opened.page.reload()
-    opened.page.wait_for_selector("[data-screen][data-ready]")
+    opened.until("""async (id) => (await import("/static/state.js")).project(id)?.id""", opened.id)
     opened.go(f"photos/{opened.id}")
     yield opened
     # What has come is looked at by itself, in a job: one that works holds the project.
