@@ -10,7 +10,9 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+
+from lfportrait.lanes.threads import share_out
 
 from .design import Design
 from .materials import CLEAR
@@ -37,16 +39,16 @@ class Baked(NamedTuple):
     glassy: bool
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def search(solids, profiles, extent, grid, starts, listed, fill):
-    """Distance at the cells' middles, and the solids that may be nearest somewhere in a cell.
+@njit(cache=True, error_model="numpy", nogil=True)
+def search(first, last, solids, profiles, extent, grid, starts, listed, fill):
+    """In some layers of blocks: distances at cells' middles, and what may be nearest in a cell.
 
     Without ``fill`` starts[c + 1] becomes the number of solids that cell c lists.
     """
     cells = len(grid)
     cell = 2.0 * extent / cells
     half, blocks = 0.5 * sqrt(3.0) * cell, cells // BLOCK
-    for i in prange(blocks):
+    for i in range(first, last):
         values, chosen = np.empty(len(solids)), np.empty(len(solids), np.int64)
         for rest in range(blocks * blocks):
             j, k = rest // blocks, rest % blocks
@@ -89,10 +91,13 @@ def bake(design: Design) -> Baked:
     cells = design.cells
     grid, starts = np.zeros((cells,) * 3, np.float32), np.zeros(cells**3 + 1, np.int32)
     listed = np.empty(0, np.int32)
-    search(design.solids, design.profiles, design.extent, grid, starts, listed, False)
+    layers = cells // BLOCK
+    share_out(search, layers, design.solids, design.profiles, design.extent, grid, starts, listed,
+              False)
     starts = np.cumsum(starts, dtype=np.int32)
     listed = np.empty(starts[-1], np.int32)
-    search(design.solids, design.profiles, design.extent, grid, starts, listed, True)
+    share_out(search, layers, design.solids, design.profiles, design.extent, grid, starts, listed,
+              True)
     return Baked(design.solids, design.profiles, design.materials, design.lights, design.ambient,
                  grid, starts, listed, design.extent, design.surroundings,
                  bool((design.materials[:, CLEAR] > 0).any()))

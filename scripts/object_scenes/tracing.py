@@ -10,9 +10,10 @@ from __future__ import annotations
 from math import exp, pi, sqrt
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from lfportrait.capture import Camera
+from lfportrait.lanes.threads import share_out
 
 from .design import Design
 from .grid import bake, march
@@ -135,10 +136,10 @@ def trace(baked, origin, ray, start, out):
     out[3] = alpha
 
 
-@njit(cache=True, error_model="numpy", parallel=True)
-def cast(baked, camera, focal, rays, start, out):
+@njit(cache=True, error_model="numpy", nogil=True)
+def cast(first, last, baked, camera, focal, rays, start, out):
     """Cast rays through picture points [K, 2]: out [K, 5] is color, opacity and the solid."""
-    for number in prange(len(rays)):
+    for number in range(first, last):
         local = np.array([(rays[number, 0]) / focal, rays[number, 1] / focal, 1.0])
         ray, origin = np.zeros(3), camera[:3, 3].copy()
         for axis in range(3):
@@ -162,7 +163,8 @@ class Scene:
         """RGBA, uint8 [size, size, 4] with straight alpha, from an OpenCV pose."""
         def rays(points: np.ndarray) -> np.ndarray:
             out = np.zeros((len(points), 5))
-            cast(self.baked, pose, self.focal(size), points - 0.5 * size, self.design.start, out)
+            share_out(cast, len(points), self.baked, pose, self.focal(size), points - 0.5 * size,
+                      self.design.start, out)
             return out
 
         finer = self.design.samples
