@@ -103,6 +103,19 @@ def studio(made_once):
 
 
 @pytest.fixture(scope="session")
+def anna(studio):
+    """Jobs of one of the sitters alone: half of the batch."""
+    path = studio / f"anna-{os.getpid()}.toml"
+    path.write_text((studio / "jobs.toml").read_text().replace("sittings/*", "sittings/anna"))
+    return path
+
+
+def of_anna(found: dict[str, str]) -> dict[str, str]:
+    """What `digests` found, of that sitter alone."""
+    return {name: digest for name, digest in found.items() if name.startswith("anna/")}
+
+
+@pytest.fixture(scope="session")
 def made(made_once):
     """The studio's batch, undisturbed: its folder, figures and events. Not to be changed."""
     folder, figures, events = made_once

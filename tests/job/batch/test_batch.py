@@ -25,7 +25,7 @@ from lfportrait.job.batch import driver as driver_module
 from lfportrait.job.batch.runners import thread_settings
 from lfportrait.job.batch.work import do_task
 
-from .conftest import digests
+from .conftest import digests, of_anna
 
 STAGES = {"capture": 2, "field": 2, "skin": 2, "stylize": 4, "encode": 8, "page": 4}
 
@@ -144,10 +144,9 @@ def wait_for(condition, seconds=120):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_driver_and_workers_killed_it_ends_with_the_same_files(made, studio, tmp_path):
-    results, jobs = tmp_path / "results", studio / "anna.toml"
-    jobs.write_text((studio / "jobs.toml").read_text().replace("sittings/*", "sittings/anna"))
-    words = (jobs, "--out", results, "--quiet", "--workers", 2, "--cores", 1)
+def test_driver_and_workers_killed_it_ends_with_the_same_files(made, anna, tmp_path):
+    results = tmp_path / "results"
+    words = (anna, "--out", results, "--quiet", "--workers", 2, "--cores", 1)
     with command(*words) as process:
         wait_for(lambda: sum(entry["event"] == "done" for entry in journal(results)) >= 3)
         workers = children(process)
@@ -175,8 +174,7 @@ def test_driver_and_workers_killed_it_ends_with_the_same_files(made, studio, tmp
     assert killed == 2
     # Nothing is done twice that was done, and what was lost is given out again.
     assert not before & set(started(again))
-    assert digests(results) == {name: found for name, found in digests(made[0]).items()
-                                if name.startswith("anna/")}
+    assert digests(results) == of_anna(digests(made[0]))
 
 
 @pytest.fixture
