@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from lfportrait.demo import PAINTED, demo_exemplar, demo_styles, exemplar_camera, photograph
+from lfportrait.demo import (
+    PAINTED,
+    demo_exemplar,
+    demo_styles,
+    exemplar_camera,
+    painting,
+    photograph,
+)
 from lfportrait.demo.kernels.brush import lay, plan, trace
 from lfportrait.errors import UserError
 from tests.reference import brush as reference
@@ -15,6 +22,20 @@ SIZE = (192, 256)
 @pytest.fixture(scope="module", params=demo_styles())
 def exemplar(request):
     return demo_exemplar(request.param, *SIZE)
+
+
+def test_what_styles_share_is_left_as_it_was():
+    """The sitter is photographed once for all of them."""
+    for name in demo_styles():
+        painting._sitting.cache_clear()
+        alone = demo_exemplar(name, 96, 128)
+        for other in demo_styles():
+            shown = demo_exemplar(other, 96, 128)
+            shown.landmarks[:], shown.mask[:] = 0, 0
+        after = demo_exemplar(name, 96, 128)
+        assert np.array_equal(after.image, alone.image)
+        assert np.array_equal(after.landmarks, alone.landmarks)
+        assert np.array_equal(after.mask, alone.mask)
 
 
 def _strokes(rng, count=12):
