@@ -21,19 +21,21 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("LFPORTRAIT_MIRROR", "http://127.0.0.1:9")
 
 TESTS = Path(__file__).resolve().parent
-FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "job/batch/test_ray.py",
-         "studio/web/test_uploads.py", "studio/web/test_portrait.py", "studio/test_portrait.py",
-         "lfportrait_eval/study/test_page.py", "share/page/test_in_browser.py",
-         "field/test_cutout.py", "job/test_pipeline.py", "studio/web/test_landmark_editor.py",
-         "example/worn/test_spectacles.py", "share/test_splats.py",
-         "lfportrait_eval/bench/test_bench.py",
-         "lfportrait_eval/baselines/transfer/test_network.py", "job/test_warmup.py",
+FIRST = ("job/batch/test_batch.py", "studio/web/test_access.py", "studio/test_portrait.py",
+         "job/batch/test_ray.py", "share/page/test_in_browser.py",
+         "example/worn/test_spectacles.py", "example/worn/test_hat.py",
+         "lfportrait_eval/bench/test_bench.py", "share/test_splats_in_browser.py",
+         "job/test_pipeline.py", "field/test_cutout.py", "project/test_object_scene.py",
+         "demo/test_people.py", "studio/web/test_landmark_editor.py", "studio/web/test_gallery.py",
+         "studio/web/test_leaving.py", "job/test_warmup.py", "studio/web/test_choices.py",
+         "studio/web/test_uploads.py", "share/test_splats.py", "share/page/test_panel_mode.py",
+         "studio/web/test_long_names.py", "lfportrait_eval/study/test_page.py",
+         "studio/web/test_portrait.py", "share/page/test_recolored.py", "studio/web/test_ends.py",
+         "studio/web/test_show.py", "lfportrait_eval/baselines/transfer/test_network.py",
          "studio/test_server.py", "lightfield/screens/test_live.py", "field/test_poses.py",
-         "share/page/test_panel_mode.py", "example/worn/test_hat.py",
          "example/worn/test_forehead.py", "field/test_field.py", "field/gpu/training/test_steps.py",
-         "share/page/test_recolored.py", "lightfield/gpu/test_coding_on_gpu.py",
-         "lightfield/prints/test_prints.py", "demo/test_people.py", "stylize/test_stylize.py",
-         "capture/test_calibrate.py", "lightfield/gpu/test_live.py",
+         "lightfield/gpu/test_coding_on_gpu.py", "lightfield/prints/test_prints.py",
+         "stylize/test_stylize.py", "capture/test_calibrate.py", "lightfield/gpu/test_live.py",
          "example/test_painted_turned.py", "job/test_style_check.py", "field/test_head_surface.py",
          "field/test_raycast.py", "field/gpu/training/test_training.py",
          "lfportrait_eval/tables/test_tables.py")
@@ -168,6 +170,15 @@ def browser(playwright):
     from tests.share.page.browser import chromium
 
     with chromium(playwright) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def plain_browser(playwright):
+    """A running browser for pages that draw little by WebGL."""
+    from tests.share.page.browser import PLAIN, chromium
+
+    with chromium(playwright, PLAIN) as running:
         yield running
 
 

@@ -8,6 +8,12 @@ from tests.lfportrait_eval.study.people import collection
 
 
 @pytest.fixture(scope="session")
+def browser(plain_browser):
+    """Pages here are text and videos."""
+    return plain_browser
+
+
+@pytest.fixture(scope="session")
 def videos(tmp_path_factory):
     return collection(tmp_path_factory.mktemp("videos"))
 

@@ -14,9 +14,11 @@ import pytest
 from lfportrait import studio
 
 ARGUMENTS = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader",
-             "--enable-unsafe-swiftshader", "--disable-gpu-compositing"]
-"""WebGL2 in software: slow, the same everywhere. What is drawn by other means than WebGL does not
-take the long way through it."""
+             "--enable-unsafe-swiftshader"]
+"""WebGL2 in software: slow, the same everywhere."""
+PLAIN = "--disable-gpu-compositing"
+"""Pages are put together without WebGL, which takes less time. What they draw by WebGL themselves
+is read back, and the browser complains of that."""
 
 SMALL = Path(studio.__file__).parent / "web" / "favicon.svg"
 

@@ -27,6 +27,12 @@ ROOT = Path(__file__).resolve().parents[3]
 SCREENS = ("sitters", "photos", "making", "style", "portrait", "show")
 
 
+@pytest.fixture(scope="session")
+def browser(plain_browser):
+    """Pages here are text, forms and pictures."""
+    return plain_browser
+
+
 def picture(seed: int, size: int = 120) -> Image.Image:
     """Soft noise: no two have the same bytes."""
     small = np.random.default_rng(seed).integers(0, 255, (6, 6, 3), np.uint8)
@@ -123,8 +129,10 @@ class Opened:
         self.page = self.context.new_page()
         self.complaints: list[str] = []
         self.requests: list[str] = []
-        self.page.on("console", lambda message: self.complaints.append(
-            f"{message.text} {message.location.get('url', '')}".strip()))
+        # The viewer's pictures are read back (`tests.share.page.browser.PLAIN`).
+        self.page.on("console", lambda message: "GPU stall" in message.text or
+                     self.complaints.append(
+                         f"{message.text} {message.location.get('url', '')}".strip()))
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.goto(studio.address)
