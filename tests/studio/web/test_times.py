@@ -49,6 +49,11 @@ def test_a_long_stage_is_late_later(opened):
         "a few seconds left", "takes longer than usual"]
 
 
+def test_what_is_late_says_how_much_the_others_take_at_least(opened):
+    job = {**JOB, "stages": [stage("capture", "running", 0), stage("reconstruct", "waiting", 240)]}
+    assert words(opened, job, 20) == [["takes longer than usual", "more than 4 min left"]]
+
+
 def test_nothing_is_said_where_nobody_knows(opened):
     job = {**JOB, "stages": [stage("capture", "running", None), stage("surface", "waiting", 9)]}
     assert words(opened, job, 3) == [["…", ""]]

@@ -301,7 +301,13 @@ class Photos {
               "ul.stack",
               {},
               wrong.map(({ name, error }) =>
-                h("li.note.bad", {}, icon("bad"), h("span", {}, h("strong", { text: name }), ` ${error}`)),
+                h(
+                  "li.note.bad",
+                  {},
+                  icon("bad"),
+                  // Most sentences begin with the file's name already.
+                  h("span", {}, !error.startsWith(name) && h("strong", { text: `${name} ` }), error),
+                ),
               ),
             ),
           ),

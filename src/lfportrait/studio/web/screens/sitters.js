@@ -5,7 +5,8 @@ import { ask, button, fill, h, icon } from "../dom.js";
 import { nameOf } from "../naming.js";
 import { said, size, t } from "../i18n.js";
 import { doing, fail, preferences, say } from "../shell.js";
-import { isLive, jobsOf, keepJob, keepProject, listen, listenNoMore, on, state, tell } from "../state.js";
+import { isLive, jobsOf, keepJob, keepProject, listen, listenNoMore, on, project, state, tell } from "../state.js";
+import { leftOfJob, standingOf } from "../times.js";
 
 export async function showSitters(root) {
   const list = h("ul.sitters", { "aria-label": t("step.sitters") });
@@ -57,7 +58,9 @@ export async function showSitters(root) {
       look();
     }),
   ];
+  const clock = setInterval(() => count(list), 1000);
   return () => {
+    clearInterval(clock);
     for (const each of ends) each();
   };
 }
@@ -76,10 +79,13 @@ function welcome() {
   );
 }
 
+/** What is made for a sitter, or undefined; photos are only looked at. */
+const making = (item) => jobsOf(item.id).find((job) => isLive(job) && job.kind !== "check");
+
 /** What is to be done next for a sitter: a screen and a line. */
 function standing(item) {
-  const job = jobsOf(item.id).find(isLive);
-  if (job) return ["making", t(`job.${job.state}`), ""];
+  const job = making(item);
+  if (job) return ["making", standingOf(job), ""];
   if (item.has.styled || item.version) return ["portrait", t("sitter.painted"), "good"];
   if (item.has.field) return ["style", t("sitter.head"), "good"];
   if (item.photos || item.video) return ["photos", t("sitter.photos", { n: item.photos }), ""];
@@ -90,7 +96,7 @@ function card(item) {
   const [screen, text, kind] = standing(item);
   return h(
     "li.sitter",
-    {},
+    { "data-sitter": item.id },
     h(
       "a.open",
       { href: `#${screen}/${item.id}` },
@@ -99,6 +105,7 @@ function card(item) {
         : h("span.blank", {}, icon("sitters")),
       h("strong.some", { text: item.name, title: item.name }),
       h("span.tag", { class: kind, text }),
+      making(item) && h("span.when.small.soft", { text: leftWords(item) }),
     ),
     h(
       "div.row",
@@ -115,6 +122,22 @@ function card(item) {
       ),
     ),
   );
+}
+
+function leftWords(item) {
+  const job = making(item);
+  return job?.state === "running" ? leftOfJob(job) : "";
+}
+
+/** The time that is left counts down between what the server says. */
+function count(list) {
+  for (const each of list.querySelectorAll("[data-sitter]")) {
+    const item = project(each.dataset.sitter);
+    const left = each.querySelector(".when");
+    if (!item || !left) continue;
+    left.textContent = leftWords(item);
+    each.querySelector(".tag").textContent = standing(item)[1];
+  }
 }
 
 function newSitter() {
@@ -224,7 +247,7 @@ function drawMachine(box) {
       ),
     h(
       "details.card",
-      { open: worst === "bad" },
+      { open: box.querySelector("details")?.open ?? worst === "bad" },
       h(
         "summary",
         {},
