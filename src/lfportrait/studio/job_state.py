@@ -54,7 +54,7 @@ class StageState:
     begun: float = 0.0
 
     def left(self, spent: float, pace: float = 1.0) -> float:
-        """Seconds that it will go on, after so many; ``pace`` multiplies those of one that waits."""
+        """Seconds that it will go on, after so many; ``pace`` counts where it waits."""
         if self.state == "waiting":
             return self.need * pace
         if self.state != "running":
