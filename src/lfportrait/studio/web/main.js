@@ -90,6 +90,11 @@ function unseen(root, screen, error) {
 }
 
 async function begin() {
+  // The address of a studio that was started again, opened in the page of the one before, or where
+  // the page was not let in.
+  addEventListener("hashchange", () => {
+    if (location.hash.startsWith("#token=")) location.reload();
+  });
   try {
     await speak();
     await enter();
@@ -108,11 +113,7 @@ async function begin() {
     event.preventDefault();
     document.getElementById("main").focus();
   });
-  addEventListener("hashchange", () => {
-    // The address of a studio that was started again, opened in the page of the one before.
-    if (location.hash.startsWith("#token=")) location.reload();
-    else route();
-  });
+  addEventListener("hashchange", () => location.hash.startsWith("#token=") || route());
   // A file that misses a drop zone must not replace the page.
   for (const name of ["dragover", "drop"]) addEventListener(name, (event) => event.preventDefault());
   const shell = () => {
