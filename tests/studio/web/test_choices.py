@@ -42,7 +42,46 @@ def test_the_wizard_is_gone_through_to_its_end(opened, tmp_path):
     assert 1 / after["pitch"] - 1 / before["pitch"] == pytest.approx(1.5 / 3 / before["width"])
     page.locator(".wizard").get_by_role("button", name="Close").click()
     opened.until("() => !document.querySelector('.wizard')")
+    assert opened.run("() => document.activeElement.textContent") == "Pattern wizard"
     opened.ask("DELETE", f"/api/displays/{copy}")
+
+
+def test_the_keyboard_stays_where_a_list_is_drawn_again(opened):
+    held = opened.run("""async () => {
+      const { fill, h } = await import("/static/dom.js");
+      const list = h("ul");
+      document.body.append(list);
+      const item = (text) => h("li", {}, h("button", { text }));
+      const draw = (...names) => fill(list, names.map(item));
+      const seen = [];
+      const note = () => seen.push(document.activeElement.textContent);
+      draw("a", "b", "c");
+      list.querySelectorAll("button")[1].focus();
+      draw("new", "a", "b", "c");
+      note();
+      draw("new", "a", "c");
+      note();
+      draw("new", "a");
+      note();
+      draw();
+      seen.push(document.activeElement === document.body);
+      list.remove();
+      return seen;
+    }""")
+    assert held == ["b", "c", "a", True], "the same, what moved up, the last"
+
+
+def test_what_the_machine_says_stays_open_while_jobs_come_and_go(opened):
+    opened.go("sitters")
+    opened.until("() => document.querySelectorAll('.checks li').length")
+    opened.page.click(".machine summary")
+    shut = opened.run("() => document.querySelector('.machine details').open")
+    opened.run("""async () => {
+      const { tell } = await import("/static/state.js");
+      tell("job", { id: "j-none", kind: "check", stages: [] });
+    }""")
+    assert opened.run("() => document.querySelector('.machine details').open") is shut
+    assert opened.run("() => document.activeElement.tagName") == "SUMMARY"
 
 
 def test_a_removed_version_gives_way_to_another_one(opened):

@@ -85,7 +85,7 @@ export class Panels {
         button(
           t("wizard.start"),
           doing(() => this.openWizard()),
-          { drawing: "eye" },
+          { drawing: "eye", "data-act": "wizard" },
         ),
         button(
           t("panel.show"),
@@ -175,6 +175,7 @@ export class Panels {
       fill(this.wizardPlace);
       this.wizard = null;
       this.draw();
+      this.element.querySelector("[data-act=wizard]").focus();
       this.onchange();
     });
     await this.wizard.begin();
