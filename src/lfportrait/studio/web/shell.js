@@ -99,7 +99,7 @@ function mark(screen, sitter) {
   if (!sitter) return ["", ""];
   if (screen === "photos" && sitter.photos) return [String(sitter.photos), ""];
   if (screen === "making") {
-    const job = jobsOf(sitter.id).find((each) => isLive(each) && each.kind !== "check");
+    const job = jobsOf(sitter.id).find((each) => isLive(each) && ["head", "fine"].includes(each.kind));
     const share = job?.state === "running" ? shareOf(job) : null;
     if (job) return [share === null ? t(`job.${job.state}`) : `${Math.round(100 * share)} %`, ""];
     if (sitter.has.field) return ["✓", "good"];

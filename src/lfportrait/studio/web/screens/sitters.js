@@ -79,8 +79,8 @@ function welcome() {
   );
 }
 
-/** What is made for a sitter, or undefined; photos are only looked at. */
-const making = (item) => jobsOf(item.id).find((job) => isLive(job) && job.kind !== "check");
+/** What the screen of making shows of a sitter: no files, and no photos that are looked at. */
+const making = (item) => jobsOf(item.id).find((job) => isLive(job) && ["head", "fine"].includes(job.kind));
 
 /** What is to be done next for a sitter: a screen and a line. */
 function standing(item) {
