@@ -183,3 +183,12 @@ def test_a_folder_is_open_in_one_studio_at_a_time(page):
 
     with pytest.raises(UserError, match="another studio"):
         next(opened(page.desk.projects.folder))
+
+
+def test_any_title_has_a_folder(page):
+    title = "Zo\u00eb \N{WOMAN}\N{ZERO WIDTH JOINER}\N{ARTIST PALETTE} <b> ../../x"
+    made = page.do("POST", "/api/projects", {"name": title})
+    assert made["name"] == title
+    folder = page.desk.projects.get(made["id"]).folder
+    assert folder.parent == page.desk.projects.folder and folder.is_dir()
+    assert folder.name == "Zo\u00eb \N{WOMAN}-\N{ARTIST PALETTE} -b- ..-..-x"

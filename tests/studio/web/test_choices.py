@@ -84,6 +84,18 @@ def test_what_the_machine_says_stays_open_while_jobs_come_and_go(opened):
     assert opened.run("() => document.activeElement.tagName") == "SUMMARY"
 
 
+def test_a_name_that_is_refused_is_asked_for_again_with_why(opened):
+    opened.go("sitters")
+    opened.page.click("text=New sitter")
+    opened.page.keyboard.type("Anna")
+    opened.page.keyboard.press("Enter")
+    opened.page.wait_for_selector("dialog .note.bad:has-text('already')")
+    assert opened.page.input_value("dialog input") == "Anna"
+    opened.page.keyboard.press("Escape")
+    assert opened.page.locator("dialog").count() == 0
+    assert opened.run("() => document.activeElement.textContent") == "New sitter"
+
+
 def test_a_removed_version_gives_way_to_another_one(opened):
     """What is shown after the one that was shown; the server's answers are played."""
     shown = opened.run("""async () => {

@@ -4,7 +4,7 @@ import { leaveScreen } from "./api.js";
 import { button, fill, h, later } from "./dom.js";
 import { speak, t } from "./i18n.js";
 import { sweep } from "./lane.js";
-import { drawShell, fail, markSteps, SCREENS, watchServer } from "./shell.js";
+import { drawShell, fail, forget, markSteps, SCREENS, watchServer } from "./shell.js";
 import { enter, listen, on, project, refresh } from "./state.js";
 import { showMaking } from "./screens/making.js";
 import { showPhotos } from "./screens/photos.js";
@@ -48,6 +48,7 @@ async function route(again = false) {
   await left;
   if (mine !== number) return;
   leaveScreen();
+  forget();
   const main = document.getElementById("main");
   drawShell(screen, id, () => route(true));
   document.title = [project(id)?.name, t(`step.${screen}`), "lfportrait studio"].filter(Boolean).join(" · ");

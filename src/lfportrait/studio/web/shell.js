@@ -7,6 +7,7 @@ import { isLive, jobsOf, on, project } from "./state.js";
 import { shareOf } from "./times.js";
 
 export const SCREENS = ["sitters", "photos", "making", "style", "portrait", "show"];
+const READ = 6000; // milliseconds that a message can be read at least
 const find = (id) => document.getElementById(id);
 
 /** A message that goes by itself, or stays where something is wrong. */
@@ -19,9 +20,16 @@ export function say(text, { wrong = false } = {}) {
     h("p", { text }),
     button("", () => toast.remove(), { kind: "quiet tool", drawing: "close", name: t("close") }),
   );
+  toast.dataset.at = String(performance.now());
   box.append(toast);
-  while (box.children.length > 3) box.firstChild.remove();
-  if (!wrong) setTimeout(() => toast.remove(), 6000);
+  while (box.children.length > (wrong ? 6 : 3)) box.firstChild.remove();
+  if (!wrong) setTimeout(() => toast.remove(), READ);
+}
+
+/** On another screen, what went wrong on the one before is not said any longer than it takes to read it. */
+export function forget() {
+  for (const toast of find("alerts").querySelectorAll("[data-at]"))
+    if (performance.now() - Number(toast.dataset.at) > READ) toast.remove();
 }
 
 /** Say what went wrong; what was stopped on purpose is nothing. */

@@ -2,7 +2,7 @@
 
 import { get, leaveScreen, post, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
-import { nameOf } from "../naming.js";
+import { named } from "../naming.js";
 import { said, size, t } from "../i18n.js";
 import { doing, fail, preferences, say } from "../shell.js";
 import { isLive, jobsOf, keepJob, keepProject, listen, listenNoMore, on, project, state, tell } from "../state.js";
@@ -146,10 +146,7 @@ function newSitter() {
     {},
     button(
       t("sitters.new"),
-      doing(async () => {
-        const name = await nameOf(t("sitters.new"), "", t("create"));
-        if (name) await create(name, false);
-      }),
+      doing(() => named(t("sitters.new"), "", t("create"), (name) => create(name, false))),
       { kind: "main", drawing: "plus" },
     ),
     state.projects.length > 0 &&
@@ -175,8 +172,9 @@ async function create(name, demo) {
 }
 
 async function rename(item) {
-  const name = await nameOf(t("sitter.rename", { name: item.name }), item.name, t("save"));
-  if (name && name !== item.name) keepProject(await send("PATCH", `/api/projects/${item.id}`, { name }));
+  await named(t("sitter.rename", { name: item.name }), item.name, t("save"), async (name) => {
+    if (name !== item.name) keepProject(await send("PATCH", `/api/projects/${item.id}`, { name }));
+  });
 }
 
 async function remove(item) {
