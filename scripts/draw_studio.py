@@ -36,7 +36,8 @@ SHOWN = """() => [...document.querySelectorAll("#main img")].filter((image) => {
   const { top, bottom } = image.getBoundingClientRect();
   return top < innerHeight && bottom > 0;
 }).every((image) => image.complete && image.naturalWidth > 0)
-  && !/on its way|comes …|this machine …/.test(document.querySelector("#main").innerText)"""
+  && !document.querySelector("#main .on-sitter.blank, #top span.face")
+  && !/…$/m.test(document.querySelector("#main").innerText)"""
 """Whether all pictures that can be seen are there."""
 
 
@@ -101,8 +102,12 @@ class Screens:
     def seen(self) -> NDArray[np.uint8]:
         """The window once all its pictures are there, uint8 [H, W, 3]."""
         self.until(SHOWN)
-        self.page.mouse.move(0, 0)
         self.page.wait_for_timeout(700)
+        return self.shot()
+
+    def shot(self) -> NDArray[np.uint8]:
+        """The window as it is, uint8 [H, W, 3]."""
+        self.page.mouse.move(0, 0)
         with Image.open(io.BytesIO(self.page.screenshot())) as picture:
             return np.asarray(picture.convert("RGB"))
 
@@ -121,7 +126,7 @@ def making(desk: Screens, sitter: str) -> NDArray[np.uint8]:
     desk.go(f"making/{sitter}")
     desk.until("""() => [...document.querySelectorAll(".phase")].some((each) =>
       each.querySelector("progress") && each.querySelector("img")?.naturalWidth)""")
-    found = desk.seen()
+    found = desk.shot()
     desk.wait_for(job)
     return found
 
@@ -150,7 +155,7 @@ def landmarks(desk: Screens, sitter: str) -> NDArray[np.uint8]:
     point.focus()
     for _ in range(3):
         desk.page.keyboard.press("ArrowRight")
-    desk.until("() => /\\\\d s/.test(document.querySelector('.preview')?.innerText ?? '')")
+    desk.until("() => document.querySelector('.preview [data-seconds], .preview[data-seconds]')")
     return desk.seen()
 
 
@@ -184,10 +189,13 @@ def draw(browser: Browser, folder: Path, address: str) -> Iterator[tuple[str, ND
     yield "making", making(desk, anna)
     desk.wait_for(desk.ask("POST", f"/api/projects/{anna}/check")["id"])
     paint(desk, anna, "fauve")
+    desk.go(f"portrait/{anna}")
+    desk.page.wait_for_timeout(5000)
+    desk.page.reload()  # now the sitter has a picture
+    desk.page.wait_for_selector("[data-screen][data-ready]")
+    yield "portrait", desk.seen()
     desk.go(f"style/{anna}")
     yield "style", desk.seen()
-    desk.go(f"portrait/{anna}")
-    yield "portrait", desk.seen()
     desk.go(f"show/{anna}")
     yield "show", desk.seen()
     desk.go(f"photos/{anna}")

@@ -118,6 +118,9 @@ SAID = {
     "The face is turned 12 degrees to the picture's left, leans 7 degrees to the picture's right: "
     "used unchanged": "Das Gesicht ist um 12 Grad im Bild nach links gedreht, um 7 Grad im Bild "
                       "nach rechts geneigt: Es wird genommen, wie es ist",
+    "256 points to a head's height: up to about 3.5 million in all, 3.7 GiB, about 90 s more":
+        "256 Punkte auf die Höhe eines Kopfes: höchstens etwa 3.5 Millionen zusammen, 3.7 GiB, "
+        "noch etwa 90 s",
     "cutting out the person: 3 of 64": "die Person wird ausgeschnitten: 3 von 64",
     "missing: segments the hair in photos": "fehlt: findet das Haar in Fotos",
     "a.heic: raw photos are not read; export it as JPEG or TIFF":
