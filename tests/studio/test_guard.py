@@ -192,3 +192,16 @@ def test_any_title_has_a_folder(page):
     folder = page.desk.projects.get(made["id"]).folder
     assert folder.parent == page.desk.projects.folder and folder.is_dir()
     assert folder.name == "Zo\u00eb \N{WOMAN}-\N{ARTIST PALETTE} -b- ..-..-x"
+
+
+def test_a_folder_that_can_not_be_written_to_is_said_without_the_command_line(page, monkeypatch):
+    project = page.do("POST", "/api/projects", {"name": "Anna"})["id"]
+
+    def refused(*_, **__):
+        raise PermissionError(1, "Operation not permitted", "/full/disk")
+
+    monkeypatch.setattr("lfportrait.files.tempfile.mkstemp", refused)
+    answer = page.ask("PATCH", f"/api/projects/{project}", {"name": "Bob"})
+    message = answer.json()["error"]["message"]
+    assert message.startswith("can't write") and "Operation not permitted" in message
+    assert "--out" not in message and "may be written to" in message
