@@ -45,6 +45,12 @@ _MARKS = ("studio.json", "photos", "portrait", "capture", "field.npz")
 """A folder with one of these is a project."""
 
 
+ADVICE = {"photos": "add photos of the sitter first",
+          "capture": "make the head first: its cameras are not known yet",
+          "field": "make the head first: its field is not there yet"}
+"""What to do where something is missing."""
+
+
 class Project:
     """One sitter's folder.
 
@@ -140,13 +146,10 @@ class Project:
 
     def need(self, *things: str) -> None:
         """Raise a `Refusal` where something is missing."""
-        has, advice = self.has(), {
-            "photos": "add photos of the sitter first",
-            "capture": "make the head first: its cameras are not known yet",
-            "field": "make the head first: its field is not there yet"}
+        has = self.has()
         for thing in things:
             if not has[thing]:
-                raise Refusal("not_ready", advice[thing], needs=thing)
+                raise Refusal("not_ready", ADVICE[thing], needs=thing)
 
     def entry(self) -> dict[str, Any]:
         """As the page sees it, but for its job."""

@@ -9,6 +9,7 @@ import pytest
 
 import lfportrait
 from lfportrait import models, studio
+from lfportrait.studio.projects import ADVICE
 from tests.share.page.browser import program
 
 PACKAGE = Path(lfportrait.__file__).parent
@@ -93,6 +94,7 @@ def said():
         if not {*ELSEWHERE} & {*path.relative_to(PACKAGE).parts}:
             yield path.name, called(ast.parse(path.read_text("utf-8")), stages)
     yield "models.py", {*models.PURPOSES.values()}
+    yield "projects.py", {*ADVICE.values()}
 
 
 def test_whatever_the_server_says_is_there_in_german():
