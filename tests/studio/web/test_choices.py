@@ -31,6 +31,8 @@ def test_the_wizard_is_gone_through_to_its_end(opened, tmp_path):
         with page.expect_response("**/wizard"):
             follow.click()
 
+    follow.click()
+    page.wait_for_selector("#alerts .toast:has-text('Answer the questions')")
     answer("Lenses", "Upright", number="1.5")
     page.wait_for_selector(".wizard .note:has-text('pitch')")
     answer("Lenses", "No bands", "White")

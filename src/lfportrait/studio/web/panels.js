@@ -181,6 +181,6 @@ export class Panels {
     await this.wizard.begin();
     fill(this.wizardPlace, this.wizard.element);
     this.wizard.element.scrollIntoView({ block: "nearest" });
-    this.wizard.element.querySelector("button")?.focus({ preventScroll: true });
+    this.wizard.element.querySelector("button.main")?.focus({ preventScroll: true });
   }
 }
