@@ -205,3 +205,14 @@ def test_a_folder_that_can_not_be_written_to_is_said_without_the_command_line(pa
     message = answer.json()["error"]["message"]
     assert message.startswith("can't write") and "Operation not permitted" in message
     assert "--out" not in message and "may be written to" in message
+
+
+def test_a_removed_sitter_comes_back_and_nothing_else_does(page):
+    project = page.do("POST", "/api/projects", {"name": "Anna"})["id"]
+    trash = page.do("DELETE", f"/api/projects/{project}", {"confirm": "Anna"})["trash"]
+    for wrong in ("../Anna", "/etc", "..", "Bob"):
+        assert page.error("POST", "/api/trash", {"name": wrong}) == "not_found"
+    page.do("POST", "/api/projects", {"name": "Anna"})
+    assert page.do("POST", "/api/trash", {"name": trash})["name"] == "Anna"
+    assert {path.name for path in page.desk.projects.folder.iterdir()} >= {"Anna", "Anna-2"}
+    assert page.error("POST", "/api/trash", {"name": trash}) == "not_found"

@@ -240,12 +240,23 @@ class Projects:
                        **({"options": {"quick": True}} if demo else {}))
         return project
 
-    def remove(self, project: Project) -> None:
-        """Move a project into the trash."""
+    def remove(self, project: Project) -> str:
+        """Move a project into the trash; its name there."""
         trash = self.folder / ".trash"
         trash.mkdir(exist_ok=True)
         target = free_name(project.folder.name, [path.name for path in trash.iterdir()])
         shutil.move(project.folder, trash / target)
+        return target
+
+    def restore(self, name: str) -> Project:
+        """Take a project out of the trash again, by its name there."""
+        trash = self.folder / ".trash"
+        found = [path for path in trash.iterdir() if path.name == name] if trash.is_dir() else []
+        if not found:
+            raise Refusal("not_found", "this sitter is not in .trash any more")
+        target = free_name(name, [path.name for path in self.folder.iterdir()])
+        shutil.move(found[0], self.folder / target)
+        return Project(self.folder / target)
 
 
 _WRITING = threading.RLock()

@@ -138,9 +138,17 @@ async def remove(call: Call) -> dict[str, Any]:
         if not job.over:
             raise Refusal("busy", "a job works on this project; cancel it first")
         call.desk.jobs.remove(job)
-    await asyncio.to_thread(call.desk.projects.remove, project)
+    trash = await asyncio.to_thread(call.desk.projects.remove, project)
     call.desk.events.tell("project-removed", {"project": project.id})
-    return {"ok": True}
+    return {"ok": True, "trash": trash}
+
+
+@TABLE.add("POST", "/api/trash")
+async def restore(call: Call) -> dict[str, Any]:
+    """Take a project out of the trash again."""
+    project = await asyncio.to_thread(call.desk.projects.restore, text(call.data, "name"))
+    call.desk.tell_project(project)
+    return call.desk.project_entry(project)
 
 
 @TABLE.add("GET", "/api/projects/{project}/thumbnail")

@@ -187,10 +187,12 @@ async function remove(item) {
     ],
   );
   if (!answer) return;
-  await send("DELETE", `/api/projects/${item.id}`, { confirm: item.name });
+  const { trash } = await send("DELETE", `/api/projects/${item.id}`, { confirm: item.name });
   state.projects = state.projects.filter(({ id }) => id !== item.id);
   tell("state");
-  say(t("sitter.removed", { name: item.name }));
+  say(t("sitter.removed", { name: item.name }), {
+    back: async () => keepProject(await post("/api/trash", { name: trash })),
+  });
 }
 
 /** What the doctor found, and networks that are not here yet. */
