@@ -81,9 +81,11 @@ function held(element) {
   return () => {
     if (element.contains(document.activeElement)) return;
     const now = reached(element);
-    // The same one, one that is called like it, or what has moved up to its place.
-    const next = element.contains(old) ? old : (now.find((one) => named(one) === name) ?? now.at(Math.min(place, now.length - 1)));
-    if (place >= 0 || next === old) next?.focus({ preventScroll: true });
+    // The same one, one that is called like it, or one of its kind that has moved up to its place.
+    const alike = now.filter((one) => one.className === old.className && one.tagName === old.tagName);
+    const near = alike.sort((one, other) => Math.abs(now.indexOf(one) - place) - Math.abs(now.indexOf(other) - place));
+    const next = element.contains(old) ? old : (now.find((one) => named(one) === name) ?? (place >= 0 ? near[0] : null));
+    next?.focus({ preventScroll: true });
   };
 }
 
