@@ -98,6 +98,14 @@ def test_a_name_that_is_refused_is_asked_for_again_with_why(opened):
     assert opened.run("() => document.activeElement.textContent") == "New sitter"
 
 
+@pytest.mark.parametrize("place", ["photos/%E0%A4%A", "show/nobody", "evil/../x"])
+def test_an_address_that_nobody_wrote_shows_the_sitters(opened, place):
+    opened.run("(place) => { location.hash = place; }", place)
+    opened.reload()
+    assert opened.page.get_attribute("[data-ready]", "data-screen") == "sitters"
+    assert not [each for each in opened.complaints if "URI" in each]
+
+
 def test_a_removed_version_gives_way_to_another_one(opened):
     """What is shown after the one that was shown; the server's answers are played."""
     shown = opened.run("""async () => {

@@ -26,9 +26,18 @@ let leave = null,
   shown = "",
   number = 0;
 
+/** A part of the address as it was meant; what can't be is no address of ours. */
+function decoded(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
+}
+
 /** Screen, sitter and the rest of the address. */
 function address() {
-  const [screen, id = "", ...rest] = location.hash.slice(1).split("/").map(decodeURIComponent);
+  const [screen, id = "", ...rest] = location.hash.slice(1).split("/").map(decoded);
   return SCREENS.includes(screen) && (screen === "sitters" || project(id))
     ? [screen, id, rest]
     : ["sitters", "", []];
