@@ -46,7 +46,12 @@ class Photos {
     this.ends = [
       on("photos", ({ project: which }) => which === id && this.load().catch(fail)),
       on("project", (item) => item.id === id && this.drawNext()),
-      on("progress", ({ job }) => job === this.data?.checking?.job && this.drawHeading()),
+      on("progress", ({ job, progress }) => {
+        const checking = this.data?.checking;
+        if (!checking || checking.job !== job) return;
+        checking.done = Math.round((progress ?? 0) * checking.total);
+        this.drawHeading();
+      }),
       this.uploads.watch(() => this.drawWay()),
       takeFiles(t("photos.release"), (list) => this.take(list)),
     ];
