@@ -209,8 +209,8 @@ def draw(browser: Browser, folder: Path, address: str) -> Iterator[tuple[str, ND
     yield "landmarks", landmarks(desk, anna)
     other_sitters(desk, folder, anna)
     desk.go("sitters")
-    desk.page.set_viewport_size({"width": DESK[0], "height": 600})
-    yield "sitters", desk.seen()[:565]  # without the temporary folder's name
+    desk.page.set_viewport_size({"width": DESK[0], "height": 565})  # above the folder's name
+    yield "sitters", desk.seen()
 
 
 def main(out: str) -> None:
