@@ -109,6 +109,7 @@ def test_a_sitter_is_made_and_removed_by_keys_alone(opened):
     reach("Undo")
     keyboard.press("Enter")
     opened.page.wait_for_selector(".sitter:has-text('Dora')")
+    assert "Dora" in opened.run("() => document.activeElement.textContent")
     assert not list((opened.studio.folder / ".trash").iterdir())
     dora = next(one["id"] for one in opened.ask("GET", "/api/projects")["projects"]
                 if one["name"] == "Dora")

@@ -191,7 +191,10 @@ async function remove(item) {
   state.projects = state.projects.filter(({ id }) => id !== item.id);
   tell("state");
   say(t("sitter.removed", { name: item.name }), {
-    back: async () => keepProject(await post("/api/trash", { name: trash })),
+    back: async () => {
+      const { id } = keepProject(await post("/api/trash", { name: trash }));
+      document.querySelector(`[data-sitter="${id}"] a`)?.focus();
+    },
   });
 }
 
