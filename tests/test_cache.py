@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lfportrait import cache
-from lfportrait.cache import kept_arrays, user_cache
+from lfportrait.cache import kept_arrays, tried, user_cache
 from lfportrait.job.graph import STAGES
 from lfportrait.sources import Kept, Sources
 
@@ -198,3 +198,27 @@ def test_the_imports_are_read_once(tmp_path, monkeypatch):
 def test_the_users_cache_is_where_it_is_told_to_be(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert user_cache("masks") == tmp_path / "lfportrait" / "masks"
+
+
+def test_what_is_only_tried_goes_with_the_next_try_unless_it_was_kept(tmp_path):
+    def ask(key):
+        kept_arrays("tries", key, lambda: {"x": np.zeros(2)}, tmp_path)
+
+    def there():
+        return {path.stem for path in tmp_path.glob("*.npz")}
+
+    ask("always")
+    with tried():
+        ask("always")
+        ask("first")
+        ask("both")
+    assert there() == {"always", "first", "both"}, "it may be saved: then it is read again"
+    with tried():
+        ask("both")
+        ask("second")
+    assert there() == {"always", "both", "second"}
+    ask("second")  # it was saved
+    for number in range(5):
+        with tried():
+            ask(f"another {number}")
+    assert there() == {"always", "second", "another 4"}

@@ -17,8 +17,8 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from .errors import UserError
 from .files import atomic_write, temporary_home
 from .sources import Kept, Sources
 
-__all__ = ["code_of", "hash_of", "kept_arrays", "key_of", "user_cache"]
+__all__ = ["code_of", "hash_of", "kept_arrays", "key_of", "tried", "user_cache"]
 
 MOST = 100
 """Files that are kept of a kind: those that were used last."""
@@ -140,6 +140,47 @@ def user_cache(kind: str) -> Path:
     return temporary_home() / kind
 
 
+class _Tries:
+    """Files that were written in a try, and those of the try before."""
+
+    def __init__(self) -> None:
+        self.running = 0
+        self.new: set[Path] = set()
+        self.old: set[Path] = set()
+
+    def seen(self, file: Path, *, written: bool) -> None:
+        """A file was read or written: in a try it belongs to it, if it does to any."""
+        if self.running and (written or file in self.old):
+            self.new.add(file)
+        elif not self.running:
+            self.new.discard(file)
+            self.old.discard(file)
+
+
+_TRIES = _Tries()
+
+
+@contextmanager
+def tried() -> Iterator[None]:
+    """Keep what is made in the block only until the end of the next such block.
+
+    For inputs that somebody is changing at this moment, whose results would push out those that are
+    asked for again. What is read outside such blocks meanwhile stays: the last try was kept.
+    """
+    if not _TRIES.running:
+        _TRIES.old, _TRIES.new = _TRIES.new, set()
+    _TRIES.running += 1
+    try:
+        yield
+    finally:
+        _TRIES.running -= 1
+        if not _TRIES.running:
+            for file in _TRIES.old - _TRIES.new:
+                with suppress(OSError):
+                    file.unlink(missing_ok=True)
+            _TRIES.old = set()
+
+
 def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]],
                 folder: Path | None = None, most: int | None = None) -> dict[str, NDArray[Any]]:
     """Arrays that are made once, and read from the user's cache after that.
@@ -169,10 +210,12 @@ def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]]
             arrays = {name: data[name] for name in data.files}
         with suppress(OSError):
             file.touch()
+        _TRIES.seen(file, written=False)
         return arrays
     arrays = make()
     with suppress(OSError, UserError):
         with atomic_write(file) as stream:
             np.savez(stream, allow_pickle=False, **arrays)
+        _TRIES.seen(file, written=True)
         _drop_oldest(folder, "*.npz", most or MOST)
     return arrays

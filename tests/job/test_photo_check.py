@@ -111,6 +111,17 @@ def test_blur_and_light_that_changes(tmp_path, faces):
     assert "lock the exposure" in text and "017.png" in text
 
 
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (800, 2)])
+def test_pictures_of_hardly_a_pixel_are_useless_and_their_figures_are_numbers(
+        tmp_path, faces, size):
+    folder = series(tmp_path / "photos", faces, [-10, 0, 10])
+    Image.new("RGB", size, "red").save(folder / "icon.png")
+    check = check_photos(folder)
+    assert [one.name for one in check.photos if one.wrong] == ["icon.png"]
+    assert any("too few pixels: icon.png" in one for one in check.advice)
+    json.dumps(check.figures(), allow_nan=False)
+
+
 def test_the_picture_shows_each_photo_and_the_gap(tmp_path, faces):
     check = check_photos(series(tmp_path / "photos", faces, [-50, -42, -35, 0, 5, 10]))
     picture = check_picture(check)

@@ -1,10 +1,12 @@
 """The command: what it says where it can't begin, and its life from a terminal."""
 
 import re
+import shlex
 import signal
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -57,3 +59,21 @@ def test_it_prints_one_address_and_ctrl_c_ends_it(tmp_path):
         assert (out, err, process.returncode) == ("", "", 0)
     finally:
         process.kill()
+
+
+@pytest.mark.parametrize("parameters", [
+    {}, {"reconstruct.resolutions": [32, 64], "reconstruct.rays": [0.5, 1.0], "encode.size": 0.8,
+         "keep_background": True, "encode.compose": False}])
+def test_the_command_repeats_what_the_page_did(page, parameters):
+    from lfportrait.cli.common import parsed
+    from lfportrait.cli.make import Make
+    from lfportrait.studio.orders import Order
+
+    project = page.do("POST", "/api/projects", {"name": "Anna"})["id"]
+    path = f"/api/projects/{project}/command"
+    assert "--reconstruct" not in page.get(path)["make"], "what is usual is not said"
+    options = {"quick": True, "parameters": parameters}
+    page.do("PATCH", f"/api/projects/{project}", {"options": options})
+    words = shlex.split(page.get(path)["make"])
+    assert words[:2] == ["lfportrait", "make"]
+    assert parsed(Make, words[2:], "make").config == Order("head", Path(), options=options).chosen()

@@ -86,6 +86,15 @@ def test_inverted_views_and_swapped_colors_are_put_right():
     assert corrected(TRUE, "fringe", {"edges": "clean"}, {})[:2] == (TRUE, None)
 
 
+def test_a_copy_that_was_not_changed_serves_again(page):
+    order = {"copy": "generic-4k", "name": "Copy of generic-4k"}
+    first = page.do("POST", "/api/displays", order)
+    assert page.do("POST", "/api/displays", order)["id"] == first["id"]
+    page.do("PATCH", f"/api/displays/{first['id']}", {"pitch": 5.5})
+    other = page.do("POST", "/api/displays", order)
+    assert other["id"] != first["id"] and other["pitch"] != 5.5
+
+
 def test_panels_are_read_copied_changed_and_removed(page):
     names = [one["id"] for one in page.get("/api/displays")["displays"]]
     assert "generic-4k" in names

@@ -183,3 +183,36 @@ def test_a_folder_is_open_in_one_studio_at_a_time(page):
 
     with pytest.raises(UserError, match="another studio"):
         next(opened(page.desk.projects.folder))
+
+
+def test_any_title_has_a_folder(page):
+    title = "Zo\u00eb \N{WOMAN}\N{ZERO WIDTH JOINER}\N{ARTIST PALETTE} <b> ../../x"
+    made = page.do("POST", "/api/projects", {"name": title})
+    assert made["name"] == title
+    folder = page.desk.projects.get(made["id"]).folder
+    assert folder.parent == page.desk.projects.folder and folder.is_dir()
+    assert folder.name == "Zo\u00eb \N{WOMAN}-\N{ARTIST PALETTE} -b- ..-..-x"
+
+
+def test_a_folder_that_can_not_be_written_to_is_said_without_the_command_line(page, monkeypatch):
+    project = page.do("POST", "/api/projects", {"name": "Anna"})["id"]
+
+    def refused(*_, **__):
+        raise PermissionError(1, "Operation not permitted", "/full/disk")
+
+    monkeypatch.setattr("lfportrait.files.tempfile.mkstemp", refused)
+    answer = page.ask("PATCH", f"/api/projects/{project}", {"name": "Bob"})
+    message = answer.json()["error"]["message"]
+    assert message.startswith("can't write") and "Operation not permitted" in message
+    assert "--out" not in message and "may be written to" in message
+
+
+def test_a_removed_sitter_comes_back_and_nothing_else_does(page):
+    project = page.do("POST", "/api/projects", {"name": "Anna"})["id"]
+    trash = page.do("DELETE", f"/api/projects/{project}", {"confirm": "Anna"})["trash"]
+    for wrong in ("../Anna", "/etc", "..", "Bob"):
+        assert page.error("POST", "/api/trash", {"name": wrong}) == "not_found"
+    page.do("POST", "/api/projects", {"name": "Anna"})
+    assert page.do("POST", "/api/trash", {"name": trash})["name"] == "Anna"
+    assert {path.name for path in page.desk.projects.folder.iterdir()} >= {"Anna", "Anna-2"}
+    assert page.error("POST", "/api/trash", {"name": trash}) == "not_found"

@@ -7,6 +7,7 @@ import time
 import pytest
 
 from lfportrait.studio import child, desk, job_state
+from lfportrait.studio.job_state import JobState, StageState
 from lfportrait.studio.jobs import Jobs
 from lfportrait.studio.routes import start
 
@@ -111,6 +112,18 @@ def test_sitters_queue_and_one_can_be_cancelled(page):
     assert gone(*others)
     again = page.do("POST", f"/api/jobs/{jobs[0]}/resume")
     assert again["state"] in ("waiting", "running") and page.wait(jobs[0])["state"] == "done"
+
+
+def test_a_stage_that_takes_longer_makes_those_that_wait_longer_too():
+    stages = [StageState("capture", "running", need=30, begun=time.time() - 15),
+              StageState("reconstruct", need=60), StageState("surface", need=10)]
+    job = JobState("j-1", "head", state="running", stages=stages)
+    assert job.left() == pytest.approx(85, abs=1) and job.progress() == pytest.approx(.15, abs=.01)
+    stages[0].begun -= 285  # ten times as long as it should
+    assert job.left() == pytest.approx(700, abs=9), "the others will be as slow"
+    assert job.progress() == pytest.approx(.3, abs=.01), "nearly done it is not"
+    stages[0].state, stages[0].seconds = "done", 15.0
+    assert job.left() == pytest.approx(70, abs=1), "a quick stage promises nothing"
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system can't pause processes")

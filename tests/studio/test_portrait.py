@@ -201,7 +201,10 @@ def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
     first = page.do("POST", versions, {"name": "First: try", "style": style})
     half = page.do("POST", versions, {"name": "Half", "style": style, "mix": {"strength": 0.5}})
     assert not first["fine"] and first["name"] == "First: try"
+    before = page.desk.events.number
     assert shown(page.ask("GET", first["thumbnail"])).shape == (320, 320, 3)
+    assert any("event: project\n" in line for line in page.desk.events.after(before)), (
+        "it is the sitter's picture, too")
     job = page.wait(page.do("POST", f"{versions}/{first['id']}/fine")["id"])
     assert job["state"] == "done", job
     # The same by the command, which goes on from the studio's head.

@@ -221,3 +221,13 @@ def test_a_damaged_photo_has_no_picture_but_a_word(page, project):
     page.send(project, "a.jpg", b"\xff\xd8 no picture")
     (photo,) = page.get(f"/api/projects/{project}/photos")["photos"]
     assert page.error("GET", photo["picture"]) == "user_error"
+
+
+def test_a_figure_that_is_no_number_does_not_take_the_sheet_away(page, project):
+    folder = page.desk.projects.get(project).folder
+    (folder / "photos" / "a.jpg").write_bytes(jpeg(1))
+    write_json(folder / ".studio" / "check.json", {
+        "key": check_key(page.desk.projects.get(project)), "facts": {"a.jpg": {
+            "wrong": "", "fair": "", "brightness": float("nan"), "sharpness": 1.0}}})
+    (photo,) = page.get(f"/api/projects/{project}/photos")["photos"]
+    assert photo["brightness"] is None and photo["sharpness"] == 1.0

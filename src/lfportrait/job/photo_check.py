@@ -46,6 +46,8 @@ _BURNT, _DARK = 0.06, 0.03
 _STEP, _REACH, _WANTED = 14.0, 40.0, 20
 # The face is at least this part of the picture's longer side.
 _SMALL = 0.1
+# Pixels on the shorter side (of the copy that is looked at) with which nothing can be matched.
+_FEW_PIXELS, _TINY = 64, "too few pixels"
 
 
 @dataclass
@@ -120,9 +122,9 @@ def _look(photo: Photo, faces: bool, turn: int) -> tuple[PhotoFacts, NDArray[np.
     """Facts of one photo alone, its mean color (linear, [3]) and the share that is burnt out."""
     image = np.ascontiguousarray(photo.image[..., :3])
     height, width = image.shape[:2]
-    facts = PhotoFacts(photo.name)
+    facts = PhotoFacts(photo.name, wrong=_TINY if min(height, width) < _FEW_PIXELS else "")
     seen = np.zeros((height, width), np.uint8)
-    seen[height // 4:3 * height // 4, width // 4:3 * width // 4] = 1
+    seen[height // 4:3 * height // 4 + 1, width // 4:3 * width // 4 + 1] = 1  # never empty
     points = detect_landmarks(image, turns=(turn,), thorough=False) if faces else None
     if points is not None:
         low, high = points.min(0), points.max(0)
@@ -157,7 +159,7 @@ def _judge(facts: list[PhotoFacts], colors: NDArray[np.float64], burnt: list[flo
     tint = np.maximum(*(np.abs(np.log(_beside((colors[:, c] + 1e-4) / (colors[:, 1] + 1e-4))))
                         for c in (0, 2)))
     for one, factor, change, share in zip(facts, brighter, tint, burnt):
-        wrong, fair = [], []
+        wrong, fair = [one.wrong] if one.wrong else [], []
         if one.sharpness < _BLURRED:
             wrong.append("blurred")
         elif one.sharpness < _SOFT:
@@ -200,7 +202,11 @@ def _advice(facts: list[PhotoFacts], gaps: list[tuple[float, float]], faces: boo
     """What to do, the most important first."""
     found = []
     useful = [one for one in facts if not one.wrong]
-    bad = [one.name for one in facts if one.wrong]
+    tiny = [one.name for one in facts if _TINY in one.wrong]
+    bad = [one.name for one in facts if one.wrong and one.name not in tiny]
+    if tiny:
+        found.append(f"These have too few pixels: {_named(tiny)}. Take the photos as the camera "
+                     "made them, not their small copies.")
     if bad:
         found.append(f"Take these again, they are blurred: {_named(bad)}. Use more light, or hold "
                      "the camera still for each photo.")

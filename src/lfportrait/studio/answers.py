@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -22,6 +23,7 @@ __all__ = [
     "failed",
     "number",
     "numbers",
+    "on_page",
     "points",
     "text",
     "truth",
@@ -65,6 +67,22 @@ class Refusal(Exception):
         return JSONResponse({"error": self.entry()}, STATUS[self.code])
 
 
+_UNWRITTEN = re.compile(r"can't write (.*): (.*); (?:free some space or )?"
+                        r"choose another output with --out")
+
+
+def on_page(message: str) -> str:
+    """An error's message without advice that is only of use on the command line."""
+    found = _UNWRITTEN.fullmatch(message)
+    return message if found is None else unwritten(*found.groups())
+
+
+def unwritten(path: object, reason: object) -> str:
+    """What is said where a file can't be written."""
+    return (f"can't write {path}: {reason}; see that its folder may be written to, then try it "
+            "once more")
+
+
 def failed(error: BaseException) -> Refusal:
     """Any error as a refusal: the user's, a full disk, or a fault of ours."""
     if isinstance(error, Refusal):
@@ -75,7 +93,9 @@ def failed(error: BaseException) -> Refusal:
     if isinstance(error, UserError):
         if "No space left" in str(error):
             return Refusal("disk_full", f"{error}")
-        return Refusal("user_error", str(error))
+        return Refusal("user_error", on_page(str(error)))
+    if isinstance(error, OSError) and error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return Refusal("user_error", unwritten(error.filename or "a file", error.strerror))
     return Refusal("internal", f"internal error: {type(error).__name__}: "
                    f"{' '.join(str(error).split())}")
 

@@ -80,7 +80,7 @@ def batch_file(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
     for project, version in pairs:
         if version.style is None:
             raise Refusal("exists", f"{version.name} was made by the command line, by a painting "
-                          "that is not in the gallery")
+                          "that is not in the gallery: choose versions that were painted here")
         projects[project.id] = project
         wanted.setdefault(project.id, []).append(version.style)
     if not projects or not any(wanted.values()):

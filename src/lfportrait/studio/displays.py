@@ -109,6 +109,13 @@ class Displays:
         display.save(target)
         return Panel(f"own-{id_of(target.stem)}", "file", display, target)
 
+    def copy(self, source: Panel, name: str) -> Panel:
+        """A copy that can be changed; one that is there already and was not changed serves."""
+        there = (panel for panel in self.all() if panel.path is not None
+                 and replace(panel.display, name=source.display.name) == source.display
+                 and panel.display.name.startswith(folder_name(name)))
+        return next(there, None) or self.add(name, source.display)
+
     def read(self, name: str, contents: str) -> Panel:
         """A new panel from the text of ``visual.json`` or of a display file."""
         if len(contents) > _LARGEST:

@@ -69,8 +69,8 @@ def _text(name: str) -> dict[str, Any]:
 _MOTION = (_number("frames", 120, 2, 3600), _number("fps", 30, 1, 120), _number("sway", 12, 0, 90))
 KINDS = {one.kind: one for one in (
     Kind("coded", "Coded picture", "Shown on a light-field panel, pixel for pixel, unscaled",
-         ".png", 4, True),
-    Kind("quilt", "Quilt", "All views as tiles, for Looking Glass Bridge and Studio", "_qs.png", 3,
+         ".png", 16, True),
+    Kind("quilt", "Quilt", "All views as tiles, for Looking Glass Bridge and Studio", "_qs.png", 12,
          True),
     Kind("hop", "Looking Glass Studio package", "Opened by Looking Glass Studio", ".hop", 3, True),
     Kind("page", "Page", "One HTML file that anybody can open and turn in a browser", ".html", 5,

@@ -53,10 +53,10 @@ class StageState:
     pictures: int = 0
     begun: float = 0.0
 
-    def left(self, spent: float) -> float:
-        """Seconds that it will go on, after so many."""
+    def left(self, spent: float, pace: float = 1.0) -> float:
+        """Seconds that it will go on, after so many; ``pace`` counts where it waits."""
         if self.state == "waiting":
-            return self.need
+            return self.need * pace
         if self.state != "running":
             return 0.0
         if self.progress is not None and self.progress > 0.02:
@@ -130,11 +130,26 @@ class JobState:
         running = stage.state == "running" and self.state == "running"
         return time.time() - stage.begun if running else stage.seconds
 
+    def pace(self) -> float:
+        """How much longer than expected its stages take, 1 or more.
+
+        A machine that is busy, or slower than was thought, is so for the stages that wait, too.
+        """
+        began = [one for one in self.stages if one.need > 0 and one.state in ("running", "done")]
+        if not began:
+            return 1.0
+        took = sum(self.spent(one) + one.left(self.spent(one)) for one in began)
+        return max(1.0, took / sum(one.need for one in began))
+
+    def left_of(self, stage: StageState) -> float:
+        """Seconds that a stage will go on."""
+        return round(stage.left(self.spent(stage), self.pace()), 1)
+
     def left(self) -> float | None:
         """Seconds to its end; None before its stages are known."""
         if not self.stages:
             return None
-        return round(sum(one.left(self.spent(one)) for one in self.stages), 1)
+        return round(sum(map(self.left_of, self.stages)), 1)
 
     def progress(self) -> float | None:
         """How much of it is done, 0 to 1, by time."""
@@ -150,7 +165,7 @@ class JobState:
             "name": one.name, "title": one.name, "state": one.state, "note": one.note,
             "progress": None if one.progress is None else round(one.progress, 4),
             "seconds": round(self.spent(one), 1),
-            "left": round(one.left(self.spent(one)), 1) if not self.over else 0.0,
+            "left": self.left_of(one) if not self.over else 0.0,
             "picture": f"/api/jobs/{self.id}/stages/{one.name}/picture?v={one.pictures}"
             if one.pictures else None} for one in self.stages]
         return {"id": self.id, "kind": self.kind, "project": self.project, "name": self.name,

@@ -288,8 +288,10 @@ class Jobs:
         self._events.tell("progress", {
             "job": job.id, "stage": name, "note": note,
             "progress": None if share is None else round(share, 4),
-            "left": round(stage.left(job.spent(stage)), 1), "total_progress": job.progress(),
-            "total_left": job.left()}, numbered=False)
+            "left": job.left_of(stage), "total_progress": job.progress(),
+            "total_left": job.left(), "waiting": {
+                one.name: job.left_of(one) for one in job.stages if one.state == "waiting"}},
+            numbered=False)
 
     def _fail(self, job: JobState, code: str, message: str) -> None:
         job.state, job.ended = "failed", round(time.time(), 3)

@@ -21,6 +21,8 @@ _FORBIDDEN = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]')
 _DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt")
                                            for n in range(1, 10))}
 """Names that mean devices on Windows, with any ending."""
+_FORMLESS = ("Cf", "Cs", "Co", "Cn")
+"""Signs that are not seen, or that nobody knows."""
 _LONGEST = 120
 
 
@@ -53,14 +55,14 @@ def clean_name(name: str) -> str:
     stem = name.partition(".")[0].strip().lower()
     if (not name or len(name) > _LONGEST or name[0] == "." or name[-1] == "."
             or _FORBIDDEN.search(name) or stem in _DEVICES
-            or any(unicodedata.category(sign) in ("Cf", "Cs", "Co", "Cn") for sign in name)):
+            or any(unicodedata.category(sign) in _FORMLESS for sign in name)):
         raise Refusal("bad_name", f"{name[:_LONGEST]!r} can't be a file's name: leave out / \\ : "
                       '* ? " < > | and dots at its ends', name=name[:_LONGEST])
     return name
 
 
 def folder_name(title: str) -> str:
-    """A folder's name for a title: what no name may hold becomes a dash.
+    """A folder's name for a title: what no name may hold becomes a dash, also signs without form.
 
     Raises
     ------
@@ -68,6 +70,7 @@ def folder_name(title: str) -> str:
         If nothing is left of it.
     """
     name = _FORBIDDEN.sub("-", unicodedata.normalize("NFC", title))
+    name = "".join("-" if unicodedata.category(sign) in _FORMLESS else sign for sign in name)
     return clean_name(re.sub(r"\s+", " ", name).strip(" .")[:60].strip(" ."))
 
 

@@ -5,7 +5,8 @@ The server writes orders, and imports nothing that is slow; the processes read t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,23 @@ if TYPE_CHECKING:
     from ..job import MakeConfig
 
 __all__ = ["Order"]
+
+
+def _words(config: Any, usual: Any, start: str) -> Iterator[str]:
+    """Arguments for the fields of a data class that differ from another one's."""
+    for one in fields(config):
+        value, other = getattr(config, one.name), getattr(usual, one.name)
+        name = f"{start}{one.name}".replace("_", "-")
+        if value == other:
+            continue
+        if is_dataclass(value) and type(value) is type(other):
+            yield from _words(value, other, f"{start}{one.name}.")
+        elif isinstance(value, bool):
+            path, _, last = name.rpartition(".")
+            yield f"--{path}{'.' if path else ''}{'' if value else 'no-'}{last}"
+        else:
+            every = value if isinstance(value, tuple | list) else [value]
+            yield from (f"--{name}", *map(str, every))
 
 
 @dataclass(frozen=True)
@@ -69,7 +87,14 @@ class Order:
 
     def config(self) -> MakeConfig:
         """The parameters of all stages, as `lfportrait make` has them for this display."""
-        from ..job import FULL, QUICK, MakeConfig, fitted
+        from ..job import fitted
+
+        config = self.chosen()
+        return fitted(config, [(self.panel(), config.encode)])
+
+    def chosen(self) -> MakeConfig:
+        """The parameters of all stages as they are given to `lfportrait make`."""
+        from ..job import FULL, QUICK, MakeConfig
         from ..job.batch import overlaid
 
         quick = bool(self.options.get("quick"))
@@ -83,8 +108,13 @@ class Order:
                 if not isinstance(place, dict):
                     raise UserError(f"there is no parameter {name}")
             place[last] = value
-        config = overlaid(config, nested, "options")
-        return fitted(config, [(self.panel(), config.encode)])
+        return overlaid(config, nested, "options")
+
+    def words(self) -> list[str]:
+        """The parameters that differ from the usual ones, as arguments of `lfportrait make`."""
+        from ..job import MakeConfig
+
+        return list(_words(self.chosen(), MakeConfig(), ""))
 
     def inside(self, path: Path) -> str:
         """A path in the project's folder as tasks have it."""

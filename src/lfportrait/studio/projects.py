@@ -45,6 +45,12 @@ _MARKS = ("studio.json", "photos", "portrait", "capture", "field.npz")
 """A folder with one of these is a project."""
 
 
+ADVICE = {"photos": "add photos of the sitter first",
+          "capture": "make the head first: its cameras are not known yet",
+          "field": "make the head first: its field is not there yet"}
+"""What to do where something is missing."""
+
+
 class Project:
     """One sitter's folder.
 
@@ -140,13 +146,10 @@ class Project:
 
     def need(self, *things: str) -> None:
         """Raise a `Refusal` where something is missing."""
-        has, advice = self.has(), {
-            "photos": "add photos of the sitter first",
-            "capture": "make the head first: its cameras are not known yet",
-            "field": "make the head first: its field is not there yet"}
+        has = self.has()
         for thing in things:
             if not has[thing]:
-                raise Refusal("not_ready", advice[thing], needs=thing)
+                raise Refusal("not_ready", ADVICE[thing], needs=thing)
 
     def entry(self) -> dict[str, Any]:
         """As the page sees it, but for its job."""
@@ -237,12 +240,23 @@ class Projects:
                        **({"options": {"quick": True}} if demo else {}))
         return project
 
-    def remove(self, project: Project) -> None:
-        """Move a project into the trash."""
+    def remove(self, project: Project) -> str:
+        """Move a project into the trash; its name there."""
         trash = self.folder / ".trash"
         trash.mkdir(exist_ok=True)
         target = free_name(project.folder.name, [path.name for path in trash.iterdir()])
         shutil.move(project.folder, trash / target)
+        return target
+
+    def restore(self, name: str) -> Project:
+        """Take a project out of the trash again, by its name there."""
+        trash = self.folder / ".trash"
+        found = [path for path in trash.iterdir() if path.name == name] if trash.is_dir() else []
+        if not found:
+            raise Refusal("not_found", "this sitter is not in .trash any more")
+        target = free_name(name, [path.name for path in self.folder.iterdir()])
+        shutil.move(found[0], self.folder / target)
+        return Project(self.folder / target)
 
 
 _WRITING = threading.RLock()

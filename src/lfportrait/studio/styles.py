@@ -246,6 +246,8 @@ def _size(path: Path) -> tuple[int, int]:
 def _check(data: bytes, target: Path) -> None:
     """Raise a `Refusal` where bytes are no picture that can be read."""
     probe = target.with_name(f".{target.name}")
+    if not data:
+        raise Refusal("user_error", f"{target.name} is empty")
     try:
         with atomic_write(probe) as stream:
             stream.write(data)
@@ -253,7 +255,8 @@ def _check(data: bytes, target: Path) -> None:
             picture.load()
             width, height = picture.size
     except (OSError, ValueError, SyntaxError, RuntimeError) as error:
-        raise Refusal("user_error", f"{target.name} can't be read: {error}") from error
+        raise Refusal("user_error", f"{target.name} can't be read: it is damaged, or no picture"
+                      ) from error
     finally:
         probe.unlink(missing_ok=True)
     if min(width, height) < 64:

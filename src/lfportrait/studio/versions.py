@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -68,8 +69,10 @@ class Version:
     @property
     def fine(self) -> bool:
         """Whether it is there in full."""
+        if self.from_command_line:  # `stylize` alone writes no coded picture
+            return self.styled.is_file()
         there = all((self.folder / name).is_file() for name in ("styled.npz", "lightfield.png"))
-        return there and (self.from_command_line or self.data.get("fine") == self.wanted())
+        return there and self.data.get("fine") == self.wanted()
 
     @property
     def styled(self) -> Path:
@@ -152,7 +155,8 @@ def _read(path: Path) -> dict[str, Any] | None:
     return found if isinstance(found, dict) else None
 
 
-def make_command(project: Project, style: str | None, display: str) -> str:
+def make_command(project: Project, style: str | None, display: str,
+                 parameters: Sequence[str] = ()) -> str:
     """The command that makes the same portrait without the studio."""
     import shlex
 
@@ -160,4 +164,4 @@ def make_command(project: Project, style: str | None, display: str) -> str:
              str(project.job)]
     if display != "generic-4k":
         words += ["--display", display]
-    return shlex.join(words)
+    return shlex.join([*words, *parameters])

@@ -115,6 +115,14 @@ def test_a_sitter_is_made_and_removed_by_keys_alone(opened):
     opened.page.wait_for_selector(".toast:has-text('Dora')")
     assert "Dora" not in opened.page.inner_text(".sitters")
     assert list((opened.studio.folder / ".trash").iterdir())
+    reach("Undo")
+    keyboard.press("Enter")
+    opened.page.wait_for_selector(".sitter:has-text('Dora')")
+    assert "Dora" in opened.run("() => document.activeElement.textContent")
+    assert not list((opened.studio.folder / ".trash").iterdir())
+    dora = next(one["id"] for one in opened.ask("GET", "/api/projects")["projects"]
+                if one["name"] == "Dora")
+    opened.ask("DELETE", f"/api/projects/{dora}", {"confirm": "Dora"})
 
 
 def test_nothing_is_asked_of_another_host_and_nothing_complains(browser, studio):

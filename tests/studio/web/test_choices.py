@@ -31,6 +31,8 @@ def test_the_wizard_is_gone_through_to_its_end(opened, tmp_path):
         with page.expect_response("**/wizard"):
             follow.click()
 
+    follow.click()
+    page.wait_for_selector("#alerts .toast:has-text('Answer the questions')")
     answer("Lenses", "Upright", number="1.5")
     page.wait_for_selector(".wizard .note:has-text('pitch')")
     answer("Lenses", "No bands", "White")
@@ -42,7 +44,66 @@ def test_the_wizard_is_gone_through_to_its_end(opened, tmp_path):
     assert 1 / after["pitch"] - 1 / before["pitch"] == pytest.approx(1.5 / 3 / before["width"])
     page.locator(".wizard").get_by_role("button", name="Close").click()
     opened.until("() => !document.querySelector('.wizard')")
+    assert opened.run("() => document.activeElement.textContent") == "Pattern wizard"
     opened.ask("DELETE", f"/api/displays/{copy}")
+
+
+def test_the_keyboard_stays_where_a_list_is_drawn_again(opened):
+    held = opened.run("""async () => {
+      const { fill, h } = await import("/static/dom.js");
+      const list = h("ul");
+      document.body.append(list);
+      const item = (text) => h("li", {}, h("button", { text }));
+      const draw = (...names) => fill(list, names.map(item));
+      const seen = [];
+      const note = () => seen.push(document.activeElement.textContent);
+      draw("a", "b", "c");
+      list.querySelectorAll("button")[1].focus();
+      draw("new", "a", "b", "c");
+      note();
+      draw("new", "a", "c");
+      note();
+      draw("new", "a");
+      note();
+      draw();
+      seen.push(document.activeElement === document.body);
+      list.remove();
+      return seen;
+    }""")
+    assert held == ["b", "c", "a", True], "the same, what moved up, the last"
+
+
+def test_what_the_machine_says_stays_open_while_jobs_come_and_go(opened):
+    opened.go("sitters")
+    opened.until("() => document.querySelectorAll('.checks li').length")
+    opened.page.click(".machine summary")
+    shut = opened.run("() => document.querySelector('.machine details').open")
+    opened.run("""async () => {
+      const { tell } = await import("/static/state.js");
+      tell("job", { id: "j-none", kind: "check", stages: [] });
+    }""")
+    assert opened.run("() => document.querySelector('.machine details').open") is shut
+    assert opened.run("() => document.activeElement.tagName") == "SUMMARY"
+
+
+def test_a_name_that_is_refused_is_asked_for_again_with_why(opened):
+    opened.go("sitters")
+    opened.page.click("text=New sitter")
+    opened.page.keyboard.type("Anna")
+    opened.page.keyboard.press("Enter")
+    opened.page.wait_for_selector("dialog .note.bad:has-text('already')")
+    assert opened.page.input_value("dialog input") == "Anna"
+    opened.page.keyboard.press("Escape")
+    assert opened.page.locator("dialog").count() == 0
+    assert opened.run("() => document.activeElement.textContent") == "New sitter"
+
+
+@pytest.mark.parametrize("place", ["photos/%E0%A4%A", "show/nobody", "evil/../x"])
+def test_an_address_that_nobody_wrote_shows_the_sitters(opened, place):
+    opened.run("(place) => { location.hash = place; }", place)
+    opened.reload()
+    assert opened.page.get_attribute("[data-ready]", "data-screen") == "sitters"
+    assert not [each for each in opened.complaints if "URI" in each]
 
 
 def test_a_removed_version_gives_way_to_another_one(opened):

@@ -196,6 +196,34 @@ def test_one_side_is_mirrored_onto_the_other(editor):
     np.testing.assert_allclose(left @ across, -(right @ across), atol=0.2)
 
 
+@pytest.mark.parametrize("degrees", [-25, 25])
+def test_a_turned_face_is_mirrored_onto_its_far_or_near_side(page, degrees):
+    from lfportrait.face.generic_head import GENERIC_LANDMARKS, MIRRORED
+
+    angle = np.radians(degrees)
+    turned = GENERIC_LANDMARKS @ [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0],
+                                  [-np.sin(angle), 0, np.cos(angle)]]
+    true = 200 + 150 * turned[:, :2] * [1, -1]
+    wrong = true.copy()
+    wrong[42:48] += [40, -25]
+    found = page.run("""async (points) => {
+      const { Landmarks } = await import("/static/landmarks.js");
+      const face = new Landmarks(points, [400, 400]);
+      face.mirror(36);
+      const middle = face.mirror(30);
+      return [face.points, middle];
+    }""", wrong.tolist())
+    middle = [number for number in range(68) if MIRRORED[number] == number]
+    origin = true[middle].mean(0)
+    along = np.linalg.svd(true[middle] - origin)[2][0]
+    part = true[36:42] - origin
+    plain = origin + 2 * np.outer(part @ along, along) - part
+    there = true[MIRRORED[36:42]]
+    off = np.abs(np.asarray(found[0])[MIRRORED[36:42]] - there).max()
+    assert off < 0.65 * np.abs(plain - there).max(), "nearer than the mirror image of a turned face"
+    assert found[1] is False
+
+
 def test_reset_goes_back_to_what_was_found_and_can_be_undone(editor):
     """The detector's answer stands in for it: it needs networks, and a painted face."""
     found = np.add(points(editor), [3.0, -2.0])

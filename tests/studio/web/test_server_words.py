@@ -9,6 +9,7 @@ import pytest
 
 import lfportrait
 from lfportrait import models, studio
+from lfportrait.studio.projects import ADVICE
 from tests.share.page.browser import program
 
 PACKAGE = Path(lfportrait.__file__).parent
@@ -93,6 +94,7 @@ def said():
         if not {*ELSEWHERE} & {*path.relative_to(PACKAGE).parts}:
             yield path.name, called(ast.parse(path.read_text("utf-8")), stages)
     yield "models.py", {*models.PURPOSES.values()}
+    yield "projects.py", {*ADVICE.values()}
 
 
 def test_whatever_the_server_says_is_there_in_german():
@@ -118,6 +120,9 @@ SAID = {
     "The face is turned 12 degrees to the picture's left, leans 7 degrees to the picture's right: "
     "used unchanged": "Das Gesicht ist um 12 Grad im Bild nach links gedreht, um 7 Grad im Bild "
                       "nach rechts geneigt: Es wird genommen, wie es ist",
+    "256 points to a head's height: up to about 3.5 million in all, 3.7 GiB, about 90 s more":
+        "256 Punkte auf die Höhe eines Kopfes: höchstens etwa 3.5 Millionen zusammen, 3.7 GiB, "
+        "noch etwa 90 s",
     "cutting out the person: 3 of 64": "die Person wird ausgeschnitten: 3 von 64",
     "missing: segments the hair in photos": "fehlt: findet das Haar in Fotos",
     "a.heic: raw photos are not read; export it as JPEG or TIFF":

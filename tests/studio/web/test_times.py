@@ -49,6 +49,11 @@ def test_a_long_stage_is_late_later(opened):
         "a few seconds left", "takes longer than usual"]
 
 
+def test_what_is_late_says_how_much_the_others_take_at_least(opened):
+    job = {**JOB, "stages": [stage("capture", "running", 0), stage("reconstruct", "waiting", 240)]}
+    assert words(opened, job, 20) == [["takes longer than usual", "more than 4 min left"]]
+
+
 def test_nothing_is_said_where_nobody_knows(opened):
     job = {**JOB, "stages": [stage("capture", "running", None), stage("surface", "waiting", 9)]}
     assert words(opened, job, 3) == [["…", ""]]
@@ -83,3 +88,17 @@ def test_a_job_that_waits_says_so_and_no_share(opened, screen):
         shown = opened.page.inner_text(".stage-list")
         assert "waiting · number 2 in the queue" in shown and "%" not in shown
         assert not opened.page.is_visible(".stage-list progress")
+
+
+def test_the_photos_that_were_looked_at_are_counted(opened):
+    opened.page.route("**/api/projects/ben/photos", lambda route: route.fulfill(json={
+        "photos": [{"id": "a", "name": "a.jpg", "size": 1, "left_out": False, "video": False,
+                    "grade": "none", "reasons": [], "picture": None}],
+        "checked": False, "checking": {"job": "j-1", "done": 0, "total": 64}, "advice": [],
+        "arc": {"gaps": [], "reach": None, "yaws": [], "placed": False}, "looked": 0, "faces": 0}))
+    opened.go("photos/ben")
+    opened.run("""async () => {
+      const { tell } = await import("/static/state.js");
+      tell("progress", { job: "j-1", progress: 0.25 });
+    }""")
+    assert "16 of 64" in opened.page.inner_text("#main")

@@ -92,8 +92,20 @@ def test_what_is_no_photo_is_named(sitter, tmp_path):
     note.write_text("not a photo")
     choose(sitter, [*good, note])
     sitter.page.wait_for_selector("text=1 file was not taken")
-    assert "notes.txt" in sitter.page.inner_text(".note.bad")
+    assert sitter.page.inner_text(".note.bad").count("notes.txt") == 1
     assert sitter.page.inner_text(".card").startswith("1 file added")
+
+
+def test_a_photo_may_be_called_anything(sitter, tmp_path):
+    names = ['Who? "Me", <b> | a*b.png', "\N{WOMAN}\N{ZERO WIDTH JOINER}\N{ARTIST PALETTE}.png",
+             f"{'long ' * 49}.png"]
+    for number, name in enumerate(names):
+        picture(80 + number).save(tmp_path / name)
+    choose(sitter, [tmp_path / name for name in names])
+    sitter.page.wait_for_selector("text=3 files added", timeout=60000)
+    kept = sorted(path.name for path in (sitter.studio.folder / "cleo" / "photos").iterdir())
+    assert kept[0] == 'Who- -Me-, -b- - a-b.png' and kept[1].startswith("long long")
+    assert kept[2] == "\N{WOMAN}-\N{ARTIST PALETTE}.png"
 
 
 def test_a_folder_is_dropped_with_what_lies_in_it(sitter, tmp_path):

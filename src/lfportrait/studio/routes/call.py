@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -101,7 +102,16 @@ async def _answer(desk: Desk, handler: Handler, request: Request) -> Response:
     if isinstance(found, Response):
         return found
     status, body = found if isinstance(found, tuple) else (200, found)
-    return JSONResponse(body, status)
+    return JSONResponse(_finite(body), status)
+
+
+def _finite(body: Any) -> Any:
+    """The same with None for figures that are no numbers, which JSON has no word for."""
+    if isinstance(body, dict):
+        return {name: _finite(value) for name, value in body.items()}
+    if isinstance(body, list | tuple):
+        return [_finite(value) for value in body]
+    return None if isinstance(body, float) and not math.isfinite(body) else body
 
 
 async def _json(request: Request) -> dict[str, Any]:

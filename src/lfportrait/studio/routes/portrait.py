@@ -130,6 +130,7 @@ async def thumbnail(call: Call) -> Any:
     path = project.own / "versions" / f"{version.id}-{state}.jpg"
     if not path.is_file():
         await _picture(call, look, 320, path)
+        call.desk.tell_project(project)  # it is the sitter's picture now
     return picture(call, path)
 
 

@@ -60,7 +60,7 @@ async def add(call: Call) -> tuple[int, dict[str, Any]]:
         panel = desk.displays.add(name or entry["name"], Display(**entry["display"]))
     else:
         source = desk.displays.get(text(data, "copy"))
-        panel = desk.displays.add(name or f"{source.display.name} copy", source.display)
+        panel = desk.displays.copy(source, name or f"{source.display.name} copy")
     return 201, panel.entry()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from pathlib import Path
 from typing import Any
 
 from ... import models
@@ -12,6 +13,7 @@ from ...version import __version__
 from ..answers import Refusal, text, truth
 from ..child import CAN_PAUSE
 from ..exports import checked_placement
+from ..orders import Order
 from ..projects import Project
 from ..versions import Versions, make_command
 from .call import Call, Table, picture
@@ -136,9 +138,17 @@ async def remove(call: Call) -> dict[str, Any]:
         if not job.over:
             raise Refusal("busy", "a job works on this project; cancel it first")
         call.desk.jobs.remove(job)
-    await asyncio.to_thread(call.desk.projects.remove, project)
+    trash = await asyncio.to_thread(call.desk.projects.remove, project)
     call.desk.events.tell("project-removed", {"project": project.id})
-    return {"ok": True}
+    return {"ok": True, "trash": trash}
+
+
+@TABLE.add("POST", "/api/trash")
+async def restore(call: Call) -> dict[str, Any]:
+    """Take a project out of the trash again."""
+    project = await asyncio.to_thread(call.desk.projects.restore, text(call.data, "name"))
+    call.desk.tell_project(project)
+    return call.desk.project_entry(project)
 
 
 @TABLE.add("GET", "/api/projects/{project}/thumbnail")
@@ -161,7 +171,13 @@ def command(call: Call) -> dict[str, Any]:
             source = call.desk.styles.get(str(style), project).source
         except Refusal:
             source = None
-    return {"make": make_command(project, source, call.desk.displays.of(project).source),
+    settings = project.settings()
+    heads = [job for job in call.desk.jobs.jobs.values()
+             if job.kind == "head" and job.project == project.id]
+    order = Order("head", Path(), demo=bool(settings.get("demo")), options={
+        **settings.get("options", {}), **(heads[-1].order.get("options", {}) if heads else {})})
+    return {"make": make_command(project, source, call.desk.displays.of(project).source,
+                                 order.words()),
             "folder": str(project.folder), "at": round(time.time(), 3)}
 
 

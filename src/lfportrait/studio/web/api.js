@@ -9,7 +9,6 @@ const SAID = [
   "disk_full",
   "preview_lost",
   "internal",
-  "not_ready",
   "bad_hash",
 ];
 

@@ -58,12 +58,35 @@ export function button(text, onclick, { kind = "", name = null, drawing = null, 
   );
 }
 
-/** Put children in the place of all that is there. */
+/** Put children in the place of all that is there; the keyboard stays where it was. */
 export function fill(element, ...children) {
+  const back = held(element);
   element.replaceChildren(
     ...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false),
   );
+  back();
   return element;
+}
+
+const REACHED = "a[href], button:not(:disabled), input:not([type=hidden]), select, summary, [tabindex='0']";
+const reached = (element) => [...element.querySelectorAll(REACHED)].filter((each) => !each.hidden);
+
+/** Keep what has the focus within an element: the function returned gives it to what stands there then. */
+function held(element) {
+  const old = document.activeElement;
+  if (!old || old === element || !element.contains(old)) return () => {};
+  const named = (one) => `${one.tagName} ${one.getAttribute("href") ?? ""} ${one.ariaLabel ?? one.textContent}`;
+  const name = named(old);
+  const place = reached(element).indexOf(old);
+  return () => {
+    if (element.contains(document.activeElement)) return;
+    const now = reached(element);
+    // The same one, one that is called like it, or one of its kind that has moved up to its place.
+    const alike = now.filter((one) => one.className === old.className && one.tagName === old.tagName);
+    const near = alike.sort((one, other) => Math.abs(now.indexOf(one) - place) - Math.abs(now.indexOf(other) - place));
+    const next = element.contains(old) ? old : (now.find((one) => named(one) === name) ?? (place >= 0 ? near[0] : null));
+    next?.focus({ preventScroll: true });
+  };
 }
 
 let numbers = 0;

@@ -3,6 +3,7 @@
 import { button, h, segments } from "./dom.js";
 import { t } from "./i18n.js";
 import { LINES, moving, partOf } from "./landmarks.js";
+import { say } from "./shell.js";
 import { Viewport } from "./viewport.js";
 
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -216,7 +217,7 @@ export class LandmarkEditor {
   }
 
   mirror() {
-    if (this.chosen !== null) this.landmarks.mirror(this.chosen);
+    if (this.chosen !== null && !this.landmarks.mirror(this.chosen)) say(t("editor.mirror.middle"));
   }
 
   /** What a point is called for those who hear it. */

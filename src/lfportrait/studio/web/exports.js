@@ -159,6 +159,8 @@ export class Exports {
                   doing(async () => {
                     await send("DELETE", `/api/projects/${this.sitter.id}/exports/${file.id}`);
                     await this.readMade();
+                    // The last one is gone: on with what can be made.
+                    if (!this.about_.exports.length) this.kinds.querySelector("button")?.focus();
                   }),
                   { kind: "quiet tool", drawing: "trash", name: t("files.remove", { name: file.name }) },
                 ),

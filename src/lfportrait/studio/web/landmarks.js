@@ -31,7 +31,7 @@ export const OPPOSITE = [
   58, 57, 56, 55, 64, 63, 62, 61, 60, 67, 66, 65,
 ];
 
-const MIDDLE = OPPOSITE.flatMap((other, number) => (other === number ? [number] : []));
+const NEAR = 0.3; // of the face below the eyes: as far as points count much when others are mirrored
 const KEPT = 200; // steps that can be undone
 
 /** Name of the part that a point belongs to. */
@@ -46,25 +46,47 @@ export function moving(number, reach) {
   return Array.from({ length: end - first }, (_, step) => first + step);
 }
 
-/** The line in the middle of the face: a place on it, and its direction. */
-function axis(points) {
-  const mean = [0, 1].map((k) => MIDDLE.reduce((sum, n) => sum + points[n][k], 0) / MIDDLE.length);
-  let xx = 0,
-    xy = 0,
-    yy = 0;
-  for (const number of MIDDLE) {
-    const [x, y] = [points[number][0] - mean[0], points[number][1] - mean[1]];
-    xx += x * x;
-    xy += x * y;
-    yy += y * y;
+/** Solution of three linear equations: rows of three factors and what they give, changed in place. */
+function solved(rows) {
+  for (let k = 0; k < 3; k++) {
+    const best = [0, 1, 2].slice(k).reduce((a, b) => (Math.abs(rows[b][k]) > Math.abs(rows[a][k]) ? b : a));
+    [rows[k], rows[best]] = [rows[best], rows[k]];
+    for (let row = 0; row < 3; row++) {
+      if (row === k) continue;
+      const factor = rows[row][k] / rows[k][k];
+      rows[row] = rows[row].map((value, column) => value - factor * rows[k][column]);
+    }
   }
-  const angle = 0.5 * Math.atan2(2 * xy, xx - yy);
-  return [mean, [Math.cos(angle), Math.sin(angle)]];
+  return rows.map((row, k) => row[3] / row[k]);
 }
 
-function reflected([x, y], [[ax, ay], [dx, dy]]) {
-  const along = (x - ax) * dx + (y - ay) * dy;
-  return [2 * (ax + along * dx) - x, 2 * (ay + along * dy) - y];
+/**
+ * What takes a place on one side of a face to the other side: the affine map that takes pairs of
+ * points to each other best, those near by most of all: they lie about as deep. Of a face that looks at
+ * us it is the mirror image; of a turned one the far side is narrower, as the other pairs show.
+ * @param {number[][]} points The landmarks.
+ * @param {number[]} from Points whose opposites are known.
+ * @param {number[]} part Points that are to be taken across.
+ */
+function acrossFace(points, from, part) {
+  const middle = [0, 1].map((k) => part.reduce((sum, one) => sum + points[one][k], 0) / part.length);
+  const height = Math.hypot(...[0, 1].map((k) => points[8][k] - points[27][k])) || 1;
+  const weights = from.map((one) => {
+    const away = Math.hypot(points[one][0] - middle[0], points[one][1] - middle[1]) / (NEAR * height);
+    return Math.exp(-0.5 * away * away) + 1e-3;
+  });
+  const sums = [0, 1].map((k) => {
+    const rows = [0, 1, 2].map(() => [0, 0, 0, 0]);
+    for (const [index, one] of from.entries()) {
+      const place = [...points[one], 1];
+      const all = [...place, points[OPPOSITE[one]][k]];
+      for (const [row, value] of place.entries()) {
+        for (const [column, other] of all.entries()) rows[row][column] += weights[index] * value * other;
+      }
+    }
+    return solved(rows);
+  });
+  return ([x, y]) => sums.map(([a, b, c]) => a * x + b * y + c);
 }
 
 /** Points that can be moved, with their past and what was undone. */
@@ -118,7 +140,6 @@ export class Landmarks {
 
   /** The side of the face that a point lies on, onto the other: its part's points, or its pair's. */
   mirror(number) {
-    const line = axis(this.points);
     const part = moving(number, "part");
     const inPairs = part.every((one) => part.includes(OPPOSITE[one]));
     // Of a part on both sides the half that the point is in; of a part on one side all of it.
@@ -126,8 +147,11 @@ export class Landmarks {
     const from = inPairs ? part.filter((one) => OPPOSITE[one] !== one && half(one)) : part;
     if (OPPOSITE[number] === number || !from.length) return false;
     this.step(null);
+    const all = moving(number, "face");
+    const known = all.filter((one) => (OPPOSITE[one] === one || half(one)) && !from.includes(one));
+    const across = acrossFace(this.points, known, from);
     for (const one of from) {
-      const [x, y] = reflected(this.points[one], line);
+      const [x, y] = across(this.points[one]);
       this.points[OPPOSITE[one]] = [
         Math.min(Math.max(x, 0), this.size[0] - 1),
         Math.min(Math.max(y, 0), this.size[1] - 1),

@@ -4,7 +4,7 @@ import { leaveScreen } from "./api.js";
 import { button, fill, h, later } from "./dom.js";
 import { speak, t } from "./i18n.js";
 import { sweep } from "./lane.js";
-import { drawShell, fail, markSteps, SCREENS, watchServer } from "./shell.js";
+import { drawShell, fail, forget, markSteps, SCREENS, watchServer } from "./shell.js";
 import { enter, listen, on, project, refresh } from "./state.js";
 import { showMaking } from "./screens/making.js";
 import { showPhotos } from "./screens/photos.js";
@@ -26,9 +26,18 @@ let leave = null,
   shown = "",
   number = 0;
 
+/** A part of the address as it was meant; what can't be is no address of ours. */
+function decoded(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
+}
+
 /** Screen, sitter and the rest of the address. */
 function address() {
-  const [screen, id = "", ...rest] = location.hash.slice(1).split("/").map(decodeURIComponent);
+  const [screen, id = "", ...rest] = location.hash.slice(1).split("/").map(decoded);
   return SCREENS.includes(screen) && (screen === "sitters" || project(id))
     ? [screen, id, rest]
     : ["sitters", "", []];
@@ -48,6 +57,7 @@ async function route(again = false) {
   await left;
   if (mine !== number) return;
   leaveScreen();
+  forget();
   const main = document.getElementById("main");
   drawShell(screen, id, () => route(true));
   document.title = [project(id)?.name, t(`step.${screen}`), "lfportrait studio"].filter(Boolean).join(" · ");
@@ -90,6 +100,11 @@ function unseen(root, screen, error) {
 }
 
 async function begin() {
+  // The address of a studio that was started again, opened in the page of the one before, or where
+  // the page was not let in.
+  addEventListener("hashchange", () => {
+    if (location.hash.startsWith("#token=")) location.reload();
+  });
   try {
     await speak();
     await enter();
@@ -108,11 +123,7 @@ async function begin() {
     event.preventDefault();
     document.getElementById("main").focus();
   });
-  addEventListener("hashchange", () => {
-    // The address of a studio that was started again, opened in the page of the one before.
-    if (location.hash.startsWith("#token=")) location.reload();
-    else route();
-  });
+  addEventListener("hashchange", () => location.hash.startsWith("#token=") || route());
   // A file that misses a drop zone must not replace the page.
   for (const name of ["dragover", "drop"]) addEventListener(name, (event) => event.preventDefault());
   const shell = () => {

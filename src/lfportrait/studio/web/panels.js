@@ -85,7 +85,7 @@ export class Panels {
         button(
           t("wizard.start"),
           doing(() => this.openWizard()),
-          { drawing: "eye" },
+          { drawing: "eye", "data-act": "wizard" },
         ),
         button(
           t("panel.show"),
@@ -175,11 +175,12 @@ export class Panels {
       fill(this.wizardPlace);
       this.wizard = null;
       this.draw();
+      this.element.querySelector("[data-act=wizard]").focus();
       this.onchange();
     });
     await this.wizard.begin();
     fill(this.wizardPlace, this.wizard.element);
     this.wizard.element.scrollIntoView({ block: "nearest" });
-    this.wizard.element.querySelector("button")?.focus({ preventScroll: true });
+    this.wizard.element.querySelector("button.main")?.focus({ preventScroll: true });
   }
 }

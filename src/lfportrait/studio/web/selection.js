@@ -18,9 +18,14 @@ export function selection(sitter, display) {
     "details.card",
     {
       ontoggle: doing(async () => {
-        if (!whole.open || list.children.length) return;
-        for (const each of state.projects) {
-          const { versions } = await get(`/api/projects/${each.id}/versions`);
+        if (!whole.open) return;
+        // Read each time: there may be more by now.
+        const all = await Promise.all(
+          state.projects.map((each) => get(`/api/projects/${each.id}/versions`)),
+        );
+        fill(list);
+        for (const [index, { versions }] of all.entries()) {
+          const each = state.projects[index];
           list.append(
             ...versions.map((version) => {
               const id = fresh("pick");
@@ -33,6 +38,7 @@ export function selection(sitter, display) {
                   h("input", {
                     id,
                     type: "checkbox",
+                    ".checked": chosen.has(`${each.id} ${version.id}`),
                     onchange: (event) => {
                       const key = `${each.id} ${version.id}`;
                       if (event.target.checked) chosen.set(key, [each.id, version.id]);

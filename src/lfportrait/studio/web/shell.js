@@ -7,21 +7,42 @@ import { isLive, jobsOf, on, project } from "./state.js";
 import { shareOf } from "./times.js";
 
 export const SCREENS = ["sitters", "photos", "making", "style", "portrait", "show"];
+const READ = 6000; // milliseconds that a message can be read at least
 const find = (id) => document.getElementById(id);
 
-/** A message that goes by itself, or stays where something is wrong. */
-export function say(text, { wrong = false } = {}) {
+/**
+ * A message that goes by itself, or stays where something is wrong.
+ * @param {string} text
+ * @param {object} how `wrong`; `back`: what takes back what was done, by a button of the message.
+ */
+export function say(text, { wrong = false, back = null } = {}) {
   const box = find(wrong ? "alerts" : "toasts");
   if ([...box.children].some((each) => each.textContent === text)) return;
   const toast = h(
     "div.toast",
     {},
     h("p", { text }),
+    back &&
+      button(
+        t("undo"),
+        doing(async () => {
+          await back();
+          toast.remove();
+        }),
+        { kind: "quiet" },
+      ),
     button("", () => toast.remove(), { kind: "quiet tool", drawing: "close", name: t("close") }),
   );
+  toast.dataset.at = String(performance.now());
   box.append(toast);
-  while (box.children.length > 3) box.firstChild.remove();
-  if (!wrong) setTimeout(() => toast.remove(), 6000);
+  while (box.children.length > (wrong ? 6 : 3)) box.firstChild.remove();
+  if (!wrong) setTimeout(() => toast.remove(), back ? 4 * READ : READ);
+}
+
+/** On another screen, what went wrong on the one before is not said any longer than it takes to read it. */
+export function forget() {
+  for (const toast of find("alerts").querySelectorAll("[data-at]"))
+    if (performance.now() - Number(toast.dataset.at) > READ) toast.remove();
 }
 
 /** Say what went wrong; what was stopped on purpose is nothing. */
@@ -99,7 +120,7 @@ function mark(screen, sitter) {
   if (!sitter) return ["", ""];
   if (screen === "photos" && sitter.photos) return [String(sitter.photos), ""];
   if (screen === "making") {
-    const job = jobsOf(sitter.id).find(isLive);
+    const job = jobsOf(sitter.id).find((each) => isLive(each) && ["head", "fine"].includes(each.kind));
     const share = job?.state === "running" ? shareOf(job) : null;
     if (job) return [share === null ? t(`job.${job.state}`) : `${Math.round(100 * share)} %`, ""];
     if (sitter.has.field) return ["✓", "good"];

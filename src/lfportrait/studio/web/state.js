@@ -109,6 +109,7 @@ const HEARD = {
     if (!stage) return;
     Object.assign(stage, { progress: data.progress, note: data.note, left: data.left });
     Object.assign(job, { progress: data.total_progress, left: data.total_left });
+    for (const other of job.stages) other.left = data.waiting?.[other.name] ?? other.left;
     heardStage(stage, stage);
   },
 };

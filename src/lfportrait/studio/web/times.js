@@ -5,6 +5,7 @@ import { duration, t } from "./i18n.js";
 const FEW = 5; // seconds below which no number is said
 const LATE = 10; // seconds past its end after which something takes longer than usual, at least
 const SHARE = 0.2; // the same over what it has taken
+const MUCH = 30; // seconds of the other stages from which on they are said although one is late
 
 const known = (value) => Number.isFinite(value);
 
@@ -58,7 +59,8 @@ function leftOf(job, now) {
 export function leftOfJob(job, now = performance.now()) {
   const left = leftOf(job, now);
   if (left === null) return "";
-  return inWords(left, job.stages.some((stage) => isLate(stage, now)));
+  const late = job.stages.some((stage) => isLate(stage, now));
+  return late && left >= MUCH ? t("time.more", { time: duration(left) }) : inWords(left, late);
 }
 
 /** How much of a job is done, 0 to 1, by time; null before it is known. */

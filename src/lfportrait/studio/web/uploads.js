@@ -27,6 +27,16 @@ async function digest(file) {
   return [...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
+const LONGEST = 100; // signs of a name without its ending
+
+/** A file's name as every system takes it: signs that only some know become a dash, what is too long is cut. */
+export function plainName(name) {
+  const [, stem, ending] = /^(.*?)(\.[^.]*)?$/s.exec(name.normalize("NFC"));
+  // Also signs that are not seen, as between the people of one emoji.
+  const plain = stem.replace(/[\p{C}/\\:*?"<>|]+/gu, "-").trim();
+  return `${[...plain].slice(0, LONGEST).join("").trim() || "-"}${ending ?? ""}`;
+}
+
 class Uploads {
   constructor(project) {
     this.project = project;
@@ -140,7 +150,7 @@ class Uploads {
   }
 
   async send(item, signal) {
-    const about = { name: item.name, size: item.size, sha256: item.hash };
+    const about = { name: plainName(item.name), size: item.size, sha256: item.hash };
     const [answer] = (await post(`/api/projects/${this.project}/uploads`, { files: [about] }, signal)).files;
     if (answer.state === "refused") {
       this.wrong(item, said(answer.error.message));

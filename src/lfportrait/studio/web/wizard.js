@@ -157,6 +157,10 @@ export class Wizard {
       const { display, next, said, pattern } = await post(`/api/displays/${this.display.id}/wizard`, {
         step: this.step,
         answer: this.answer,
+      }).catch((error) => {
+        // The server names the field that it lacks; who sits here looks at questions.
+        if (error.code === "bad_request") error.message = t("wizard.answer");
+        throw error;
       });
       this.display = display;
       this.said = translated(said);

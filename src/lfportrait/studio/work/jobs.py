@@ -32,6 +32,7 @@ from ...job import (
 )
 from ...measure import peak_memory_bytes, usable_cores
 from ...stages import StageFolder
+from ..answers import on_page
 from ..orders import Order
 from ..photos import VIDEO_FRAME
 from .pictures import cameras_picture, head_picture, turned
@@ -50,7 +51,7 @@ def serve() -> None:
         teller.tell("end", _KINDS[order.kind](order, teller))
     except UserError as error:
         full = "No space left" in str(error)
-        teller.tell("failed", "disk_full" if full else "user_error", str(error))
+        teller.tell("failed", "disk_full" if full else "user_error", on_page(str(error)))
     except MemoryError:
         teller.tell("failed", "killed", "the memory is too small: close other programs, or make "
                     "the field smaller (reconstruct.max_voxels)")

@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...cache import hash_of
+from ...cache import hash_of, tried
 from ...errors import UserError
 from ...example import Exemplar, known_ground
 from ...field import Backdrop, VoxelField, head_points
@@ -170,8 +170,11 @@ class Sitting:
         exemplars = [self.exemplar(look.style, look.landmarks),
                      *(replace(self.exemplar(path), name=name)
                        for name, path in look.others.items())]
+        if look.landmarks is not None and len(exemplars) == 1:
+            with tried():  # the next landmarks are others: the user's cache need not keep these
+                return session.preview(exemplars[0], config, keep=False)
         if len(exemplars) == 1:
-            return session.preview(exemplars[0], config, keep=look.landmarks is None)
+            return session.preview(exemplars[0], config)
         return session.preview_all(exemplars, config)
 
     def picture(self, look: Look, cameras: Sequence[tuple[float, float, float]], size: int,

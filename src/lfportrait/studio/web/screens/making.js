@@ -166,7 +166,7 @@ class Making {
                 : `${known("error", job.error.code, "")} ${said(job.error.message)}`.trim(),
             ),
           ),
-        job.notes.map((text) => h("p.note.fair.small", {}, icon("fair"), said(text))),
+        job.notes.map((text) => h("p.note.small", {}, icon("info"), said(text))),
         h(
           "div.row",
           {},

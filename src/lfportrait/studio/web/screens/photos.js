@@ -46,7 +46,12 @@ class Photos {
     this.ends = [
       on("photos", ({ project: which }) => which === id && this.load().catch(fail)),
       on("project", (item) => item.id === id && this.drawNext()),
-      on("progress", ({ job }) => job === this.data?.checking?.job && this.drawHeading()),
+      on("progress", ({ job, progress }) => {
+        const checking = this.data?.checking;
+        if (!checking || checking.job !== job) return;
+        checking.done = Math.round((progress ?? 0) * checking.total);
+        this.drawHeading();
+      }),
       this.uploads.watch(() => this.drawWay()),
       takeFiles(t("photos.release"), (list) => this.take(list)),
     ];
@@ -301,7 +306,13 @@ class Photos {
               "ul.stack",
               {},
               wrong.map(({ name, error }) =>
-                h("li.note.bad", {}, icon("bad"), h("span", {}, h("strong", { text: name }), ` ${error}`)),
+                h(
+                  "li.note.bad",
+                  {},
+                  icon("bad"),
+                  // Most sentences begin with the file's name already.
+                  h("span", {}, !error.startsWith(name) && h("strong", { text: `${name} ` }), error),
+                ),
               ),
             ),
           ),

@@ -41,18 +41,15 @@ export class Portrait {
       drawing: "compare",
       "aria-pressed": "false",
     });
+    const next = h("a.button.main", { href: `#show/${sitter.id}` }, t("step.show"), icon("right"));
+    this.ways = h("div.row", {}, this.compare, next);
     fill(
       root,
       h(
         "header",
         {},
         h("div", {}, h("h1", { text: t("step.portrait") }), h("p.lead", { text: t("portrait.lead") })),
-        h(
-          "div.row",
-          {},
-          this.compare,
-          h("a.button.main", { href: `#show/${sitter.id}` }, t("step.show"), icon("right")),
-        ),
+        this.ways,
       ),
       h(
         "div.portrait-body",
@@ -89,6 +86,7 @@ export class Portrait {
   async load() {
     await this.reload();
     if (!this.versions.length && !this.sitter.has.field) {
+      this.ways.hidden = this.actions.hidden = true; // there is nothing to compare, show or paint yet
       fill(
         this.stages,
         h(

@@ -2,10 +2,11 @@
 
 import { get, leaveScreen, post, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
-import { nameOf } from "../naming.js";
+import { named } from "../naming.js";
 import { said, size, t } from "../i18n.js";
 import { doing, fail, preferences, say } from "../shell.js";
-import { isLive, jobsOf, keepJob, keepProject, listen, listenNoMore, on, state, tell } from "../state.js";
+import { isLive, jobsOf, keepJob, keepProject, listen, listenNoMore, on, project, state, tell } from "../state.js";
+import { leftOfJob, standingOf } from "../times.js";
 
 export async function showSitters(root) {
   const list = h("ul.sitters", { "aria-label": t("step.sitters") });
@@ -57,7 +58,9 @@ export async function showSitters(root) {
       look();
     }),
   ];
+  const clock = setInterval(() => count(list), 1000);
   return () => {
+    clearInterval(clock);
     for (const each of ends) each();
   };
 }
@@ -76,10 +79,13 @@ function welcome() {
   );
 }
 
+/** What the screen of making shows of a sitter: no files, and no photos that are looked at. */
+const making = (item) => jobsOf(item.id).find((job) => isLive(job) && ["head", "fine"].includes(job.kind));
+
 /** What is to be done next for a sitter: a screen and a line. */
 function standing(item) {
-  const job = jobsOf(item.id).find(isLive);
-  if (job) return ["making", t(`job.${job.state}`), ""];
+  const job = making(item);
+  if (job) return ["making", standingOf(job), ""];
   if (item.has.styled || item.version) return ["portrait", t("sitter.painted"), "good"];
   if (item.has.field) return ["style", t("sitter.head"), "good"];
   if (item.photos || item.video) return ["photos", t("sitter.photos", { n: item.photos }), ""];
@@ -90,7 +96,7 @@ function card(item) {
   const [screen, text, kind] = standing(item);
   return h(
     "li.sitter",
-    {},
+    { "data-sitter": item.id },
     h(
       "a.open",
       { href: `#${screen}/${item.id}` },
@@ -99,6 +105,7 @@ function card(item) {
         : h("span.blank", {}, icon("sitters")),
       h("strong.some", { text: item.name, title: item.name }),
       h("span.tag", { class: kind, text }),
+      making(item) && h("span.when.small.soft", { text: leftWords(item) }),
     ),
     h(
       "div.row",
@@ -117,16 +124,29 @@ function card(item) {
   );
 }
 
+function leftWords(item) {
+  const job = making(item);
+  return job?.state === "running" ? leftOfJob(job) : "";
+}
+
+/** The time that is left counts down between what the server says. */
+function count(list) {
+  for (const each of list.querySelectorAll("[data-sitter]")) {
+    const item = project(each.dataset.sitter);
+    const left = each.querySelector(".when");
+    if (!item || !left) continue;
+    left.textContent = leftWords(item);
+    each.querySelector(".tag").textContent = standing(item)[1];
+  }
+}
+
 function newSitter() {
   return h(
     "div.new-sitter.stack",
     {},
     button(
       t("sitters.new"),
-      doing(async () => {
-        const name = await nameOf(t("sitters.new"), "", t("create"));
-        if (name) await create(name, false);
-      }),
+      doing(() => named(t("sitters.new"), "", t("create"), (name) => create(name, false))),
       { kind: "main", drawing: "plus" },
     ),
     state.projects.length > 0 &&
@@ -152,8 +172,9 @@ async function create(name, demo) {
 }
 
 async function rename(item) {
-  const name = await nameOf(t("sitter.rename", { name: item.name }), item.name, t("save"));
-  if (name && name !== item.name) keepProject(await send("PATCH", `/api/projects/${item.id}`, { name }));
+  await named(t("sitter.rename", { name: item.name }), item.name, t("save"), async (name) => {
+    if (name !== item.name) keepProject(await send("PATCH", `/api/projects/${item.id}`, { name }));
+  });
 }
 
 async function remove(item) {
@@ -166,10 +187,15 @@ async function remove(item) {
     ],
   );
   if (!answer) return;
-  await send("DELETE", `/api/projects/${item.id}`, { confirm: item.name });
+  const { trash } = await send("DELETE", `/api/projects/${item.id}`, { confirm: item.name });
   state.projects = state.projects.filter(({ id }) => id !== item.id);
   tell("state");
-  say(t("sitter.removed", { name: item.name }));
+  say(t("sitter.removed", { name: item.name }), {
+    back: async () => {
+      const { id } = keepProject(await post("/api/trash", { name: trash }));
+      document.querySelector(`[data-sitter="${id}"] a`)?.focus();
+    },
+  });
 }
 
 /** What the doctor found, and networks that are not here yet. */
@@ -224,7 +250,7 @@ function drawMachine(box) {
       ),
     h(
       "details.card",
-      { open: worst === "bad" },
+      { open: box.querySelector("details")?.open ?? worst === "bad" },
       h(
         "summary",
         {},

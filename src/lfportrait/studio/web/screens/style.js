@@ -4,6 +4,7 @@ import { get, picture, post, put, send } from "../api.js";
 import { ask, button, fill, h, icon } from "../dom.js";
 import { said, t } from "../i18n.js";
 import { takeFiles } from "../drop.js";
+import { plainName } from "../uploads.js";
 import { chooseFace } from "../faces.js";
 import { growingPicture, quickPicture, slowly, slowPicture } from "../lane.js";
 import { doing, fail, murmur, say } from "../shell.js";
@@ -133,7 +134,7 @@ class Gallery {
   async add(files, pasted = false) {
     for (const file of files) {
       try {
-        const name = pasted ? "pasted.png" : file.name;
+        const name = pasted ? "pasted.png" : plainName(file.name);
         murmur(t("style.adding", { name }));
         const style = await put(
           `/api/styles?name=${encodeURIComponent(name)}&project=${this.sitter.id}`,
