@@ -104,6 +104,31 @@ def test_half_tones_keep_their_warmth_beside_cold_shade():
     assert change[bright < -0.8][:, 0].mean() < change[bright < -0.8][:, 2].mean() - 0.4
 
 
+@pytest.mark.parametrize("pale", [True, False])
+def test_a_pale_stroke_is_warm_in_shade_as_half_tones_are(pale):
+    # His lights are pale, his half-tones warm; narrow lights on half-tones come into shade.
+    rows, columns = np.indices(SHAPE)
+    light, tone = np.array([235.0, 225.0, 205.0]), np.array([170.0, 120.0, 70.0])
+    strokes = (columns % 16 < 5)[..., None] & (rows > 30)[..., None]
+    left = np.where(strokes | (rows <= 30)[..., None], light, tone) if pale else (
+        np.broadcast_to(tone, (*SHAPE, 3)))
+    theirs = np.where((columns < 80)[..., None], left, left[:, ::-1])
+    shaded = np.exp(np.log(theirs + DARK) - 0.45) - DARK
+    ours = np.where((columns < 80)[..., None], left, shaded)
+    given = replace(sides(0.0, hair=np.zeros(SHAPE, np.float32)),
+                    ours=np.asarray(ours, np.float32), theirs=np.asarray(theirs, np.float32),
+                    features=np.ones(SHAPE, np.float32))
+    found = np.log(relit(given) + DARK)
+    there = strokes[:, ::-1, 0] & (columns > 100) & (columns < 130) & (rows > 60) & (rows < 110)
+    warm = (found[..., 0] - found[..., 2])[there].mean()
+    before = np.log(theirs + DARK)[there]
+    before = (before[:, 0] - before[:, 2]).mean()
+    if pale:
+        assert before < 0.15 and warm > 0.3
+    else:
+        assert abs(warm - before) < 0.05
+
+
 def test_shade_goes_on_to_the_end_of_the_face():
     given = sides(np.full(3, -0.5), seen=105, hair=np.zeros(SHAPE, np.float32))
     given = replace(given, scale=60.0)

@@ -43,8 +43,9 @@ KEPT = 0.25
 OWN = 0.15, 0.35
 """A hue that is so far off the painter's curve, in logarithms, begins to be carried on as far as
 brightness, and wholly is."""
-KNOTS, ALIKE = 33, 0.08
-"""Knots of the curve from brightness to hue; it is smoothed by this width, in logarithms."""
+KNOTS, ALIKE, STEPS = 33, 0.08, 1000
+"""Knots of the curve from brightness to hue; it is smoothed by this width, in logarithms; and steps
+in which it is looked up for each pixel."""
 FEW = 0.02
 """A brightness that is so much rarer than the commonest takes its hue from its neighbours."""
 
@@ -111,9 +112,13 @@ def relit(sides: Sides) -> Float32:
     weight, most, light, clear, own, mirrored = (_small(plane) for plane in (
         known_light, asked, differing, np.maximum(sides.face * (sides.share > 0.9), known_light),
         *(blurred(one, broad) for one in brightness)))
-    change = _change(light, weight, most, clear, own, mirrored, scale / SMALL)
+    hue = _Hue.of(own, clear)
+    change = _change(hue, light, weight, most, clear, own, mirrored, scale / SMALL)
     laid = _laid(sides)[..., None] * cv2.resize(change, sides.ours.shape[1::-1],
                                                 interpolation=cv2.INTER_CUBIC)
+    # Stroke by stroke: a pale highlight beside them is none any more in shade.
+    before = brightness[1].mean(axis=-1)
+    laid += hue.table(before + laid.mean(axis=-1)) - hue.table(before)
     return np.asarray(np.exp(brightness[1] + laid) - DARK, np.float32)
 
 
@@ -132,14 +137,13 @@ def _laid(sides: Sides) -> Float32:
     return np.maximum(sides.face, sides.head * bare)
 
 
-def _change(light: Float32, weight: Float32, most: Float32, clear: Float32, own: Float32,
-            mirrored: Float32, unit: float) -> Float32:
-    """What is added to the mirror image's broad logarithms, float32 [h, w, 3].
+def _change(hue: _Hue, light: Float32, weight: Float32, most: Float32, clear: Float32,
+            own: Float32, mirrored: Float32, unit: float) -> Float32:
+    """What is added to the mirror image's logarithms, without what ``hue`` says, float32 [h, w, 3].
 
     ``light`` [h, w, 3] is known by ``weight`` [h, w] (see `_spread`); ``own`` and ``mirrored``
     [h, w, 3] are broad logarithms, his own where he saw the face clearly by ``clear`` [h, w].
     """
-    hue = _Hue.of(own, clear)
     dark = mirrored.mean(axis=-1)
     # What the curve says of the light is left out, and said again for the brightness that comes.
     known = light.mean(axis=-1)
@@ -154,10 +158,9 @@ def _change(light: Float32, weight: Float32, most: Float32, clear: Float32, own:
         low, high = np.quantile(own.mean(axis=-1)[seen], (UTMOST, 1 - UTMOST))
         bright = np.clip(bright, np.minimum(low, dark), np.maximum(high, dark))
     # A cold highlight on warm skin is none in shade.
-    kept = np.exp(-np.abs(bright - dark) / KEPT)[..., None]
+    lost = 1 - np.exp(-np.abs(bright - dark) / KEPT)[..., None]
     theirs = mirrored - dark[..., None]
-    wanted = hue(bright) + kept * (theirs - hue(dark)) + rest
-    return np.asarray((bright - dark)[..., None] + wanted - theirs, np.float32)
+    return np.asarray((bright - dark)[..., None] + rest - lost * (theirs - hue(dark)), np.float32)
 
 
 @dataclass(frozen=True)
@@ -191,6 +194,13 @@ class _Hue:
         sure = total > FEW * total.max()
         each = [np.interp(knots, knots[sure], mean[sure, channel]) for channel in range(3)]
         return _Hue(np.asarray(knots, np.float32), np.asarray(np.stack(each, axis=-1), np.float32))
+
+    def table(self, bright: Float32) -> Float32:
+        """The same of a whole picture, in steps of a thousandth of the curve."""
+        low, high = self.knots[0], self.knots[-1]
+        steps = self(np.linspace(low, high, STEPS + 1, dtype=np.float32))
+        return steps[np.clip((bright - low) * (STEPS / (high - low)) + np.float32(0.5), 0, STEPS
+                             ).astype(np.int32)]
 
     def __call__(self, bright: Float32) -> Float32:
         """Hues [..., 3] of brightness [...]."""
