@@ -247,6 +247,36 @@ def test_clothes_are_of_one_cloth(painter):
     assert striped[worn][:, CLOTHES].mean() > 0.85
 
 
+@pytest.mark.parametrize(("shoulder", "taken"), [
+    ((250, 225, 190), True), ((110, 78, 60), False), ((250, 225, 190), None)])
+def test_lit_shoulders_are_no_clothes(painter, shoulder, taken):
+    """Paler than the cheeks, as the forehead is; not as brown as shade, nor all that is worn."""
+    exemplar, regions, labels = (painter.exemplar, painter.transfer.regions,
+                                 painter.transfer.labels)
+    image = exemplar.image.copy()
+    worn = painted_shares(exemplar, regions, labels)[..., CLOTHES] > 0.9
+    left, top = (int(axis.min()) for axis in np.nonzero(worn)[::-1])
+    right = int(np.nonzero(worn)[1].max())
+    rows, columns = np.indices(worn.shape)
+    bare = worn & (columns < left + 0.5 * (right - left)) & (rows > top + 4)
+    # More than half of it, so that most of the clothes' colors are these.
+    bare |= worn & (columns > left + 0.85 * (right - left))
+    if taken is None:
+        bare = worn
+    forehead = (exemplar.landmarks[21] + exemplar.landmarks[22]).astype(int) // 2 - [0, 8]
+    across = np.s_[forehead[1] - 5:forehead[1] + 4, forehead[0] - 16:forehead[0] + 16]
+    image[across] = (250, 225, 190)
+    image[bare] = shoulder
+    shares = painted_shares(Exemplar(image, exemplar.landmarks), regions, labels)
+    inside, rest = (binary_erosion(part, iterations=3) for part in (bare, worn & ~bare))
+    assert bare.sum() > 0.5 * worn.sum()
+    if taken:
+        assert shares[inside][:, CLOTHES].mean() < 0.05
+        assert shares[rest][:, CLOTHES].mean() > 0.9
+    else:
+        assert shares[inside][:, [CLOTHES, NECK]].sum(axis=1).mean() > 0.9
+
+
 def test_ears_lie_beside_the_face(painter):
     exemplar, regions = painter.exemplar, painter.transfer.regions
     points = exemplar.landmarks

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from ...labels import FEATURES as FACE_FEATURES
 from ...labels import MATERIALS, PICTURE_LABELS
@@ -54,6 +55,10 @@ FEW = 30
 CLOTH, LEAST_CLOTH = (1.5, 4.0), 0.5
 """Most clothes lie so near to their middle color; what is so far from most is none of them, if no
 more than the other part is."""
+SAME, COMPARED = 6.0, 2000
+"""Colors (Lab) that are so near are the same; and how many of each material are compared."""
+BARED, OTHER_HUE = (0.05, 0.7), 12.0
+"""So much of the clothes is bare skin, if that is so far from the rest in hue and chroma (Lab)."""
 LIKE_GROUND = 1.2
 """Clothes of an exemplar less far from its background's colors than this are taken for it."""
 
@@ -240,6 +245,7 @@ def painted_shares(exemplar: Exemplar, regions: Regions, labels: NDArray[np.uint
         shares[..., SKIN] -= shares[..., EARS]
     part_headwear(small, shares)
     _hide_ground(small, shares)
+    _bare_shoulders(small, shares)
     _part_clothes(small, shares)
     return shares
 
@@ -257,6 +263,38 @@ def _hide_ground(small: SmallPicture, shares: Float32) -> None:
     ground = shares[..., CLOTHES] * np.clip(2 * alike - np.float32(0.5), 0, 1)
     shares[..., GROUND] += ground
     shares[..., CLOTHES] -= ground
+
+
+def _bare_shoulders(small: SmallPicture, shares: Float32) -> None:
+    """Let lit skin that was taken for clothes be painted nowhere, in place.
+
+    A lit shoulder is paler than the cheeks that a neck is compared with, but has the colors of a
+    forehead or a nose. Only where its hue is not the clothes', and it is lit: a coat may be as
+    brown as shaded skin, and linen as white as a highlight.
+    """
+    from skimage.color import rgb2lab
+
+    worn = small.part(shares[..., CLOTHES]) > 0.5
+    skin = small.part(shares[..., [SKIN, NECK, EARS]].sum(axis=-1)) > 0.8
+    if min(worn.sum(), skin.sum()) < FEW:
+        return
+    image = np.clip(small.blurred(LIKE_HAIR[0][0] * 2), 0, 1)
+    ours, theirs = (rgb2lab(image[part][::max(1, int(part.sum()) // COMPARED)][None])[0]
+                    for part in (worn, skin))
+    away = cKDTree(theirs).query(ours, k=min(3, len(theirs)))[0][:, -1]
+    bare = (away < SAME) & (ours[:, 0] > np.median(theirs[:, 0]))
+    if not BARED[0] < bare.mean() < BARED[1]:
+        return
+    middles = [np.median(ours[part], axis=0) for part in (bare, ~bare)]
+    if np.linalg.norm((middles[0] - middles[1])[1:]) < OTHER_HUE:
+        return
+    like = np.zeros(worn.shape, np.float32)
+    to_bare, to_cloth = (np.linalg.norm(rgb2lab(image[worn][None])[0] - middle, axis=1)
+                         for middle in middles)
+    like[worn] = to_bare < to_cloth
+    taken = shares[..., CLOTHES] * small.whole(like)
+    shares[..., FEATURES] += taken
+    shares[..., CLOTHES] -= taken
 
 
 def _part_clothes(small: SmallPicture, shares: Float32) -> None:
