@@ -46,6 +46,23 @@ def test_closing_and_opening_are_those_of_a_picture(name, whole):
     assert np.allclose(found, wanted.reshape(-1)[order], atol=1e-5)
 
 
+def test_gaps_are_what_a_closing_adds():
+    random = np.random.default_rng(4)
+    picture = random.uniform(size=(12, 17)).astype(np.float32)
+    rows, columns = np.indices(picture.shape).reshape(2, -1)
+    flat = 0.25 * np.stack([columns, rows], axis=1).astype(np.float32)
+    y, x = np.mgrid[-2:3, -2:3]
+    wanted = grey_closing(picture, footprint=np.hypot(y, x) <= 2, mode="nearest") - picture
+    values, known = picture.reshape(-1), np.ones(picture.size, bool)
+    cells = Cells.over(flat, 0.25)
+    assert np.allclose(cells.gaps(values, known, 2), wanted.reshape(-1), atol=1e-5)
+    # What is not known is no gap, and closes none.
+    known[random.integers(0, len(known), 60)] = False
+    odd = np.where(known, values, random.uniform(-9, 9, len(values)).astype(np.float32))
+    assert np.array_equal(cells.gaps(odd, known, 2), cells.gaps(values, known, 2))
+    assert not cells.gaps(values, np.zeros_like(known), 2).any()
+
+
 def test_what_hangs_together_with_a_seed_stays(flat):
     first, second = (np.hypot(flat[:, 0] - x, flat[:, 1]) for x in (-1, 1))
     values = np.maximum(np.clip(1.5 - 2 * first, 0, 1), np.clip(1.5 - 2 * second, 0, 1))

@@ -209,6 +209,27 @@ def test_hair_goes_on_behind_as_the_photos_leave_it(skin):
         assert ((told > 0.5) == truth)[clear].mean() > 0.97
 
 
+def test_strands_in_the_color_of_skin_are_hair_and_a_bare_patch_is_not(skin):
+    """Hair by its color with strands that shine, a parting as bare as a face, and a hairline."""
+    up, angle = np.meshgrid(np.linspace(-0.5, 1.2, 341), np.linspace(0, 1.5, 601))
+    up, angle = up.ravel(), angle.ravel()
+    truth = up > 0.45
+    strand = truth & (up > 0.5) & (np.abs((angle * 10) % 1 - 0.5) < 0.12)
+    patch = np.hypot(angle - 0.55, up - 0.85) < 0.15
+    strand &= np.hypot(angle - 0.55, up - 0.85) > 0.3
+    colors = np.where(truth[:, None], [0.35, 0.22, 0.15], [0.9, 0.7, 0.6])
+    colors[strand] = (0.72, 0.55, 0.46)
+    colors[patch] = (0.9, 0.7, 0.6)
+    flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
+    found = _told_apart(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
+                        np.ones(len(up), np.float32), truth & ~strand & ~patch,
+                        (angle < 0.7) & (up < 0.1), -0.75)
+    assert strand.sum() > 1000 and patch.sum() > 1000
+    assert np.quantile(found[strand], 0.02) > 0.7
+    assert found[np.hypot(angle - 0.55, up - 0.85) < 0.1].max() < 0.05
+    assert found[(up < 0.44) & (up > 0.35)].max() < 0.05
+
+
 def test_a_network_that_contradicts_itself_is_not_believed(field, skin, monkeypatch):
     random = np.random.default_rng(0)
     monkeypatch.setattr("lfportrait.models.missing", lambda names: [])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import (
@@ -48,6 +49,21 @@ class Cells:
     def closed(self, values: Float32, reach: int) -> Float32:
         """Values [N] after a closing by a disk of ``reach`` cells, float32 [N]."""
         return self._at(grey_closing(self._filled(values), footprint=_disk(reach), mode="nearest"))
+
+    def gaps(self, values: Float32, known: NDArray[np.bool_], reach: int) -> Float32:
+        """What a closing by a disk of ``reach`` cells adds to values [N], float32 [N].
+
+        Nothing at edges that are straight, however steep. Cells without a place that is ``known``,
+        bool [N], take the nearest one's value.
+        """
+        found, means = self._means(values, known)
+        if not found.any():
+            return np.zeros(len(values), np.float32)
+        _, nearest = distance_transform_edt(~found, return_indices=True)
+        filled = means[tuple(nearest)]
+        kernel = np.asarray(_disk(reach), np.uint8)
+        closed = cv2.morphologyEx(filled, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_REPLICATE)
+        return self._at(np.asarray(closed - filled, np.float64))
 
     def opened(self, values: Float32, reach: int) -> Float32:
         """Values [N] after an opening by a disk of ``reach`` cells, float32 [N]."""

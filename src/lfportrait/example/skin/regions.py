@@ -16,7 +16,8 @@ from ..guides.labels import region_labels
 from ..painter.cells import Cells
 from ..surface_guide import HeadPlane
 
-__all__ = ["SURFACE_LABELS", "below_hair", "hair_by_place", "skin_regions", "without_bays"]
+__all__ = ["SURFACE_LABELS", "below_hair", "hair_by_place", "skin_regions", "with_strands",
+           "without_bays"]
 
 Float32 = NDArray[np.float32]
 
@@ -27,6 +28,9 @@ LOCKS = ((0.03, 11), (0.025, 29), (0.02, 67))
 BAY, BAY_CELL = 0.15, 0.03
 """Bays of skin less than twice so wide close, and the cells that this is looked at in; over the
 face's height."""
+STRAND, STRAND_CELL = 0.04, 0.01
+"""Gaps in hair less than twice so wide are strands of it, and the cells that this is looked at in;
+over the face's height."""
 SIDE = 512
 """Side in pixels of the picture that the features are drawn in."""
 
@@ -73,6 +77,20 @@ def without_bays(plane: HeadPlane, flat: Float32, hair: Float32) -> Float32:
     """
     cells = Cells.over(flat, BAY_CELL * plane.height)
     return np.maximum(hair, cells.closed(hair, round(BAY / BAY_CELL)))
+
+
+def with_strands(plane: HeadPlane, flat: Float32, hair: Float32, known: NDArray[np.bool_],
+                 ) -> Float32:
+    """Hair [N] by color, with its strands that shine or lie in shade, float32 [N].
+
+    They have the colors of skin, or half of them: painted so they would be streaks of skin, or of
+    the painter's hairline. But bare skin is broader. Arguments as for `hair_by_place`; ``hair`` [N]
+    in [0, 1] closes over gaps where it is ``known``, bool [N].
+    """
+    cells = Cells.over(flat, STRAND_CELL * plane.height)
+    # Cells at a strand's edge are half filled.
+    gaps = 2 * cells.gaps(hair, known, round(STRAND / STRAND_CELL))
+    return np.asarray(np.minimum(hair + gaps, 1), np.float32)
 
 
 def _angle(plane: HeadPlane, flat: Float32) -> Float32:

@@ -31,7 +31,7 @@ from ..painter.looks import BLUR, contours
 from ..surface_guide import HeadPlane
 from .charts import Atlas, draw_atlas
 from .ear_places import ear_places
-from .regions import hair_by_place, skin_regions
+from .regions import hair_by_place, skin_regions, with_strands
 from .relief import around_face, hair_by_relief
 
 BEFORE, BEHIND = 2.5, 7.0
@@ -351,6 +351,7 @@ def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
     hair = np.zeros(len(colors), np.float32)
     hair[chosen] = 1 / (1 + np.exp(np.clip((from_hair - from_face) / 0.5, -30, 30)))
     hair[~around] = 0
+    hair = np.where(around, with_strands(plane, flat, hair, around & (seen > 0.5)), hair)
     # What no photo saw goes on as it begins, and further on as hair goes on.
     unseen, parted = around & (seen <= 0.5), around & (seen > 0.5)
     beside = Cells.over(flat, 0.03 * plane.height).carried(3 * hair - 1.5, parted, 1.0, 20.0)
