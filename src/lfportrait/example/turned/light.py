@@ -46,6 +46,8 @@ brightness, and wholly is."""
 KNOTS, ALIKE, STEPS = 33, 0.08, 1000
 """Knots of the curve from brightness to hue; it is smoothed by this width, in logarithms; and steps
 in which it is looked up for each pixel."""
+THIRDS = np.full((1, 3), 1 / 3, np.float32)
+"""The mean of the channels."""
 FEW = 0.02
 """A brightness that is so much rarer than the commonest takes its hue from its neighbours."""
 
@@ -117,8 +119,8 @@ def relit(sides: Sides) -> Float32:
     laid = _laid(sides)[..., None] * cv2.resize(change, sides.ours.shape[1::-1],
                                                 interpolation=cv2.INTER_CUBIC)
     # Stroke by stroke: a pale highlight beside them is none any more in shade.
-    before = brightness[1].mean(axis=-1)
-    laid += hue.table(before + laid.mean(axis=-1)) - hue.table(before)
+    before, lighter = (cv2.transform(one, THIRDS) for one in (brightness[1], laid))
+    laid += hue.table(before + lighter) - hue.table(before)
     return np.asarray(np.exp(brightness[1] + laid) - DARK, np.float32)
 
 
@@ -199,8 +201,8 @@ class _Hue:
         """The same of a whole picture, in steps of a thousandth of the curve."""
         low, high = self.knots[0], self.knots[-1]
         steps = self(np.linspace(low, high, STEPS + 1, dtype=np.float32))
-        return steps[np.clip((bright - low) * (STEPS / (high - low)) + np.float32(0.5), 0, STEPS
-                             ).astype(np.int32)]
+        number = (bright - low) * np.float32(STEPS / (high - low)) + np.float32(0.5)
+        return np.take(steps, np.clip(number, 0, STEPS).astype(np.int32), axis=0)
 
     def __call__(self, bright: Float32) -> Float32:
         """Hues [..., 3] of brightness [...]."""
