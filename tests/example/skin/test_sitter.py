@@ -186,7 +186,8 @@ def test_hair_at_the_temples_has_no_level_edge(skin):
         0).normal(0, 0.02, (len(up), 3))
     flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
     told = _told_apart(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
-                       np.ones(len(up), np.float32), up > 0.7, (angle < 0.7) & (up < 0.1), -0.75)
+                       np.ones(len(up), np.float32), np.zeros(len(up), np.float32), up > 0.7,
+                       (angle < 0.7) & (up < 0.1), -0.75)
     near = (angle < 0.88) & (up > 0.1)
     assert ((told > 0.5) == truth)[near].mean() > 0.99
     # Brows are no hair, however dark.
@@ -204,30 +205,34 @@ def test_hair_goes_on_behind_as_the_photos_leave_it(skin):
         colors[seen == 0] = 0.5
         flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
         told = _told_apart(skin.plane, colors.astype(np.float32), flat.astype(np.float32), seen,
-                           up > 0.7, (angle < 0.7) & (up < 0.1), -0.75)
+                           np.zeros(len(up), np.float32), up > 0.7,
+                           (angle < 0.7) & (up < 0.1), -0.75)
         clear = (np.abs(up - line) > 0.08) & (seen == 0) & (up < 0.2)
         assert ((told > 0.5) == truth)[clear].mean() > 0.97
 
 
 def test_strands_in_the_color_of_skin_are_hair_and_a_bare_patch_is_not(skin):
-    """Hair by its color with strands that shine, a parting as bare as a face, and a hairline."""
+    """Hair by its color with strands that shine, a bare patch, an ear, and a hairline."""
     up, angle = np.meshgrid(np.linspace(-0.5, 1.2, 341), np.linspace(0, 1.5, 601))
     up, angle = up.ravel(), angle.ravel()
     truth = up > 0.45
+    from_patch, from_ear = (np.hypot(angle - x, up - 0.85) for x in (0.35, 1.15))
+    patch, ear = from_patch < 0.15, (from_ear < 0.15).astype(np.float32)
     strand = truth & (up > 0.5) & (np.abs((angle * 10) % 1 - 0.5) < 0.12)
-    patch = np.hypot(angle - 0.55, up - 0.85) < 0.15
-    strand &= np.hypot(angle - 0.55, up - 0.85) > 0.3
+    strand &= (from_patch > 0.3) & (from_ear > 0.3)
     colors = np.where(truth[:, None], [0.35, 0.22, 0.15], [0.9, 0.7, 0.6])
-    colors[strand] = (0.72, 0.55, 0.46)
+    colors[strand | (from_ear < 0.02)] = (0.72, 0.55, 0.46)
     colors[patch] = (0.9, 0.7, 0.6)
     flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
     found = _told_apart(skin.plane, colors.astype(np.float32), flat.astype(np.float32),
-                        np.ones(len(up), np.float32), truth & ~strand & ~patch,
+                        np.ones(len(up), np.float32), ear, truth & ~strand & ~patch,
                         (angle < 0.7) & (up < 0.1), -0.75)
-    assert strand.sum() > 1000 and patch.sum() > 1000
+    assert strand.sum() > 1000 and patch.sum() > 1000 and (from_ear < 0.02).sum() > 20
     assert np.quantile(found[strand], 0.02) > 0.7
-    assert found[np.hypot(angle - 0.55, up - 0.85) < 0.1].max() < 0.05
+    assert found[from_patch < 0.1].max() < 0.05
     assert found[(up < 0.44) & (up > 0.35)].max() < 0.05
+    # What is pale in an ear is no strand.
+    assert found[from_ear < 0.02].max() < 0.05
 
 
 def test_a_network_that_contradicts_itself_is_not_believed(field, skin, monkeypatch):

@@ -85,12 +85,13 @@ def with_strands(plane: HeadPlane, flat: Float32, hair: Float32, known: NDArray[
 
     They have the colors of skin, or half of them: painted so they would be streaks of skin, or of
     the painter's hairline. But bare skin is broader. Arguments as for `hair_by_place`; ``hair`` [N]
-    in [0, 1] closes over gaps where it is ``known``, bool [N].
+    in [0, 1] closes over gaps where it is ``known``, bool [N], and no others.
     """
     cells = Cells.over(flat, STRAND_CELL * plane.height)
-    # Cells at a strand's edge are half filled.
-    gaps = 2 * cells.gaps(hair, known, round(STRAND / STRAND_CELL))
-    return np.asarray(np.minimum(hair + gaps, 1), np.float32)
+    # Between what is hair for sure; cells at a strand's edge are half filled.
+    sure = np.clip(2 * hair - 1, 0, 1)
+    gaps = 2 * cells.gaps(sure, known, round(STRAND / STRAND_CELL))
+    return np.asarray(np.where(known, np.minimum(hair + gaps, 1), hair), np.float32)
 
 
 def _angle(plane: HeadPlane, flat: Float32) -> Float32:

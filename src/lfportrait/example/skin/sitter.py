@@ -153,9 +153,9 @@ class Skin:
         tone, detail, appearance, contours = _looks(atlas, index, _unit(plane) * pixels)
         ears = ear_places(plane, points, flat)
         if known is not None and _plausible(plane, points, known * seen):
-            hair: Float32 | None = _hair_behind(plane, colors, flat, seen, known)
+            hair: Float32 | None = _hair_behind(plane, colors, flat, seen, ears, known)
         else:
-            hair = _hair_by_color(plane, colors, flat, seen)
+            hair = _hair_by_color(plane, colors, flat, seen, ears)
             if hair is None:
                 hair = hair_by_relief(plane, flat, contours, seen, ears)
         depth = (plane.origin[1] - points[:, 1]) / plane.height
@@ -278,19 +278,19 @@ def _agreed(atlas: Atlas, hair: Float32) -> bool:
 
 
 def _hair_behind(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
-                 known: Float32) -> Float32:
+                 ears: Float32, known: Float32) -> Float32:
     """Hair [N] where it is not ``known`` (NaN): what looks like the hair that is, not like skin."""
     up = -flat[:, 1] / plane.height
     hairy, bare = known > 0.7, (known < 0.2) & (up < 0.3) & (up > -0.9)
     # Down to where hair hangs at the sides.
     lowest = min(LOWEST, float(np.percentile(up[hairy], 2))) if hairy.any() else LOWEST
-    parted = _told_apart(plane, colors, flat, seen, hairy & (seen > 0.5), bare & (seen > 0.5),
-                         lowest)
+    parted = _told_apart(plane, colors, flat, seen, ears, hairy & (seen > 0.5),
+                         bare & (seen > 0.5), lowest)
     return np.asarray(np.where(np.isnan(known), parted, known), np.float32)
 
 
-def _hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32,
-                   seen: Float32) -> Float32 | None:
+def _hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
+                   ears: Float32) -> Float32 | None:
     """Hair as what lies around the face, above the chin, in another color, [N]; None if alike."""
     up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
     crown = (up > 0.7) & (seen > 0.5)
@@ -309,7 +309,7 @@ def _hair_by_color(plane: HeadPlane, colors: Float32, flat: Float32,
                        for part in (crown, face))
         if np.mean((hairy < bare) & (hairy < OTHER)) > HANGS:
             lowest = LONGEST
-    return _told_apart(plane, colors, flat, seen, crown, face, lowest, bearded)
+    return _told_apart(plane, colors, flat, seen, ears, crown, face, lowest, bearded)
 
 
 def _bare_face(colors: Float32, up: Float32, front: NDArray[np.bool_], crown: NDArray[np.bool_],
@@ -332,13 +332,13 @@ def _bare_face(colors: Float32, up: Float32, front: NDArray[np.bool_], crown: ND
     return out, hairy[1]
 
 
-def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
+def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32, ears: Float32,
                 hairy: NDArray[np.bool_], bare: NDArray[np.bool_], lowest: float,
                 bearded: bool = False) -> Float32:
     """Hair around the face by its color, [N], from samples [N] of hair and of skin.
 
     ``lowest`` is how far it hangs below the brows, in units of the face's height upwards;
-    ``bearded`` lets it be on chin and upper lip, too.
+    ``bearded`` lets it be on chin and upper lip, too. Strands close over no ``ears`` [N].
     """
     around = around_face(plane, flat, lowest)
     if bearded:
@@ -351,7 +351,7 @@ def _told_apart(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32,
     hair = np.zeros(len(colors), np.float32)
     hair[chosen] = 1 / (1 + np.exp(np.clip((from_hair - from_face) / 0.5, -30, 30)))
     hair[~around] = 0
-    hair = np.where(around, with_strands(plane, flat, hair, around & (seen > 0.5)), hair)
+    hair = with_strands(plane, flat, hair, around & (seen > 0.5) & (ears < 0.5))
     # What no photo saw goes on as it begins, and further on as hair goes on.
     unseen, parted = around & (seen <= 0.5), around & (seen > 0.5)
     beside = Cells.over(flat, 0.03 * plane.height).carried(3 * hair - 1.5, parted, 1.0, 20.0)
