@@ -248,6 +248,21 @@ def test_a_head_of_one_color_has_no_hair(field):
     assert Skin.of(plain, HEAD_LANDMARKS, pixels=30.0, networks=False).hair is None
 
 
+def test_what_is_seen_of_a_soft_shell_has_places(field):
+    """Light from before the surface, which lies where half of it is gone, takes its paint, too."""
+    soft = replace(field, density=0.1 * field.density)
+    places = Skin.of(soft, HEAD_LANDMARKS, pixels=PIXELS, networks=False).rows
+    nowhere = np.isnan(places[:, 0])
+    cameras = Camera.arc(np.array([0.0, 90.0, 180.0]), distance=4.0, width=100, height=100,
+                         focal=165.0)
+    for view in range(3):
+        weights = soft.sample_weights(cameras, view)
+        seen = np.bincount(weights.rows, weights.weights, len(places))
+        assert seen[nowhere].sum() < 0.015 * seen.sum()
+    # What lies outside of the shell, and deep within, has none.
+    assert nowhere.any()
+
+
 def test_too_few_landmarks_are_told(field):
     landmarks = np.full((68, 3), np.nan)
     landmarks[:10] = HEAD_LANDMARKS[:10]

@@ -34,8 +34,9 @@ from .ear_places import ear_places
 from .regions import hair_by_place, skin_regions, with_strands
 from .relief import around_face, hair_by_relief
 
-BEFORE, BEHIND = 2.5, 7.0
-"""Lattice points up to so many voxels before a chart's surface, and under it, take its color."""
+BEFORE, BEHIND, SOFT = 2.5, 7.0, 6.0
+"""Lattice points up to so many voxels before a chart's surface, and under it, take its color; and
+those that no chart has then, up to so many before it: a soft shell is seen before its surface."""
 
 __all__ = ["PIXELS", "Skin", "face_pixels"]
 
@@ -212,7 +213,10 @@ def _row_places(field: VoxelField, atlas: Atlas) -> Float32:
     """Place in the atlas of each lattice row, float32 [R, 2]; NaN where there is none."""
     points = np.asarray(field.lattice_points(), np.float32)
     voxel = float(field.spacing.mean())
-    return atlas.locate(points, BEFORE * voxel, BEHIND * voxel)[0]
+    places = atlas.locate(points, BEFORE * voxel, BEHIND * voxel)[0]
+    nowhere = np.flatnonzero(np.isnan(places[:, 0]))
+    places[nowhere] = atlas.locate(points[nowhere], SOFT * voxel, BEHIND * voxel)[0]
+    return places
 
 
 def _unit(plane: HeadPlane) -> float:
