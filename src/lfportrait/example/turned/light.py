@@ -119,7 +119,8 @@ def relit(sides: Sides) -> Float32:
     laid = _laid(sides)[..., None] * cv2.resize(change, sides.ours.shape[1::-1],
                                                 interpolation=cv2.INTER_CUBIC)
     # Stroke by stroke: a pale highlight beside them is none any more in shade.
-    before, lighter = (cv2.transform(one, THIRDS) for one in (brightness[1], laid))
+    before, lighter = (np.asarray(cv2.transform(one, THIRDS), np.float32)
+                       for one in (brightness[1], laid))
     laid += hue.table(before + lighter) - hue.table(before)
     return np.asarray(np.exp(brightness[1] + laid) - DARK, np.float32)
 
