@@ -39,8 +39,9 @@ Float32 = NDArray[np.float32]
 
 FINER = 2.0
 """Pixels of an exemplar, at most, per pixel of the skin."""
-PREVIEWED, STEPS = 1.0, 16
-"""The same per painted pixel of a preview, and the steps from one of its sizes to half of it."""
+PREVIEWED, LEAST, STEPS = 1.0, 48.0, 16
+"""The same per painted pixel of a preview; the size of a face, in pixels, that is always enough to
+find a painting's materials; and the steps from one size of such a picture to half of it."""
 
 
 def paint(skin: Skin, exemplar: Exemplar, config: StylizeConfig | None = None) -> Painting:
@@ -67,10 +68,11 @@ def _reduced(exemplar: Exemplar, face: float, preview: bool) -> float:
     For previews the size is one of a few steps, so that the picture stays the same while its
     landmarks are moved.
     """
-    if not preview:
-        return min(FINER * face / exemplar.size, 1.0)
-    factor = PREVIEWED * face / PREVIEW / exemplar.size
-    return min(2.0 ** (math.floor(STEPS * math.log2(factor)) / STEPS), 1.0)
+    finest, least = (size / exemplar.size for size in (
+        FINER * face, max(PREVIEWED * face / PREVIEW, LEAST)))
+    if preview and least < finest:
+        finest = 2.0 ** (math.floor(STEPS * math.log2(least)) / STEPS)
+    return min(finest, 1.0)
 
 
 class Sitter:
