@@ -6,6 +6,7 @@ import numba
 import numpy as np
 import pytest
 
+from lfportrait.example import patches
 from lfportrait.example.kernels.patches import (
     ACTIVE,
     BAND,
@@ -49,6 +50,18 @@ def _problem(seed, height=26, width=22, rows=40, across=29):
     wanted = (random.integers(0, 2 * across, (*shape, 2)) / 2).astype(np.float32)
     weight = random.choice([0, 0.25, 2], shape).astype(np.float32)
     return plain.Problem(target, source, state, trust, wanted, weight, 90.25)
+
+
+@pytest.mark.parametrize("margin", [0, MARGIN])
+def test_colors_and_guides_lie_side_by_side_with_their_border_repeated(margin):
+    random = np.random.default_rng(6)
+    colors, planes = (random.normal(0, 90, (5, 7, n)).astype(np.float32) for n in (3, 4))
+    bits = patches._interleaved((5, 7), margin, colors, planes)
+    sides = (margin, margin), (margin, margin), (0, 0)
+    whole = np.concatenate([colors, planes, np.zeros((5, 7, CHANNELS - 7))], axis=-1)
+    expected = np.pad(whole, sides, mode="edge").astype(np.float32).astype(np.float16)
+    np.testing.assert_array_equal(bits.view(np.float16)[:-16], expected.ravel())
+    assert not bits[-16:].any()
 
 
 def _places(problem, seed):

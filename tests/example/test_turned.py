@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
+from scipy.interpolate import RBFInterpolator
 from scipy.ndimage import label
 from scipy.spatial.transform import Rotation
 
@@ -20,7 +21,7 @@ from lfportrait.example.turned import (
 )
 from lfportrait.example.turned.seen import _normals, clearness
 from lfportrait.face import FacePose, face_pose
-from lfportrait.face.generic_head import GENERIC_LANDMARKS, MIRRORED, generic_depth
+from lfportrait.face.generic_head import EGG, GENERIC_LANDMARKS, MIRRORED, generic_depth
 
 SIZE = 240
 SCALE = 130.0
@@ -86,6 +87,24 @@ def test_angles_are_told_as_they_are_meant():
     nose = posed(20.0).project(np.array([0.0, 0.0, 1.0])) - posed(20.0).project(np.zeros(3))
     assert nose[0] > 0 and abs(nose[1]) < 1e-9
     assert posed(0.0, pitch=20.0).project(np.array([0.0, 0.0, 1.0]))[1] < 110
+
+
+def test_the_depth_of_a_head_is_that_of_a_spline_which_is_asked_everywhere():
+    """Where no face is, the spline is not asked."""
+    random = np.random.default_rng(4)
+    head = GENERIC_LANDMARKS + random.normal(0, 0.01, (68, 3))
+    x, y = random.uniform(-1.2, 1.2, (2, 40, 30))
+    spline = RBFInterpolator(head[:, :2], head[:, 2], kernel="thin_plate_spline", smoothing=1e-4)
+    low, high = head[8, 1], head[17:27, 1].max()
+    away = np.hypot(x / head[16, 0], (y - (low + high) / 2) / (0.625 * (high - low)))
+    share = np.clip((1.15 - away) / 0.3, 0, 1)
+    share = share ** 2 * (3 - 2 * share)
+    egg = np.maximum(1 - (x / EGG[0]) ** 2 - ((y - 0.12) / EGG[1]) ** 2, 0)
+    around = np.where(egg > 0, EGG[2] * np.sqrt(egg), -0.05)
+    face = spline(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+    np.testing.assert_allclose(generic_depth(x, y, head), share * face + (1 - share) * around,
+                               atol=1e-12)
+    assert 0.1 < (share > 0).mean() < 0.6
 
 
 def test_the_generic_head_is_symmetric_and_its_depth_is_that_of_its_landmarks():

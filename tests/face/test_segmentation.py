@@ -222,3 +222,15 @@ def test_the_mattes_of_a_portrait_make_sense(shared_data, shared_weights, monkey
     assert person.shape == hair.shape == picture.shape[:2]
     assert 0.4 < person.mean() < 0.8 and 0.03 < hair.mean() < 0.3
     assert (hair > 0.5)[person < 0.2].mean() < 0.01
+
+
+@pytest.mark.data
+def test_a_picture_that_was_seen_before_is_not_looked_at_again(shared_data, shared_weights,
+                                                               monkeypatch):
+    monkeypatch.setenv("LFPORTRAIT_MODELS", str(shared_weights))
+    picture = read_image(shared_data / "faceblit_reference" / "target1.png")[..., :3]
+    segmentation._output.cache_clear()
+    first = segmentation.mattes(picture, size=256)
+    monkeypatch.setattr(segmentation, "_segmenter", lambda path, size: pytest.fail("looked again"))
+    for before, after in zip(first, segmentation.mattes(picture.copy(), size=256)):
+        np.testing.assert_array_equal(before, after)

@@ -9,7 +9,15 @@ from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar, Skin, SkinPainter
 from lfportrait.job.specimens import ball_capture
-from lfportrait.stylize import StyledField, StylizeConfig, kept_skin, paint, stylize_with_figures
+from lfportrait.stylize import (
+    Painters,
+    StyledField,
+    StylizeConfig,
+    kept_skin,
+    on_skin,
+    paint,
+    stylize_with_figures,
+)
 from lfportrait.stylize.notices import eye_opening, mouth_opening, notices
 from tests.fields import head_field
 from tests.portraits import HEAD_LANDMARKS, drawn_face
@@ -63,6 +71,43 @@ def test_a_head_takes_on_the_exemplars_colors(head, styled, violet):
     assert figures["refinement"]["steps"] == 2
     assert set(figures["pose"]) == {"yaw", "pitch", "roll"} and abs(figures["pose"]["yaw"]) < 9
     assert set(figures["seconds"]) == {"paint", "fit", "texture", "refine", "ground", "total"}
+
+
+@pytest.fixture(scope="module")
+def large():
+    face = drawn_face(640, 480, seed=2, skin=(200, 160, 90))
+    return Exemplar(face.image, face.landmarks, "large", face.mask)
+
+
+def test_a_preview_is_painted_by_a_picture_that_is_no_finer_than_itself(
+        head, capture, large, monkeypatch):
+    monkeypatch.setattr(on_skin, "LEAST", 10.0)
+    skin = Skin.of(head, capture.landmarks, capture.cameras, SMALL.pixels)
+    quick, whole = (Painters().of(large, skin, one).exemplar for one in (PREVIEW, SMALL))
+    assert 0.94 * skin.face / 2 < quick.size < 1.02 * skin.face / 2
+    assert 0.95 * 2 * skin.face < whole.size < 1.05 * 2 * skin.face < large.size
+    monkeypatch.setattr(on_skin, "LEAST", 48.0)
+    assert 45 < Painters().of(large, skin, PREVIEW).exemplar.size < 49
+
+
+def test_the_picture_of_a_preview_stays_the_same_while_a_landmark_moves(head, capture, large):
+    skin = Skin.of(head, capture.landmarks, capture.cameras, SMALL.pixels)
+    pictures = []
+    for aside in (0.0, 2.0, 4.0):
+        points = large.landmarks.copy()
+        points[30, 0] += aside
+        pictures.append(Painters().of(replace(large, landmarks=points), skin, PREVIEW).exemplar)
+    assert all(np.array_equal(one.image, pictures[0].image) for one in pictures)
+    assert pictures[2].landmarks[30, 0] > pictures[0].landmarks[30, 0]
+
+
+def test_a_preview_by_a_small_picture_is_like_one_by_the_whole(head, capture, large, monkeypatch):
+    config = replace(PREVIEW, pixels=160.0)
+    quick, inside = front(stylize_with_figures(head, capture, large, config)[0])
+    monkeypatch.setattr(on_skin, "PREVIEWED", 4.0)
+    whole, _ = front(stylize_with_figures(head, capture, large, config)[0])
+    away = np.abs(quick - whole)[inside]
+    assert 0 < away.mean() < 0.02 and np.quantile(away, 0.95) < 0.1
 
 
 def test_the_same_seed_gives_the_same_bytes(head, capture, violet, styled):

@@ -259,9 +259,8 @@ class _Level:
         self.size = self.picture.shape[0], self.picture.shape[1]
         self.shape = planes.shape[0], planes.shape[1]
         self.root = np.float32(SCALE * 255 * np.sqrt(config.style_weight / 3))
-        self.patches = _interleaved(self.picture * self.root, source.guides[level])
-        padded = np.pad(planes, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
-        self.target = _interleaved(np.zeros((*padded.shape[:2], 3), np.float32), padded)
+        self.patches = _interleaved(self.size, 0, self.picture * self.root, source.guides[level])
+        self.target = _interleaved(self.shape, MARGIN, None, planes)
         self.state = (np.full(self.shape, ACTIVE, np.uint8) if target.state is None
                       else at_middles(target.state, level, self.shape))
         self.owner = (None if target.owner is None
@@ -274,6 +273,7 @@ class _Level:
         self.guided = (self.start if target.guided is target.start
                        else self._flat(target.guided))
         self.fixed = fixed
+        self.error = np.zeros(self.shape, np.float32)
         self.voted: Float32 | None = None
 
     def _want(self, target: PatchTarget) -> None:
@@ -320,7 +320,7 @@ class _Level:
     def improve(self, places: Int32, radius: int, seed: int, reach: int) -> Float32:
         """Search better patches for the voted colors, in place; new colors [H, W, 3]."""
         config = self.config
-        error = np.zeros(self.shape, np.float32)
+        error = self.error
         if self.voted is None:
             # Without colors yet all patches weigh the same.
             self.voted = np.zeros((*self.shape, 3), np.float32)
@@ -357,23 +357,39 @@ class _Level:
 
     def _show(self, colors: Float32) -> None:
         """Write the voted colors into the target picture."""
-        height, width = self.shape
-        shown = self.target[:-16].view(np.float16).reshape(
-            height + 2 * MARGIN, width + 2 * MARGIN, CHANNELS)[..., :3]
+        shown = _channels(self.target, self.shape, MARGIN)[..., :3]
         np.multiply(colors, self.root, out=shown[MARGIN:-MARGIN, MARGIN:-MARGIN],
                     casting="same_kind")
-        # The border is repeated around it.
-        shown[MARGIN:-MARGIN, :MARGIN] = shown[MARGIN:-MARGIN, MARGIN:MARGIN + 1]
-        shown[MARGIN:-MARGIN, -MARGIN:] = shown[MARGIN:-MARGIN, -MARGIN - 1:-MARGIN]
-        shown[:MARGIN] = shown[MARGIN]
-        shown[-MARGIN:] = shown[-MARGIN - 1]
+        _repeat_border(shown, MARGIN)
 
 
-def _interleaved(colors: Float32, planes: Float32) -> NDArray[np.uint16]:
-    """Colors and guides as flat float16 bits; channels that are not used are 0."""
-    height, width = colors.shape[:2]
-    out = np.zeros(height * width * CHANNELS + 16, np.float16)
-    values = out[:-16].reshape(height, width, CHANNELS)
-    values[..., :3] = colors
-    values[..., 3:3 + planes.shape[2]] = planes
-    return out.view(np.uint16)
+def _interleaved(shape: tuple[int, int], margin: int, colors: Float32 | None, planes: Float32,
+                 ) -> NDArray[np.uint16]:
+    """Colors [h, w, 3] and guides [h, w, G] as flat float16 bits; channels not used are 0.
+
+    So many pixels around them repeat the border.
+    """
+    out = np.zeros((shape[0] + 2 * margin) * (shape[1] + 2 * margin) * CHANNELS + 16, np.uint16)
+    values = _channels(out, shape, margin)
+    inner = values[margin:margin + shape[0], margin:margin + shape[1]]
+    if colors is not None:
+        inner[..., :3] = colors
+    inner[..., 3:3 + planes.shape[2]] = planes
+    if margin:
+        _repeat_border(values, margin)
+    return out
+
+
+def _channels(bits: NDArray[np.uint16], shape: tuple[int, int], margin: int) -> NDArray[np.float16]:
+    """A flat array of `_interleaved` as float16 [h + 2 m, w + 2 m, CHANNELS], not copied."""
+    return bits[:-16].view(np.float16).reshape(shape[0] + 2 * margin, shape[1] + 2 * margin,
+                                               CHANNELS)
+
+
+def _repeat_border(values: NDArray[np.float16], margin: int) -> None:
+    """Let the margin of a picture [h, w, C] repeat what lies within, in place."""
+    inside = slice(margin, -margin)
+    values[inside, :margin] = values[inside, margin:margin + 1]
+    values[inside, -margin:] = values[inside, -margin - 1:-margin]
+    values[:margin] = values[margin]
+    values[-margin:] = values[-margin - 1]

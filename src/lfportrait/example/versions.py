@@ -7,6 +7,7 @@ the forehead is bared, eyes that look apart look the same way, and are shut wher
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,4 +80,9 @@ def from_the_front(exemplar: Exemplar, pose: FacePose, fringe: bool, lids: Lids,
 
 
 def _plain(exemplar: Exemplar, wear: Sequence[str]) -> Exemplar:
-    return exemplar if "spectacles" in wear else without_spectacles(exemplar)
+    if "spectacles" in wear:
+        return exemplar
+    with ThreadPoolExecutor(1, "regions") as aside:
+        # Of who wears no spectacles the regions are asked for next: they are kept.
+        aside.submit(exemplar.regions)
+        return without_spectacles(exemplar)

@@ -69,10 +69,12 @@ def generic_depth(x: Float64, y: Float64, landmarks: Float64 = GENERIC_LANDMARKS
     # The face ends where its landmarks end; the brows' line goes on a little into the forehead.
     spline = RBFInterpolator(landmarks[:, :2], landmarks[:, 2],
                              kernel="thin_plate_spline", smoothing=1e-4)
-    face = spline(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
     low, high = landmarks[8, 1], landmarks[17:27, 1].max()
     middle, half = (low + high) / 2, (high - low) / 2
     away = np.sqrt((x / landmarks[16, 0]) ** 2 + ((y - middle) / (1.25 * half)) ** 2)
     share = np.clip((1.15 - away) / 0.3, 0, 1)
     share = share * share * (3 - 2 * share)
+    face, near = np.zeros(np.shape(x)), share > 0
+    if near.any():
+        face[near] = spline(np.stack([x[near], y[near]], axis=1))
     return np.asarray(share * face + (1 - share) * np.maximum(skull, _BEHIND), np.float64)

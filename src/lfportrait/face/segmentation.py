@@ -84,10 +84,22 @@ def _described(content: bytes, size: int) -> tuple[bytes, int]:
 
 
 def _run(name: str, frame: NDArray[np.uint8]) -> Float32:
-    """The output [h, w, c] of a network for one square picture [H, H, C]."""
-    found = _segmenter(models.fetch(name), len(frame)).segment(picture(frame))
-    return np.stack([mask.numpy_view().reshape(len(frame), len(frame))
-                     for mask in found.confidence_masks], axis=-1)
+    """The output [h, w, c] of a network for one square picture [H, H, C], read only.
+
+    A painting is looked at again whenever one of its landmarks was moved.
+    """
+    return _output(models.fetch(name), frame.tobytes(), len(frame))
+
+
+@functools.lru_cache(maxsize=6)
+def _output(path: Path, content: bytes, side: int) -> Float32:
+    """The output [h, w, c] of the network in a file for a picture's bytes; the last are kept."""
+    frame = np.frombuffer(content, np.uint8).reshape(side, side, -1)
+    found = _segmenter(path, side).segment(picture(frame))
+    out = np.stack([mask.numpy_view().reshape(side, side) for mask in found.confidence_masks],
+                   axis=-1)
+    out.setflags(write=False)
+    return out
 
 
 def _softmax(values: Float32) -> Float32:

@@ -9,6 +9,7 @@ refine them at half the size. What the lattice is too coarse for becomes the fie
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -38,6 +39,9 @@ Float32 = NDArray[np.float32]
 
 FINER = 2.0
 """Pixels of an exemplar, at most, per pixel of the skin."""
+PREVIEWED, LEAST, STEPS = 1.0, 48.0, 16
+"""The same per painted pixel of a preview; the size of a face, in pixels, that is always enough to
+find a painting's materials; and the steps from one size of such a picture to half of it."""
 
 
 def paint(skin: Skin, exemplar: Exemplar, config: StylizeConfig | None = None) -> Painting:
@@ -57,12 +61,18 @@ def paint(skin: Skin, exemplar: Exemplar, config: StylizeConfig | None = None) -
     return Painters().of(exemplar, skin, config).paint(skin, PREVIEW if config.preview else 1)
 
 
-def _fitting(exemplar: Exemplar, face: float) -> Exemplar:
-    """The exemplar without what is finer than a skin can show: that would only cost time.
+def _reduced(exemplar: Exemplar, face: float, preview: bool) -> float:
+    """How much smaller an exemplar is made, at most 1: what is finer would only cost time.
 
-    ``face`` is the size of its face in pixels.
+    Neither a skin nor a preview can show it. ``face`` is the size of the skin's face in pixels.
+    For previews the size is one of a few steps, so that the picture stays the same while its
+    landmarks are moved.
     """
-    return exemplar.within(FINER * face)
+    finest, least = (size / exemplar.size for size in (
+        FINER * face, max(PREVIEWED * face / PREVIEW, LEAST)))
+    if preview and least < finest:
+        finest = 2.0 ** (math.floor(STEPS * math.log2(least)) / STEPS)
+    return min(finest, 1.0)
 
 
 class Sitter:
@@ -139,12 +149,13 @@ class Painters:
         face, fringe = skin.face, skin.hair is not None
         lids = ((False, False) if config.eyes == "painted"
                 else asked_lids(exemplar, skin.plane.landmarks))
-        key = (id(exemplar), face, fringe, lids, config.painting, config.transfer, config.seed,
+        reduced = _reduced(exemplar, face, config.preview)
+        key = (id(exemplar), reduced, fringe, lids, config.painting, config.transfer, config.seed,
                config.wear)
         found = self._known.pop(key, None)
         if found is None:
-            painter = SkinPainter(_fitting(exemplar, face), config.painting, config.transfer,
-                                  config.seed, fringe, lids, config.wear)
+            painter = SkinPainter(exemplar.within(reduced * exemplar.size), config.painting,
+                                  config.transfer, config.seed, fringe, lids, config.wear)
             # The exemplar is kept: its identity is not given to another.
             found = exemplar, painter
         self._known[key] = found

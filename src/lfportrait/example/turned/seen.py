@@ -72,10 +72,11 @@ def _hidden(points: Float64, pose: FacePose, head: Float64) -> NDArray[np.bool_]
     out = np.zeros(points.shape[:2], bool)
     for along in np.arange(0.02, 1.2, 2 * RELIEF):
         ahead = points + along * pose.rotation[2]
-        row, column = ((ahead[..., axis] - low[axis]) / RELIEF for axis in (1, 0))
+        inside = head_oval(ahead[..., 0], ahead[..., 1], 0.47, 0.02, 0.7) < 1
+        ahead = ahead[inside]
+        row, column = ((ahead[:, axis] - low[axis]) / RELIEF for axis in (1, 0))
         found = ndimage.map_coordinates(surface, [row, column], order=1, cval=-np.inf)
-        deep = found - ahead[..., 2]
-        out |= (deep > 0.005) & (head_oval(ahead[..., 0], ahead[..., 1], 0.47, 0.02, 0.7) < 1)
+        out[inside] |= found - ahead[:, 2] > 0.005
     return out
 
 

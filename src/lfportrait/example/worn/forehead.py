@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -152,7 +153,8 @@ def _unlike(small: SmallPicture, sample: Bools, where: Bools) -> tuple[Bools, Bo
     skin = lab[sample][::max(1, int(sample.sum()) // MOST)]
     tree, near = cKDTree(skin), [max(1, round(NEAR * len(skin)))]
     own = np.quantile(tree.query(skin, k=near)[0], USUAL)
-    unlike[where] = tree.query(lab[where], k=near)[0][:, 0] > OTHER * own + LEAST_OTHER
+    away = tree.query(lab[where], k=near, workers=numba.get_num_threads())[0][:, 0]
+    unlike[where] = away > OTHER * own + LEAST_OTHER
     return unlike, unlike & (lab[..., 0] > np.quantile(skin[:, 0], USUAL))
 
 

@@ -142,14 +142,14 @@ def find_spectacles(image: NDArray[np.uint8], landmarks: NDArray[np.floating],
     face = upright(image, points, pose)
     best, found = SURE, None
     both = ridges(face)
-    for tone, lines in zip((-1.0, 1.0), both):
-        for pair in find_pairs(face, lines, TRIED):
-            rims = [followed(face, lines, curve, middle)
-                    for curve, middle in zip(pair.curves, pair.middles)]
-            alike, width = _cross_sections(tone * face.grey, rims)
-            score = pair.votes * float(np.sqrt(rims[0].clear * rims[1].clear)) * alike
-            if score > best:
-                best, found = score, (lines, rims, width)
+    tried = [(tone, lines, pair) for tone, lines in zip((-1.0, 1.0), both)
+             for pair in find_pairs(face, lines, TRIED)]
+    both_rims = followed(face, [lines for _, lines, _ in tried], [pair for *_, pair in tried])
+    for (tone, lines, pair), rims in zip(tried, both_rims):
+        alike, width = _cross_sections(tone * face.grey, rims)
+        score = pair.votes * float(np.sqrt(rims[0].clear * rims[1].clear)) * alike
+        if score > best:
+            best, found = score, (lines, rims, width)
     if found is None:
         return None
     lines, rims, width = found

@@ -8,6 +8,8 @@ dynamic programming, as a painted rim wobbles.
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -16,7 +18,8 @@ from numpy.typing import NDArray
 
 from .ridges import DIRECTIONS, UNIT, UprightFace
 
-__all__ = ["Rim", "RimPair", "find_pairs", "followed", "followed_arc", "normals_of", "sampled"]
+__all__ = ["Rim", "RimPair", "find_pairs", "followed", "followed_arc", "normals_of", "sampled",
+           "ways"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -111,8 +114,9 @@ def _widened(plane: Float32) -> Float32:
     return np.asarray(cv2.dilate(plane, np.ones((3, 3), np.uint8)), np.float32)
 
 
+@functools.lru_cache(maxsize=2 * len(CURVES))
 def _curve(curve: Curve, count: int) -> tuple[Float64, Float64]:
-    """Points [count, 2] at equal distances on a curve around 0, and unit tangents."""
+    """Points [count, 2] at equal distances on a curve around 0, and unit tangents; read only."""
     wide, high, power, cut = curve
     angle = np.linspace(0, 2 * np.pi, 361)
     away = (np.abs(np.cos(angle)) ** power + np.abs(np.sin(angle)) ** power) ** (-1 / power)
@@ -127,7 +131,10 @@ def _curve(curve: Curve, count: int) -> tuple[Float64, Float64]:
     places = np.linspace(0, length[-1], count, endpoint=False)
     step = length[-1] / count / 3
     tangents = at(places + step) - at(places - step)
-    return at(places), tangents / np.linalg.norm(tangents, axis=1, keepdims=True)
+    found = at(places), tangents / np.linalg.norm(tangents, axis=1, keepdims=True)
+    for one in found:
+        one.setflags(write=False)
+    return found
 
 
 def _votes(face: UprightFace, lines: Float32, curve: Curve) -> Float32:
@@ -231,16 +238,31 @@ def _best(face: UprightFace, votes: list[Float32], number: int,
     return RimPair(best, curves[::-1] if swap else curves, (middle - half, middle + half))
 
 
-def followed(face: UprightFace, lines: Float32, curve: Curve, middle: Float64) -> Rim:
-    """The rim near a curve of the face's plane around a place, upright pixels [2]."""
-    points = face.seen(_curve(curve, FINE)[0])
-    away = _course(lines, middle, points, ROOM)
-    # What the course has in common with a smooth curve is where the rim is; it is followed anew
+def followed(face: UprightFace, lines: Sequence[Float32], pairs: Sequence[RimPair],
+             ) -> list[list[Rim]]:
+    """The rims near the curves of each pair: the left one and the right one.
+
+    ``lines`` are those of each pair, as in `find_pairs`. Rims are followed side by side: a step
+    along twelve curves takes hardly longer than one along a single one.
+    """
+    planes = [one for one, _ in zip(lines, pairs) for _ in range(2)]
+    middle = np.array([one for pair in pairs for one in pair.middles]).reshape(-1, 1, 2)
+    points = np.array([face.seen(_curve(one, FINE)[0]) for pair in pairs for one in pair.curves]
+                      ).reshape(-1, FINE, 2)
+    away = _courses(planes, middle, points, ROOM)
+    # What the course has in common with a smooth curve is where the rim is; it is followed again
     # from there, and less freely.
-    places = _smooth(points * away[:, None])
-    middle, points = middle + places.mean(axis=0), places - places.mean(axis=0)
+    places = np.array([_smooth(one) for one in points * away[..., None]]).reshape(points.shape)
+    means = places.mean(axis=1, keepdims=True)
+    middle, points = middle + means, places - means
     normals = normals_of(points)
-    points = middle + points * _course(lines, middle, points, NARROW)[:, None]
+    points = middle + points * _courses(planes, middle, points, NARROW)[..., None]
+    rims = [_rim(face, *one) for one in zip(planes, points, normals)]
+    return [rims[n:n + 2] for n in range(0, len(rims), 2)]
+
+
+def _rim(face: UprightFace, lines: Float32, points: Float64, normals: Float64) -> Rim:
+    """A rim of known course."""
     row, column = (np.clip(np.round(points[:, axis]).astype(int), 0, size - 1)
                    for axis, size in ((1, lines.shape[1]), (0, lines.shape[2])))
     return Rim(points, normals, sampled(lines, points, normals), ~face.eyes[row, column])
@@ -251,7 +273,7 @@ def followed_arc(lines: Float32, points: Float64, room: float) -> Float64:
     normals = normals_of(points, closed=False)
     aside = np.linspace(-room, room, 2 * round(2 * room) + 1)
     places = points[:, None] + normals[:, None] * aside[:, None]
-    way = _way(sampled(lines, places, np.broadcast_to(normals[:, None], places.shape)))
+    way = ways(sampled(lines, places, np.broadcast_to(normals[:, None], places.shape))[None])[0]
     return points + normals * aside[way, None]
 
 
@@ -297,28 +319,54 @@ def _smooth(points: Float64) -> Float64:
     return np.stack([smooth.real, smooth.imag], axis=1)
 
 
-def _course(lines: Float32, middle: Float64, points: Float64, room: Float64) -> Float64:
-    """Where the best line runs along a closed curve: times its distance from the middle, [n]."""
-    places = middle + points[:, None] * room[None, :, None]
-    gain = sampled(lines, places, np.broadcast_to(normals_of(points)[:, None], places.shape))
-    count = len(gain)
+def _courses(lines: Sequence[Float32], middles: Float64, points: Float64, room: Float64,
+             ) -> Float64:
+    """Where the best lines run along closed curves: times the distance from the middle, [K, n].
+
+    ``points`` are [K, n, 2] about ``middles``, [K, 1, 2].
+    """
+    places = middles[:, :, None] + points[:, :, None] * room[:, None]
+    normals = np.broadcast_to(normals_of(points)[:, :, None], places.shape)
+    gain = np.array([sampled(*one) for one in zip(lines, places, normals)]).reshape(
+        places.shape[:-1])
+    count = points.shape[1]
     # Twice round: the middle of the way is closed.
-    way = _way(np.concatenate([gain, gain]))
-    return np.asarray(room[np.r_[way[count:count + count // 2], way[count // 2:count]]])
+    found = ways(np.concatenate([gain, gain], axis=1))
+    return np.asarray(room[np.concatenate([found[:, count:count + count // 2],
+                                           found[:, count // 2:count]], axis=1)])
 
 
-def _way(gain: Float64) -> NDArray[np.int_]:
-    """Numbers [n] of the columns with the most gain, [n, m], one step aside at most a row."""
-    width = gain.shape[1]
-    total = gain[0].copy()
-    came = np.zeros(gain.shape, int)
-    for row in range(1, len(gain)):
-        padded = np.r_[-np.inf, total, -np.inf]
-        choice = np.stack([padded[1:-1], padded[:-2] - STIFF, padded[2:] - STIFF])
-        which = choice.argmax(axis=0)
-        came[row] = np.arange(width) + np.array([0, -1, 1])[which]
-        total = choice.max(axis=0) + gain[row]
-    way = [int(total.argmax())]
-    for row in range(len(gain) - 1, 0, -1):
-        way.append(int(came[row, way[-1]]))
-    return np.array(way[::-1])
+def ways(gain: Float64) -> NDArray[np.int_]:
+    """The ways with the most gain through several tables at once.
+
+    Parameters
+    ----------
+    gain
+        float64 [K, n, m].
+
+    Returns
+    -------
+    columns
+        int [K, n], of each row; at most one aside of the row before, which costs `STIFF`. Of equal
+        ways the straight one.
+    """
+    tables, rows, width = gain.shape
+    came = np.zeros(gain.shape, np.int8)
+    total = np.full((tables, width + 2), -np.inf)
+    total[:, 1:-1] = gain[:, 0]
+    for row in range(1, rows):
+        aside = total - STIFF
+        before, after = aside[:, :-2], aside[:, 2:]
+        best = total[:, 1:-1].copy()
+        for other, step in ((before, -1), (after, 1)):
+            better = other > best
+            came[:, row][better] = step
+            np.copyto(best, other, where=better)
+        total[:, 1:-1] = best + gain[:, row]
+    every = np.arange(tables)
+    out = np.empty((tables, rows), np.int_)
+    out[:, -1] = total[:, 1:-1].argmax(axis=1)
+    for row in range(rows - 1, 0, -1):
+        here = out[:, row]
+        out[:, row - 1] = here + came[every, row, here]
+    return out
