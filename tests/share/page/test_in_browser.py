@@ -159,8 +159,8 @@ def test_slider_buttons_and_keys_are_wired(browser, page):
 
 SLIDE = """async (blend) => {
   const { mix, viewer } = lfportrait;
-  viewer.slid = Infinity;  // so long as the slider moves, no picture of the mix itself is drawn
   await mix.set(blend);
+  viewer.slid = Infinity;  // so long as the slider moves, no picture of the mix itself is drawn
   while (viewer.mixing || viewer.moved) await new Promise((done) => setTimeout(done, 5));
 }"""
 
@@ -185,6 +185,7 @@ def test_a_slider_mixes_pictures_of_its_ends(browser, page):
         each.run("() => { lfportrait.viewer.slid = 0; lfportrait.viewer.pace = 1; }")
         each.run(SLIDE, 0.5)
         assert each.run("() => lfportrait.viewer.ends.pairs[0].share") < 0.3
+        each.run("() => { lfportrait.viewer.pace = 0; }")
         # Seen from elsewhere they are others.
         each.run("() => { lfportrait.orbit.turn(0.3, 0); lfportrait.viewer.change(); }")
         assert each.run("() => Object.keys(lfportrait.renderer.targets)"

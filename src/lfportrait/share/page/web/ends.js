@@ -54,9 +54,9 @@ class Ends {
     return Boolean(this.shown) && this.shown === this.pairs.at(-1);
   }
 
-  /** Whether there is a finer pair than the one on the canvas. */
+  /** Whether there is a pair that is finer than the one on the canvas, or the first. */
   get finer() {
-    return this.seen !== null && this.shown !== this.seen;
+    return Boolean(this.shown) && this.shown !== this.seen;
   }
 
   /** Draw the ends on: the first pair at once, of the finer ones a strip. */
