@@ -56,11 +56,9 @@ class Cells:
         Nothing at edges that are straight, however steep. Cells without a place that is ``known``,
         bool [N], take the nearest one's value.
         """
-        found, means = self._means(values, known)
-        if not found.any():
+        if not known.any():
             return np.zeros(len(values), np.float32)
-        _, nearest = distance_transform_edt(~found, return_indices=True)
-        filled = means[tuple(nearest)]
+        filled = self._filled(values, known)
         kernel = np.asarray(_disk(reach), np.uint8)
         closed = cv2.morphologyEx(filled, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_REPLICATE)
         return self._at(np.asarray(closed - filled, np.float64))
@@ -82,10 +80,13 @@ class Cells:
         kept[0] = False
         return self._at(means * binary_dilation(kept[pieces], iterations=2))
 
-    def _filled(self, values: Float32) -> Float64:
-        """Means of the cells, those of the nearest where there is no place."""
-        known, means = self._means(values, np.ones(len(values), bool))
-        _, nearest = distance_transform_edt(~known, return_indices=True)
+    def _filled(self, values: Float32, known: NDArray[np.bool_] | None = None) -> Float64:
+        """Means of the cells' known places (all by default); the nearest ones' where there is none.
+
+        ``values`` float32 [N], ``known`` bool [N], at least one of them; float64 [rows, columns].
+        """
+        found, means = self._means(values, np.ones(len(values), bool) if known is None else known)
+        _, nearest = distance_transform_edt(~found, return_indices=True)
         return np.asarray(means[tuple(nearest)], np.float64)
 
     def carried(self, values: Float32, inside: NDArray[np.bool_], blur: float, reach: float,

@@ -376,7 +376,8 @@ def _clothes(plane: HeadPlane, colors: Float32, points: Float32, flat: Float32, 
              depth: Float64, hair: Float32 | None) -> Float32:
     """What lies below the chin, is no hair, and is not of the color of the cheeks, [N].
 
-    ``depth`` [N] is 0 at the brows and 1 at the chin.
+    ``colors`` [N, 3] in [0, 1], ``points`` [N, 3] in the world and ``flat`` [N, 2] unwrapped;
+    ``seen``, ``hair`` [N] in [0, 1]; ``depth`` [N] is 0 at the brows and 1 at the chin.
     """
     out = np.zeros(len(colors), np.float32)
     below = depth > 1.0

@@ -110,7 +110,7 @@ async def copy(call: Call) -> tuple[int, dict[str, Any]]:
 
 @TABLE.add("GET", "/api/styles/{style}/picture")
 async def style_picture(call: Call) -> Any:
-    """A painting's picture, made anew by us."""
+    """A painting's picture, written again by us."""
     style, project = _style(call)
     size = query_number(call, "size", 320)
     if size not in _SIZES:

@@ -65,7 +65,7 @@ class Screens {
     find("pause").addEventListener("click", () => this.pause(!this.player.paused));
     find("save").addEventListener("click", () => this.save());
     find("another").addEventListener("click", () => {
-      if (!confirm("Start anew for another person? Make sure that the file is saved.")) return;
+      if (!confirm("Start again for another person? Make sure that the file is saved.")) return;
       session.another();
       find("consent").checked = false;
       find("start").disabled = true;

@@ -71,7 +71,7 @@ class Mix {
   }
 
   /**
-   * Put it into the textures and draw anew. What is asked for while one is read comes next, and of
+   * Put it into the textures and draw again. What is asked for while one is read comes next, and of
    * several the last.
    * @param {boolean} slid A slider was moved: nothing but the share of both has changed.
    */

@@ -78,7 +78,7 @@ class PanelMode {
     const { display } = this;
     find("start-panel").disabled = !display;
     find("display-message").textContent = problem || (display
-      ? `${display.name}: ${display.width} x ${display.height} pixels, ${display.views} views. ${display.calibrated ? "Calibrated." : "Not calibrated: expect blur and jumps; your panel's own visual.json mends that."}`
+      ? `${display.name}: ${display.width} x ${display.height} pixels, ${display.views} views. ${display.calibrated ? "Calibrated." : "Not calibrated: expect blur and jumps; your panel's own visual.json corrects that."}`
       : "Choose your panel, or drop its visual.json or a display file onto this page.");
   }
 

@@ -32,7 +32,7 @@ class Viewer {
     this.slid = 0; // when a slider was moved last
   }
 
-  /** Something has changed: draw anew. `hand` where a person did it. */
+  /** Something has changed: draw again. `hand` where a person did it. */
   change(hand = true) {
     if (hand) this.touched = performance.now();
     this.still = 0;
