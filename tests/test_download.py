@@ -145,7 +145,7 @@ def test_each_failure_is_one_line_and_leaves_nothing(server, tmp_path, monkeypat
     assert "\n" not in text and "net.bin" in text and "lfportrait models add" in text
     assert list(tmp_path.iterdir()) == []
     assert len(server.asked) == asked
-    assert time.monotonic() - begin < 3
+    assert time.monotonic() - begin < 30
 
 
 @pytest.mark.parametrize(("content", "message"), [

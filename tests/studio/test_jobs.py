@@ -54,7 +54,7 @@ def alive(pid):
 
 
 def gone(*numbers):
-    until = time.monotonic() + 5
+    until = time.monotonic() + 30
     while any(map(alive, numbers)) and time.monotonic() < until:
         time.sleep(0.02)
     return not any(map(alive, numbers))

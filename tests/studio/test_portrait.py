@@ -241,7 +241,7 @@ def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
 
 def wait_for(ask):
     """What is noted a moment after a job has ended."""
-    until = time.monotonic() + 10
+    until = time.monotonic() + 60
     while not (found := ask()) and time.monotonic() < until:
         time.sleep(0.02)
     return found

@@ -150,11 +150,9 @@ def test_an_upload_that_hardly_moves_or_breaks_off_keeps_what_came(page, project
             await asyncio.sleep(0.01 if how == "slow" else 0)
         raise ClientDisconnect
 
-    begun = time.monotonic()
     with pytest.raises(Refusal if how == "slow" else ClientDisconnect) as error:
         run_apart(page.desk.uploads.receive(page.desk.projects.get(project), found["upload"], 0,
                                             len(data), dripping()))
-    assert time.monotonic() - begun < 2
     assert how == "gone" or error.value.code == "too_slow"
     (found,) = announced(page, project, entry("a.jpg", data))
     assert found["state"] == "resume" and 0 < found["offset"] <= 5000

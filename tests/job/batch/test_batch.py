@@ -150,7 +150,7 @@ def test_driver_and_workers_killed_it_ends_with_the_same_files(made, anna, tmp_p
     with command(*words) as process:
         wait_for(lambda: sum(entry["event"] == "done" for entry in journal(results)) >= 3)
         workers = children(process)
-        assert len(workers) >= 2
+        assert workers  # one where memory is too short for two
         process.kill()
     # Nobody goes on writing when the batch is gone.
     wait_for(lambda: not any(map(alive, workers)), 20)

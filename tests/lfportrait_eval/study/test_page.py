@@ -172,8 +172,7 @@ def test_going_back_and_pausing(browser, single):
         playing = "() => [...document.querySelectorAll('video')].map((video) => !video.paused)"
         assert page.evaluate(playing) == [False, False]
         page.click("#pause")
-        page.wait_for_timeout(100)
-        assert page.evaluate(playing) == [True, True]
+        page.wait_for_function(f"() => String(({playing})()) === 'true,true'")
         each.finish()
         page.click("#change")
         page.wait_for_selector(READY)
@@ -192,7 +191,7 @@ def test_both_portraits_turn_together(browser, study):
           return !left.paused && !right.paused && left.currentTime > 0
             && Math.min(apart, left.duration - apart) < 0.12;
         }"""
-        each.page.wait_for_function(apart, timeout=10000)
+        each.page.wait_for_function(apart, timeout=60000)
         assert each.page.evaluate("() => [...document.querySelectorAll('video')].every("
                                   "(video) => video.muted && video.loop)")
 

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -181,6 +181,13 @@ class Opened:
                 return found
             time.sleep(min(0.03 + 0.1 * waited, 0.3))  # to ask takes time of what is waited for
         raise AssertionError(f"{script} stays {found}; {self.complaints}")
+
+    def eventually(self, condition: Callable[[], bool], seconds: float = 60.0) -> None:
+        """Wait for what only the test can tell."""
+        begun = time.monotonic()
+        while not condition():
+            assert time.monotonic() - begun < seconds, self.complaints
+            self.page.wait_for_timeout(50)
 
 
 @pytest.fixture

@@ -252,8 +252,7 @@ def test_points_stay_put_while_the_picture_is_enlarged_and_moved(editor):
     corner = middle(editor, 30)
     editor.page.mouse.move(*corner)
     editor.page.mouse.wheel(0, -300)
-    editor.page.wait_for_timeout(100)
-    assert scale(editor) > 1.5 * factor
+    editor.eventually(lambda: scale(editor) > 1.5 * factor)
     np.testing.assert_allclose(middle(editor, 30), corner, atol=1)  # what is under the pointer
     editor.page.click("[aria-label^='Whole']")
     editor.page.mouse.move(box["x"] + 8, box["y"] + box["height"] / 2)
@@ -293,8 +292,7 @@ def test_two_fingers_enlarge_and_do_not_move_a_point(browser, studio, painting):
                 {"x": (one - spread)[0], "y": (one - spread)[1], "id": 0},
                 {"x": (other + spread)[0], "y": (other + spread)[1], "id": 1}]})
         session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-        phone.page.wait_for_timeout(100)
-        assert scale(phone) > 1.3 * factor
+        phone.eventually(lambda: scale(phone) > 1.3 * factor)
         np.testing.assert_allclose(points(phone), before)
 
 

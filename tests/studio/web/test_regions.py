@@ -44,26 +44,25 @@ def stroke(brush, by=(60, 0)):
 def test_a_stroke_is_written_undone_and_erased(brush):
     brush.page.click(".kind:has-text('Hat')")
     stroke(brush)
+    brush.eventually(lambda: written(brush).any())
     labels = written(brush)
     assert set(np.unique(labels)) == {0, 2}
     rows, columns = np.nonzero(labels)
     assert np.ptp(columns) > 1.3 * np.ptp(rows)  # as long as it was drawn, as wide as the brush
     brush.page.keyboard.press("Control+z")
-    brush.page.wait_for_timeout(600)
-    assert not written(brush).any()
+    brush.eventually(lambda: not written(brush).any())
     brush.page.keyboard.press("Control+Shift+z")
-    brush.page.wait_for_timeout(600)
-    np.testing.assert_array_equal(written(brush), labels)
+    brush.eventually(lambda: np.array_equal(written(brush), labels))
     brush.page.click(".kind:has-text('Eraser')")
     stroke(brush)
-    brush.page.wait_for_timeout(600)
-    assert not written(brush).any()
+    brush.eventually(lambda: not written(brush).any())
 
 
 def test_keys_paint_too(brush):
     brush.page.locator(".brush").focus()
     for key in ("3", "]", "ArrowRight", "Space"):
         brush.page.keyboard.press(key)
+    brush.eventually(lambda: written(brush).any())
     labels = written(brush)
     assert set(np.unique(labels)) == {0, 3}
     rows, columns = np.nonzero(labels)

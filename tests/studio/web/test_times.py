@@ -1,5 +1,7 @@
 """Time left: it counts down between what the server says, and never says what nobody knows."""
 
+import re
+
 import pytest
 
 JOB = {"id": "j-1", "kind": "head", "project": "ben", "name": "ben", "version": None,
@@ -66,15 +68,20 @@ def heard(opened, job):
     }""", job)
 
 
+def seconds(place):
+    """The number of seconds that is said there."""
+    return int(re.search(r"(\d+) s left", place.inner_text())[1])
+
+
 def test_the_screen_counts_without_a_word_from_the_server(opened):
     opened.go("making/ben")
     heard(opened, {**JOB, "stages": [stage("capture", "running", 40)]})
     said = opened.page.locator(".phase .when")
     total = opened.page.locator(".stage-list .tight .soft")
-    assert said.inner_text() in ("about 40 s left", "about 39 s left")
-    opened.until("""() => ["38", "37"].some((n) =>
-      document.querySelector(".phase .when").textContent.includes(n))""")
-    assert total.inner_text().partition("%")[2].strip(" ·").startswith("about 3")
+    first = seconds(said)
+    assert 25 < first <= 40
+    opened.eventually(lambda: 25 < seconds(said) < first)
+    assert 20 < seconds(total) < first
 
 
 @pytest.mark.parametrize("screen", ["making", "style"])
@@ -101,4 +108,4 @@ def test_the_photos_that_were_looked_at_are_counted(opened):
       const { tell } = await import("/static/state.js");
       tell("progress", { job: "j-1", progress: 0.25 });
     }""")
-    assert "16 of 64" in opened.page.inner_text("#main")
+    opened.page.wait_for_selector("#main >> text=16 of 64")
