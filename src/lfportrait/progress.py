@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Callable
@@ -40,6 +41,7 @@ class Progress:
         self._tty = self._stream.isatty()
         self._start = time.perf_counter()
         self._last = -1e9 if self._tty else self._start
+        self._step = ""
         self._width = 0
 
     def step(self, note: str = "", count: int = 1) -> None:
@@ -49,10 +51,21 @@ class Progress:
     def update(self, done: int, note: str = "") -> None:
         """Set the number of finished steps and show ``note`` behind the bar."""
         self.done = done
-        now = time.perf_counter()
-        if self.enabled and now - self._last >= (0.1 if self._tty else 10.0):
-            self._last = now
+        if self.enabled and self._due(note, 0.1 if self._tty else 10.0, changes=self._tty):
             self._write(note)
+
+    def _due(self, note: str, seconds: float, changes: bool = True) -> bool:
+        """Whether to write: every few seconds, and at once where another step begins.
+
+        Notes that differ in numbers alone are of the same step. The first note of a step would
+        else be dropped where it comes right after the last one of the step before.
+        """
+        now = time.perf_counter()
+        step = re.sub(r"\d+", "", note)
+        if now - self._last < seconds and not (changes and step != self._step):
+            return False
+        self._last, self._step = now, step
+        return True
 
     def show(self, make: Callable[[], object]) -> None:
         """Offer an intermediate result, made by a call where it is wanted: a line wants none."""

@@ -104,6 +104,8 @@ def cut_person(capture: Capture, progress: Progress | None = None,
         mattes = cut_out(capture, soft, progress)
         how = "geometry" if mattes is not None else how
     if mattes is None:
+        if progress is not None:
+            progress.update(0, "cutting out the person: edges")
         with ThreadPoolExecutor(2) as workers:
             refined = list(workers.map(refine_matte, capture.images, soft))
         mattes = consistent_mattes(capture, refined)

@@ -211,7 +211,9 @@ def _advice(facts: list[PhotoFacts], gaps: list[tuple[float, float]], faces: boo
         found.append(f"Take these again, they are blurred: {_named(bad)}. Use more light, or hold "
                      "the camera still for each photo.")
     if len(useful) < _WANTED:
-        found.append(f"{len(useful)} usable photos are too few; take 40, at least {_WANTED}.")
+        found.append(f"1 usable photo is too few; take 40, at least {_WANTED}."
+                     if len(useful) == 1 else
+                     f"{len(useful)} usable photos are too few; take 40, at least {_WANTED}.")
     yaws = [one.yaw for one in useful if one.yaw is not None]
     if faces and len(yaws) < 0.15 * len(facts):
         found.append("Hardly any photo shows a face: keep the head upright and unobstructed. "

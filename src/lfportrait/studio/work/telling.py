@@ -105,15 +105,13 @@ class Told(Progress):
         super().__init__(stage, enabled=False)
         self.compiled = 0
         self._teller, self._stage, self._draw = teller, stage, draw
-        self._told = -1e9
+        self._last = -1e9
         self._shown, self._took = time.perf_counter(), 0.0
 
     def update(self, done: int, note: str = "") -> None:
         """Tell how much is done."""
         self.done = done
-        now = time.perf_counter()
-        if now - self._told >= _EVERY:
-            self._told = now
+        if self._due(note, _EVERY):
             share = min(1.0, done / self.total) if self.total else None
             self._teller.tell("progress", self._stage, share, note)
 
