@@ -153,6 +153,10 @@ class Opened:
         return self.page.evaluate(f"(argument) => {{ {TEXT} return ({script})(argument); }}",
                                   argument)
 
+    def press(self, selector: str) -> None:
+        """Click a button, which hides from a pointer that rests and comes back as it moves."""
+        self.page.click(selector, force=True)
+
     def told(self) -> str:
         return self.page.inner_text("#message")
 

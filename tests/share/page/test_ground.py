@@ -117,7 +117,7 @@ def test_the_button_goes_from_the_painted_ground_to_plain_ones_and_back(opened, 
     assert first[0] == 1
     shown = []
     for _ in range(3):
-        opened.page.click("#ground")
+        opened.press("#ground")
         shown.append(look())
     other = {"light": "dark", "dark": "light"}[first[1]]
     assert shown == [(0.0, first[1]), (0.0, other), first]

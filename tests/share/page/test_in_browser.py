@@ -128,8 +128,7 @@ def test_slider_buttons_and_keys_are_wired(browser, page):
         each.page.fill("#blend", "250")
         each.run("() => lfportrait.mix.busy")
         assert each.run(state) == [1, 0.25, [0, 1]]
-        each.page.mouse.move(20, 20)  # the buttons hide from a pointer that rests
-        each.page.click("#styles button:nth-child(2)")
+        each.press("#styles button:nth-child(2)")
         each.page.wait_for_selector("#styles button:nth-child(2)[aria-pressed=true]")
         each.page.locator("#canvas").focus()
         for key in ("ArrowRight", "ArrowUp", "+"):
@@ -146,12 +145,10 @@ def test_slider_buttons_and_keys_are_wired(browser, page):
         assert turned > yaw + 0.2 and closer > zoom * 1.2
         each.page.dblclick("#canvas", position={"x": 160, "y": 100})
         assert each.run("() => [lfportrait.orbit.yaw, lfportrait.orbit.zoom]") == [0, 1]
-        each.page.mouse.move(20, 20)
-        each.page.click("#ground")
+        each.press("#ground")
         assert each.page.get_attribute("html", "data-ground") == "light"
         with each.page.expect_download() as download:
-            each.page.mouse.move(30, 20)
-            each.page.click("#picture")
+            each.press("#picture")
         assert download.value.suggested_filename == "anna-script-script.png"
         assert each.complaints == []
 

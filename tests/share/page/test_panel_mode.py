@@ -108,8 +108,7 @@ def test_files_that_are_no_displays_are_told(opened, name, text, told):
 def start(each, tmp_path, panel):
     """Choose a display file and press the button."""
     panel.save(tmp_path / "mine.toml")
-    each.page.mouse.move(20, 20)  # the buttons hide from a pointer that rests
-    each.page.click("#open-panel")
+    each.press("#open-panel")
     each.page.set_input_files("#display-file", tmp_path / "mine.toml")
     each.page.wait_for_selector(
         f"#display-message:has-text('{panel.width} x {panel.height} pixels')")
