@@ -1,15 +1,21 @@
 """A head that is open behind is closed, smoothly; what photos saw stays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
+from scipy import ndimage
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.field import VoxelField
-from lfportrait.field.closing import close_back
+from lfportrait.field.closing import back, close_back
+from lfportrait.field.closing.photos import Photos
+from lfportrait.field.closing.shell import with_shell
 from lfportrait.field.geometry.chart import Chart
 from lfportrait.field.geometry.plate import continued, large_pieces
+from lfportrait.field.harmonics import C0
 from lfportrait.metrics import psnr
 from tests.fields import head_field, shell_field
 from tests.portraits import HEAD_LANDMARKS
@@ -74,6 +80,52 @@ def test_photos_see_what_they_saw():
     for view in range(0, 25, 4):
         before, after = (one.render(FRONT.cameras, view).color for one in (field, closed))
         assert psnr(after, before) > 36
+
+
+class Doubtful(Photos):
+    """Photos that see past a tenth of all places, and hardly see what they see."""
+
+    def past(self, points, nearly=True):
+        return super().past(points, nearly) | (np.random.default_rng(0).random(len(points)) < 0.1)
+
+    def seen(self, points, outwards=None, least=0.0):
+        return np.full(len(points), 2 if outwards is None else 0, np.int32)
+
+
+def discolored(monkeypatch, field, **change):
+    """How much of an orange head, closed by doubtful photos, is of another color from behind."""
+    def doubtful(field, shell, _, cut):
+        return with_shell(field, replace(shell, **change), Doubtful(field, FRONT), cut)
+
+    monkeypatch.setattr(back, "with_shell", doubtful)
+    sh = np.zeros_like(field.sh)
+    sh[..., 0] = (np.array([0.9, 0.5, 0.1]) - 0.5) / C0
+    field = replace(field, sh=sh)
+    if change:  # gray where photos look along the surface
+        points = field.lattice_points()
+        field.sh[np.degrees(np.abs(np.arctan2(points[:, 0], points[:, 2]))) > 135] = 0
+    closed, _ = close_back(field, HEAD_LANDMARKS, FRONT)
+    seen = closed.render(cameras([180]), 0)
+    inside = ndimage.binary_erosion(seen.alpha > 0.95, np.ones((5, 5)))
+    inside[110:] = False
+    off = np.abs(seen.color[inside] / seen.alpha[inside, None] - [0.9, 0.5, 0.1]).max(axis=1)
+    assert len(off) > 1000
+    return float((off > 0.1).mean())
+
+
+def test_no_gray_is_seen_beside_points_that_photos_see_past(monkeypatch):
+    field = opened(head_field(SIZE))
+    matter = (field.links >= 0) & (field.density[field.links] > 0)
+    near = (field.links >= 0) & ndimage.binary_dilation(matter, np.ones((3, 3, 3)))
+    links = np.full_like(field.links, -1)
+    links[near] = np.arange(near.sum())
+    rows = field.links[near]
+    field = VoxelField(links, field.density[rows], field.sh[rows])
+    assert discolored(monkeypatch, field) < 0.01
+
+
+def test_colors_that_photos_hardly_see_are_not_kept(monkeypatch):
+    assert discolored(monkeypatch, opened(head_field(SIZE), rag=8.0), guessed=True) < 0.06
 
 
 def test_a_head_seen_from_all_sides_is_left_alone():

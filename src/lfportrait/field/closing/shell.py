@@ -24,6 +24,8 @@ SHELL = 5.0
 """Voxels of the shell's thickness."""
 FRINGE = -2.0
 """Voxels outside of a guessed surface from which on what photos see along it is its fringe."""
+FRONT = np.radians(60.0)
+"""Angle from the front up to which what photos see at grazing angles keeps its colors."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the new surface; at most twice that."""
 
@@ -76,6 +78,11 @@ class Shell:
             sh[:, k, 0] = (self._at(self.colors[..., k], places) - 0.5) / C0
         return sh
 
+    def turn(self, places: Float64) -> Float64:
+        """Angles [N] of places [2, N] from the front, in [0, pi]."""
+        columns = np.rint(places[1]).astype(np.int64) % len(self.chart.angle)
+        return np.abs(np.asarray(self.chart.angle[columns], np.float64))
+
     def normals(self, places: Float64) -> Float64:
         """Outward normals [N, 3] of the surface at places [2, N]."""
         normal = normals_of(self.chart, smoothed(self.distance, np.ones_like(self.gap), 1.0))
@@ -103,12 +110,26 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
     density, sh = _changed(field, shell, photos)
     cells, deep, places = _new_cells(field, shell, cut)
     kept = ~photos.past(_points(field, cells), nearly=not shell.guessed) | (deep < 0)
-    cells, deep, places = cells[kept], deep[kept], places[:, kept]
+    # Points beside those that stay are empty, but have colors: between a point and none at all a
+    # ray would see gray.
+    beside = ~kept & _beside(field.links.shape, cells, kept)
+    fresh = np.where(beside, np.float32(0), _density(deep, voxel))[kept | beside]
+    cells, places = cells[kept | beside], places[:, kept | beside]
     links = field.links.copy()
     links[tuple(cells.T[::-1])] = np.arange(len(cells), dtype=np.int32) + len(density)
-    return VoxelField(links, np.concatenate([density, _density(deep, voxel)]),
+    return VoxelField(links, np.concatenate([density, fresh]),
                       np.concatenate([sh, shell.coefficients(places, field.basis)]), field.center,
                       field.radius, field.frame, field.background), len(cells)
+
+
+def _beside(shape: tuple[int, ...], cells: NDArray[np.int64], chosen: Bools) -> Bools:
+    """Which cells (x, y, z) [N, 3] have one of the chosen ones among their 26 neighbors, [N]."""
+    grid = np.zeros([size + 2 for size in shape], np.bool_)
+    grid[tuple(cells[chosen].T[::-1] + 1)] = True
+    found = np.zeros(len(cells), np.bool_)
+    for step in np.ndindex(3, 3, 3):
+        found |= grid[tuple(cells.T[::-1] + np.reshape(step, (3, 1)))]
+    return found
 
 
 def _changed(field: VoxelField, shell: Shell, photos: Photos,
@@ -128,7 +149,9 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
         fresh = _density(deep[loose], shell.voxel)
         density[loose] = np.where(well, density[loose], np.where(
             hardly, np.maximum(density[loose], fresh), fresh))
-        loose[loose] = ~(well | hardly)
+        # What photos look along they locate, but what they say of its colors is gray: these come
+        # from around. A chin, from below, has no other ones than those.
+        loose[loose] = ~(well | hardly & (shell.turn(places[:, loose]) < FRONT))
         sh[loose] = shell.coefficients(places[:, loose], field.basis)
         return density, sh
     # Outlines, each of which a single photo sees, stay where they are on the surface.
