@@ -26,6 +26,8 @@ FRINGE = -2.0
 """Voxels outside of a guessed surface from which on what photos see along it is its fringe."""
 FRONT = np.radians(60.0)
 """Angle from the front up to which what photos see at grazing angles keeps its colors."""
+WELL, FAIRLY = 0.25, 0.2
+"""Cosines to a surface from which on photos show where it lies, and which colors it has."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the new surface; at most twice that."""
 
@@ -144,14 +146,17 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
     sh[dim] = shell.coefficients(places[:, dim], field.basis)
     if shell.guessed:
         loose = (deep > -np.inf) & (deep < SHELL)
-        well = photos.seen(points[loose], shell.normals(places[:, loose]), 0.25) >= photos.enough
+        outwards = shell.normals(places[:, loose])
+        well, fairly = (photos.seen(points[loose], outwards, least) >= photos.enough
+                        for least in (WELL, FAIRLY))
         hardly = (photos.seen(points[loose]) > 0) & (deep[loose] > FRINGE)
         fresh = _density(deep[loose], shell.voxel)
         density[loose] = np.where(well, density[loose], np.where(
             hardly, np.maximum(density[loose], fresh), fresh))
         # What photos look along they locate, but what they say of its colors is gray: these come
         # from around. A chin, from below, has no other ones than those.
-        loose[loose] = ~(well | hardly & (shell.turn(places[:, loose]) < FRONT))
+        front = shell.turn(places[:, loose]) < FRONT
+        loose[loose] = ~(well | hardly & (fairly | front))
         sh[loose] = shell.coefficients(places[:, loose], field.basis)
         return density, sh
     # Outlines, each of which a single photo sees, stay where they are on the surface.
