@@ -19,7 +19,7 @@ from lfportrait.example.turned import (
     frontalised,
     suited,
 )
-from lfportrait.example.turned.seen import _normals, clearness
+from lfportrait.example.turned.seen import _normals, clearness, in_front
 from lfportrait.face import FacePose, face_pose
 from lfportrait.face.generic_head import EGG, GENERIC_LANDMARKS, MIRRORED, generic_depth
 
@@ -233,6 +233,26 @@ def test_a_photo_gets_the_painting_that_is_turned_more_alike():
         chosen = suited(exemplar, posed(yaw).project(GENERIC_LANDMARKS))
         assert (chosen is exemplar) == alike
         assert alike or abs(face_pose(chosen.landmarks).yaw) < 1
+
+
+@settings(max_examples=25, deadline=None)
+@given(some.floats(-45, 45), some.floats(-15, 15), some.integers(17, 67),
+       some.floats(-4, 4), some.floats(-4, 4))
+def test_a_way_in_a_painting_is_one_in_its_frontal_picture(yaw, pitch, number, right, down):
+    pose = posed(yaw, pitch)
+    painted = pose.project(GENERIC_LANDMARKS)
+    way = np.zeros((68, 2))
+    way[number] = right, down
+    found = in_front(way, painted, pose)
+    assert not found[np.arange(68) != number].any()
+    # There it leads to what the painting shows at the way's end.
+    x, y = (GENERIC_LANDMARKS[number, :2]
+            + np.outer([0, 1 / pose.scale], found[number]) * [1, -1]).T
+    places = pose.project(np.stack([x, y, generic_depth(x, y)], axis=-1))
+    # On the far side, which is hardly seen, it is held back.
+    near = GENERIC_LANDMARKS[number, 0] * pose.rotation[2, 0] >= 0
+    left = np.hypot(*(np.diff(places, axis=0)[0] - way[number]))
+    assert left < (0.5 if near else 1) * np.hypot(right, down) + 0.1
 
 
 def test_frontal_faces_stay_as_they_are_and_profiles_are_told():

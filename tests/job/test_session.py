@@ -49,6 +49,36 @@ def test_painters_and_surface_are_made_once(session, violet, monkeypatch):  # no
     assert len(made) == 2
 
 
+def test_landmarks_that_are_tried_are_painted_by_what_lies_close_by(session, violet,  # noqa: F811
+                                                                   monkeypatch):
+    made = []
+
+    class Counted(SkinPainter):
+        def __init__(self, *given):
+            made.append(given)
+            super().__init__(*given)
+
+    def tried(point, way):
+        landmarks = violet.landmarks + (np.arange(68) == point)[:, None] * np.multiply(
+            way, violet.size)
+        return session.preview(replace(violet, image=violet.image.copy(), landmarks=landmarks),
+                               keep=False)
+
+    monkeypatch.setattr(module, "SkinPainter", Counted)
+    first = tried(30, [0, 0])
+    moved = tried(30, [0.1, 0])
+    assert len(made) == 1 and not np.array_equal(first.sh, moved.sh)
+    assert np.array_equal(tried(30, [0, 0]).sh, first.sh)
+    tried(37, [0, 0.1])
+    assert len(made) == 2, "an eye is painted over"
+    tried(37, [0, 0.11])
+    assert len(made) == 2
+    session.preview(violet)
+    assert len(made) == 3, "what is kept is exact"
+    tried(30, [0.1, 0])
+    assert len(made) == 3, "and serves, too"
+
+
 def test_mixtures_and_light_fields(session, violet):  # noqa: F811
     with pytest.raises(UserError, match="nothing is stylised"):
         session.mix(strength=0.5)

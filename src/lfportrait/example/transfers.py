@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import time
 from dataclasses import replace
@@ -90,6 +91,20 @@ class Transfer:
         self._hat = Hat.of(exemplar, self.regions) if "hat" in self.config.wear else None
         if self.config.quality == "best":
             self._painter()
+
+    def moved(self, landmarks: NDArray[np.floating]) -> Transfer:
+        """The same exemplar with landmarks [68, 2] a little beside, in the same regions."""
+        other = copy.copy(self)
+        for name in ("_like", "_bald", "_flat"):
+            other.__dict__.pop(name, None)
+        other.exemplar = replace(self.exemplar, landmarks=np.asarray(landmarks, np.float64))
+        regions = self.regions
+        other.regions = Regions(other.exemplar.landmarks, regions.person, regions.hair)
+        other.regions.__dict__["nearest"] = regions.nearest  # this far from the outline alike
+        other.labels = other.regions.labels()
+        other.face = soft_face(self.exemplar.image.shape, other.exemplar.landmarks)
+        other._plan = other._patches = None
+        return other
 
     @functools.cached_property
     def _steady(self) -> Float32:

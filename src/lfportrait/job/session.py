@@ -27,7 +27,14 @@ from ..example import Exemplar, Skin
 from ..field import VoxelField
 from ..lightfield import Display, encode
 from ..progress import Progress
-from ..stylize import Painters, StyledField, StylizeConfig, kept_skin, stylize_with_figures
+from ..stylize import (
+    NearbyPainters,
+    Painters,
+    StyledField,
+    StylizeConfig,
+    kept_skin,
+    stylize_with_figures,
+)
 
 __all__ = ["Session"]
 
@@ -75,6 +82,7 @@ class Session:
         self._file = None if isinstance(field, VoxelField) else Path(field)
         self._skins: dict[float, Skin] = {}
         self._painters = painters or Painters()
+        self._tried = NearbyPainters(self._painters)
         self._exemplars: dict[tuple[str, int], Exemplar] = {}
         if self.capture.landmarks is None:
             raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on "
@@ -105,7 +113,8 @@ class Session:
         progress
             Progress line.
         keep
-            Keep the prepared painting, for the next time; not of one that is only tried.
+            Keep the prepared painting, for the next time; not of one that is only tried: of that
+            what its landmarks were before may serve, if they lie close by (`NearbyPainters`).
 
         Raises
         ------
@@ -117,7 +126,7 @@ class Session:
         styles = [style] if isinstance(style, (str, Path, Exemplar)) else style
         self.shown, self.figures = stylize_with_figures(
             self.field, self.capture, [self.exemplar(one) for one in styles], config, progress,
-            skin=skin, painters=self._painters if keep else Painters())
+            skin=skin, painters=self._painters if keep else self._tried)
         return self.shown
 
     def mix(self, **choices: Any) -> StyledField:

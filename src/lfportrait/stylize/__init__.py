@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from .mixing import MixConfig, StyledField, load_styled
     from .networks import load_network
     from .notices import PARTED, mouth_opening
-    from .on_skin import Painters, paint
+    from .on_skin import NearbyPainters, Painters, paint
     from .optimize import stylize, stylize_with_figures
     from .rehearsal import rehearse
     from .skin_files import kept_skin
     from .skin_fit import row_labels
 
-__all__ = ["PARTED", "FieldMethod", "FieldTask", "MixConfig", "Painters", "StyledField",
-           "StylizeConfig", "kept_skin", "load_network", "load_styled", "mouth_opening", "paint",
-           "rehearse", "row_labels", "stylize", "stylize_with_figures"]
+__all__ = ["PARTED", "FieldMethod", "FieldTask", "MixConfig", "NearbyPainters", "Painters",
+           "StyledField", "StylizeConfig", "kept_skin", "load_network", "load_styled",
+           "mouth_opening", "paint", "rehearse", "row_labels", "stylize", "stylize_with_figures"]
 
 __getattr__, __dir__ = attach(__name__, __file__)
 

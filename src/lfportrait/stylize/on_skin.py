@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from .skin_fit import chart_views, for_lattice, look_up_rows, row_labels, show_p
 from .skin_texture import surface_texture
 from .views import StyleView
 
-__all__ = ["Painters", "Sitter", "paint", "stylize_skin"]
+__all__ = ["NearbyPainters", "Painters", "Sitter", "paint", "stylize_skin"]
 
 Float32 = NDArray[np.float32]
 
@@ -146,14 +146,11 @@ class Painters:
 
     def of(self, exemplar: Exemplar, skin: Skin, config: StylizeConfig) -> SkinPainter:
         """The painter of an exemplar for a skin, and for others like it."""
-        face, fringe = skin.face, skin.hair is not None
-        lids = ((False, False) if config.eyes == "painted"
-                else asked_lids(exemplar, skin.plane.landmarks))
-        reduced = _reduced(exemplar, face, config.preview)
-        key = (id(exemplar), reduced, fringe, lids, config.painting, config.transfer, config.seed,
-               config.wear)
+        asked = _asked(exemplar, skin, config)
+        key = (id(exemplar), *asked)
         found = self._known.pop(key, None)
         if found is None:
+            reduced, fringe, lids = asked[:3]
             painter = SkinPainter(exemplar.within(reduced * exemplar.size), config.painting,
                                   config.transfer, config.seed, fringe, lids, config.wear)
             # The exemplar is kept: its identity is not given to another.
@@ -162,6 +159,60 @@ class Painters:
         while len(self._known) > self.MOST:
             del self._known[next(iter(self._known))]
         return found[1]
+
+    def alike(self, exemplar: Exemplar, asked: tuple[Any, ...]) -> Iterator[SkinPainter]:
+        """Painters of the same picture, asked for the same, with whatever landmarks."""
+        for key, (known, painter) in self._known.items():
+            if key[1:] == asked and _same_picture(known, exemplar):
+                yield painter
+
+
+class NearbyPainters(Painters):
+    """Painters of a painting while its landmarks are moved, for previews.
+
+    One that was prepared for landmarks close by serves others as well (`SkinPainter.moved`): what
+    is found in a picture takes longer than to paint by it.
+
+    Parameters
+    ----------
+    kept
+        Painters that may serve, too.
+    """
+
+    MOST = 1
+
+    def __init__(self, kept: Painters) -> None:
+        super().__init__()
+        self._kept = kept
+
+    def of(self, exemplar: Exemplar, skin: Skin, config: StylizeConfig) -> SkinPainter:
+        """The painter of an exemplar, moved from another one where that is close."""
+        asked = _asked(exemplar, skin, config)
+        for painters in (self, self._kept):
+            for painter in painters.alike(exemplar, asked):
+                moved = painter.moved(exemplar.landmarks * np.divide(
+                    painter.given.image.shape[1::-1], exemplar.image.shape[1::-1]))
+                if moved is not None:
+                    return moved
+        return super().of(exemplar, skin, config)
+
+
+def _asked(exemplar: Exemplar, skin: Skin, config: StylizeConfig) -> tuple[Any, ...]:
+    """All that a painter depends on but its exemplar; its size, fringe and lids come first."""
+    lids = ((False, False) if config.eyes == "painted"
+            else asked_lids(exemplar, skin.plane.landmarks))
+    return (_reduced(exemplar, skin.face, config.preview), skin.hair is not None, lids,
+            config.painting, config.transfer, config.seed, config.wear)
+
+
+def _same_picture(one: Exemplar, other: Exemplar) -> bool:
+    """Whether two exemplars differ in nothing but their landmarks."""
+    def same(plane: Any, twin: Any) -> bool:
+        return plane is twin or (plane is not None and twin is not None
+                                 and np.array_equal(plane, twin))
+
+    return (same(one.image, other.image) and same(one.mask, other.mask)
+            and same(one.hair, other.hair) and same(one.by_hand, other.by_hand))
 
 
 def stylize_skin(sitter: Sitter, exemplars: Sequence[Exemplar], config: StylizeConfig,

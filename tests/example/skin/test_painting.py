@@ -8,8 +8,9 @@ from scipy.spatial import cKDTree
 
 from lfportrait.example import Exemplar
 from lfportrait.example.guides.labels import soft_face
-from lfportrait.example.skin import Painting, SkinPainter
+from lfportrait.example.skin import Painting, SkinPainter, canvas_of
 from lfportrait.example.skin.painting import NAPE, THROAT, _meeting_behind
+from lfportrait.example.surface_guide import SurfaceGuide
 
 SKIN, HAIR, CLOTHES, GROUND = (225, 180, 150), (60, 40, 30), (160, 60, 50), (90, 130, 170)
 
@@ -137,3 +138,31 @@ def test_no_piece_of_the_face_comes_from_its_outline(painter, skin, monkeypatch)
     green = colors[:, 1] > colors[:, [0, 2]].max(axis=1) + 0.2
     # A smallest piece may lie across the border: few do, against one of 400 if all were allowed.
     assert len(colors) > 4000 and green.mean() < 0.001
+
+
+def test_landmarks_a_little_beside_are_painted_by_with_what_was_found(painter, skin, preview):
+    given = painter.given
+    same = painter.moved(given.landmarks).paint(skin, step=2)
+    assert np.array_equal(same.color, preview.color)
+    nose = given.landmarks + (np.arange(68) == 30)[:, None] * [0.1 * given.size, 0]
+    moved, known = painter.moved(nose), SkinPainter(replace(given, landmarks=nose))
+    assert np.array_equal(moved.transfer.labels, known.transfer.labels)
+    assert np.array_equal(moved.exemplar.landmarks, known.exemplar.landmarks)
+    # The guide is the new one: only what is found in the picture is that of before.
+    places = canvas_of(skin, 2)[1]
+    for one, other in zip(*(each._positions(SurfaceGuide(
+            skin.plane.landmarks, each.exemplar, each.transfer.regions), places)
+            for each in (moved, known))):
+        assert np.quantile(np.abs(one - other), 0.99) < 0.5
+    other = moved.paint(skin, step=2).color
+    assert not np.array_equal(other, preview.color)
+    assert 10 * np.log10(1 / np.mean((other - known.paint(skin, step=2).color) ** 2)) > 25
+    # Nothing of it stays behind.
+    assert np.array_equal(painter.paint(skin, step=2).color, preview.color)
+
+
+@pytest.mark.parametrize(("points", "way"), [(range(68), 0.2), ([36], 0.05), ([57], 0.16)])
+def test_landmarks_that_are_far_or_the_eyes_need_a_painter_of_their_own(painter, points, way):
+    landmarks = painter.given.landmarks.copy()
+    landmarks[list(points), 1] += way * painter.given.size
+    assert painter.moved(landmarks) is None

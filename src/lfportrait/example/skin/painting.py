@@ -9,6 +9,7 @@ edges and patterns of the photo stay.
 
 from __future__ import annotations
 
+import copy
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -47,7 +48,7 @@ from ..patches import (
 from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
 from ..transfers import CALM, Transfer, TransferConfig
-from ..turned import FRONTAL
+from ..turned import FRONTAL, in_front
 from ..versions import from_the_front
 from ..worn import Wear
 from .canvas import Canvas, canvas_of
@@ -81,6 +82,11 @@ NAPE, THROAT = 0.7, 1.2
 height."""
 UNSEEN = 0.5
 """So much do tones count where no photo saw them: a field closed there has likely ones."""
+NEARBY, UNMOVED, EYES = 0.15, 0.03, slice(36, 48)
+"""Landmarks are a little beside others if they are no further away than this over the face's size,
+and those of the eyes than that: their lids and irises are painted over by them."""
+ALMOST = 0.02
+"""Paint is as large as it was before if it is so by this share."""
 STRETCHED = 0.7
 """A guide that changes more slowly than this against the surface would stretch its paint."""
 
@@ -143,6 +149,8 @@ class SkinPainter:
 
     Attributes
     ----------
+    given
+        The exemplar as it was given.
     exemplar
         As it is painted by: from the front, with its eyes as the sitter's.
     pose
@@ -156,6 +164,9 @@ class SkinPainter:
                  fringe: bool = False, lids: Lids = (False, False),
                  wear: tuple[Wear, ...] = ()) -> None:
         # Of a face that is turned, the frontal picture.
+        self.given = exemplar
+        # Size of the last painting, and that which the next ones are to have if they nearly do.
+        self._last = self._like = 0.0
         self.pose = exemplar.pose()
         self.turned = abs(self.pose.yaw) >= FRONTAL
         self.exemplar = exemplar = from_the_front(exemplar, self.pose, fringe, lids, wear)
@@ -170,11 +181,38 @@ class SkinPainter:
                 "hat" in wear) else None
             self._prepare()
 
+    def moved(self, landmarks: NDArray[np.floating]) -> SkinPainter | None:
+        """The painter of the same painting with landmarks a little beside, for previews.
+
+        What lies in the painting - where is hair, what was taken off, its frontal picture - stays
+        as it was found by the landmarks before; the guides are those of the new ones.
+
+        Parameters
+        ----------
+        landmarks
+            [68, 2] in pixels of the painting that was given.
+
+        Returns
+        -------
+        painter
+            None if they lie too far from those (`NEARBY`).
+        """
+        way = np.asarray(landmarks, np.float64) - self.given.landmarks
+        far = np.abs(way).max(axis=1) / self.given.size
+        if far.max() > NEARBY or far[EYES].max() > UNMOVED:
+            return None
+        if self.turned:
+            way = in_front(way, self.given.landmarks, self.pose)
+        other = copy.copy(self)
+        other._like = self._last
+        other.exemplar = replace(self.exemplar, landmarks=self.exemplar.landmarks + way)
+        other.transfer = self.transfer.moved(other.exemplar.landmarks)
+        other._copy_face()
+        return other
+
     def _prepare(self) -> None:
         """Find the exemplar's materials and the part of its face that is copied."""
         exemplar = self.exemplar
-        soft = self.transfer.face.astype(np.float32) / np.float32(255)
-        near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
         # The mask, too: labels know no hair within the landmarks.
         shares = known_shares(exemplar, self.transfer.regions, self.transfer.labels)
         if self._hat is not None:
@@ -184,8 +222,16 @@ class SkinPainter:
             hair = np.maximum(hair, self.transfer.regions.hair)
         strand = strands(exemplar, hair, self.transfer.labels)
         unpainted(shares, strand)
+        self._hair, self._strand = hair, strand
         plain = plain_skin(shares, exemplar.landmarks, exemplar.image)
         self._painter = PatchPainter(exemplar, plain, self.config, self.seed, sharp=False)
+        self._copy_face()
+
+    def _copy_face(self) -> None:
+        """Find the part of the exemplar's face that is copied."""
+        exemplar, hair, strand = self.exemplar, self._hair, self._strand
+        soft = self.transfer.face.astype(np.float32) / np.float32(255)
+        near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
         covered = gaussian_filter(hair[::4, ::4], 0.04 * exemplar.size / 4)
         near, covered = (np.repeat(np.repeat(one, 4, 0), 4, 1)[:soft.shape[0], :soft.shape[1]]
                          for one in (near, covered))
@@ -221,6 +267,9 @@ class SkinPainter:
         clock = _Clock()
         guide = SurfaceGuide(skin.plane.landmarks, self.exemplar, self.transfer.regions)
         size = skin.pixels / guide.scale / step
+        if abs(size - self._like) < ALMOST * size:
+            size = self._like  # its pictures are there already
+        self._last = size
         source = (aside.submit(self._painter.source, round(size, 3))
                   if self.config.patchmatch else None)
         canvas, places = canvas_of(skin, step)

@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...face import GENERIC_LANDMARKS, FacePose, generic_depth
+from ...face import GENERIC_LANDMARKS, FacePose, generic_depth, symmetric_landmarks
 
-__all__ = ["clearness", "head_oval", "painted_places"]
+__all__ = ["clearness", "head_oval", "in_front", "painted_places"]
 
 Float64 = NDArray[np.float64]
 
+STEP, HARDLY = 0.02, 0.1
+"""Step for the slope of the head's surface, in its units; and how little a place may move in the
+painting, over its way on the head, squared, before that is held back."""
 RELIEF = 0.01
 """Distance of the points of the relief that hides parts of the head, in its units."""
 
@@ -44,6 +47,32 @@ def painted_places(points: Float64, painted: Float64, pose: FacePose,
     limit = 0.3 * pose.scale
     return np.asarray(pose.project(points)
                       + fade[..., None] * np.clip(moves, -limit, limit), np.float64)
+
+
+def in_front(way: NDArray[np.floating], painted: NDArray[np.floating], pose: FacePose) -> Float64:
+    """How far places beside landmarks lie from these in the frontal picture, float64 [68, 2].
+
+    Parameters
+    ----------
+    way
+        [68, 2], pixels, from the landmarks to the places in the painting.
+    painted
+        [68, 2], the landmarks.
+    pose
+        Of the face in the painting.
+    """
+    head = symmetric_landmarks(painted, pose)
+    x, y = head[:, 0], head[:, 1]
+    turn = pose.rotation[:2]
+    # How a place in the painting moves with one on the head's surface, seen from the front.
+    along = np.stack([turn[:, k] + turn[:, 2] * (
+        generic_depth(x + dx, y + dy, head) - generic_depth(x - dx, y - dy, head))[:, None] / (
+            2 * STEP) for k, (dx, dy) in enumerate(((STEP, 0.0), (0.0, STEP)))], axis=-1)
+    along *= np.outer([1.0, -1.0], [1.0, -1.0])  # pixels count downwards
+    # What is hardly seen from there would move far.
+    back = np.swapaxes(along, 1, 2)
+    found = np.linalg.solve(back @ along + HARDLY * np.eye(2), back @ np.asarray(way)[..., None])
+    return np.asarray(found[..., 0], np.float64)
 
 
 def clearness(points: Float64, pose: FacePose, head: Float64 = GENERIC_LANDMARKS) -> Float64:
