@@ -44,7 +44,7 @@ def test_the_wizard_is_gone_through_to_its_end(opened, tmp_path):
     assert 1 / after["pitch"] - 1 / before["pitch"] == pytest.approx(1.5 / 3 / before["width"])
     page.locator(".wizard").get_by_role("button", name="Close").click()
     opened.until("() => !document.querySelector('.wizard')")
-    assert opened.run("() => document.activeElement.textContent") == "Pattern wizard"
+    opened.until("() => document.activeElement.textContent === 'Pattern wizard'")
     opened.ask("DELETE", f"/api/displays/{copy}")
 
 

@@ -132,7 +132,7 @@ def test_a_photo_is_left_out_and_taken_in_again(sitter, tmp_path):
     sitter.page.click(first)
     sitter.page.wait_for_selector(f"{first}[aria-pressed=true]")
     assert len(list((sitter.studio.folder / "cleo" / "left-out").iterdir())) == 1
-    assert sitter.run("(s) => document.activeElement === document.querySelector(s)", first)
+    sitter.until("(s) => document.activeElement === document.querySelector(s)", first)
     sitter.page.click(first)
     sitter.page.wait_for_selector(f"{first}[aria-pressed=false]")
     assert len(list((sitter.studio.folder / "cleo" / "left-out").iterdir())) == 0
