@@ -1,7 +1,10 @@
 """Files that appear whole or not at all; arrays that are mapped rather than read."""
 
+import contextlib
 import os
+import threading
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -74,6 +77,33 @@ def test_other_files_are_refused(tmp_path):
         archive.writestr("plane.npy", written(tmp_path / "b.npz", ARRAYS).read_bytes()[:60])
     with pytest.raises(ValueError):
         map_arrays(path)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of another kind")
+def test_threads_that_write_at_a_time_leave_the_permissions_of_new_files(tmp_path, monkeypatch):
+    """Only the process has a umask: a thread must not take another one's for a moment for it."""
+    real, both, lock = os.umask, threading.Barrier(2), threading.Lock()
+    waited = []
+
+    def slow(mask):
+        before = real(mask)
+        with lock:
+            first = len(waited) < 2
+            waited.append(mask)
+        if first and mask == 0:
+            with contextlib.suppress(threading.BrokenBarrierError):
+                both.wait(0.2)  # the other thread has read it, too, where nothing holds it up
+        return before
+
+    before = real(0o027)
+    try:
+        monkeypatch.setattr(os, "umask", slow)
+        with ThreadPoolExecutor(2) as threads:
+            list(threads.map(lambda name: write_json(tmp_path / name, [1]), "ab"))
+        assert [path.stat().st_mode & 0o777 for path in sorted(tmp_path.iterdir())] == [0o640] * 2
+        assert real(0o027) == 0o027
+    finally:
+        real(before)
 
 
 def test_file_systems_without_permissions_or_renaming_over(tmp_path, monkeypatch):

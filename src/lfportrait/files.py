@@ -39,6 +39,7 @@ _HEADER, _ZIP64 = 30, 20
 """Bytes of a member's header without its name, and of the field with 64-bit sizes."""
 _PADDING = 0xD935
 """The kind of a field that only takes room."""
+_UMASK_LOCK = threading.Lock()
 
 
 @contextlib.contextmanager
@@ -65,16 +66,22 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
-        umask = os.umask(0)
-        os.umask(umask)
         with contextlib.suppress(OSError):  # memory cards and network drives know no permissions
-            os.chmod(temporary, 0o666 & ~umask)
+            os.chmod(temporary, 0o666 & ~_umask())
         _rename(temporary, path)
     except OSError as error:
         raise UserError(f"can't write {path}: {error.strerror or error}; free some space or choose "
                         "another output with --out") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    """What new files may not be: it can be read only by changing it, for the whole process."""
+    with _UMASK_LOCK:  # else a thread could take another one's 0 for it, and set that for good
+        umask = os.umask(0)
+        os.umask(umask)
+    return umask
 
 
 def _rename(temporary: Path, path: Path) -> None:
