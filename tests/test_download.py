@@ -6,6 +6,8 @@ import threading
 import time
 from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import count
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 import pytest
@@ -144,8 +146,10 @@ def test_each_failure_is_one_line_and_leaves_nothing(server, tmp_path, monkeypat
     text = str(caught.value)
     assert "\n" not in text and "net.bin" in text and "lfportrait models add" in text
     assert list(tmp_path.iterdir()) == []
+    while len(server.asked) < asked and time.monotonic() - begin < 60:
+        time.sleep(0.02)  # a request that was given up may be read later
     assert len(server.asked) == asked
-    assert time.monotonic() - begin < 30
+    assert time.monotonic() - begin < 60
 
 
 @pytest.mark.parametrize(("content", "message"), [
@@ -174,7 +178,8 @@ def test_what_is_no_address_is_told(tmp_path):
 
 @pytest.mark.parametrize("fault", ["cut", "short", "error", "stalled"])
 def test_a_second_try_may_succeed(server, tmp_path, monkeypatch, fault):
-    monkeypatch.setattr(downloads, "TIMEOUT", 1.0)
+    if fault == "stalled":
+        monkeypatch.setattr(downloads, "TIMEOUT", 2.0)
     server.faults["net.bin"] = f"{fault} then fine"
     assert get(server, tmp_path / "net.bin").read_bytes() == CONTENT
     assert len(server.asked) == 2
@@ -183,9 +188,12 @@ def test_a_second_try_may_succeed(server, tmp_path, monkeypatch, fault):
 def test_a_server_that_trickles_is_left(server, tmp_path, monkeypatch):
     """It would never be silent for long enough."""
     server.faults["net.bin"] = "trickling"
-    monkeypatch.setattr(downloads, "TIMEOUT", 0.15)
-    monkeypatch.setattr(downloads, "SLOWEST", 1e6)
-    with pytest.raises(UserError, match=r"the server is too slow, \d+ bytes in 0 s; try again"):
+    # Half a minute passes between two pieces, by a clock that this machine's pace does not change.
+    clock = SimpleNamespace(monotonic=count(0.0, 0.9 * downloads.TIMEOUT).__next__,
+                            sleep=time.sleep)
+    monkeypatch.setattr(downloads, "time", clock)
+    with pytest.raises(UserError, match=r"the server is too slow, \d{4,5} bytes in \d\d s; try "
+                                        r"again"):
         get(server, tmp_path / "net.bin")
     assert list(tmp_path.iterdir()) == []
 

@@ -1,8 +1,17 @@
 """Progress lines: now and then, and at once where another step begins."""
 
 import io
+from types import SimpleNamespace
+
+import pytest
 
 from lfportrait.progress import Progress
+
+
+@pytest.fixture(autouse=True)
+def no_time(monkeypatch):
+    """Between two notes no time passes, however slow this machine is."""
+    monkeypatch.setattr("lfportrait.progress.time", SimpleNamespace(perf_counter=lambda: 5.0))
 
 
 class Terminal(io.StringIO):

@@ -83,13 +83,13 @@ def test_a_lost_device_is_replaced_once_and_then_given_up(adapter):
 
 
 def test_a_driver_that_hangs_is_ended(adapter):
-    own = GpuProcess(adapter, timeout=3.0)
-    own.call(WORK + "echo")
+    own = GpuProcess(adapter)
+    own.call(WORK + "echo")  # its start may take long
     own.timeout = 0.5
     start = time.monotonic()
     with pytest.raises(GpuLostError, match=r"did not answer within 0\.5 s"):
         own.call(WORK + "hang")
-    assert time.monotonic() - start < 20
+    assert time.monotonic() - start < 50  # it would hang for a minute
     own.close()
 
 
@@ -120,7 +120,8 @@ def test_the_child_ends_with_its_parent(adapter):
     done = subprocess.run([sys.executable, "-c", code, adapter.title], capture_output=True,
                           text=True, check=False)
     child = int(done.stdout)
-    for _ in range(100):
+    until = time.monotonic() + 60
+    while time.monotonic() < until:
         # Ended, or a zombie that nobody waited for.
         state = subprocess.run(["ps", "-o", "stat=", "-p", str(child)], capture_output=True,
                                text=True, check=False).stdout.strip()

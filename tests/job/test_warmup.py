@@ -69,7 +69,7 @@ def test_what_is_not_waited_for_ends_with_the_job(monkeypatch, tmp_path):
     start = time.monotonic()
     with Warmup(("reconstruct", "transfer")) as ahead:
         assert ahead.total == FUNCTIONS["reconstruct"] + FUNCTIONS["transfer"]
-    assert time.monotonic() - start < 10
+    assert time.monotonic() - start < 60
     assert list(tmp_path.iterdir()) == []
 
 

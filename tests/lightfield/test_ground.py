@@ -304,7 +304,9 @@ def test_a_ground_costs_little():
     panel = dataclasses.replace(Display.preset("generic-2k"), views=60)
     mask = ViewMask.build(panel)
     seconds = {"painted": math.inf, "black": math.inf}
-    for _ in range(6):
+    for rounds in range(30):  # more than a few only where others keep the cores busy
+        if rounds >= 6 and seconds["painted"] < 1.1 * seconds["black"] + 0.03:
+            break
         for ground in seconds:
             start = time.process_time()
             encode(field, panel, EncodeConfig(compose=True, ground=ground), mask=mask)

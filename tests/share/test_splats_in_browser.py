@@ -104,6 +104,7 @@ def address(folder):
 def shown(folder, address, browser):
     """Pictures of splats that an engine shows."""
     page = browser.new_page()
+    page.set_default_timeout(120_000)
     complaints = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
 
@@ -113,7 +114,7 @@ def shown(folder, address, browser):
         with file.open("wb") as stream:
             SPLAT_WRITERS[file.suffix](stream, splats)
         page.goto(f"{address}/{engine}.html")
-        page.wait_for_function("() => 'show' in window", timeout=30_000)
+        page.wait_for_function("() => 'show' in window")
         # The engines' cameras have y up and look along -z; matrices are lists of columns.
         pose = cameras.pose[view] @ np.diag([1.0, -1.0, -1.0, 1.0])
         angle = float(np.degrees(2 * np.arctan(SIZE / 2 / cameras.focal[view, 1])))

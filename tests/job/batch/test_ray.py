@@ -62,8 +62,9 @@ def test_a_node_and_a_worker_that_die_are_made_up_for(made, studio, joined, copy
         if event["event"] == "done":
             did.append(event["task"])
             if len(did) == 1:
-                joined.remove_node(node, allow_graceful=False)
+                # First the worker: it may be one of the node, and end with it.
                 os.kill(int(event["worker"].rpartition(":")[2]), signal.SIGKILL)
+                joined.remove_node(node, allow_graceful=False)
 
     figures = batch(studio / "jobs.toml", copy, RAY, watchers=[kill])
     assert not figures["failed"] and figures["ran"] == {"stylize": 2, "encode": 4, "page": 2}
