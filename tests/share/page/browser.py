@@ -89,7 +89,9 @@ class Contexts:
         idle[:] = [each for each in idle if each.browser.is_connected()]
         found = next((each for each in idle if each.browser is browser), None)
         if found is None:
-            return browser.new_context(**options)
+            found = browser.new_context(**options)
+            found.set_default_timeout(60_000)  # a busy machine takes its time
+            return found
         idle.remove(found)
         return found
 

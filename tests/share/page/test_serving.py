@@ -20,10 +20,10 @@ def served(tmp_path):
     thread = threading.Thread(target=serve_page, args=(tmp_path / "page.html",), kwargs={
         "browse": False, "ready": lambda address, end: told.put((address, end))})
     thread.start()
-    address, end = told.get(timeout=20)
+    address, end = told.get(timeout=60)
     yield address
     end()
-    thread.join(20)
+    thread.join(60)
     assert not thread.is_alive()
 
 

@@ -100,6 +100,7 @@ def test_a_sitter_is_made_and_removed_by_keys_alone(opened):
     assert opened.run("() => document.activeElement.id") == "main"
     reach("New sitter")
     keyboard.press("Enter")
+    opened.page.wait_for_selector("dialog[open] input")
     keyboard.type("Dora")
     keyboard.press("Enter")
     opened.page.wait_for_selector("[data-screen=photos][data-ready]")
@@ -140,6 +141,7 @@ def test_nothing_is_asked_of_another_host_and_nothing_complains(browser, studio)
 
 def test_a_browser_without_the_key_is_told_what_to_do(browser, studio):
     context = browser.new_context(locale="en")
+    context.set_default_timeout(60_000)
     page = context.new_page()
     page.goto(studio.home)
     page.wait_for_selector(".empty")

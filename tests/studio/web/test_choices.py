@@ -89,6 +89,7 @@ def test_what_the_machine_says_stays_open_while_jobs_come_and_go(opened):
 def test_a_name_that_is_refused_is_asked_for_again_with_why(opened):
     opened.go("sitters")
     opened.page.click("text=New sitter")
+    opened.page.wait_for_selector("dialog[open] input")
     opened.page.keyboard.type("Anna")
     opened.page.keyboard.press("Enter")
     opened.page.wait_for_selector("dialog .note.bad:has-text('already')")

@@ -9,7 +9,7 @@ def restarted(studio, *, kill=True):
     """The same folder at the same port, with a new key."""
     port = int(studio.home.rsplit(":", 1)[1].strip("/"))
     studio.process.send_signal(signal.SIGKILL if kill else signal.SIGTERM)
-    studio.process.wait(20)
+    studio.process.wait(60)
     studio.process.stdout.close()
     studio.start(port)
 
@@ -20,7 +20,7 @@ def test_a_page_goes_on_with_the_new_address_of_a_killed_studio(browser, portrai
         restarted(studio)
         # It is there, but does not know this page: that is what the page says.
         each.page.wait_for_selector("#alerts >> text=address that the terminal printed",
-                                    timeout=30000)
+                                    timeout=60000)
         # Typed into the same window nothing but the address's end is new.
         each.run("(hash) => { location.hash = hash; }", studio.address.partition("#")[2])
         each.page.wait_for_selector("[data-screen=sitters][data-ready]")
@@ -43,7 +43,7 @@ def test_a_page_goes_on_when_another_one_was_let_in(browser, portraits_of):
         each.until("""async () => {
           const { state } = await import("/static/state.js");
           return state.projects.some(({ name }) => name === "Cleo");
-        }""", seconds=20)
+        }""")
 
 
 def test_a_studio_that_was_ended_by_its_page_is_not_missed(browser, portraits_of):
@@ -51,6 +51,6 @@ def test_a_studio_that_was_ended_by_its_page_is_not_missed(browser, portraits_of
         each.page.click("text=End the studio")
         each.page.locator("dialog button.main").click()
         each.page.wait_for_selector("text=The studio has ended.")
-        assert portraits_of.process.wait(20) == 0
+        assert portraits_of.process.wait(60) == 0
         each.page.wait_for_timeout(300)
         assert each.page.inner_text("#alerts") == ""

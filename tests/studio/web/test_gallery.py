@@ -50,7 +50,7 @@ def test_without_a_head_paintings_are_shown_alone_and_large(opened):
       keepProject({ ...ben, has: { ...ben.has, field: true } });
     }""")
     opened.page.wait_for_selector(".on-sitter")
-    assert opened.page.locator(".both figure").count() == 2
+    opened.until("() => document.querySelectorAll('.both figure').length === 2")
     assert "not made yet" not in opened.page.inner_text("#main")
 
 

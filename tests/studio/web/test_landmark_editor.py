@@ -57,7 +57,7 @@ def stored(editor):
 
 def saved(editor):
     """What the server has, once the page has written."""
-    for _ in range(100):
+    for _ in range(600):
         editor.page.wait_for_selector("header [role=status]:text('Saved')")
         found = stored(editor)
         # The word may still be that of the change before.
@@ -123,7 +123,7 @@ def test_tab_goes_from_point_to_point(editor):
         assert editor.run(focused) == number
     editor.page.keyboard.press("Shift+Tab")
     assert editor.run(focused) == "1"
-    assert editor.page.locator(".loupe").is_visible()
+    editor.page.locator(".loupe").wait_for()
 
 
 @pytest.mark.parametrize(("number", "part"), [
@@ -170,7 +170,7 @@ def test_steps_are_undone_and_redone(editor):
     editor.page.keyboard.press("Control+Shift+z")
     editor.page.keyboard.press("Control+y")
     np.testing.assert_allclose(points(editor), third)
-    assert editor.page.locator("[aria-label^=Redo]").is_disabled()
+    editor.eventually(editor.page.locator("[aria-label^=Redo]").is_disabled)
     editor.page.click("[aria-label^=Undo]")
     np.testing.assert_allclose(points(editor), second)
     np.testing.assert_allclose(saved(editor), second, atol=0.06)

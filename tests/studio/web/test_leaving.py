@@ -20,17 +20,9 @@ def test_a_request_that_waits_is_given_up(opened, screen):
     opened.page.route(SLOW[screen], lambda route: begun.append(route.request.url))
     opened.page.on("requestfailed", lambda request: failed.append((request.url, request.failure)))
     opened.run("(name) => { location.hash = name; }", screen)
-    for _ in range(200):
-        if begun:
-            break
-        opened.page.wait_for_timeout(30)
-    assert begun
+    opened.eventually(lambda: bool(begun))
     opened.go("making/ben")
-    for _ in range(100):
-        if failed:
-            break
-        opened.page.wait_for_timeout(30)
-    assert (begun[0], GIVEN_UP) in failed
+    opened.eventually(lambda: (begun[0], GIVEN_UP) in failed)
     # Nobody is troubled with it.
     assert opened.page.locator("#alerts .toast").count() == 0
 
@@ -40,18 +32,11 @@ def test_a_picture_that_waits_is_given_up(opened):
     opened.page.route("**/picture?*", lambda route: begun.append(route.request.url))
     opened.page.on("requestfailed", lambda request: failed.append((request.url, request.failure)))
     opened.go("style/ben")
-    for _ in range(100):
-        if begun:
-            break
-        opened.page.wait_for_timeout(30)
+    opened.eventually(lambda: any("builtin" in url for url in begun))
     opened.page.wait_for_timeout(300)
     assert 0 < sum("builtin" in url for url in begun) <= 3, "a few at a time"
     opened.go("making/ben")
-    for _ in range(100):
-        if {(url, GIVEN_UP) for url in begun} <= set(failed):
-            break
-        opened.page.wait_for_timeout(30)
-    assert {(url, GIVEN_UP) for url in begun} <= set(failed)
+    opened.eventually(lambda: {(url, GIVEN_UP) for url in begun} <= set(failed))
 
 
 def test_a_screen_that_is_left_at_once_is_not_drawn(opened):

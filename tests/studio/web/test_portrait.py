@@ -27,11 +27,11 @@ def test_strength_is_mixed_at_once_and_without_a_request(portrait):
     slider.focus()
     before = len(portrait.requests)
     portrait.page.keyboard.press("Home")
-    portrait.until(f"() => ({INNER})(0).renderer.blend === 0", seconds=20)
+    portrait.until(f"() => ({INNER})(0).renderer.blend === 0")
     assert portrait.requests[before:] == [] or all(
         "/viewer" not in url for url in portrait.requests[before:])
     portrait.page.keyboard.press("End")
-    portrait.until(f"() => ({INNER})(0).renderer.blend === 1", seconds=20)
+    portrait.until(f"() => ({INNER})(0).renderer.blend === 1")
 
 
 def test_a_slider_goes_between_its_ends_on_the_graphics(portrait):

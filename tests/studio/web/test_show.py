@@ -75,12 +75,14 @@ def test_a_preview_is_called_one_and_its_files_can_wait(opened):
     note = opened.page.locator("[data-screen] > .note")
     # What `make` made is fine.
     opened.page.select_option("header select", "portrait")
-    assert not note.is_visible()
+    note.wait_for(state="hidden")
     opened.page.click(".kind-card >> nth=0 >> text=Make")
+    opened.page.wait_for_selector("dialog[open]")
     assert opened.page.locator("dialog button[type=submit]").count() == 1
     opened.page.keyboard.press("Escape")
     opened.page.select_option("header select", "v-try")
-    assert "is a preview" in note.inner_text() and "Make it fine" in note.inner_text()
+    opened.page.wait_for_selector("[data-screen] > .note:has-text('is a preview')")
+    assert "Make it fine" in note.inner_text()
     sent = order(opened, "Make it fine first")
     assert sent["fine"] is True and sent["version"] == "v-try"
     assert order(opened, "Make it of the preview now")["fine"] is False
@@ -93,8 +95,9 @@ def test_a_preview_is_called_one_and_its_files_can_wait(opened):
                 stages: [], notes: [], place: 0, progress: null, left: null, export: "coded",
                 after: "j-9" });
     }""")
-    assert "waiting" in note.inner_text() and "Make it fine" not in note.inner_text()
-    assert "waiting until the version is fine" in opened.page.inner_text(".files")
+    opened.page.wait_for_selector("[data-screen] > .note:has-text('waiting')")
+    assert "Make it fine" not in note.inner_text()
+    opened.page.wait_for_selector(".files >> text=waiting until the version is fine")
     assert order(opened, "Wait for the fine version")["fine"] is True
 
 
@@ -103,7 +106,7 @@ def test_a_version_that_turns_fine_is_no_preview_any_more(opened):
     opened.go("show/anna")
     opened.page.select_option("header select", "v-try")
     note = opened.page.locator("[data-screen] > .note")
-    assert note.is_visible()
+    note.wait_for()
     opened.page.unroute("**/api/projects/anna/versions")
     drafted(opened, fine=True)
     opened.run("""async () => {
@@ -111,4 +114,5 @@ def test_a_version_that_turns_fine_is_no_preview_any_more(opened):
       tell("versions", { project: "anna" });
     }""")
     note.wait_for(state="hidden")
-    assert "preview" not in opened.page.inner_text("header select option[value=v-try]")
+    opened.eventually(lambda: "preview" not in opened.page.inner_text(
+        "header select option[value=v-try]"))

@@ -78,6 +78,7 @@ def test_the_screen_counts_without_a_word_from_the_server(opened):
     heard(opened, {**JOB, "stages": [stage("capture", "running", 40)]})
     said = opened.page.locator(".phase .when")
     total = opened.page.locator(".stage-list .tight .soft")
+    opened.page.wait_for_selector(".phase .when:has-text('s left')")
     first = seconds(said)
     assert 25 < first <= 40
     opened.eventually(lambda: 25 < seconds(said) < first)
@@ -92,6 +93,7 @@ def test_a_job_that_waits_says_so_and_no_share(opened, screen):
     opened.until("""() => document.querySelector("[data-step=making] .state").textContent ===
       "waiting" """)
     if screen == "making":
+        opened.page.wait_for_selector(".stage-list:has-text('waiting · number 2 in the queue')")
         shown = opened.page.inner_text(".stage-list")
         assert "waiting · number 2 in the queue" in shown and "%" not in shown
         assert not opened.page.is_visible(".stage-list progress")
