@@ -1,12 +1,18 @@
 """The next process finds compiled kernels again: compiling takes seconds, loading does not."""
 
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from numba.core.caching import IndexDataCacheFile
+
 import lfportrait
+from lfportrait.lanes.decorators import kernel
 
 # The smallest factory whose kernel calls a function that the factory made, too: a process that
 # compiles takes a few seconds here, and twenty for the field's kernels.
@@ -45,6 +51,11 @@ for kernel in (train_kernel(32).kernel, encode_kernel(32, 9).kernel, render_kern
 """
 
 
+@kernel
+def _half(value):
+    return value / 2
+
+
 def run(script, *arguments, **environment):
     return subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True,
                           text=True, check=True, cwd=Path(__file__).parents[2],
@@ -59,6 +70,23 @@ def test_products_of_one_factory_are_found_again_and_work_together(tmp_path):
     both = run(SCRIPT, "1", "2", NUMBA_CACHE_DIR=str(tmp_path))
     assert both.stderr.split() == ["1", "0", "1", "0"]  # the next process compiles nothing
     assert both.stdout == one.stdout + two.stdout
+
+
+def test_what_two_processes_compile_at_a_time_is_found_under_its_own_types(tmp_path, monkeypatch):
+    """Both read the index before either has written it, where nothing holds one of them up."""
+    both, read = threading.Barrier(2), IndexDataCacheFile._load_index
+
+    def slow(self):
+        found = read(self)
+        with contextlib.suppress(threading.BrokenBarrierError):
+            both.wait(0.2)
+        return found
+
+    monkeypatch.setattr(IndexDataCacheFile, "_load_index", slow)
+    files = [type(_half._cache._cache_file)(str(tmp_path), "half", "stamp") for _ in range(2)]
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(lambda one, key: one.save(key, f"code for {key}"), files, "ab"))
+    assert [files[0].load(key) for key in "ab"] == ["code for a", "code for b"]
 
 
 def test_every_kernel_has_the_same_key_in_every_process(tmp_path):

@@ -10,12 +10,16 @@ recompiles all of them.
 The identity becomes part of the function's name, too. Numba distinguishes functions of one name by
 the order in which a process compiled them, and code that comes from the disk keeps the number of
 the process that wrote it: two products of a factory could bear one symbol, and the linker would
-take either for both. Their files on the disk differ for the same reason: processes that compile two
-products at the same time do not write one index.
+take either for both. Their files on the disk differ for the same reason.
+
+Processes that compile one function for other types at the same time would both take the next number
+for their code: one's would be found under the other's types. So they add to a function's files one
+after the other.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import uuid
@@ -24,9 +28,14 @@ from pathlib import Path
 from types import FunctionType, SimpleNamespace
 from typing import Any
 
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["identified", "identified_all", "identity", "kernel_sources"]
+from ..locks import lock
+
+__all__ = ["identified", "identified_all", "identity", "kernel_sources", "shared_files"]
+
+_LOCK = "kernels.lock"
+"""A file beside compiled code, locked while some is added."""
 
 
 @functools.cache
@@ -42,6 +51,25 @@ def kernel_sources() -> str:
 def identity(function: Any) -> str:
     """The identity of a compiled function, to make others' from it."""
     return str(getattr(function, "_uuid", ""))
+
+
+class _SharedFiles(IndexDataCacheFile):
+    """Numba's files of a function, to which one process adds at a time."""
+
+    def save(self, key: Any, data: Any) -> None:
+        with contextlib.ExitStack() as stack:
+            with contextlib.suppress(OSError):  # a folder without locks is written to all the same
+                lock(stack.enter_context(open(Path(self._cache_path) / _LOCK, "ab")), wait=True)
+            super().save(key, data)
+
+
+def shared_files(function: Any) -> Any:
+    """The same compiled function, to whose files on the disk one process adds at a time."""
+    cache = getattr(function, "_cache", None)
+    if isinstance(cache, FunctionCache):
+        cache._cache_file = _SharedFiles(cache.cache_path, cache._impl.filename_base,
+                                         cache._impl.locator.get_source_stamp())
+    return function
 
 
 class _CacheByIdentity(FunctionCache):
@@ -73,6 +101,7 @@ def identified(*parts: Any) -> Callable[[Any], Any]:
                 function.py_func.__qualname__ += f"_{number.replace('-', '')[:12]}"
                 if isinstance(function._cache, FunctionCache):
                     function._cache = _CacheByIdentity(function.py_func, number)
+                    shared_files(function)
         return function
     return set_identity
 

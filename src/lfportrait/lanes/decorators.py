@@ -19,6 +19,8 @@ from typing import Any
 
 import numba
 
+from .cache_keys import shared_files
+
 __all__ = ["kernel", "lean", "lean_kernel"]
 
 
@@ -29,8 +31,8 @@ def _compiler(**options: Any) -> Callable[..., Any]:
             return lambda function: decorate(function, **more)
         # Numba's types leave some options out.
         compiler: Any = numba.njit
-        return compiler(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True,
-                        **options, **more)(function)
+        return shared_files(compiler(cache=True, nogil=True, error_model="numpy",
+                                     no_cfunc_wrapper=True, **options, **more)(function))
     return decorate
 
 
