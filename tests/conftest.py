@@ -4,7 +4,13 @@ import os
 import sys
 from pathlib import Path
 
+import hypothesis
 import pytest
+
+# What Hypothesis draws and tests is the same on a busy machine, where both take longer.
+hypothesis.settings.register_profile("any pace", deadline=None, suppress_health_check=[
+    hypothesis.HealthCheck.too_slow])
+hypothesis.settings.load_profile("any pace")
 
 # Tests start a hundred processes: each would compile what it imports of the sources once more.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

@@ -26,7 +26,7 @@ _FASTEST = 240.0
 """Pictures a second, at most, where the window system does not hold them back."""
 _SLOWEST = 4.0
 """How often a second a picture that stands still is looked at again."""
-_OPENING = 2.0
+_OPENING = 5.0
 """Seconds in which a window must have reached its size."""
 _SHARE = 0.8
 """Height of an ordinary window over its screen's, at most."""
