@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..capture import Capture
@@ -12,6 +14,7 @@ from .config import StylizeConfig
 from .fit import ColorModel
 from .refinement import Refinement
 from .skin_fit import chart_views, look_up_rows, show_painting
+from .skin_texture import surface_texture
 
 __all__ = ["rehearse"]
 
@@ -34,6 +37,8 @@ def rehearse(field: VoxelField, capture: Capture, exemplar: Exemplar) -> None:
     look_up_rows(model, painting)
     show_painting(views, painting, 1.0)
     model.fit(views, 1)
+    shown = model.shown(field)
+    replace(shown, texture=surface_texture(shown, painting)).render(capture.cameras, 0)
     Refinement(model, views, StylizeConfig(
         steps=1, content_network="embedded", style_network="embedded"),
         device="cpu").run(None)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...labels import MATERIALS
 from ..back_of_head import Sites
 from ..kernels.atlas import exchange, sample_nodes
+from ..kernels.materials import largest_share, move_into
 from ..kernels.patches import ACTIVE, OUTSIDE
 from ..kernels.sites import nearest_sites
 from ..patches import PatchConfig, PatchSource, PatchTarget, synthesise_patches
@@ -24,6 +26,9 @@ def rehearse_painting(skin: Skin) -> None:
     number = np.empty(len(flat), np.int32)
     sites = Sites.around(flat, 8.0)
     nearest_sites(flat, np.float32(8.0), sites.first, sites.points, number)
+    material = np.empty(len(flat), np.int64)
+    largest_share(np.zeros((len(flat), len(MATERIALS)), np.float32), material)
+    move_into(flat, material, np.zeros((len(MATERIALS), 48, 48), np.int32), np.empty_like(flat))
     places = canvas.spread(flat)
     guides = canvas.spread(np.repeat(skin.tone[:, None], 4, axis=1))
     source = PatchSource.of(np.zeros((48, 48, 3), np.float32), np.zeros((48, 48, 4), np.float32))
