@@ -87,7 +87,8 @@ KINDS = {one.kind: one for one in (
     Kind("rgbd", "Color and depth", "For programs that make views of a depth map", "_rgbd.png", 3),
     Kind("glb", "Textured mesh, GLB", "For Blender, web pages and most 3D programs", ".glb", 6),
     Kind("usdz", "Textured mesh, USDZ", "For Quick Look on iPhone, iPad and Mac", ".usdz", 8),
-    Kind("obj", "Textured mesh, OBJ", "For older 3D programs", ".obj", 20),
+    Kind("obj", "Textured mesh, OBJ", "For older 3D programs; with its material and its picture",
+         "-obj.zip", 14),
     Kind("ply", "Points, PLY", "For MeshLab and CloudCompare", ".ply", 20),
     Kind("splats_ply", "Gaussian splats, PLY", "For viewers of Gaussian splats", "-splats.ply", 40),
     Kind("spz", "Gaussian splats, SPZ", "Small; for Niantic's and other viewers", ".spz", 4),
@@ -204,7 +205,8 @@ def keep(project: Project, facts: dict[str, Any]) -> None:
 
 
 def remove(project: Project, export: str) -> None:
-    """Delete an export and its record."""
+    """Delete an export and its record; a quilt with the settings that lie beside it."""
     path = find(project, export)
     path.unlink(missing_ok=True)
+    path.with_name(f"{path.name}.json").unlink(missing_ok=True)
     (project.own / "exports" / f"{export}.json").unlink(missing_ok=True)
