@@ -262,14 +262,18 @@ def test_a_file_waits_for_the_fine_version_that_it_is_of(page, project, head, st
                                          "mix": {"strength": 0.7}})["id"]
     order = {"kind": "coded", "version": version, "name": "later", "fine": True}
     # Its fine version is not finished: no preview is taken for it.
-    export = page.do("POST", files, order)["id"]
+    asked = page.do("POST", files, order)
+    export = asked["id"]
+    assert asked["title"] == "later.png" and asked["quality"] == "fine"
     assert page.get(f"/api/jobs/{export}")["state"] == "waiting"
     fine = next(one for one in page.get("/api/jobs")["jobs"]
                 if one["kind"] == "fine" and one["version"] == version)["id"]
     page.do("POST", f"/api/jobs/{fine}/cancel")
     assert page.wait(export)["error"]["code"] == "not_ready"
     # Another one waits for the job that runs already.
-    fine = page.do("POST", f"{versions}/{version}/fine")["id"]
+    asked = page.do("POST", f"{versions}/{version}/fine")
+    fine = asked["id"]
+    assert asked["title"] == "Later"
     for export in [page.do("POST", files, order)["id"] for _ in range(2)]:
         assert page.wait(export)["state"] == "done"
     assert page.get(f"/api/jobs/{fine}")["state"] == "done"

@@ -243,18 +243,20 @@ class Desk:
                         if job.kind == "fine" and job.project == project.id
                         and job.version == version.id and not job.over), None)
         return running or self.jobs.add("fine", project.id, project.name, version=version.id,
-                                        order={"wanted": version.wanted()})
+                                        order={"wanted": version.wanted(), "title": version.name})
 
     def export(self, project: Project, version: Version, choices: dict[str, Any]) -> JobState:
         """Export a version; the job that does.
 
-        With ``fine`` among the choices it waits until the version is made fine.
+        With ``fine`` among the choices it waits until the version is made fine; ``target`` is the
+        file.
         """
         after = None
         if choices.get("fine") and not version.fine:
             after = self.fine(project, version).id
         return self.jobs.add("export", project.id, project.name, version=version.id, after=after,
-                             export=choices["kind"], order=choices)
+                             export=choices["kind"],
+                             order={**choices, "title": Path(choices["target"]).name})
 
     def look_at_disk(self) -> None:
         """Say so when the disk is nearly full, once in a while."""

@@ -112,3 +112,67 @@ def test_a_version_that_turns_fine_is_no_preview_any_more(opened):
     }""")
     note.wait_for(state="hidden")
     assert "preview" not in opened.page.inner_text("header select option[value=v-try]")
+
+
+def kept(opened, *jobs):
+    """Jobs of Anna as if the server had said so."""
+    opened.run("""async (jobs) => {
+      const { keepJob } = await import("/static/state.js");
+      for (const job of jobs) keepJob({ stages: [], notes: [], place: 0, progress: null, left: null,
+                                        project: "anna", version: "v-try", ...job });
+    }""", list(jobs))
+
+
+def test_files_say_what_they_are_of_and_can_go_on(opened):
+    drafted(opened)
+    opened.page.route("**/api/projects/anna/exports", lambda route: route.fulfill(json={
+        "kinds": [], "exports": [{
+            "id": "x", "name": "Anna.png", "kind": "coded", "version": "v-try", "size_bytes": 2e6,
+            "created": 1.0, "fine": False, "file": "/x", "path": "/exports/Anna.png"}]}))
+    opened.go("show/anna/files")
+    made = opened.page.locator(".files li")
+    assert "Coded picture · Try · preview" in made.inner_text()
+    stage = {"name": "export", "state": "running", "progress": 0.5, "seconds": 60, "left": 60}
+    error = {"code": "not_ready", "message": "the version was not made fine, so it is not "
+             "exported: make it fine, then let the export go on"}
+    kept(opened, {"id": "j-1", "kind": "export", "state": "running", "export": "quilt",
+                  "title": "Anna_qs.png", "quality": "preview", "stages": [stage]},
+         {"id": "j-2", "kind": "export", "state": "failed", "export": "page", "title": "Anna.html",
+          "quality": "fine", "error": error},
+         # What it waited for was cancelled.
+         {"id": "j-3", "kind": "fine", "state": "cancelled", "title": "Try"},
+         {"id": "j-4", "kind": "export", "state": "waiting", "export": "hop", "title": "Anna.hop",
+          "quality": "fine", "after": "j-3"})
+    running, failed, waiting = made.all_inner_texts()[:3]
+    assert "Anna_qs.png" in running and "Quilt · Try · preview" in running
+    assert "left" in running, "and how long it still takes"
+    assert "Page · Try" in failed and "preview" not in failed
+    assert "until the version is fine" not in waiting
+    with opened.page.expect_request("**/api/jobs/j-2/resume"):
+        made.nth(1).get_by_role("button", name="Go on").click()
+
+
+def test_two_versions_of_a_sitter_have_names_in_the_queue(opened):
+    opened.go("making/anna")
+    kept(opened, {"id": "j-1", "kind": "fine", "state": "running", "title": "First",
+                  "name": "Anna"},
+         {"id": "j-2", "kind": "fine", "state": "waiting", "title": "Second", "name": "Anna"})
+    rows = opened.page.locator("ol.queue li").all_inner_texts()
+    assert "First" in rows[0] and "Second" in rows[1]
+    assert opened.page.locator("section.stage-list h2").inner_text() == "Fine portrait: First"
+
+
+def test_the_portrait_says_how_far_its_fine_version_is(opened):
+    drafted(opened)
+    opened.go("portrait/anna/v-try")
+    stage = {"name": "stylize", "state": "running", "progress": 0.1, "seconds": 10, "left": 90}
+    kept(opened, {"id": "j-1", "kind": "fine", "state": "running", "stages": [stage]})
+    link = opened.page.locator("a", has_text="Fine version")
+    assert "10 %" in link.inner_text()
+    opened.run("""async () => {
+      const { tell, state } = await import("/static/state.js");
+      const job = state.jobs.find(({ id }) => id === "j-1");
+      Object.assign(job.stages[0], { due: performance.now() + 10000 });
+      tell("progress", { job: "j-1", stage: "stylize" });
+    }""")
+    assert "50 %" in link.inner_text()
