@@ -176,3 +176,29 @@ def test_the_portrait_says_how_far_its_fine_version_is(opened):
       tell("progress", { job: "j-1", stage: "stylize" });
     }""")
     assert "50 %" in link.inner_text()
+
+
+def test_every_choice_of_a_file_says_what_it_is(opened):
+    opened.go("show/anna/files")
+    opened.page.wait_for_selector(".kind-card")
+    kinds = [kind for kind in opened.ask("GET", "/api/projects/anna/exports")["kinds"]
+             if kind["options"]]
+    assert len(kinds) >= 5
+    for language in ("English", "Deutsch"):
+        opened.page.get_by_role("combobox").filter(has_text="Deutsch").select_option(label=language)
+        notes = opened.run("""async (kinds) => {
+          const { known } = await import("/static/i18n.js");
+          return kinds.flatMap(({ kind, options }) => options.map(({ name }) =>
+            known("option", `${kind}.${name}`, known("option", name, ""))));
+        }""", kinds)
+        assert all(len(note) > 10 for note in notes), notes
+    card = opened.page.locator(".kind-card", has_text="Linsenrasterdruck")
+    assert ".0 MB" not in card.inner_text(), "nobody knows it that well"
+    card.get_by_role("button").click()
+    paper = opened.page.locator("dialog").get_by_label("size")
+    assert "a4-landscape" in opened.page.locator(f"#{paper.get_attribute('aria-describedby')}"
+                                                 ).inner_text()
+    # An empty number would be 0.
+    opened.page.locator("dialog").get_by_label("lpi").fill("")
+    opened.page.click("dialog button[value=yes]")
+    assert opened.page.locator("dialog[open]").count() == 1

@@ -9,8 +9,8 @@ import { fineJob, isLive, jobsOf, keepJob, on, state } from "./state.js";
 import { leftOfJob } from "./times.js";
 
 const GROUPS = {
-  panel: ["coded", "quilt", "hop", "rgbd", "stereo", "anaglyph"],
-  screen: ["page", "sweep", "flat", "print"],
+  panel: ["coded", "quilt", "hop", "rgbd"],
+  screen: ["page", "sweep", "flat", "stereo", "anaglyph", "print"],
   solid: ["glb", "usdz", "obj", "ply"],
   splats: ["splats_ply", "spz", "sog"],
   further: ["field", "checkpoint"],
@@ -201,7 +201,7 @@ export class Exports {
         "div.row.between",
         {},
         h("span.small.soft", {
-          text: `${kind.suffix} · ${t("files.about", { size: size(kind.about_bytes) })}`,
+          text: `${kind.suffix} · ${t("files.about", { size: size(kind.about_bytes, 0) })}`,
         }),
         button(
           t("files.make"),
@@ -233,7 +233,7 @@ export class Exports {
         kind.needs_display && h("p.small", { text: t("files.display", { name: this.display().name }) }),
         !fine && h("p.note.fair", {}, icon("fair"), t("files.draft")),
         h("label.field", {}, h("span", { text: t("name") }), name),
-        kind.options.map((option) => this.option(option, values)),
+        kind.options.map((option) => this.option(kind.kind, option, values)),
       ),
       [
         ["", t("cancel")],
@@ -256,8 +256,9 @@ export class Exports {
     this.made.scrollIntoView({ block: "nearest" });
   }
 
-  option({ name, type, choices, min, max }, values) {
-    const id = fresh("option");
+  option(kind, { name, type, choices, min, max }, values) {
+    const id = fresh("option"),
+      note = known("option", `${kind}.${name}`, known("option", name, ""));
     const put = (value) => {
       values[name] = value;
     };
@@ -286,11 +287,13 @@ export class Exports {
             id,
             type: type === "number" ? "number" : "text",
             value: values[name],
+            required: type === "number",
+            "aria-describedby": `${id}-note`,
             min,
             max,
             step: "any",
             oninput: (event) => put(type === "number" ? Number(event.target.value) : event.target.value),
           });
-    return h("div.field", {}, h("label", { for: id }, h("code", { text: name })), input);
+    return h("div.field", {}, h("label", { for: id }, h("code", { text: name })), input, h("small.soft", { id: `${id}-note`, text: note }));
   }
 }
