@@ -62,6 +62,7 @@ def test_a_batch_paints_what_each_version_mixes(page, sitters):
     assert painted == {
         "lee": [("ken", 0.5, ("hair",)), ("ken", 1.0, ()), ("portrait", 1.0, ())],
         "Mary O'Hara": [(SMILE, 0.8, ()), ("ken", 0.5, ("hair",))]}
+    assert "ken at 50 percent but hair" in jobs.styles
     # What a batch can't do is said.
     (note,) = found["notes"]
     assert "More" in note and "identity" in note

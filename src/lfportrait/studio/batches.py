@@ -146,7 +146,12 @@ class _Styles:
         chosen = {name: mix[name] for name in ("strength", "keep") if name in mix}
         key = style.source, json.dumps(chosen)
         if key not in self._names:
-            self._names[key] = _folder(style.name, self._names.values())
+            called = style.name
+            if "strength" in chosen:
+                called += f" at {round(100 * chosen['strength'])} percent"
+            if "keep" in chosen:
+                called += f" but {', '.join(chosen['keep'])}"
+            self._names[key] = _folder(called, self._names.values())
             self.tables.append(_table(
                 "style", name=self._names[key], painting=style.name if style.path is None
                 else _inside(self._folder, style.path),

@@ -225,11 +225,13 @@ def test_a_study_has_the_name_of_a_sitter_only_where_it_is_of_one(opened):
             "file": "/there/study.txt", "text": "lfportrait study\n", "command": "lfportrait study",
             "page": "/there/study/index.html"})))
     opened.page.route("**/api/projects/ben/versions", lambda route: route.fulfill(json={
-        "versions": [{"id": "v-1", "name": "One"}]}))
+        "versions": [{"id": "v-1", "name": "One", "fine": False}]}))
     opened.go("show/anna/files")
     opened.page.click("summary:has-text('Several at once')")
     picks = opened.page.locator("details li input")
     picks.nth(1).wait_for()
+    rows = opened.page.locator("details li").all_inner_texts()
+    assert [row.endswith("(preview)") for row in rows] == [False, True], "a study takes fine ones"
     for count in (1, 2):
         picks.nth(count - 1).check()
         with opened.page.expect_response("**/api/study"):

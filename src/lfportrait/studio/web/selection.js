@@ -45,7 +45,7 @@ export function selection(sitter, display) {
                       else chosen.delete(key);
                     },
                   }),
-                  `${each.name}: ${version.name}`,
+                  `${each.name}: ${version.name}${version.fine ? "" : ` (${t("version.draft")})`}`,
                 ),
               );
             }),
