@@ -270,10 +270,13 @@ def test_a_file_waits_for_the_fine_version_that_it_is_of(page, project, head, st
                 if one["kind"] == "fine" and one["version"] == version)["id"]
     page.do("POST", f"/api/jobs/{fine}/cancel")
     assert page.wait(export)["error"]["code"] == "not_ready"
-    # Another one waits for the job that runs already.
+    # It goes on with a fine version, for which another file waits, too.
+    again = page.do("POST", f"/api/jobs/{export}/resume")
+    assert again["state"] == "waiting" and again["after"] not in (None, fine)
+    page.do("POST", f"/api/jobs/{export}/cancel")
     asked = page.do("POST", f"{versions}/{version}/fine")
     fine = asked["id"]
-    assert asked["title"] == "Later"
+    assert asked["title"] == "Later" and again["after"] == fine
     for export in [page.do("POST", files, order)["id"] for _ in range(2)]:
         assert page.wait(export)["state"] == "done"
     assert page.get(f"/api/jobs/{fine}")["state"] == "done"

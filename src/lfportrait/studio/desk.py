@@ -218,8 +218,9 @@ class Desk:
         if job.kind == "export":
             panel = self.displays.get(job.order.get("display") or project.display)
             if job.order.get("fine") and not version.fine and not self.jobs.waits(job):
-                raise Refusal("not_ready", "the version was not made fine, so it is not exported: "
-                              "make it fine, then let the export go on", needs="styled")
+                raise Refusal("not_ready", "the version was not made fine, so the file was not "
+                              "made: let it go on, and the version is made fine first",
+                              needs="styled")
             job.order["quality"] = quality_of(version.fine or bool(job.order.get("fine")))
             look = self.version_look(project, version)
             return Order("export", **{**choices, "display": panel.source},
@@ -257,6 +258,15 @@ class Desk:
         return self.jobs.add("export", project.id, project.name, version=version.id, after=after,
                              export=choices["kind"],
                              order={**choices, "title": Path(choices["target"]).name})
+
+    def resume(self, job: JobState) -> None:
+        """Let a job go on; a file of a fine version waits for that, which is made if need be."""
+        if job.kind == "export" and job.state == "failed" and job.order.get("fine"):
+            project = self.projects.get(str(job.project))
+            version = Versions(project).get(str(job.version))
+            if not version.fine:
+                job.after = self.fine(project, version).id
+        self.jobs.resume(job)
 
     def look_at_disk(self) -> None:
         """Say so when the disk is nearly full, once in a while."""

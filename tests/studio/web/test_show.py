@@ -133,8 +133,8 @@ def test_files_say_what_they_are_of_and_can_go_on(opened):
     made = opened.page.locator(".files li")
     assert "Coded picture · Try · preview" in made.inner_text()
     stage = {"name": "export", "state": "running", "progress": 0.5, "seconds": 60, "left": 60}
-    error = {"code": "not_ready", "message": "the version was not made fine, so it is not "
-             "exported: make it fine, then let the export go on"}
+    error = {"code": "not_ready", "message": "the version was not made fine, so the file was not "
+             "made: let it go on, and the version is made fine first"}
     kept(opened, {"id": "j-1", "kind": "export", "state": "running", "export": "quilt",
                   "title": "Anna_qs.png", "quality": "preview", "stages": [stage]},
          {"id": "j-2", "kind": "export", "state": "failed", "export": "page", "title": "Anna.html",
