@@ -6,6 +6,7 @@ import hashlib
 import io
 import os
 import re
+import shlex
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -20,6 +21,7 @@ from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.face import read_landmarks
 from lfportrait.files import read_image, read_json
 from lfportrait.job import make
+from lfportrait_eval.study.entries import entries_of
 from tests.job.test_pipeline import CONFIG, PANEL
 
 from .conftest import opened
@@ -239,6 +241,12 @@ def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
                                } if page.get(versions)["versions"][2]["fine"] else None)
     assert states == {"portrait": True, first["id"]: True, half["id"]: True}
     assert digest(folder / "versions/Half/lightfield.png") != digest(target / "lightfield.png")
+    # A study of both has the photo that it asks about.
+    study = shlex.split(page.do("POST", "/api/study", {"versions": [
+        [project, first["id"]], [project, half["id"]]]})["command"])
+    end = study.index("--out")
+    for one in entries_of(study[2:end], [Path(study[study.index("--pictures") + 1])]):
+        assert one.photo is not None and one.photo.std() > 10
     changed = page.do("PATCH", f"{versions}/{half['id']}", {"mix": {"strength": 0.6}})
     assert not changed["fine"]
     assert read_json(target / "run.json")["style"] == "Ken"
