@@ -57,6 +57,10 @@ def _number(name: str, default: float, low: float, high: float) -> dict[str, Any
             "max": high}
 
 
+def _whole(name: str, default: int, low: int, high: int) -> dict[str, Any]:
+    return {**_number(name, default, low, high), "type": "whole"}
+
+
 def _choice(name: str, default: str, *choices: str) -> dict[str, Any]:
     return {"name": name, "type": "choice", "default": default, "choices": list(choices),
             "min": None, "max": None}
@@ -66,7 +70,7 @@ def _text(name: str) -> dict[str, Any]:
     return {"name": name, "type": "text", "default": "", "choices": None, "min": None, "max": None}
 
 
-_MOTION = (_number("frames", 120, 2, 3600), _number("fps", 30, 1, 120), _number("sway", 12, 0, 90))
+_MOTION = (_whole("frames", 120, 2, 3600), _number("fps", 30, 1, 120), _number("sway", 12, 0, 90))
 KINDS = {one.kind: one for one in (
     Kind("coded", "Coded picture", "Shown on a light-field panel, pixel for pixel, unscaled",
          ".png", 16, True),
@@ -77,7 +81,7 @@ KINDS = {one.kind: one for one in (
          False, (_text("title"), _text("artist"), _text("date"),
                  _number("max_size", 6, 0.1, 1000))),
     Kind("sweep", "Video", "A video in which the head turns", ".mp4", 1, True,
-         (_number("size", 512, 64, 2160), _number("frames", 90, 2, 3600))),
+         (_whole("size", 512, 64, 2160), _whole("frames", 90, 2, 3600))),
     Kind("flat", "Video for flat hologram-like panels", "Upright, 2160 x 3840, HEVC", ".mp4", 5,
          False, _MOTION),
     Kind("stereo", "Stereo pair", "For 3D televisions, VR viewers and spatial photos", "_2x1.jpg",
@@ -141,7 +145,7 @@ def checked_options(kind: Kind, data: Any) -> dict[str, Any]:
             found[name] = text(data, name, "")
         elif one["type"] == "choice":
             found[name] = choice(data, name, tuple(one["choices"]), one["default"])
-        elif name in ("frames", "size"):
+        elif one["type"] == "whole":
             found[name] = whole(data, name, one["min"], one["max"], one["default"])
         else:
             found[name] = number(data, name, one["min"], one["max"], one["default"])

@@ -198,7 +198,12 @@ def test_every_choice_of_a_file_says_what_it_is(opened):
     paper = opened.page.locator("dialog").get_by_label("size")
     assert "a4-landscape" in opened.page.locator(f"#{paper.get_attribute('aria-describedby')}"
                                                  ).inner_text()
-    # An empty number would be 0.
+    # An empty number would be 0; half a picture is refused before anything typed is lost.
     opened.page.locator("dialog").get_by_label("lpi").fill("")
+    opened.page.click("dialog button[value=yes]")
+    assert opened.page.locator("dialog[open]").count() == 1
+    opened.page.keyboard.press("Escape")
+    opened.page.locator(".kind-card", has_text="Flacher Film").get_by_role("button").click()
+    opened.page.locator("dialog").get_by_label("frames").fill("2.5")
     opened.page.click("dialog button[value=yes]")
     assert opened.page.locator("dialog[open]").count() == 1

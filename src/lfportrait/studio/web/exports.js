@@ -274,6 +274,7 @@ export class Exports {
         }),
         h("code", { text: name }),
       );
+    const isNumber = type === "number" || type === "whole";
     const input =
       type === "choice"
         ? h(
@@ -285,14 +286,14 @@ export class Exports {
           )
         : h("input", {
             id,
-            type: type === "number" ? "number" : "text",
+            type: isNumber ? "number" : "text",
             value: values[name],
-            required: type === "number",
+            required: isNumber,
             "aria-describedby": `${id}-note`,
             min,
             max,
-            step: "any",
-            oninput: (event) => put(type === "number" ? Number(event.target.value) : event.target.value),
+            step: type === "whole" ? 1 : "any",
+            oninput: (event) => put(isNumber ? Number(event.target.value) : event.target.value),
           });
     return h("div.field", {}, h("label", { for: id }, h("code", { text: name })), input, h("small.soft", { id: `${id}-note`, text: note }));
   }
