@@ -14,7 +14,7 @@ from ..measure import free_disk_bytes
 from .answers import Refusal, truth
 from .displays import Displays
 from .events import Events
-from .exports import KINDS, checked_options, checked_placement, keep, quality_of
+from .exports import KINDS, checked_options, checked_placement, forget_unfinished, keep, quality_of
 from .job_state import JobState
 from .jobs import Jobs
 from .mixes import mix_arguments
@@ -278,6 +278,9 @@ class Desk:
     def _changed(self, job: JobState) -> None:
         """What depends on a job's state."""
         self.look_at_disk()
+        if job.kind == "export" and job.state in ("cancelled", "failed"):
+            with contextlib.suppress(OSError):
+                forget_unfinished(Path(job.order["target"]))
         if job.state == "done" and job.project is not None:
             # At once: a job that waits for this one begins after it.
             with contextlib.suppress(Refusal, UserError, OSError):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,8 +16,8 @@ from .answers import Refusal, choice, number, text, truth, whole
 from .names import folder_name, id_of
 from .projects import Project
 
-__all__ = ["KINDS", "Kind", "checked_options", "checked_placement", "entries", "find", "keep",
-           "kinds", "quality_of", "remove", "target"]
+__all__ = ["KINDS", "Kind", "checked_options", "checked_placement", "entries", "find",
+           "forget_unfinished", "keep", "kinds", "quality_of", "remove", "target"]
 
 
 @dataclass(frozen=True)
@@ -206,6 +208,14 @@ def keep(project: Project, facts: dict[str, Any]) -> None:
     name = str(facts["file"])
     write_json(project.own / "exports" / f"{id_of(name)}.json",
                {**facts, "created": round(time.time(), 3)})
+
+
+def forget_unfinished(target: Path) -> None:
+    """Remove what a process that was killed has left of a file (`lfportrait.files.atomic_path`)."""
+    mine = re.compile(rf"\.{re.escape(target.stem)}\.[a-z0-9_]{{8}}{re.escape(target.suffix)}")
+    for path in target.parent.glob(".*"):
+        if mine.fullmatch(path.name):
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
 
 def remove(project: Project, export: str) -> None:

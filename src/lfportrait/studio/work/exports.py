@@ -34,6 +34,7 @@ from ...share import (
     write_video,
 )
 from ...stylize import load_styled
+from ..exports import forget_unfinished
 from ..names import id_of
 from ..orders import Order
 from .sitting import Look, Sitting
@@ -52,6 +53,7 @@ def export(order: Order, teller: Teller) -> dict[str, Any]:
     """Write the file; its figures."""
     more = order.more
     path, kind, options = Path(more["target"]), str(more["kind"]), dict(more["options"])
+    forget_unfinished(path)  # of an earlier run
     teller.tell("stages", [("export", 10.0)])
     with teller.stage("export") as progress:
         progress.update(0, path.name)
@@ -130,7 +132,8 @@ def _coded(field: VoxelField, path: Path, kind: str, panel: Display,
 def _together(field: VoxelField, path: Path, config: ExportConfig,
               tell: Callable[[float, str], None]) -> dict[str, Any]:
     """An OBJ with its material and its picture in one .zip: none of them is of use alone."""
-    with tempfile.TemporaryDirectory(prefix=".", dir=path.parent) as folder:
+    with tempfile.TemporaryDirectory(suffix=path.suffix, prefix=f".{path.stem}.",
+                                     dir=path.parent) as folder:
         # An OBJ names its material, and many programs end that name at a space.
         figures = export_field(field, Path(folder) / f"{'_'.join(path.stem.split())}.obj", config,
                                lambda share, text: tell(0.9 * share, text))
