@@ -160,6 +160,7 @@ def test_two_versions_of_a_sitter_have_names_in_the_queue(opened):
     rows = opened.page.locator("ol.queue li").all_inner_texts()
     assert "First" in rows[0] and "Second" in rows[1]
     assert opened.page.locator("section.stage-list h2").inner_text() == "Fine portrait: First"
+    assert "painted" in opened.page.locator("p.lead").inner_text(), "photos have no part in it"
 
 
 def test_the_portrait_says_how_far_its_fine_version_is(opened):

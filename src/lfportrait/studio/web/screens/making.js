@@ -23,6 +23,7 @@ class Making {
   constructor(root, id) {
     this.id = id;
     this.action = h("div.row");
+    this.lead = h("p.lead");
     this.body = h("div.making");
     this.queue = h("section.stack");
     fill(
@@ -30,7 +31,7 @@ class Making {
       h(
         "header",
         {},
-        h("div", {}, h("h1", { text: t("step.making") }), h("p.lead", { text: t("making.lead") })),
+        h("div", {}, h("h1", { text: t("step.making") }), this.lead),
         this.action,
       ),
       this.body,
@@ -63,6 +64,7 @@ class Making {
       job = this.job();
     if (!sitter) return;
     const focused = document.activeElement?.dataset?.act;
+    this.lead.textContent = t(job?.kind === "fine" ? "making.lead.fine" : "making.lead");
     this.drawAction(sitter, job);
     fill(this.body, job ? this.jobView(job) : this.beginning(sitter));
     this.drawQueue();
