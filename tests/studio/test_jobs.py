@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from lfportrait.files import atomic_path
 from lfportrait.studio import child, desk, job_state
 from lfportrait.studio.job_state import JobState, StageState
 from lfportrait.studio.jobs import Jobs
@@ -299,11 +300,14 @@ def test_an_export_does_not_take_a_preview_for_the_fine_version(page):
     pids(folder)
     page.do("POST", f"/api/jobs/{export['after']}/cancel")
     found = page.wait(export["id"])
-    assert found["state"] == "failed" and "make it fine" in found["error"]["message"]
-    assert page.error("POST", f"/api/jobs/{export['id']}/resume") == "not_ready"
+    assert found["state"] == "failed" and found["error"]["code"] == "not_ready"
+    # It goes on when the version is fine, which is made first.
+    again = page.do("POST", f"/api/jobs/{export['id']}/resume")
+    assert again["state"] == "waiting" and again["after"] not in (None, export["after"])
+    fine = page.get(f"/api/jobs/{again['after']}")
+    assert fine["kind"] == "fine" and fine["version"] == version
+    assert page.get(f"/api/jobs/{export['id']}")["state"] == "waiting"
     (folder / "wait").unlink()
-    page.do("POST", f"/api/jobs/{export['after']}/resume")
-    page.do("POST", f"/api/jobs/{export['id']}/resume")
     assert page.wait(export["id"])["state"] == "done"
     (entry,) = page.get(f"/api/projects/{project}/exports")["exports"]
     assert page.ask("GET", entry["file"]).content == b"styled"
@@ -334,3 +338,15 @@ def test_pausing_is_offered_where_the_system_can(page, monkeypatch):
     assert page.get(f"/api/jobs/{job}")["state"] == "running"
     (folder / "wait").unlink()
     assert page.wait(job)["state"] == "done"
+
+
+def test_a_file_that_is_cancelled_leaves_nothing_behind(page):
+    project, folder, version = version_of(page)
+    export = exported(page, project, version, name="a")
+    page.wait(export["id"], "running")
+    target = folder / "exports" / export["title"]
+    # What is there when a process is killed in the middle; another file is being written, too.
+    writing = [atomic_path(target), atomic_path(target.with_name(f"a.b{target.suffix}"))]
+    unfinished, other = (one.__enter__() for one in writing)
+    page.do("POST", f"/api/jobs/{export['id']}/cancel")
+    assert not unfinished.exists() and other.exists()

@@ -6,6 +6,7 @@ import hashlib
 import io
 import os
 import re
+import shlex
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -20,6 +21,7 @@ from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.face import read_landmarks
 from lfportrait.files import read_image, read_json
 from lfportrait.job import make
+from lfportrait_eval.study.entries import entries_of
 from tests.job.test_pipeline import CONFIG, PANEL
 
 from .conftest import opened
@@ -239,6 +241,12 @@ def test_a_fine_version_has_the_bytes_of_make(page, project, head, style):
                                } if page.get(versions)["versions"][2]["fine"] else None)
     assert states == {"portrait": True, first["id"]: True, half["id"]: True}
     assert digest(folder / "versions/Half/lightfield.png") != digest(target / "lightfield.png")
+    # A study of both has the photo that it asks about.
+    study = shlex.split(page.do("POST", "/api/study", {"versions": [
+        [project, first["id"]], [project, half["id"]]]})["command"])
+    end = study.index("--out")
+    for one in entries_of(study[2:end], [Path(study[study.index("--pictures") + 1])]):
+        assert one.photo is not None and one.photo.std() > 10
     changed = page.do("PATCH", f"{versions}/{half['id']}", {"mix": {"strength": 0.6}})
     assert not changed["fine"]
     assert read_json(target / "run.json")["style"] == "Ken"
@@ -262,14 +270,21 @@ def test_a_file_waits_for_the_fine_version_that_it_is_of(page, project, head, st
                                          "mix": {"strength": 0.7}})["id"]
     order = {"kind": "coded", "version": version, "name": "later", "fine": True}
     # Its fine version is not finished: no preview is taken for it.
-    export = page.do("POST", files, order)["id"]
+    asked = page.do("POST", files, order)
+    export = asked["id"]
+    assert asked["title"] == "later.png" and asked["quality"] == "fine"
     assert page.get(f"/api/jobs/{export}")["state"] == "waiting"
     fine = next(one for one in page.get("/api/jobs")["jobs"]
                 if one["kind"] == "fine" and one["version"] == version)["id"]
     page.do("POST", f"/api/jobs/{fine}/cancel")
     assert page.wait(export)["error"]["code"] == "not_ready"
-    # Another one waits for the job that runs already.
-    fine = page.do("POST", f"{versions}/{version}/fine")["id"]
+    # It goes on with a fine version, for which another file waits, too.
+    again = page.do("POST", f"/api/jobs/{export}/resume")
+    assert again["state"] == "waiting" and again["after"] not in (None, fine)
+    page.do("POST", f"/api/jobs/{export}/cancel")
+    asked = page.do("POST", f"{versions}/{version}/fine")
+    fine = asked["id"]
+    assert asked["title"] == "Later" and again["after"] == fine
     for export in [page.do("POST", files, order)["id"] for _ in range(2)]:
         assert page.wait(export)["state"] == "done"
     assert page.get(f"/api/jobs/{fine}")["state"] == "done"

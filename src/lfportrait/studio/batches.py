@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files import VIDEOS, atomic_write
 from .answers import Refusal, text
+from .names import folder_name, free_name
 from .projects import Project
 from .styles import Style
 from .versions import Version, Versions
@@ -16,8 +18,11 @@ from .versions import Version, Versions
 if TYPE_CHECKING:
     from .desk import Desk
 
-__all__ = ["batch_file", "study_command"]
+__all__ = ["TAKEN", "batch_file", "study_command"]
 
+TAKEN = ("capture", "pages", "sweeps", "portrait", "sweep", "styled", "thumbnail", "photo",
+         "index.html", "results.json")
+"""What no entry of a jobs file may be called."""
 _MOST = 1000
 
 
@@ -64,62 +69,102 @@ def batch_file(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
         The studio.
     data
         ``projects``, ``styles`` and ``displays``, ids each; ``versions``: sitters in the style of a
-        version.
+        version, in its strength and with the regions that it keeps.
 
     Returns
     -------
     answer
-        ``file``, its ``text``, and the ``command`` that takes it.
+        ``file``, its ``text``, the ``command`` that takes it, the folder ``out`` of its results,
+        and ``notes``: what of the versions a batch can't do.
     """
     folder = desk.projects.folder
     projects = {one: desk.projects.get(one) for one in _words(data, "projects")}
-    pairs = _versions(desk, data)
-    every = _words(data, "styles")
-    styles: dict[str, Style] = {}
-    wanted: dict[str, list[str]] = {name: list(every) for name in projects}
-    for project, version in pairs:
+    styles, notes = _Styles(folder), []
+    wanted: dict[str, list[str]] = {}
+    for number, project in projects.items():
+        wanted[number] = [styles.name(desk.styles.get(one, project), {})
+                          for one in _words(data, "styles")]
+    for project, version in _versions(desk, data):
         if version.style is None:
             raise Refusal("exists", f"{version.name} was made by the command line, by a painting "
                           "that is not in the gallery: choose versions that were painted here")
         projects[project.id] = project
-        wanted.setdefault(project.id, []).append(version.style)
+        wanted.setdefault(project.id, []).append(
+            styles.name(desk.styles.get(version.style, project), version.mix))
+        if left := sorted(set(version.mix) - {"strength", "keep"}):
+            notes.append(f"the batch paints {version.name} without its {', '.join(left)}: "
+                         "lfportrait restyle adds that to its styled.npz")
     if not projects or not any(wanted.values()):
         raise Refusal("bad_request", "choose at least one sitter and one painting", field="styles")
-    names: dict[tuple[str, str], str] = {}
+    tables: list[str] = []
+    sitters: list[str] = []
     for number, project in projects.items():
-        project.need("photos")
-        for one in wanted[number]:
-            style = desk.styles.get(one, project)
-            # The same id may be another painting in another project.
-            names[number, one] = _name(styles, style)
-    tables = [_table("sitter", name=project.folder.name,
-                     **{"video" if project.source.suffix.lower() in VIDEOS else "photos":
-                        _inside(folder, project.source)},
-                     styles=list(dict.fromkeys(names[number, one] for one in wanted[number])))
-              for number, project in projects.items()]
-    tables += [_table("style", name=name, painting=style.name if style.path is None
-                      else _inside(folder, style.path)) for name, style in styles.items()]
+        sitters.append(_folder(project.folder.name, sitters))
+        tables.append(_table("sitter", name=sitters[-1], **_photos(folder, project),
+                             styles=list(dict.fromkeys(wanted[number]))))
+    tables += styles.tables
+    panels: list[str] = []
     for one in _words(data, "displays") or ["generic-4k"]:
         panel = desk.displays.get(one)
-        tables.append(_table("display", name=panel.display.name, panel=panel.id
+        panels.append(_folder(panel.display.name, panels))
+        tables.append(_table("display", name=panels[-1], panel=panel.id
                              if panel.path is None else _inside(folder, panel.path)))
     contents = "\n\n".join(tables) + "\n"
     path = _free(folder, "jobs", ".toml")
     with atomic_write(path) as stream:
         stream.write(contents.encode())
     out = path.with_name(f"{path.stem}-results")
-    return {"file": str(path), "text": contents,
+    return {"file": str(path), "text": contents, "out": str(out), "notes": notes,
             "command": shlex.join(["lfportrait", "batch", str(path), "--out", str(out)])}
 
 
-def _name(styles: dict[str, Style], style: Style) -> str:
-    """The name of a painting in the file, which no other one has."""
-    name, count = style.name, 1
-    while name in styles and styles[name].source != style.source:
-        count += 1
-        name = f"{style.name}-{count}"
-    styles[name] = style
-    return name
+def _photos(folder: Path, project: Project) -> dict[str, str]:
+    """Where a sitter's photos are, as the file says it."""
+    if not project.files():
+        raise Refusal("not_ready", f"{project.name} has no photos, which a batch begins with: "
+                      "add some, or choose other sitters", needs="photos")
+    source = "video" if project.source.suffix.lower() in VIDEOS else "photos"
+    return {source: _inside(folder, project.source)}
+
+
+class _Styles:
+    """The styles of a jobs file: paintings, each in the mixtures that are wanted.
+
+    Parameters
+    ----------
+    folder
+        Of the file.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._names: dict[tuple[str, str], str] = {}
+        self.tables: list[str] = []
+
+    def name(self, style: Style, mix: dict[str, Any]) -> str:
+        """The name in the file; the same id may be another painting in another project."""
+        chosen = {name: mix[name] for name in ("strength", "keep") if name in mix}
+        key = style.source, json.dumps(chosen)
+        if key not in self._names:
+            called = style.name
+            if "strength" in chosen:
+                called += f" at {round(100 * chosen['strength'])} percent"
+            if "keep" in chosen:
+                called += f" but {', '.join(chosen['keep'])}"
+            self._names[key] = _folder(called, self._names.values())
+            self.tables.append(_table(
+                "style", name=self._names[key], painting=style.name if style.path is None
+                else _inside(self._folder, style.path),
+                **{f"stylize.{name}": value for name, value in chosen.items()}))
+        return self._names[key]
+
+
+def _folder(name: str, taken: Collection[str]) -> str:
+    """A name as a batch has it for a folder of its results: free, and none of its own files'."""
+    clean = folder_name(name)
+    if clean.startswith("quilt_"):
+        clean = f"the {clean}"
+    return free_name(clean, [*TAKEN, *taken])
 
 
 def _free(folder: Path, stem: str, suffix: str) -> Path:
@@ -139,23 +184,34 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
         The studio.
     data
         ``versions``: pairs of a project and a version; ``title``.
+
+    Returns
+    -------
+    answer
+        ``file``, its ``text``, which is the ``command``, and the ``page`` that it makes.
     """
     pairs = _versions(desk, data)
     if len(pairs) < 2:
         raise Refusal("bad_request", "choose at least two versions to compare", field="versions")
     words, pictures = ["lfportrait", "study"], []
+    groups: dict[tuple[str, str], list[str]] = {}
     for project, version in pairs:
         video = version.folder / "sweep.mp4"
         if not version.fine or not video.is_file():
             raise Refusal("not_ready", f"make {version.name} of {project.name} fine first: a study "
                           "shows its video", needs="styled")
-        style = version.name
-        if version.style is not None:
-            painting = desk.styles.get(version.style, project)
-            style = painting.name
-            if painting.path is not None:
-                pictures.append(str(painting.path))
-        words.append(f"{_word(version.name)}:{_word(project.name)}:{style}={video}")
+        painting = _painting(desk, project, version)
+        if painting.path is not None:
+            pictures.append(str(painting.path))
+        group = groups.setdefault((project.id, painting.source), [])
+        # Names may be there twice, and differ in signs alone that a study leaves out.
+        group.append(free_name(_word(version.name), group))
+        words.append(f"{group[-1]}:{_sitter_word(pairs, project)}:{painting.name}={video}")
+    for (number, _), names in groups.items():
+        if len(names) < 2:
+            raise Refusal("bad_request", f"{names[0]} of {desk.projects.get(number).name} has "
+                          "nothing to be compared with: choose two versions of a sitter in the "
+                          "same painting", field="versions")
     out = _free(desk.projects.folder, "study", "")
     words += ["--out", str(out)]
     title = text(data, "title", "")
@@ -167,7 +223,29 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
     script = _free(desk.projects.folder, "study", ".txt")
     with atomic_write(script) as stream:
         stream.write(f"{command}\n".encode())
-    return {"file": str(script), "text": f"{command}\n", "command": command}
+    return {"file": str(script), "text": f"{command}\n", "command": command,
+            "page": str(out / "index.html")}
+
+
+def _painting(desk: Desk, project: Project, version: Version) -> Style:
+    """The painting of a version, which a study shows under the name of its file."""
+    every = desk.styles.all(project)
+    found = next((one for one in every if one.id == version.style or (
+        version.style is None and one.name == version.name)), None)
+    if found is None:
+        raise Refusal("not_found", f"the painting of {version.name} is not in the gallery, and a "
+                      "study shows it: choose versions that were painted here")
+    if found.name != _word(found.name):
+        raise Refusal("bad_name", f"a study can't show {found.name!r}: add the picture under a "
+                      "name without : = and /", name=found.name)
+    return found
+
+
+def _sitter_word(pairs: list[tuple[Project, Version]], project: Project) -> str:
+    """A sitter's name in a study; two may be called the same."""
+    names = {one.id: _word(one.name) for one, _ in pairs}
+    alike = sum(name == names[project.id] for name in names.values()) > 1
+    return _word(project.folder.name if alike else project.name)
 
 
 def _word(name: str) -> str:

@@ -14,7 +14,7 @@ from ..measure import free_disk_bytes
 from .answers import Refusal, truth
 from .displays import Displays
 from .events import Events
-from .exports import KINDS, checked_options, checked_placement, keep, quality_of
+from .exports import KINDS, checked_options, checked_placement, forget_unfinished, keep, quality_of
 from .job_state import JobState
 from .jobs import Jobs
 from .mixes import mix_arguments
@@ -218,8 +218,9 @@ class Desk:
         if job.kind == "export":
             panel = self.displays.get(job.order.get("display") or project.display)
             if job.order.get("fine") and not version.fine and not self.jobs.waits(job):
-                raise Refusal("not_ready", "the version was not made fine, so it is not exported: "
-                              "make it fine, then let the export go on", needs="styled")
+                raise Refusal("not_ready", "the version was not made fine, so the file was not "
+                              "made: let it go on, and the version is made fine first",
+                              needs="styled")
             job.order["quality"] = quality_of(version.fine or bool(job.order.get("fine")))
             look = self.version_look(project, version)
             return Order("export", **{**choices, "display": panel.source},
@@ -243,18 +244,29 @@ class Desk:
                         if job.kind == "fine" and job.project == project.id
                         and job.version == version.id and not job.over), None)
         return running or self.jobs.add("fine", project.id, project.name, version=version.id,
-                                        order={"wanted": version.wanted()})
+                                        order={"wanted": version.wanted(), "title": version.name})
 
     def export(self, project: Project, version: Version, choices: dict[str, Any]) -> JobState:
         """Export a version; the job that does.
 
-        With ``fine`` among the choices it waits until the version is made fine.
+        With ``fine`` among the choices it waits until the version is made fine; ``target`` is the
+        file.
         """
         after = None
         if choices.get("fine") and not version.fine:
             after = self.fine(project, version).id
         return self.jobs.add("export", project.id, project.name, version=version.id, after=after,
-                             export=choices["kind"], order=choices)
+                             export=choices["kind"],
+                             order={**choices, "title": Path(choices["target"]).name})
+
+    def resume(self, job: JobState) -> None:
+        """Let a job go on; a file of a fine version waits for that, which is made if need be."""
+        if job.kind == "export" and job.state == "failed" and job.order.get("fine"):
+            project = self.projects.get(str(job.project))
+            version = Versions(project).get(str(job.version))
+            if not version.fine:
+                job.after = self.fine(project, version).id
+        self.jobs.resume(job)
 
     def look_at_disk(self) -> None:
         """Say so when the disk is nearly full, once in a while."""
@@ -266,6 +278,9 @@ class Desk:
     def _changed(self, job: JobState) -> None:
         """What depends on a job's state."""
         self.look_at_disk()
+        if job.kind == "export" and job.state in ("cancelled", "failed"):
+            with contextlib.suppress(OSError):
+                forget_unfinished(Path(job.order["target"]))
         if job.state == "done" and job.project is not None:
             # At once: a job that waits for this one begins after it.
             with contextlib.suppress(Refusal, UserError, OSError):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,8 +16,8 @@ from .answers import Refusal, choice, number, text, truth, whole
 from .names import folder_name, id_of
 from .projects import Project
 
-__all__ = ["KINDS", "Kind", "checked_options", "checked_placement", "entries", "find", "keep",
-           "kinds", "quality_of", "remove", "target"]
+__all__ = ["KINDS", "Kind", "checked_options", "checked_placement", "entries", "find",
+           "forget_unfinished", "keep", "kinds", "quality_of", "remove", "target"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class Kind:
     ending
         Of the file's name: what stands after the name that was chosen.
     megabytes
-        It takes about.
+        It takes about, as measured on a head of 64 photos.
     needs_display
         Whether it is made for a panel.
     options
@@ -57,6 +59,10 @@ def _number(name: str, default: float, low: float, high: float) -> dict[str, Any
             "max": high}
 
 
+def _whole(name: str, default: int, low: int, high: int) -> dict[str, Any]:
+    return {**_number(name, default, low, high), "type": "whole"}
+
+
 def _choice(name: str, default: str, *choices: str) -> dict[str, Any]:
     return {"name": name, "type": "choice", "default": default, "choices": list(choices),
             "min": None, "max": None}
@@ -66,37 +72,38 @@ def _text(name: str) -> dict[str, Any]:
     return {"name": name, "type": "text", "default": "", "choices": None, "min": None, "max": None}
 
 
-_MOTION = (_number("frames", 120, 2, 3600), _number("fps", 30, 1, 120), _number("sway", 12, 0, 90))
+_MOTION = (_whole("frames", 120, 2, 3600), _number("fps", 30, 1, 120), _number("sway", 12, 0, 90))
 KINDS = {one.kind: one for one in (
     Kind("coded", "Coded picture", "Shown on a light-field panel, pixel for pixel, unscaled",
          ".png", 16, True),
     Kind("quilt", "Quilt", "All views as tiles, for Looking Glass Bridge and Studio", "_qs.png", 12,
          True),
-    Kind("hop", "Looking Glass Studio package", "Opened by Looking Glass Studio", ".hop", 3, True),
+    Kind("hop", "Looking Glass Studio package", "Opened by Looking Glass Studio", ".hop", 12, True),
     Kind("page", "Page", "One HTML file that anybody can open and turn in a browser", ".html", 5,
          False, (_text("title"), _text("artist"), _text("date"),
                  _number("max_size", 6, 0.1, 1000))),
-    Kind("sweep", "Video", "A video in which the head turns", ".mp4", 0.5, True,
-         (_number("size", 512, 64, 2160), _number("frames", 90, 2, 3600))),
+    Kind("sweep", "Video", "A video in which the head turns", ".mp4", 1, True,
+         (_whole("size", 512, 64, 2160), _whole("frames", 90, 2, 3600))),
     Kind("flat", "Video for flat hologram-like panels", "Upright, 2160 x 3840, HEVC", ".mp4", 5,
          False, _MOTION),
     Kind("stereo", "Stereo pair", "For 3D televisions, VR viewers and spatial photos", "_2x1.jpg",
-         1, False, (_number("eye_distance", 63, 0, 1000),)),
-    Kind("anaglyph", "Anaglyph", "For red and cyan glasses", "_anaglyph.png", 3, False,
+         3, False, (_number("eye_distance", 63, 0, 1000),)),
+    Kind("anaglyph", "Anaglyph", "For red and cyan glasses", "_anaglyph.png", 4, False,
          (_number("eye_distance", 63, 0, 1000),)),
-    Kind("rgbd", "Color and depth", "For programs that make views of a depth map", "_rgbd.png", 3),
-    Kind("glb", "Textured mesh, GLB", "For Blender, web pages and most 3D programs", ".glb", 6),
-    Kind("usdz", "Textured mesh, USDZ", "For Quick Look on iPhone, iPad and Mac", ".usdz", 8),
-    Kind("obj", "Textured mesh, OBJ", "For older 3D programs", ".obj", 20),
+    Kind("rgbd", "Color and depth", "For programs that make views of a depth map", "_rgbd.png", 5),
+    Kind("glb", "Textured mesh, GLB", "For Blender, web pages and most 3D programs", ".glb", 17),
+    Kind("usdz", "Textured mesh, USDZ", "For Quick Look on iPhone, iPad and Mac", ".usdz", 33),
+    Kind("obj", "Textured mesh, OBJ", "For older 3D programs; with its material and its picture",
+         "-obj.zip", 14),
     Kind("ply", "Points, PLY", "For MeshLab and CloudCompare", ".ply", 20),
-    Kind("splats_ply", "Gaussian splats, PLY", "For viewers of Gaussian splats", "-splats.ply", 40),
-    Kind("spz", "Gaussian splats, SPZ", "Small; for Niantic's and other viewers", ".spz", 4),
+    Kind("splats_ply", "Gaussian splats, PLY", "For viewers of Gaussian splats", "-splats.ply", 27),
+    Kind("spz", "Gaussian splats, SPZ", "Small; for Niantic's and other viewers", ".spz", 6),
     Kind("sog", "Gaussian splats, SOG", "Small; for PlayCanvas", ".sog", 4),
-    Kind("print", "Lenticular print", "A page to print behind a lens sheet", ".tiff", 100, False, (
+    Kind("print", "Lenticular print", "A page to print behind a lens sheet", ".tiff", 160, False, (
         _number("lpi", 60, 10, 200), _number("dpi", 720, 100, 4800), _text("size"))),
-    Kind("field", "Field", "For the commands, with all its styles", "-styled.npz", 24),
+    Kind("field", "Field", "For the commands, with all its styles", "-styled.npz", 25),
     Kind("checkpoint", "Checkpoint, svox2", "For research code that reads svox2's fields", ".npz",
-         60))}
+         11))}
 _PLACEMENT = {"size": (0.05, 4.0), "shift_x": (-4.0, 4.0), "shift_y": (-4.0, 4.0),
               "focus": (-4.0, 4.0), "depth_scale": (0.01, 4.0), "turn": (-180.0, 180.0),
               "ground_depth": (0.0, 20.0), "background": (0.0, 1.0), "shadow": (0.0, 1.0),
@@ -140,7 +147,7 @@ def checked_options(kind: Kind, data: Any) -> dict[str, Any]:
             found[name] = text(data, name, "")
         elif one["type"] == "choice":
             found[name] = choice(data, name, tuple(one["choices"]), one["default"])
-        elif name in ("frames", "size"):
+        elif one["type"] == "whole":
             found[name] = whole(data, name, one["min"], one["max"], one["default"])
         else:
             found[name] = number(data, name, one["min"], one["max"], one["default"])
@@ -203,8 +210,17 @@ def keep(project: Project, facts: dict[str, Any]) -> None:
                {**facts, "created": round(time.time(), 3)})
 
 
+def forget_unfinished(target: Path) -> None:
+    """Remove what a process that was killed has left of a file (`lfportrait.files.atomic_path`)."""
+    mine = re.compile(rf"\.{re.escape(target.stem)}\.[a-z0-9_]{{8}}{re.escape(target.suffix)}")
+    for path in target.parent.glob(".*"):
+        if mine.fullmatch(path.name):
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+
+
 def remove(project: Project, export: str) -> None:
-    """Delete an export and its record."""
+    """Delete an export and its record; a quilt with the settings that lie beside it."""
     path = find(project, export)
     path.unlink(missing_ok=True)
+    path.with_name(f"{path.name}.json").unlink(missing_ok=True)
     (project.own / "exports" / f"{export}.json").unlink(missing_ok=True)

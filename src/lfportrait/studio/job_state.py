@@ -169,7 +169,8 @@ class JobState:
             "picture": f"/api/jobs/{self.id}/stages/{one.name}/picture?v={one.pictures}"
             if one.pictures else None} for one in self.stages]
         return {"id": self.id, "kind": self.kind, "project": self.project, "name": self.name,
-                "version": self.version, "export": self.export, "state": self.state,
+                "version": self.version, "title": self.order.get("title"),
+                "export": self.export, "state": self.state,
                 "quality": self.order.get("quality"), "after": self.after, "place": place,
                 "created": self.created, "started": self.started, "ended": self.ended,
                 "stages": stages, "progress": self.progress(),

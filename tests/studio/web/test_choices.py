@@ -201,7 +201,10 @@ def test_a_batch_takes_each_sitter_in_the_style_of_its_version(opened):
     asked = []
     opened.page.route("**/api/batch", lambda route: (
         asked.append(route.request.post_data_json), route.fulfill(json={
-            "file": "/there/jobs.toml", "text": "[[sitter]]", "command": "lfportrait batch"})))
+            "file": "/there/jobs.toml", "text": "[[sitter]]", "command": "lfportrait batch it",
+            "out": "/there/jobs-results", "notes": [
+                "the batch paints Try without its identity: lfportrait restyle adds that to its "
+                "styled.npz"]})))
     opened.go("show/anna/files")
     opened.page.wait_for_selector(".kind-card")
     opened.page.click("summary:has-text('Several at once')")
@@ -210,3 +213,31 @@ def test_a_batch_takes_each_sitter_in_the_style_of_its_version(opened):
     opened.page.wait_for_selector("details pre")
     (sent,) = asked
     assert set(sent) == {"displays", "versions"} and sent["versions"] == [["anna", "portrait"]]
+    # What to do with it, where the result will be, and what is lost.
+    said = opened.page.inner_text("details [role=status]")
+    assert "into a terminal" in said and "lfportrait batch it" in said
+    assert "/there/jobs-results/index.html" in said and "without its identity" in said
+
+
+def test_a_study_has_the_name_of_a_sitter_only_where_it_is_of_one(opened):
+    asked = []
+    opened.page.route("**/api/study", lambda route: (
+        asked.append(route.request.post_data_json), route.fulfill(json={
+            "file": "/there/study.txt", "text": "lfportrait study\n", "command": "lfportrait study",
+            "page": "/there/study/index.html"})))
+    opened.page.route("**/api/projects/ben/versions", lambda route: route.fulfill(json={
+        "versions": [{"id": "v-1", "name": "One", "fine": False}]}))
+    opened.go("show/anna/files")
+    opened.page.click("summary:has-text('Several at once')")
+    picks = opened.page.locator("details li input")
+    picks.nth(1).wait_for()
+    rows = opened.page.locator("details li").all_inner_texts()
+    assert [row.endswith("(preview)") for row in rows] == [False, True], "a study takes fine ones"
+    for count in (1, 2):
+        picks.nth(count - 1).check()
+        with opened.page.expect_response("**/api/study"):
+            opened.page.click("text=Write a study file")
+    assert [one["title"] for one in asked] == ["anna", ""]
+    opened.until("""() => document.querySelector("details [role=status]").innerText
+      .includes("/there/study/index.html")""")
+    assert opened.page.locator("details [role=status] pre").count() == 1, "it is said once"

@@ -19,6 +19,9 @@ GERMAN = json.loads((STUDIO / "web/strings.server.de.json").read_text("utf-8"))
 FINDINGS = ("job/photo_check.py", "job/style_check.py", "job/style_findings.py", "health.py",
             "lightfield/budget.py", "lightfield/screens/bridge.py")
 """Every sentence in these is shown: advice, what a painting will give, the machine, the depth."""
+FILES = ("lightfield/prints/config.py", "lightfield/prints/sizes.py", "lightfield/prints/sheet.py",
+         "lightfield/prints/depth.py", "lightfield/prints/files.py", "share/page/budget.py")
+"""What is wrong with a choice for a file."""
 SHOWN = {"Refusal": 1, "UserError": 0, "_fail": 2, "update": 1, "say": 0, "warn": 0, "note": 0}
 """Functions of the studio and of stages whose argument of this place is shown."""
 ELSEWHERE = ("cli", "studio", "batch")
@@ -87,6 +90,8 @@ def said():
     """All that is shown, by the file that says it."""
     for path in FINDINGS:
         yield path, sentences(ast.parse((PACKAGE / path).read_text("utf-8")))
+    for path in FILES:
+        yield path, called(ast.parse((PACKAGE / path).read_text("utf-8")), {"UserError": 0})
     for path in STUDIO.rglob("*.py"):
         yield path.name, called(ast.parse(path.read_text("utf-8")), SHOWN)
     stages = {name: SHOWN[name] for name in ("update", "say", "warn")}
@@ -127,6 +132,11 @@ SAID = {
     "missing: segments the hair in photos": "fehlt: findet das Haar in Fotos",
     "a.heic: raw photos are not read; export it as JPEG or TIFF":
         "a.heic: Rohfotos werden nicht gelesen; geben Sie es als JPEG oder TIFF aus",
+    "choose at least two versions to compare":
+        "wählen Sie mindestens zwei Versionen zum Vergleich",
+    "0.5 lenses per inch can't be printed: --lpi must lie between 1 and 200, or be 0":
+        "0.5 lenses per inch lassen sich nicht drucken: --lpi muss zwischen 1 und 200 liegen "
+        "oder 0 sein",
     "a sentence that nobody knows": "a sentence that nobody knows"}
 
 

@@ -116,3 +116,99 @@ def test_a_version_that_turns_fine_is_no_preview_any_more(opened):
     note.wait_for(state="hidden")
     opened.eventually(lambda: "preview" not in opened.page.inner_text(
         "header select option[value=v-try]"))
+
+
+def kept(opened, *jobs):
+    """Jobs of Anna as if the server had said so."""
+    opened.run("""async (jobs) => {
+      const { keepJob } = await import("/static/state.js");
+      for (const job of jobs) keepJob({ stages: [], notes: [], place: 0, progress: null, left: null,
+                                        project: "anna", version: "v-try", ...job });
+    }""", list(jobs))
+
+
+def test_files_say_what_they_are_of_and_can_go_on(opened):
+    drafted(opened)
+    opened.page.route("**/api/projects/anna/exports", lambda route: route.fulfill(json={
+        "kinds": [], "exports": [{
+            "id": "x", "name": "Anna.png", "kind": "coded", "version": "v-try", "size_bytes": 2e6,
+            "created": 1.0, "fine": False, "file": "/x", "path": "/exports/Anna.png"}]}))
+    opened.go("show/anna/files")
+    made = opened.page.locator(".files li")
+    assert "Coded picture · Try · preview" in made.inner_text()
+    stage = {"name": "export", "state": "running", "progress": 0.5, "seconds": 60, "left": 60}
+    error = {"code": "not_ready", "message": "the version was not made fine, so the file was not "
+             "made: let it go on, and the version is made fine first"}
+    kept(opened, {"id": "j-1", "kind": "export", "state": "running", "export": "quilt",
+                  "title": "Anna_qs.png", "quality": "preview", "stages": [stage]},
+         {"id": "j-2", "kind": "export", "state": "failed", "export": "page", "title": "Anna.html",
+          "quality": "fine", "error": error},
+         # What it waited for was cancelled.
+         {"id": "j-3", "kind": "fine", "state": "cancelled", "title": "Try"},
+         {"id": "j-4", "kind": "export", "state": "waiting", "export": "hop", "title": "Anna.hop",
+          "quality": "fine", "after": "j-3"})
+    running, failed, waiting = made.all_inner_texts()[:3]
+    assert "Anna_qs.png" in running and "Quilt · Try · preview" in running
+    assert "left" in running, "and how long it still takes"
+    assert "Page · Try" in failed and "preview" not in failed
+    assert "until the version is fine" not in waiting
+    with opened.page.expect_request("**/api/jobs/j-2/resume"):
+        made.nth(1).get_by_role("button", name="Go on").click()
+
+
+def test_two_versions_of_a_sitter_have_names_in_the_queue(opened):
+    opened.go("making/anna")
+    kept(opened, {"id": "j-1", "kind": "fine", "state": "running", "title": "First",
+                  "name": "Anna"},
+         {"id": "j-2", "kind": "fine", "state": "waiting", "title": "Second", "name": "Anna"})
+    rows = opened.page.locator("ol.queue li").all_inner_texts()
+    assert "First" in rows[0] and "Second" in rows[1]
+    assert opened.page.locator("section.stage-list h2").inner_text() == "Fine portrait: First"
+    assert "painted" in opened.page.locator("p.lead").inner_text(), "photos have no part in it"
+
+
+def test_the_portrait_says_how_far_its_fine_version_is(opened):
+    drafted(opened)
+    opened.go("portrait/anna/v-try")
+    stage = {"name": "stylize", "state": "running", "progress": 0.1, "seconds": 10, "left": 90}
+    kept(opened, {"id": "j-1", "kind": "fine", "state": "running", "stages": [stage]})
+    link = opened.page.locator("a", has_text="Fine version")
+    assert "10 %" in link.inner_text()
+    opened.run("""async () => {
+      const { tell, state } = await import("/static/state.js");
+      const job = state.jobs.find(({ id }) => id === "j-1");
+      Object.assign(job.stages[0], { due: performance.now() + 10000 });
+      tell("progress", { job: "j-1", stage: "stylize" });
+    }""")
+    assert "50 %" in link.inner_text()
+
+
+def test_every_choice_of_a_file_says_what_it_is(opened):
+    opened.go("show/anna/files")
+    opened.page.wait_for_selector(".kind-card")
+    kinds = [kind for kind in opened.ask("GET", "/api/projects/anna/exports")["kinds"]
+             if kind["options"]]
+    assert len(kinds) >= 5
+    for language in ("English", "Deutsch"):
+        opened.page.get_by_role("combobox").filter(has_text="Deutsch").select_option(label=language)
+        notes = opened.run("""async (kinds) => {
+          const { known } = await import("/static/i18n.js");
+          return kinds.flatMap(({ kind, options }) => options.map(({ name }) =>
+            known("option", `${kind}.${name}`, known("option", name, ""))));
+        }""", kinds)
+        assert all(len(note) > 10 for note in notes), notes
+    card = opened.page.locator(".kind-card", has_text="Linsenrasterdruck")
+    assert ".0 MB" not in card.inner_text(), "nobody knows it that well"
+    card.get_by_role("button").click()
+    paper = opened.page.locator("dialog").get_by_label("size")
+    assert "a4-landscape" in opened.page.locator(f"#{paper.get_attribute('aria-describedby')}"
+                                                 ).inner_text()
+    # An empty number would be 0; half a picture is refused before anything typed is lost.
+    opened.page.locator("dialog").get_by_label("lpi").fill("")
+    opened.page.click("dialog button[value=yes]")
+    assert opened.page.locator("dialog[open]").count() == 1
+    opened.page.keyboard.press("Escape")
+    opened.page.locator(".kind-card", has_text="Flacher Film").get_by_role("button").click()
+    opened.page.locator("dialog").get_by_label("frames").fill("2.5")
+    opened.page.click("dialog button[value=yes]")
+    assert opened.page.locator("dialog[open]").count() == 1

@@ -119,7 +119,7 @@ async def act(call: Call) -> dict[str, Any]:
     if what == "pause":
         jobs.pause(found)
     elif what == "resume":
-        jobs.resume(found)
+        call.desk.resume(found)
     elif what == "cancel":
         await jobs.cancel(found)
     elif what == "move":

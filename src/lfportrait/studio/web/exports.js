@@ -6,10 +6,11 @@ import { known, said, size, t } from "./i18n.js";
 import { doing, fail, say } from "./shell.js";
 import { selection } from "./selection.js";
 import { fineJob, isLive, jobsOf, keepJob, on, state } from "./state.js";
+import { leftOfJob } from "./times.js";
 
 const GROUPS = {
-  panel: ["coded", "quilt", "hop", "rgbd", "stereo", "anaglyph"],
-  screen: ["page", "sweep", "flat", "print"],
+  panel: ["coded", "quilt", "hop", "rgbd"],
+  screen: ["page", "sweep", "flat", "stereo", "anaglyph", "print"],
   solid: ["glb", "usdz", "obj", "ply"],
   splats: ["splats_ply", "spz", "sog"],
   further: ["field", "checkpoint"],
@@ -20,9 +21,10 @@ export class Exports {
    * @param {function} about Gives the ids of version and display, and the placement.
    * @param {function} display Gives the panel.
    * @param {function} version Gives the version.
+   * @param {function} nameOf Gives the name of a version by its id, "" where it is gone.
    */
-  constructor(sitter, about, display, version) {
-    Object.assign(this, { sitter, about, display, version });
+  constructor(sitter, about, display, version, nameOf) {
+    Object.assign(this, { sitter, about, display, version, nameOf });
     this.made = h("section.stack", { "aria-label": t("files.made") });
     this.kinds = h("div.stack.wide");
     this.element = h("div.stack.wide", {}, this.made, this.kinds, selection(sitter, display));
@@ -77,7 +79,16 @@ export class Exports {
   /** How far a file is, that is not there yet. */
   standing(job) {
     if (job.error) return said(job.error.message);
-    return t(job.state === "waiting" && job.after ? "files.waits" : `job.${job.state}`);
+    const other = state.jobs.find(({ id }) => id === job.after);
+    if (job.state === "waiting" && other && isLive(other)) return t("files.waits");
+    return [t(`job.${job.state}`), job.state === "running" && leftOfJob(job)].filter(Boolean).join(" · ");
+  }
+
+  /** What a file is, of which version, and whether that was a preview. */
+  kindOf(kind, version, fine) {
+    return [known("file", kind ?? "", kind ?? ""), this.nameOf(version), !fine && t("version.draft")]
+      .filter(Boolean)
+      .join(" · ");
   }
 
   drawMade() {
@@ -98,19 +109,29 @@ export class Exports {
             h(
               "div",
               {},
-              h("strong", { text: known("file", job.export ?? "", job.name ?? "") }),
+              h("strong", { text: job.title ?? known("file", job.export ?? "", job.name ?? "") }),
               " ",
               h("span.small.soft", { text: this.standing(job) }),
+              h("p.small.soft", { text: this.kindOf(job.export, job.version, job.quality !== "preview") }),
             ),
             job.state === "failed"
-              ? button(
-                  "",
-                  doing(async () => {
-                    await send("DELETE", `/api/jobs/${job.id}`);
-                    state.jobs = state.jobs.filter(({ id }) => id !== job.id);
-                    this.drawMade();
-                  }),
-                  { kind: "quiet tool", drawing: "close", name: t("close") },
+              ? h(
+                  "div.row",
+                  {},
+                  button(
+                    t("job.resume"),
+                    doing(async () => keepJob(await post(`/api/jobs/${job.id}/resume`))),
+                    { drawing: "play" },
+                  ),
+                  button(
+                    "",
+                    doing(async () => {
+                      await send("DELETE", `/api/jobs/${job.id}`);
+                      state.jobs = state.jobs.filter(({ id }) => id !== job.id);
+                      this.drawMade();
+                    }),
+                    { kind: "quiet tool", drawing: "close", name: t("close") },
+                  ),
                 )
               : h(
                   "div.row",
@@ -136,9 +157,8 @@ export class Exports {
                 {},
                 h("strong", { text: file.name }),
                 " ",
-                h("span.small.soft", {
-                  text: `${size(file.size_bytes)}${file.fine ? "" : ` · ${t("version.draft")}`}`,
-                }),
+                h("span.small.soft", { text: size(file.size_bytes) }),
+                h("p.small.soft", { text: this.kindOf(file.kind, file.version, file.fine) }),
                 h("p.small.soft.path", { text: file.path }),
               ),
               h(
@@ -181,7 +201,7 @@ export class Exports {
         "div.row.between",
         {},
         h("span.small.soft", {
-          text: `${kind.suffix} · ${t("files.about", { size: size(kind.about_bytes) })}`,
+          text: `${kind.suffix} · ${t("files.about", { size: size(kind.about_bytes, 0) })}`,
         }),
         button(
           t("files.make"),
@@ -213,7 +233,7 @@ export class Exports {
         kind.needs_display && h("p.small", { text: t("files.display", { name: this.display().name }) }),
         !fine && h("p.note.fair", {}, icon("fair"), t("files.draft")),
         h("label.field", {}, h("span", { text: t("name") }), name),
-        kind.options.map((option) => this.option(option, values)),
+        kind.options.map((option) => this.option(kind.kind, option, values)),
       ),
       [
         ["", t("cancel")],
@@ -236,8 +256,9 @@ export class Exports {
     this.made.scrollIntoView({ block: "nearest" });
   }
 
-  option({ name, type, choices, min, max }, values) {
-    const id = fresh("option");
+  option(kind, { name, type, choices, min, max }, values) {
+    const id = fresh("option"),
+      note = known("option", `${kind}.${name}`, known("option", name, ""));
     const put = (value) => {
       values[name] = value;
     };
@@ -253,6 +274,7 @@ export class Exports {
         }),
         h("code", { text: name }),
       );
+    const isNumber = type === "number" || type === "whole";
     const input =
       type === "choice"
         ? h(
@@ -264,13 +286,15 @@ export class Exports {
           )
         : h("input", {
             id,
-            type: type === "number" ? "number" : "text",
+            type: isNumber ? "number" : "text",
             value: values[name],
+            required: isNumber,
+            "aria-describedby": `${id}-note`,
             min,
             max,
-            step: "any",
-            oninput: (event) => put(type === "number" ? Number(event.target.value) : event.target.value),
+            step: type === "whole" ? 1 : "any",
+            oninput: (event) => put(isNumber ? Number(event.target.value) : event.target.value),
           });
-    return h("div.field", {}, h("label", { for: id }, h("code", { text: name })), input);
+    return h("div.field", {}, h("label", { for: id }, h("code", { text: name })), input, h("small.soft", { id: `${id}-note`, text: note }));
   }
 }

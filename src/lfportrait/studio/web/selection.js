@@ -1,8 +1,8 @@
 // Versions of all sitters, for a batch or a study.
 
 import { get, post } from "./api.js";
-import { button, fill, fresh, h } from "./dom.js";
-import { t } from "./i18n.js";
+import { button, fill, fresh, h, icon } from "./dom.js";
+import { said, t } from "./i18n.js";
 import { doing } from "./shell.js";
 import { state } from "./state.js";
 
@@ -45,7 +45,7 @@ export function selection(sitter, display) {
                       else chosen.delete(key);
                     },
                   }),
-                  `${each.name}: ${version.name}`,
+                  `${each.name}: ${version.name}${version.fine ? "" : ` (${t("version.draft")})`}`,
                 ),
               );
             }),
@@ -67,14 +67,15 @@ export function selection(sitter, display) {
           doing(async () => {
             // Each sitter in the style of the version that was chosen, not in all of them.
             const versions = picked(chosen);
-            show(result, await post("/api/batch", { displays: [display().id], versions }));
+            show(result, "batch", await post("/api/batch", { displays: [display().id], versions }));
           }),
         ),
         button(
           t("select.study"),
           doing(async () => {
             const versions = picked(chosen);
-            show(result, await post("/api/study", { versions, title: sitter.name }));
+            const alone = versions.every(([id]) => id === sitter.id);
+            show(result, "study", await post("/api/study", { versions, title: alone ? sitter.name : "" }));
           }),
         ),
       ),
@@ -90,11 +91,16 @@ function picked(chosen) {
   return [...chosen.values()];
 }
 
-function show(box, { file, command, text }) {
+/** What was written, what to do with it now, and where the result will be. */
+function show(box, kind, { file, command, text, out, page, notes }) {
   fill(
     box,
-    h("p", {}, t("select.written"), " ", h("code", { text: file })),
-    h("p", {}, t("select.command"), " ", h("code.command", { text: command })),
-    h("pre.small", { text, tabindex: 0, "aria-label": file }),
+    h("p", {}, t("select.written"), " ", h("code.path", { text: file })),
+    (notes ?? []).map((note) => h("p.note.small", {}, icon("info"), said(note))),
+    h("p", { text: t("select.run") }),
+    h("pre.small.command", { text: command, tabindex: 0, "aria-label": t("select.run") }),
+    h("p", {}, t(`select.${kind}.then`), " ", h("code.path", { text: kind === "batch" ? `${out}/index.html` : page })),
+    // The study's file is the command itself.
+    text.trim() !== command && h("details", {}, h("summary", { text: t("select.contents") }), h("pre.small", { text, tabindex: 0, "aria-label": file })),
   );
 }

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import shutil
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 from ...errors import UserError
 from ...field import VoxelField
@@ -31,6 +34,7 @@ from ...share import (
     write_video,
 )
 from ...stylize import load_styled
+from ..exports import forget_unfinished
 from ..names import id_of
 from ..orders import Order
 from .sitting import Look, Sitting
@@ -38,7 +42,10 @@ from .telling import Teller
 
 __all__ = ["export"]
 
-_MESHES = ("glb", "usdz", "obj", "ply", "splats_ply", "spz", "sog", "checkpoint")
+_MESH, _SPLATS = ExportConfig(kind="mesh"), ExportConfig(kind="splats")
+_SOLIDS = {"glb": _MESH, "usdz": _MESH, "obj": _MESH, "ply": ExportConfig(kind="points"),
+           "splats_ply": _SPLATS, "spz": _SPLATS, "sog": _SPLATS, "checkpoint": ExportConfig()}
+"""What the files hold, whatever they are called: a name with "splat" in it asks for nothing."""
 _FRAMES = ("stereo", "anaglyph", "rgbd", "flat")
 
 
@@ -46,6 +53,7 @@ def export(order: Order, teller: Teller) -> dict[str, Any]:
     """Write the file; its figures."""
     more = order.more
     path, kind, options = Path(more["target"]), str(more["kind"]), dict(more["options"])
+    forget_unfinished(path)  # of an earlier run
     teller.tell("stages", [("export", 10.0)])
     with teller.stage("export") as progress:
         progress.update(0, path.name)
@@ -84,10 +92,11 @@ def _written(field: VoxelField, path: Path, kind: str, options: dict[str, Any], 
         return {}
     if kind == "print":
         return _printed(field, path, options, progress)
-    if kind in _MESHES:
+    if kind in _SOLIDS:
         progress.total = 100
-        return export_field(field, path, ExportConfig(),
-                            lambda share, text: progress.update(round(100 * share), text))
+        write = _together if kind == "obj" else export_field
+        return write(field, path, _SOLIDS[kind],
+                     lambda share, text: progress.update(round(100 * share), text))
     if kind == "hop":
         return export_frame(field, path, FrameConfig(display=order.display),
                             composed(field, order.panel(), coding))
@@ -118,6 +127,21 @@ def _coded(field: VoxelField, path: Path, kind: str, panel: Display,
     image, figures = encode_with_figures(field, panel, config, mask=ViewMask.build(panel))
     write_coded(path, image, panel)
     return {**figures, "display": panel.name}
+
+
+def _together(field: VoxelField, path: Path, config: ExportConfig,
+              tell: Callable[[float, str], None]) -> dict[str, Any]:
+    """An OBJ with its material and its picture in one .zip: none of them is of use alone."""
+    with tempfile.TemporaryDirectory(suffix=path.suffix, prefix=f".{path.stem}.",
+                                     dir=path.parent) as folder:
+        # An OBJ names its material, and many programs end that name at a space.
+        figures = export_field(field, Path(folder) / f"{'_'.join(path.stem.split())}.obj", config,
+                               lambda share, text: tell(0.9 * share, text))
+        tell(0.9, path.name)
+        with atomic_path(path) as temporary, ZipFile(temporary, "w", ZIP_DEFLATED) as together:
+            for part in sorted(Path(folder).iterdir()):
+                together.write(part, part.name)
+    return {**figures, "bytes": path.stat().st_size}
 
 
 def _printed(field: VoxelField, path: Path, options: dict[str, Any],

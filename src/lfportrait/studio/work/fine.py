@@ -14,8 +14,9 @@ from ...cache import hash_of
 from ...capture import Capture
 from ...errors import UserError
 from ...example import Exemplar
+from ...face import frontal_order
 from ...field import VoxelField
-from ...files import atomic_path, read_image, read_json, write_json
+from ...files import atomic_path, read_image, read_json, write_image, write_json
 from ...job import (
     MakeConfig,
     Task,
@@ -71,6 +72,7 @@ def fine(order: Order, teller: Teller) -> dict[str, Any]:
             "share", "share", where, ("portrait.html", "sweep.mp4", "report.html"),
             share_key(code, config), (), config, 0, inputs, source=order.style, display=panel),
             "share", figures, warmup, exemplar=exemplar)
+    _photograph(order)
     hero = order.version / "hero.png"
     if hero.is_file():
         teller.picture("share", read_image(hero))
@@ -78,6 +80,13 @@ def fine(order: Order, teller: Teller) -> dict[str, Any]:
     write_json(order.version / "run.json", run_figures(
         figures, exemplar.name, panel.name, resumed))
     return {"display": panel.name, "key": key}
+
+
+def _photograph(order: Order) -> None:
+    """Lay the sitter's most frontal photo beside the video: a study shows both."""
+    capture = Capture.load(order.job / "capture")
+    view = int(frontal_order(capture.cameras)[0])
+    write_image(order.version / "photo.jpg", capture.image_float(view), quality=92)
 
 
 def _several(order: Order, teller: Teller, exemplar: Exemplar, config: MakeConfig,

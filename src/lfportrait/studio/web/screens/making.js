@@ -10,6 +10,9 @@ import { leftOfJob, leftOfStage, shareOf, standingOf } from "../times.js";
 const HEAVY = ["head", "fine"];
 const HEAD = ["capture", "reconstruct", "surface"];
 
+/** What is made; a sitter may have several versions in the queue. */
+const nameOfJob = ({ kind, title }) => (title ? `${t(`kind.${kind}`)}: ${title}` : t(`kind.${kind}`));
+
 export async function showMaking(root, sitter) {
   const screen = new Making(root, sitter.id);
   screen.draw();
@@ -20,6 +23,7 @@ class Making {
   constructor(root, id) {
     this.id = id;
     this.action = h("div.row");
+    this.lead = h("p.lead");
     this.body = h("div.making");
     this.queue = h("section.stack");
     fill(
@@ -27,7 +31,7 @@ class Making {
       h(
         "header",
         {},
-        h("div", {}, h("h1", { text: t("step.making") }), h("p.lead", { text: t("making.lead") })),
+        h("div", {}, h("h1", { text: t("step.making") }), this.lead),
         this.action,
       ),
       this.body,
@@ -60,6 +64,7 @@ class Making {
       job = this.job();
     if (!sitter) return;
     const focused = document.activeElement?.dataset?.act;
+    this.lead.textContent = t(job?.kind === "fine" ? "making.lead.fine" : "making.lead");
     this.drawAction(sitter, job);
     fill(this.body, job ? this.jobView(job) : this.beginning(sitter));
     this.drawQueue();
@@ -147,7 +152,7 @@ class Making {
         h(
           "div.row.between",
           {},
-          h("h2", { text: t(`kind.${job.kind}`) }),
+          h("h2", { text: nameOfJob(job) }),
           h("span.tag", { class: { done: "good", failed: "bad" }[how] ?? "", text: t(`job.${how}`) }),
         ),
         isLive(job) && h("div.stack.tight", {}, this.total, this.left),
@@ -293,7 +298,7 @@ class Making {
     row.querySelector(".when").textContent = this.when(job.stages[index], job);
     this.times(job);
     const tens = Math.floor(10 * (job.progress ?? 0));
-    if (tens !== this.tens) murmur(`${t(`kind.${job.kind}`)}: ${this.left.textContent}`);
+    if (tens !== this.tens) murmur(`${nameOfJob(job)}: ${this.left.textContent}`);
     this.tens = tens;
   }
 
@@ -320,7 +325,7 @@ class Making {
               { href: `#making/${job.project}` },
               h("strong", { text: job.name ?? job.project, title: job.name ?? job.project }),
               " ",
-              h("span.soft", { text: t(`kind.${job.kind}`) }),
+              h("span.soft", { text: nameOfJob(job) }),
             ),
             h(
               "div.row",
@@ -342,7 +347,7 @@ class Making {
                 {
                   kind: "quiet tool",
                   drawing: "close",
-                  name: t("queue.cancel", { name: job.name ?? job.project }),
+                  name: t("queue.cancel", { name: `${job.name ?? job.project}, ${nameOfJob(job)}` }),
                 },
               ),
             ),

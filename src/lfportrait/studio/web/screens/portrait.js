@@ -68,6 +68,7 @@ export class Portrait {
     this.ends = [
       on("versions", ({ project: which }) => which === sitter.id && this.reload().catch(fail)),
       on("job", (job) => job.project === sitter.id && this.drawActions()),
+      on("progress", ({ job }) => job === this.making?.id && this.drawHow()),
     ];
   }
 
@@ -175,6 +176,11 @@ export class Portrait {
       this.list.querySelector(`[data-version="${focused}"] button`)?.focus({ preventScroll: true });
   }
 
+  /** How far the fine version is; a link that somebody presses at this moment stays the same. */
+  drawHow() {
+    this.how.textContent = t("portrait.making", { how: standingOf(this.making) });
+  }
+
   async choose(id) {
     if (this.open) await this.store().catch(fail);
     this.chosen = id;
@@ -188,6 +194,9 @@ export class Portrait {
   drawActions() {
     const { version } = this;
     const job = version && fineJob(this.sitter.id, version.id);
+    this.making = job;
+    this.how = h("span");
+    if (job) this.drawHow();
     fill(
       this.actions,
       version &&
@@ -196,7 +205,7 @@ export class Portrait {
               "a.button",
               { href: `#making/${this.sitter.id}` },
               icon("making"),
-              t("portrait.making", { how: standingOf(job) }),
+              this.how,
             )
           : !version.fine &&
             button(

@@ -91,6 +91,7 @@ class Show {
   async renew() {
     const before = this.shown;
     await this.readVersions();
+    this.files?.drawMade(); // versions may have other names
     if (this.shown?.id !== before?.id || this.shown?.fine !== before?.fine) this.look();
   }
 
@@ -170,6 +171,7 @@ class Show {
         () => this.about(),
         () => this.panels.display,
         () => this.shown,
+        (id) => this.list.find((each) => each.id === id)?.name ?? "",
       );
       fill(this.body, this.files.element);
       this.files.load().catch(fail);
