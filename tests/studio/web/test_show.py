@@ -147,9 +147,9 @@ def test_files_say_what_they_are_of_and_can_go_on(opened):
          {"id": "j-3", "kind": "fine", "state": "cancelled", "title": "Try"},
          {"id": "j-4", "kind": "export", "state": "waiting", "export": "hop", "title": "Anna.hop",
           "quality": "fine", "after": "j-3"})
+    opened.eventually(lambda: "left" in made.all_inner_texts()[0])  # and how long it still takes
     running, failed, waiting = made.all_inner_texts()[:3]
     assert "Anna_qs.png" in running and "Quilt · Try · preview" in running
-    assert "left" in running, "and how long it still takes"
     assert "Page · Try" in failed and "preview" not in failed
     assert "until the version is fine" not in waiting
     with opened.page.expect_request("**/api/jobs/j-2/resume"):
@@ -161,10 +161,11 @@ def test_two_versions_of_a_sitter_have_names_in_the_queue(opened):
     kept(opened, {"id": "j-1", "kind": "fine", "state": "running", "title": "First",
                   "name": "Anna"},
          {"id": "j-2", "kind": "fine", "state": "waiting", "title": "Second", "name": "Anna"})
-    rows = opened.page.locator("ol.queue li").all_inner_texts()
-    assert "First" in rows[0] and "Second" in rows[1]
-    assert opened.page.locator("section.stage-list h2").inner_text() == "Fine portrait: First"
-    assert "painted" in opened.page.locator("p.lead").inner_text(), "photos have no part in it"
+    rows = opened.page.locator("ol.queue li")
+    opened.eventually(lambda: rows.count() == 2)
+    assert "First" in rows.nth(0).inner_text() and "Second" in rows.nth(1).inner_text()
+    opened.page.wait_for_selector("section.stage-list h2:text-is('Fine portrait: First')")
+    opened.page.wait_for_selector("p.lead:has-text('painted')")  # photos have no part in it
 
 
 def test_the_portrait_says_how_far_its_fine_version_is(opened):
@@ -173,14 +174,14 @@ def test_the_portrait_says_how_far_its_fine_version_is(opened):
     stage = {"name": "stylize", "state": "running", "progress": 0.1, "seconds": 10, "left": 90}
     kept(opened, {"id": "j-1", "kind": "fine", "state": "running", "stages": [stage]})
     link = opened.page.locator("a", has_text="Fine version")
-    assert "10 %" in link.inner_text()
+    opened.eventually(lambda: "10 %" in link.inner_text())
     opened.run("""async () => {
       const { tell, state } = await import("/static/state.js");
       const job = state.jobs.find(({ id }) => id === "j-1");
       Object.assign(job.stages[0], { due: performance.now() + 10000 });
       tell("progress", { job: "j-1", stage: "stylize" });
     }""")
-    assert "50 %" in link.inner_text()
+    opened.eventually(lambda: "50 %" in link.inner_text())
 
 
 def test_every_choice_of_a_file_says_what_it_is(opened):
@@ -189,8 +190,9 @@ def test_every_choice_of_a_file_says_what_it_is(opened):
     kinds = [kind for kind in opened.ask("GET", "/api/projects/anna/exports")["kinds"]
              if kind["options"]]
     assert len(kinds) >= 5
-    for language in ("English", "Deutsch"):
+    for language, code in (("English", "en"), ("Deutsch", "de")):
         opened.page.get_by_role("combobox").filter(has_text="Deutsch").select_option(label=language)
+        opened.page.wait_for_selector(f"html[lang={code}]", state="attached")
         notes = opened.run("""async (kinds) => {
           const { known } = await import("/static/i18n.js");
           return kinds.flatMap(({ kind, options }) => options.map(({ name }) =>
@@ -198,6 +200,7 @@ def test_every_choice_of_a_file_says_what_it_is(opened):
         }""", kinds)
         assert all(len(note) > 10 for note in notes), notes
     card = opened.page.locator(".kind-card", has_text="Linsenrasterdruck")
+    card.wait_for()
     assert ".0 MB" not in card.inner_text(), "nobody knows it that well"
     card.get_by_role("button").click()
     paper = opened.page.locator("dialog").get_by_label("size")
