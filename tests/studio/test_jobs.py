@@ -350,3 +350,16 @@ def test_a_file_that_is_cancelled_leaves_nothing_behind(page):
     unfinished, other = (one.__enter__() for one in writing)
     page.do("POST", f"/api/jobs/{export['id']}/cancel")
     assert not unfinished.exists() and other.exists()
+
+
+def test_a_fine_version_that_is_cancelled_leaves_no_half_of_a_file(page):
+    project, folder, version = version_of(page)
+    job = page.do("POST", f"/api/projects/{project}/versions/{version}/fine")["id"]
+    page.wait(job, "running")
+    (place,) = (path.parent for path in (folder / "versions").glob("*/version.json"))
+    (place / ".stages").mkdir(exist_ok=True)
+    writing = atomic_path(place / "sweep.mp4")
+    unfinished = writing.__enter__()
+    page.do("POST", f"/api/jobs/{job}/cancel")
+    assert not unfinished.exists()
+    assert (place / ".stages").is_dir() and (place / "version.json").is_file()

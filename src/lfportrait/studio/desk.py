@@ -278,9 +278,10 @@ class Desk:
     def _changed(self, job: JobState) -> None:
         """What depends on a job's state."""
         self.look_at_disk()
-        if job.kind == "export" and job.state in ("cancelled", "failed"):
-            with contextlib.suppress(OSError):
-                forget_unfinished(Path(job.order["target"]))
+        if job.kind in ("export", "fine") and job.state in ("cancelled", "failed"):
+            with contextlib.suppress(Refusal, OSError):
+                forget_unfinished(Path(job.order["target"]) if job.kind == "export" else Versions(
+                    self.projects.get(str(job.project))).get(str(job.version)).folder)
         if job.state == "done" and job.project is not None:
             # At once: a job that waits for this one begins after it.
             with contextlib.suppress(Refusal, UserError, OSError):

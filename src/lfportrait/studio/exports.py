@@ -211,9 +211,15 @@ def keep(project: Project, facts: dict[str, Any]) -> None:
 
 
 def forget_unfinished(target: Path) -> None:
-    """Remove what a process that was killed has left of a file (`lfportrait.files.atomic_path`)."""
-    mine = re.compile(rf"\.{re.escape(target.stem)}\.[a-z0-9_]{{8}}{re.escape(target.suffix)}")
-    for path in target.parent.glob(".*"):
+    """Remove what a process that was killed has left of a file (`lfportrait.files.atomic_path`).
+
+    Of a folder, what it has left of any file in there.
+    """
+    folder, name = target.parent, rf"{re.escape(target.stem)}\.[a-z0-9_]{{8}}"
+    mine = re.compile(rf"\.{name}{re.escape(target.suffix)}")
+    if target.is_dir():
+        folder, mine = target, re.compile(r"\.[^.].*\.[a-z0-9_]{8}(\.\w+)?")
+    for path in folder.glob(".*"):
         if mine.fullmatch(path.name):
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
