@@ -101,6 +101,35 @@ def test_a_preview_is_called_one_and_its_files_can_wait(opened):
     assert order(opened, "Wait for the fine version")["fine"] is True
 
 
+def test_a_file_that_is_refused_is_asked_for_again_with_what_was_typed(opened):
+    asked = []
+
+    def refuse(route):
+        if route.request.method != "POST":
+            return route.continue_()
+        asked.append(route.request.post_data_json)
+        return route.fulfill(status=400, json={"error": {
+            "code": "bad_request", "message": "lpi must be another number"}})
+
+    opened.page.route("**/api/projects/anna/exports", refuse)
+    opened.go("show/anna/files")
+    opened.page.locator(".kind-card", has_text="Lenticular print").get_by_role("button").click()
+    dialog = opened.page.locator("dialog")
+    for number, lpi in enumerate(("61.5", "62.5"), 1):
+        dialog.get_by_label("name").fill("Sheet")
+        dialog.get_by_label("lpi").fill(lpi)
+        opened.page.click("dialog button[value=yes]")
+        opened.page.wait_for_selector("dialog .note.bad:has-text('lpi must be another number')")
+        opened.eventually(lambda: len(asked) == number)  # noqa: B023
+        assert dialog.get_by_label("lpi").input_value() == lpi
+        assert dialog.get_by_label("name").input_value() == "Sheet"
+        assert dialog.count() == 1
+    assert [one["options"]["lpi"] for one in asked] == [61.5, 62.5]
+    opened.page.keyboard.press("Escape")
+    opened.until("() => !document.querySelector('dialog')")
+    assert opened.page.locator("#alerts .toast").count() == 0
+
+
 def test_a_version_that_turns_fine_is_no_preview_any_more(opened):
     drafted(opened)
     opened.go("show/anna")

@@ -16,6 +16,9 @@ const GROUPS = {
   further: ["field", "checkpoint"],
 };
 
+// Refusals that something else in the dialog is the answer to.
+const TYPED = ["bad_request", "bad_name", "exists", "user_error"];
+
 export class Exports {
   /**
    * @param {function} about Gives the ids of version and display, and the placement.
@@ -212,7 +215,7 @@ export class Exports {
     );
   }
 
-  /** Ask for options where there are some, then make it. */
+  /** Ask for options where there are some, then make it: what is refused is asked for again. */
   async make(kind) {
     const values = Object.fromEntries(kind.options.map((option) => [option.name, option.default]));
     const name = h("input", {
@@ -222,13 +225,41 @@ export class Exports {
       required: true,
       autocomplete: "off",
     });
+    const order = (answer) =>
+      post(`/api/projects/${this.sitter.id}/exports`, {
+        kind: kind.kind,
+        ...this.about(),
+        options: values,
+        fine: answer === "fine",
+        name: name.value.trim(),
+      });
+    for (let job = null, wrong = ""; !job; ) {
+      const answer = await this.choices(kind, name, values, wrong);
+      if (!answer) return;
+      try {
+        job = await order(answer);
+      } catch (error) {
+        if (!TYPED.includes(error.code)) throw error;
+        wrong = error.message;
+        continue;
+      }
+      keepJob(job);
+    }
+    this.made.hidden = false;
+    this.drawMade();
+    this.made.scrollIntoView({ block: "nearest" });
+  }
+
+  /** The dialog of a file's name and options; which of its buttons was pressed, "" for none. */
+  choices(kind, name, values, wrong) {
     const { fine, from_command_line: given, id } = this.version();
     const first = !fine && !given && t(fineJob(this.sitter.id, id) ? "files.wait" : "files.fine.first");
-    const answer = await ask(
+    return ask(
       known("file", kind.kind, kind.title),
       h(
         "div.stack",
         {},
+        wrong && h("p.note.bad", { role: "alert" }, icon("bad"), wrong),
         h("p.soft", { text: known("purpose", kind.kind, kind.purpose) }),
         kind.needs_display && h("p.small", { text: t("files.display", { name: this.display().name }) }),
         !fine && h("p.note.fair", {}, icon("fair"), t("files.draft")),
@@ -241,19 +272,6 @@ export class Exports {
         ["yes", t(fine ? "files.make" : "files.draft.make"), first ? "" : "main"],
       ],
     );
-    if (!answer) return;
-    keepJob(
-      await post(`/api/projects/${this.sitter.id}/exports`, {
-        kind: kind.kind,
-        ...this.about(),
-        options: values,
-        fine: answer === "fine",
-        name: name.value.trim(),
-      }),
-    );
-    this.made.hidden = false;
-    this.drawMade();
-    this.made.scrollIntoView({ block: "nearest" });
   }
 
   option(kind, { name, type, choices, min, max }, values) {

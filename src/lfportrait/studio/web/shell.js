@@ -35,7 +35,7 @@ export function say(text, { wrong = false, back = null } = {}) {
   );
   toast.dataset.at = String(performance.now());
   box.append(toast);
-  while (box.children.length > (wrong ? 6 : 3)) box.firstChild.remove();
+  while (box.children.length > 3) box.firstChild.remove();
   if (!wrong) setTimeout(() => toast.remove(), back ? 4 * READ : READ);
 }
 
