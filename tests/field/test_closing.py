@@ -82,6 +82,25 @@ def test_photos_see_what_they_saw():
         assert psnr(after, before) > 36
 
 
+def test_one_photo_with_a_notch_makes_no_hole(monkeypatch):
+    class Notched(Photos):
+        def __init__(self, field, capture):
+            super().__init__(field, capture)
+            for depths in (self._depths, self._last):
+                depths[0][60:80] = np.inf
+
+    field = opened(head_field(SIZE))
+    behind = cameras([150, 180, 210])
+    whole, _ = close_back(field, HEAD_LANDMARKS, FRONT)
+    monkeypatch.setattr(back, "Photos", Notched)
+    closed, _ = close_back(field, HEAD_LANDMARKS, FRONT)
+    for view in range(3):
+        found, wanted = (one.render(behind, view) for one in (closed, whole))
+        inside = wanted.alpha > 0.9
+        assert (found.alpha[inside] > 0.9).mean() > 0.995
+        assert psnr(found.color, wanted.color) > 35
+
+
 class Doubtful(Photos):
     """Photos that see past a tenth of all places, and hardly see what they see."""
 

@@ -78,15 +78,15 @@ class Photos:
             yield found
 
     def past(self, points: Float64, nearly: bool = True) -> Bools:
-        """Whether a view sees past points [N, 3], bool [N].
+        """Whether views see past points [N, 3], bool [N]: two, as one has holes and notches.
 
-        ``nearly``: also where it sees past their pixels' neighbours.
+        ``nearly``: also where they see past their pixels' neighbours.
         """
-        found = np.zeros(len(points), bool)
+        found = np.zeros(len(points), np.int32)
         for view, shown, place, depth in self._shown(points):
             last = self._last if nearly else self._depths
-            found[shown] |= depth < last[view][place] - 0.75 * self.voxel
-        return found
+            found[shown] += depth < last[view][place] - 0.75 * self.voxel
+        return found > 1
 
     def _shown(self, points: Float64,
                ) -> Iterator[tuple[int, Bools, tuple[NDArray[np.int64], ...], Float64]]:
