@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from lfportrait.example import Exemplar
 from lfportrait.example.guides.labels import soft_face
 from lfportrait.example.skin import Painting, SkinPainter, canvas_of
+from lfportrait.example.skin.copied_face import CopiedFace
 from lfportrait.example.skin.painting import NAPE, THROAT, _meeting_behind
 from lfportrait.example.surface_guide import SurfaceGuide
 
@@ -123,13 +124,13 @@ def test_no_piece_of_the_face_comes_from_its_outline(painter, skin, monkeypatch)
     rows, columns = np.indices(face.shape)
     image[(face < 240) & (face > 60) & (rows % 4 < 2) & (columns % 4 < 2)] = 0, 255, 0
     made = []
-    paint_face = SkinPainter._paint_face
+    paint_face = CopiedFace.paint
 
     def recorded(self, places, guide, canvas, *rest):
         color = paint_face(self, places, guide, canvas, *rest)
         made.append(color[canvas.own & np.append(rest[-1], False)[canvas.slots]])
         return color
-    monkeypatch.setattr(SkinPainter, "_paint_face", recorded)
+    monkeypatch.setattr(CopiedFace, "paint", recorded)
     random = np.random.default_rng(0)
     for seed in range(4):
         rough = replace(skin, appearance=random.random(len(skin.index), np.float32))

@@ -16,16 +16,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion, gaussian_filter
 
-from ...labels import MATERIALS, PICTURE_LABELS
+from ...labels import MATERIALS
 from ...renamed import accepts_old_names
 from ..exemplar import Exemplar
-from ..guides.appearance import match_histogram
-from ..guides.blurs import broad_blur, gaussian_blur
-from ..guides.labels import soft_face
-from ..guides.maps import Guides, sample_labels
-from ..kernels.atlas import exchange, look_up_colors, sample_nodes, spread
+from ..kernels.atlas import exchange, look_up_colors, sample_nodes
 from ..kernels.patches import ACTIVE, FIXED, FOREIGN, OUTSIDE
 from ..lids import Lids
 from ..painter.kept import known_shares
@@ -45,13 +40,13 @@ from ..painter.strands import strands, unpainted
 from ..patches import (
     PatchTarget,
 )
-from ..styleblit import finest_level, synthesise
 from ..surface_guide import SurfaceGuide
-from ..transfers import CALM, Transfer, TransferConfig
+from ..transfers import Transfer, TransferConfig
 from ..turned import FRONTAL, in_front
 from ..versions import from_the_front
 from ..worn import Wear
 from .canvas import Canvas, canvas_of
+from .copied_face import CopiedFace
 from .ears import shade_ears
 from .hat import HatPainter
 from .light import carried_light
@@ -62,21 +57,8 @@ __all__ = ["Painting", "SkinConfig", "SkinPainter"]
 
 Float32 = NDArray[np.float32]
 
-INSIDE = 0.95
-"""Share of the exemplar's face (a soft mask) from which on its paint is copied: not its outline."""
-FOREHEAD, FRINGE = 0.4, 0.02
-"""A forehead, so high over the face's height, has no outline, nor a fringe if less is hair."""
-COVERED = 0.3
-"""Share of hair in the exemplar's face from which on it is not copied onto a bare one."""
-HAIRY = 0.6
-"""Share of hair on a sitter's face from which on the exemplar's bare one is not copied onto it."""
 NODES = 0.03
 """Nodes of the guide are so far apart, over the exemplar's face size."""
-DRAWN_OUT = 0.28
-"""Nor is the face's paint copied where the guide changes this slowly: beyond the jaw a strip of it
-would be drawn out to the neck's back."""
-STEADY, EDGE = 0.02, 0.03
-"""Sigmas of the blurs for this, and for the edge of what is painted so, over the face's size."""
 NAPE, THROAT = 0.7, 1.2
 """Where a nape begins, over half a turn; how far below the brows the throat lies, over the face's
 height."""
@@ -207,7 +189,7 @@ class SkinPainter:
         other._like = self._last
         other.exemplar = replace(self.exemplar, landmarks=self.exemplar.landmarks + way)
         other.transfer = self.transfer.moved(other.exemplar.landmarks)
-        other._copy_face()
+        other._face = CopiedFace(other.transfer, self._hair, self._strand)
         return other
 
     def _prepare(self) -> None:
@@ -225,29 +207,7 @@ class SkinPainter:
         self._hair, self._strand = hair, strand
         plain = plain_skin(shares, exemplar.landmarks, exemplar.image)
         self._painter = PatchPainter(exemplar, plain, self.config, self.seed, sharp=False)
-        self._copy_face()
-
-    def _copy_face(self) -> None:
-        """Find the part of the exemplar's face that is copied."""
-        exemplar, hair, strand = self.exemplar, self._hair, self._strand
-        soft = self.transfer.face.astype(np.float32) / np.float32(255)
-        near = gaussian_filter(soft[::4, ::4], 0.12 * exemplar.size / 4)
-        covered = gaussian_filter(hair[::4, ::4], 0.04 * exemplar.size / 4)
-        near, covered = (np.repeat(np.repeat(one, 4, 0), 4, 1)[:soft.shape[0], :soft.shape[1]]
-                         for one in (near, covered))
-        # Above the brows it may end in a bare forehead: there is no outline.
-        sides = soft_face(soft.shape, exemplar.landmarks, FOREHEAD) > 255 * INSIDE
-        inside = sides & ((soft > INSIDE) | (soft > 0.5) & (covered < FRINGE))
-        # A strand is too thin for the blur, and ends in a rim of its own.
-        rim = gaussian_blur(np.ascontiguousarray(strand), max(0.5, STEADY * exemplar.size))
-        covered = np.maximum(covered, rim * np.float32(2))
-        self._face = np.stack([inside.astype(np.float32), near, covered], axis=-1)
-        # No piece of the face comes from outside of it: dark strokes of the outline as crumbs.
-        # Votes look a pixel beyond a piece.
-        self._labels = self.transfer.labels.copy()
-        outside = ~binary_erosion(inside, np.ones((3, 3)))
-        ground = PICTURE_LABELS.index("background")
-        self._labels[outside] = 255 * (np.arange(len(PICTURE_LABELS)) == ground)
+        self._face = CopiedFace(self.transfer, hair, strand)
 
     def paint(self, skin: Skin, step: int = 1) -> Painting:
         """Paint a skin.
@@ -281,12 +241,12 @@ class SkinPainter:
         pixel = np.clip(position.astype(np.int32), 0,
                         np.array(self.exemplar.image.shape[1::-1], np.int32) - 1)
         labels = self.transfer.labels[pixel[:, 1], pixel[:, 0]]
-        face = self._face[pixel[:, 1], pixel[:, 0]]
+        face = self._face.planes[pixel[:, 1], pixel[:, 0]]
         clock.lap("guides")
         core = np.ones(len(face), bool)
         if self.config.patchmatch:
-            core = self._core(places, canvas, face, ratio, size)
-        painted = aside.submit(self._paint_face, places, guide, canvas, position, anchor, ratio,
+            core = self._face.core(places, canvas, face, ratio, size)
+        painted = aside.submit(self._face.paint, places, guide, canvas, position, anchor, ratio,
                                core)
         if source is None:
             color = painted.result()
@@ -314,70 +274,6 @@ class SkinPainter:
         out = np.empty((len(skin.flat), 3), np.float32)
         sample_nodes(nodes, low, spacing, _meeting_behind(skin), out)
         return np.ascontiguousarray(out[:, :2]), out[:, 2]
-
-    def _core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float,
-              ) -> NDArray[np.bool_]:
-        """Where the face is painted as on a photo, [N]; the rest is patches.
-
-        ``face`` [N, 3] is the inside of the exemplar's face, what is near it, and hair over it;
-        ``size`` pixels of the canvas per pixel of the exemplar.
-        """
-        # Hair that hangs over the exemplar's cheek is nothing for a bare one.
-        bare = 1 if skin.hair is None else 1 - skin.hair
-        steady = self._calm(canvas, np.minimum(ratio, 1), STEADY, size)
-        core = (face[:, 0] > 0.5) & skin.outwards & (face[:, 2] * bare < COVERED)
-        if skin.hair is not None:
-            # Nor is a bare forehead or chin for a fringe or a beard.
-            core &= skin.hair * (1 - face[:, 2]) < HAIRY
-        core &= steady > DRAWN_OUT
-        # No crumbs of the exemplar's outline.
-        return np.asarray(self._calm(canvas, core.astype(np.float32), EDGE, size) > 0.5)
-
-    def _calm(self, canvas: Canvas, values: Float32, sigma: float, size: float) -> Float32:
-        """Values [N] blurred over the surface, ``sigma`` over the face's size."""
-        own, sigma = canvas.own, sigma * self.exemplar.size * size
-        planes = canvas.spread(np.stack([values, np.ones_like(values)], axis=1))
-        sums, known = (broad_blur(np.ascontiguousarray(planes[..., n] * own), sigma)
-                       for n in range(2))
-        mean = np.asarray(sums / np.maximum(known, np.float32(1e-3)), np.float32)
-        return canvas.gathered(mean, len(values))
-
-    def _paint_face(self, skin: Skin, guide: SurfaceGuide, canvas: Canvas, position: Float32,
-                    anchor: Float32, ratio: Float32, core: NDArray[np.bool_]) -> Float32:
-        """StyleBlit over the face, [H, W, 3]; 0 elsewhere."""
-        transfer, config = self.transfer, self.transfer.config
-        scale = guide.scale / skin.pixels * canvas.step
-        looks = match_histogram(np.ascontiguousarray(skin.appearance[None]), transfer.distribution,
-                                np.ones((1, len(skin.index)), np.float32))[0]
-        planes = np.concatenate([position, anchor, looks[:, None], ratio[:, None],
-                                 skin.seen[:, None], core[:, None]], axis=1)
-        picture = np.zeros((*canvas.slots.shape, 3), np.float32)
-        for x0, y0, x1, y1, dx, dy in (skin.atlas.boxes // canvas.step).tolist():
-            part = slice(y0 + dy, y1 + dy), slice(x0 + dx, x1 + dx)
-            slots = canvas.slots[part]
-            inside = np.append(core, False)[slots] & (slots >= 0)
-            rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
-            if not len(rows):
-                continue
-            # A little around, for the votes.
-            crop = (slice(max(rows[0] - 8, 0), rows[-1] + 9),
-                    slice(max(columns[0] - 8, 0), columns[-1] + 9))
-            values = np.empty((*slots[crop].shape, planes.shape[1]), np.float32)
-            spread(planes, np.ascontiguousarray(slots[crop]), np.float32(np.nan), values)
-            places = np.ascontiguousarray(values[..., :2])
-            labels = sample_labels(transfer.labels, places)
-            known = np.nan_to_num(values)
-            weights = transfer.weights(np.ones(labels.shape[:2], np.float32), labels, places,
-                                       scale)
-            weights *= known[..., 5:7]
-            guides = Guides(places, np.ascontiguousarray(known[..., 4]), labels,
-                            np.ascontiguousarray(values[..., 2:4]))
-            result = synthesise(
-                guides, weights, config.label_weight, transfer.appearance, self._labels,
-                transfer.table, transfer.colors(scale), config.blit, seed=self.seed, scale=None,
-                finest=finest_level(scale), calm=CALM * 255 * config.table.appearance_weight)
-            picture[part][crop] = result.image
-        return picture
 
     def _target(self, skin: Skin, theirs: ExemplarMaterials, size: float, canvas: Canvas,
                 position: Float32, anchor: Float32, ratio: Float32, labels: NDArray[np.uint8],
