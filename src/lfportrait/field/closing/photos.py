@@ -78,15 +78,16 @@ class Photos:
             yield found
 
     def past(self, points: Float64, nearly: bool = True) -> Bools:
-        """Whether views see past points [N, 3], bool [N]: two, as one has holes and notches.
+        """Whether views see past points [N, 3], bool [N].
 
-        ``nearly``: also where they see past their pixels' neighbours.
+        Of 20 views or more two must: one may have a notch. ``nearly``: also where they see past
+        their pixels' neighbours.
         """
         found = np.zeros(len(points), np.int32)
         for view, shown, place, depth in self._shown(points):
             last = self._last if nearly else self._depths
             found[shown] += depth < last[view][place] - 0.75 * self.voxel
-        return found > 1
+        return found >= min(2, self.enough)
 
     def _shown(self, points: Float64,
                ) -> Iterator[tuple[int, Bools, tuple[NDArray[np.int64], ...], Float64]]:
