@@ -82,6 +82,21 @@ def test_photos_see_what_they_saw():
         assert psnr(after, before) > 36
 
 
+@pytest.mark.parametrize(("count", "alone"), [(9, True), (25, False)])
+def test_one_of_few_photos_sees_past_a_place_alone(count, alone):
+    field = opened(head_field(SIZE))
+    capture = photos(np.linspace(-62, 62, count))
+    views = [Photos(field, replace(capture, held_out=np.arange(count) != view))
+             for view in range(count)]
+    points = np.random.default_rng(0).uniform(-1, 1, (20_000, 3))
+    votes = sum(one.past(points).astype(int) for one in views)
+    known = Photos(field, capture)
+    assert (votes == 1).sum() > 20
+    # A pixel is as wide as a voxel whichever photos are asked.
+    assert (known.past(points)[votes == 1] == alone).mean() > 0.95
+    assert known.past(points)[votes > 2].mean() > 0.99 and not known.past(points)[votes == 0].any()
+
+
 def test_one_photo_with_a_notch_makes_no_hole(monkeypatch):
     class Notched(Photos):
         def __init__(self, field, capture):
