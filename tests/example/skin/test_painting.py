@@ -162,6 +162,16 @@ def test_landmarks_a_little_beside_are_painted_by_with_what_was_found(painter, s
     assert np.array_equal(painter.paint(skin, step=2).color, preview.color)
 
 
+def test_landmarks_that_were_moved_can_be_moved_once_more(painter):
+    given, nose = painter.given, (np.arange(68) == 30)[:, None]
+    once, twice = (given.landmarks + nose * [way * given.size, 0] for way in (0.1, 0.14))
+    moved = painter.moved(once).moved(twice)
+    assert np.array_equal(moved.exemplar.landmarks, painter.moved(twice).exemplar.landmarks)
+    assert np.allclose(moved.given.landmarks, twice)
+    # What was found lies where it was: step by step nothing goes further from there.
+    assert moved.moved(given.landmarks + nose * [0.2 * given.size, 0]) is None
+
+
 @pytest.mark.parametrize(("points", "way"), [(range(68), 0.2), ([36], 0.05), ([57], 0.16)])
 def test_landmarks_that_are_far_or_the_eyes_need_a_painter_of_their_own(painter, points, way):
     landmarks = painter.given.landmarks.copy()

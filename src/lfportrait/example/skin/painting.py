@@ -145,11 +145,13 @@ class SkinPainter:
                  transfer: TransferConfig | None = None, seed: int = 0,
                  fringe: bool = False, lids: Lids = (False, False),
                  wear: tuple[Wear, ...] = ()) -> None:
-        # Of a face that is turned, the frontal picture.
         self.given = exemplar
+        # The painter that this one was moved from.
+        self._first: SkinPainter | None = None
         # Size of the last painting, and that which the next ones are to have if they nearly do.
         self._last = self._like = 0.0
         self.pose = exemplar.pose()
+        # Of a face that is turned, the frontal picture.
         self.turned = abs(self.pose.yaw) >= FRONTAL
         self.exemplar = exemplar = from_the_front(exemplar, self.pose, fringe, lids, wear)
         self.seed = seed
@@ -177,19 +179,22 @@ class SkinPainter:
         Returns
         -------
         painter
-            None if they lie too far from those (`NEARBY`).
+            None if they lie too far from those that the painting was prepared by (`NEARBY`).
         """
-        way = np.asarray(landmarks, np.float64) - self.given.landmarks
-        far = np.abs(way).max(axis=1) / self.given.size
+        first = self._first or self
+        painted = first.given.landmarks
+        way = np.asarray(landmarks, np.float64) - painted
+        far = np.abs(way).max(axis=1) / first.given.size
         if far.max() > NEARBY or far[EYES].max() > UNMOVED:
             return None
-        if self.turned:
-            way = in_front(way, self.given.landmarks, self.pose)
-        other = copy.copy(self)
-        other._like = self._last
-        other.exemplar = replace(self.exemplar, landmarks=self.exemplar.landmarks + way)
-        other.transfer = self.transfer.moved(other.exemplar.landmarks)
-        other._face = CopiedFace(other.transfer, self._hair, self._strand)
+        other = copy.copy(first)
+        other._first, other._like = first, first._last
+        other.given = replace(first.given, landmarks=painted + way)
+        if first.turned:
+            way = in_front(way, painted, first.pose)
+        other.exemplar = replace(first.exemplar, landmarks=first.exemplar.landmarks + way)
+        other.transfer = first.transfer.moved(other.exemplar.landmarks)
+        other._face = CopiedFace(other.transfer, first._hair, first._strand)
         return other
 
     def _prepare(self) -> None:
