@@ -363,3 +363,29 @@ def test_a_fine_version_that_is_cancelled_leaves_no_half_of_a_file(page):
     page.do("POST", f"/api/jobs/{job}/cancel")
     assert not unfinished.exists()
     assert (place / ".stages").is_dir() and (place / "version.json").is_file()
+
+
+def test_what_a_person_has_put_beside_a_version_stays(page):
+    project, folder, version = version_of(page)
+    place = folder / "versions/First"
+    # Names like those of half-written files.
+    (place / ".sweep.original.mp4").write_bytes(b"mine")
+    os.utime(place / ".sweep.original.mp4", (1e9, 1e9))
+    job = page.do("POST", f"/api/projects/{project}/versions/{version}/fine")["id"]
+    page.wait(job, "running")
+    (place / ".sketches.original").mkdir()
+    page.do("POST", f"/api/jobs/{job}/cancel")
+    assert (place / ".sweep.original.mp4").is_file() and (place / ".sketches.original").is_dir()
+
+
+def test_a_quilt_that_is_cancelled_leaves_nothing_behind(page):
+    project, folder, version = version_of(page)
+    export = exported(page, project, version, kind="quilt", name="a")
+    page.wait(export["id"], "running")
+    place = folder / "exports"
+    # A quilt's name goes on with its layout, and its settings lie beside it.
+    writing = [atomic_path(place / f"a_{name}") for name in (
+        "qs8x6a0.75.png", "qs8x6a0.75.png.json", "qs.b.png")]
+    *unfinished, other = (one.__enter__() for one in writing)
+    page.do("POST", f"/api/jobs/{export['id']}/cancel")
+    assert not any(one.exists() for one in unfinished) and other.exists()

@@ -281,7 +281,7 @@ class Desk:
         if job.kind in ("export", "fine") and job.state in ("cancelled", "failed"):
             with contextlib.suppress(Refusal, OSError):
                 forget_unfinished(Path(job.order["target"]) if job.kind == "export" else Versions(
-                    self.projects.get(str(job.project))).get(str(job.version)).folder)
+                    self.projects.get(str(job.project))).get(str(job.version)).folder, job.created)
         if job.state == "done" and job.project is not None:
             # At once: a job that waits for this one begins after it.
             with contextlib.suppress(Refusal, UserError, OSError):

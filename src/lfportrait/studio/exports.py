@@ -210,18 +210,26 @@ def keep(project: Project, facts: dict[str, Any]) -> None:
                {**facts, "created": round(time.time(), 3)})
 
 
-def forget_unfinished(target: Path) -> None:
+def forget_unfinished(target: Path, since: float = 0.0) -> None:
     """Remove what a process that was killed has left of a file (`lfportrait.files.atomic_path`).
 
-    Of a folder, what it has left of any file in there.
+    Of a folder, what it has left of any file in there, if that is no older than ``since`` (seconds,
+    as `time.time`): other hidden files are a person's.
     """
-    folder, name = target.parent, rf"{re.escape(target.stem)}\.[a-z0-9_]{{8}}"
-    mine = re.compile(rf"\.{name}{re.escape(target.suffix)}")
-    if target.is_dir():
-        folder, mine = target, re.compile(r"\.[^.].*\.[a-z0-9_]{8}(\.\w+)?")
+    inside = target.is_dir()
+    folder, name, ending = target.parent, re.escape(target.stem), re.escape(target.suffix)
+    if target.stem.endswith("_qs"):  # a quilt's name goes on, and its settings lie beside it
+        name, ending = rf"{name}(\d+x\d+a[\d.]+({ending})?)?", rf"({ending}|\.json)"
+    if inside:
+        folder, name, ending = target, r"[^.].*", r"(\.\w+)?"
+    mine = re.compile(rf"\.{name}\.[a-z0-9_]{{8}}{ending}")
     for path in folder.glob(".*"):
-        if mine.fullmatch(path.name):
-            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+        if not mine.fullmatch(path.name) or path.lstat().st_mtime < since:
+            continue
+        if not path.is_dir():
+            path.unlink(missing_ok=True)
+        elif not inside:
+            shutil.rmtree(path)
 
 
 def remove(project: Project, export: str) -> None:
