@@ -313,6 +313,18 @@ def test_an_export_does_not_take_a_preview_for_the_fine_version(page):
     assert page.ask("GET", entry["file"]).content == b"styled"
 
 
+def test_a_cancelled_export_goes_on_with_its_fine_version(page):
+    project, folder, version = version_of(page)
+    export = exported(page, project, version, fine=True)
+    pids(folder)
+    for one in (export["id"], export["after"]):
+        page.do("POST", f"/api/jobs/{one}/cancel")
+    again = page.do("POST", f"/api/jobs/{export['id']}/resume")
+    assert again["state"] == "waiting" and again["after"] not in (None, export["after"])
+    (folder / "wait").unlink()
+    assert page.wait(export["id"])["state"] == "done"
+
+
 def test_a_full_disk_does_not_stop_the_queue(page, monkeypatch):
     from lfportrait.errors import UserError
 

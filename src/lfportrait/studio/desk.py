@@ -261,7 +261,7 @@ class Desk:
 
     def resume(self, job: JobState) -> None:
         """Let a job go on; a file of a fine version waits for that, which is made if need be."""
-        if job.kind == "export" and job.state == "failed" and job.order.get("fine"):
+        if job.kind == "export" and job.state in ("failed", "cancelled") and job.order.get("fine"):
             project = self.projects.get(str(job.project))
             version = Versions(project).get(str(job.version))
             if not version.fine:
