@@ -106,3 +106,19 @@ def test_a_study_takes_what_can_be_compared(page, sitters):
         ("lee", SMILE, "A  b"), ("lee", SMILE, "A  b-2")]
     assert found["page"] == str(Path(words[where + 1]) / "index.html")
     assert Path(found["file"]).read_text() == found["text"]
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_a_study_shows_one_painting_under_a_name(page, sitters, alike):
+    pairs = []
+    for number, sitter in enumerate(("lee", "Mary O'Hara")):
+        (sitters / sitter / "paintings").mkdir()
+        (sitters / sitter / "paintings/own.jpg").write_bytes(jpeg(20 if alike else 20 + number))
+        pairs += [version(page, sitter, "own", name, fine=True) for name in ("A", "B")]
+    answer = page.ask("POST", "/api/study", {"versions": pairs}).json()
+    if not alike:
+        assert answer["error"]["code"] == "bad_name" and not list(sitters.glob("study*"))
+        return
+    words = shlex.split(answer["command"])
+    pictures = [Path(one) for one in words[words.index("--pictures") + 1:]]
+    assert len(pictures) == 1 and len(entries_of(words[2:words.index("--out")], pictures)) == 4

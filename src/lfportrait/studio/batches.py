@@ -193,7 +193,7 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
     pairs = _versions(desk, data)
     if len(pairs) < 2:
         raise Refusal("bad_request", "choose at least two versions to compare", field="versions")
-    words, pictures = ["lfportrait", "study"], []
+    words, paintings = ["lfportrait", "study"], dict[str, Style]()
     groups: dict[tuple[str, str], list[str]] = {}
     for project, version in pairs:
         video = version.folder / "sweep.mp4"
@@ -201,9 +201,10 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
             raise Refusal("not_ready", f"make {version.name} of {project.name} fine first: a study "
                           "shows its video", needs="styled")
         painting = _painting(desk, project, version)
-        if painting.path is not None:
-            pictures.append(str(painting.path))
-        group = groups.setdefault((project.id, painting.source), [])
+        if not _same(painting, paintings.setdefault(painting.name, painting)):
+            raise Refusal("bad_name", f"a study can't show two paintings called {painting.name!r}: "
+                          "add one of them under another name", name=painting.name)
+        group = groups.setdefault((project.id, painting.name), [])
         # Names may be there twice, and differ in signs alone that a study leaves out.
         group.append(free_name(_word(version.name), group))
         words.append(f"{group[-1]}:{_sitter_word(pairs, project)}:{painting.name}={video}")
@@ -217,8 +218,9 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
     title = text(data, "title", "")
     if title:
         words += ["--title", title]
+    pictures = [str(one.path) for one in paintings.values() if one.path is not None]
     if pictures:
-        words += ["--pictures", *dict.fromkeys(pictures)]
+        words += ["--pictures", *pictures]
     command = shlex.join(words)
     script = _free(desk.projects.folder, "study", ".txt")
     with atomic_write(script) as stream:
@@ -239,6 +241,13 @@ def _painting(desk: Desk, project: Project, version: Version) -> Style:
         raise Refusal("bad_name", f"a study can't show {found.name!r}: add the picture under a "
                       "name without : = and /", name=found.name)
     return found
+
+
+def _same(one: Style, other: Style) -> bool:
+    """Whether two styles are one painting: sitters may have a copy each."""
+    return one.source == other.source or (
+        one.path is not None and other.path is not None
+        and one.path.read_bytes() == other.path.read_bytes())
 
 
 def _sitter_word(pairs: list[tuple[Project, Version]], project: Project) -> str:
