@@ -185,6 +185,28 @@ def test_files_say_what_they_are_of_and_can_go_on(opened):
         made.nth(1).get_by_role("button", name="Go on").click()
 
 
+def test_buttons_of_files_stay_the_same_while_one_is_made(opened):
+    drafted(opened)
+    opened.go("show/anna/files")
+    stage = {"name": "export", "state": "running", "progress": 0.1, "seconds": 60, "left": 60}
+    kept(opened, {"id": "j-1", "kind": "export", "state": "running", "export": "quilt",
+                  "title": "Anna_qs.png", "progress": 0.1, "stages": [stage]})
+    bar, button = (opened.page.locator(f".files li {name}") for name in ("progress", "button"))
+    opened.eventually(lambda: bar.count() == 1)
+    before, text = button.element_handle(), opened.page.locator(".files li").inner_text
+    assert "60 s" in text()
+    # Between pressing it down and letting it go.
+    opened.run("""async () => {
+      const { tell, state } = await import("/static/state.js");
+      const job = state.jobs.find(({ id }) => id === "j-1");
+      Object.assign(job, { progress: 0.9 });
+      Object.assign(job.stages[0], { left: 5, due: performance.now() + 5000 });
+      tell("progress", { job: "j-1", stage: "export" });
+    }""")
+    opened.eventually(lambda: bar.evaluate("bar => bar.value") == 0.9 and "60 s" not in text())
+    assert before.evaluate("button => button.isConnected")
+
+
 def test_two_versions_of_a_sitter_have_names_in_the_queue(opened):
     opened.go("making/anna")
     kept(opened, {"id": "j-1", "kind": "fine", "state": "running", "title": "First",

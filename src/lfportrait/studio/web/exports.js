@@ -27,7 +27,7 @@ export class Exports {
    * @param {function} nameOf Gives the name of a version by its id, "" where it is gone.
    */
   constructor(sitter, about, display, version, nameOf) {
-    Object.assign(this, { sitter, about, display, version, nameOf });
+    Object.assign(this, { sitter, about, display, version, nameOf, parts: new Map() });
     this.made = h("section.stack", { "aria-label": t("files.made") });
     this.kinds = h("div.stack.wide");
     this.element = h("div.stack.wide", {}, this.made, this.kinds, selection(sitter, display));
@@ -36,7 +36,7 @@ export class Exports {
       on("job", (job) => {
         if (job.project === sitter.id && ["export", "fine"].includes(job.kind)) this.drawMade();
       }),
-      on("progress", ({ job }) => this.running().some(({ id }) => id === job) && this.drawMade()),
+      on("progress", ({ job }) => this.drawHow(job)),
     ];
   }
 
@@ -94,11 +94,28 @@ export class Exports {
       .join(" · ");
   }
 
+  /** How far a file is; a button that somebody presses at this moment stays the same. */
+  drawHow(id) {
+    const job = this.running().find((each) => each.id === id),
+      part = this.parts.get(id);
+    if (!job || !part) return;
+    part.how.textContent = this.standing(job);
+    if (job.progress === null) part.bar.removeAttribute("value");
+    else part.bar.value = job.progress;
+  }
+
   drawMade() {
     if (!this.about_) return;
     const { exports: files } = this.about_,
       running = this.running();
     this.made.hidden = !files.length && !running.length;
+    this.parts = new Map(
+      running.map((job) => [
+        job.id,
+        { how: h("span.small.soft"), bar: h("progress", { max: 1, "aria-label": t("files.making") }) },
+      ]),
+    );
+    for (const job of running) this.drawHow(job.id);
     fill(
       this.made,
       h("h2", { text: t("files.made") }),
@@ -114,7 +131,7 @@ export class Exports {
               {},
               h("strong", { text: job.title ?? known("file", job.export ?? "", job.name ?? "") }),
               " ",
-              h("span.small.soft", { text: this.standing(job) }),
+              this.parts.get(job.id).how,
               h("p.small.soft", { text: this.kindOf(job.export, job.version, job.quality !== "preview") }),
             ),
             job.state === "failed"
@@ -139,8 +156,7 @@ export class Exports {
               : h(
                   "div.row",
                   {},
-                  job.state !== "waiting" &&
-                    h("progress", { max: 1, value: job.progress, "aria-label": t("files.making") }),
+                  job.state !== "waiting" && this.parts.get(job.id).bar,
                   button(
                     "",
                     doing(async () => keepJob(await post(`/api/jobs/${job.id}/cancel`))),
