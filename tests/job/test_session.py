@@ -79,6 +79,21 @@ def test_landmarks_that_are_tried_are_painted_by_what_lies_close_by(session, vio
     assert len(made) == 3, "and serves, too"
 
 
+def test_what_is_tried_in_full_is_exact(session, violet, monkeypatch):  # noqa: F811
+    made = []
+
+    class Counted(SkinPainter):
+        def __init__(self, *given):
+            made.append(given)
+            super().__init__(*given)
+
+    monkeypatch.setattr(module, "SkinPainter", Counted)
+    session.stylize(violet)
+    nose = violet.landmarks + (np.arange(68) == 30)[:, None] * [0.1 * violet.size, 0]
+    session.stylize(replace(violet, landmarks=nose), keep=False)
+    assert len(made) == 2
+
+
 def test_mixtures_and_light_fields(session, violet):  # noqa: F811
     with pytest.raises(UserError, match="nothing is stylised"):
         session.mix(strength=0.5)

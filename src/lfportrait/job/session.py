@@ -113,8 +113,9 @@ class Session:
         progress
             Progress line.
         keep
-            Keep the prepared painting, for the next time; not of one that is only tried: of that
-            what its landmarks were before may serve, if they lie close by (`NearbyPainters`).
+            Keep the prepared painting, for the next time; not of one that is only tried: for a
+            preview of that what its landmarks were before may serve, if they lie close by
+            (`NearbyPainters`).
 
         Raises
         ------
@@ -124,9 +125,10 @@ class Session:
         config = config or self.config
         skin = self.skin(config.pixels) if config.on_skin else None
         styles = [style] if isinstance(style, (str, Path, Exemplar)) else style
+        tried = self._tried if config.preview else Painters()
         self.shown, self.figures = stylize_with_figures(
             self.field, self.capture, [self.exemplar(one) for one in styles], config, progress,
-            skin=skin, painters=self._painters if keep else self._tried)
+            skin=skin, painters=self._painters if keep else tried)
         return self.shown
 
     def mix(self, **choices: Any) -> StyledField:
