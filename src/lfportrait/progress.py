@@ -21,8 +21,8 @@ class Progress:
     total
         Number of steps; 0 if unknown.
     enabled
-        False prints nothing at all. A terminal sees a line redrawn at most ten times a second, a
-        file sees a line every ten seconds.
+        False prints nothing at all. A terminal sees a line redrawn at most ten times a second, and
+        at once where another step begins; a file sees a line every ten seconds.
 
     Examples
     --------
