@@ -22,11 +22,12 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import time
 import uuid
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType, SimpleNamespace
-from typing import Any
+from typing import IO, Any
 
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
@@ -36,6 +37,8 @@ __all__ = ["identified", "identified_all", "identity", "kernel_sources", "shared
 
 _LOCK = "kernels.lock"
 """A file beside compiled code, locked while some is added."""
+_PATIENCE = 2.0
+"""Seconds to wait for another process: one that is paused just then must not hold up all others."""
 
 
 @functools.cache
@@ -59,8 +62,22 @@ class _SharedFiles(IndexDataCacheFile):
     def save(self, key: Any, data: Any) -> None:
         with contextlib.ExitStack() as stack:
             with contextlib.suppress(OSError):  # a folder without locks is written to all the same
-                lock(stack.enter_context(open(Path(self._cache_path) / _LOCK, "ab")), wait=True)
+                _wait_for(stack.enter_context(open(Path(self._cache_path) / _LOCK, "ab")))
             super().save(key, data)
+
+
+def _wait_for(stream: IO[bytes]) -> None:
+    """Lock a file as soon as no other process has it locked, or go on without, in the end."""
+    until = time.monotonic() + _PATIENCE
+    while True:
+        try:
+            lock(stream)
+        except BlockingIOError:
+            if time.monotonic() > until:
+                return
+            time.sleep(0.01)
+        else:
+            return
 
 
 def shared_files(function: Any) -> Any:
