@@ -3,11 +3,13 @@
 import json
 import os
 import time
+from pathlib import Path
 
 import pytest
 
 from lfportrait.files import atomic_path
 from lfportrait.studio import child, desk, job_state
+from lfportrait.studio.exports import forget_unfinished
 from lfportrait.studio.job_state import JobState, StageState
 from lfportrait.studio.jobs import Jobs
 from lfportrait.studio.routes import start
@@ -401,3 +403,19 @@ def test_a_quilt_that_is_cancelled_leaves_nothing_behind(page):
     *unfinished, other = (one.__enter__() for one in writing)
     page.do("POST", f"/api/jobs/{export['id']}/cancel")
     assert not any(one.exists() for one in unfinished) and other.exists()
+
+
+def test_a_leftover_that_cannot_be_removed_stops_nothing(tmp_path, monkeypatch):
+    target, remove, held = tmp_path / "a.png", Path.unlink, []
+    for name in (".a.12345678.png", ".a.abcdefgh.png"):
+        (tmp_path / name).write_bytes(b"half")
+
+    def unlink(path, *given, **more):
+        if not held:  # the first one is open in another program, on Windows
+            held.append(path)
+            raise PermissionError(13, "in use")
+        remove(path, *given, **more)
+
+    monkeypatch.setattr(Path, "unlink", unlink)
+    forget_unfinished(target)
+    assert list(tmp_path.iterdir()) == held

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shutil
 import time
@@ -224,12 +225,13 @@ def forget_unfinished(target: Path, since: float = 0.0) -> None:
         folder, name, ending = target, r"[^.].*", r"(\.\w+)?"
     mine = re.compile(rf"\.{name}\.[a-z0-9_]{{8}}{ending}")
     for path in folder.glob(".*"):
-        if not mine.fullmatch(path.name) or path.lstat().st_mtime < since:
-            continue
-        if not path.is_dir():
-            path.unlink(missing_ok=True)
-        elif not inside:
-            shutil.rmtree(path)
+        with contextlib.suppress(OSError):  # one that is open in another program stays
+            if not mine.fullmatch(path.name) or path.lstat().st_mtime < since:
+                continue
+            if not path.is_dir():
+                path.unlink()
+            elif not inside:
+                shutil.rmtree(path)
 
 
 def remove(project: Project, export: str) -> None:
