@@ -122,3 +122,16 @@ def test_a_study_shows_one_painting_under_a_name(page, sitters, alike):
     words = shlex.split(answer["command"])
     pictures = [Path(one) for one in words[words.index("--pictures") + 1:]]
     assert len(pictures) == 1 and len(entries_of(words[2:words.index("--out")], pictures)) == 4
+
+
+def test_a_sitter_called_like_a_painting_keeps_her_photo_in_a_study(page, sitters):
+    (sitters / "ken/photos").mkdir(parents=True)
+    pairs = [version(page, "ken", "ken", name, fine=True) for name in ("A", "B")]
+    project = next(one for one in page.desk.projects.all() if one.folder.name == "ken")
+    for _, made in pairs:
+        (Versions(project).get(made).folder / "photo.jpg").write_bytes(jpeg(30))
+    words = shlex.split(page.do("POST", "/api/study", {"versions": pairs})["command"])
+    where = words.index("--pictures")
+    for one in entries_of(words[2:words.index("--out")], [Path(words[where + 1])]):
+        assert one.style == "ken" and one.photo is not None
+        assert one.photo.tobytes() != one.painting.tobytes()

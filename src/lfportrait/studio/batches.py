@@ -193,7 +193,7 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
     pairs = _versions(desk, data)
     if len(pairs) < 2:
         raise Refusal("bad_request", "choose at least two versions to compare", field="versions")
-    words, paintings = ["lfportrait", "study"], dict[str, Style]()
+    entries, paintings = [], dict[str, Style]()
     groups: dict[tuple[str, str], list[str]] = {}
     for project, version in pairs:
         video = version.folder / "sweep.mp4"
@@ -207,12 +207,16 @@ def study_command(desk: Desk, data: dict[str, Any]) -> dict[str, Any]:
         group = groups.setdefault((project.id, painting.name), [])
         # Names may be there twice, and differ in signs alone that a study leaves out.
         group.append(free_name(_word(version.name), group))
-        words.append(f"{group[-1]}:{_sitter_word(pairs, project)}:{painting.name}={video}")
+        entries.append((group[-1], project, painting, video))
     for (number, _), names in groups.items():
         if len(names) < 2:
             raise Refusal("bad_request", f"{names[0]} of {desk.projects.get(number).name} has "
                           "nothing to be compared with: choose two versions of a sitter in the "
                           "same painting", field="versions")
+    # A sitter who is called like a painting would have its picture for her photo.
+    words = ["lfportrait", "study", *(
+        f"{method}:{free_name(_sitter_word(pairs, project), paintings)}:{painting.name}={video}"
+        for method, project, painting, video in entries)]
     out = _free(desk.projects.folder, "study", "")
     words += ["--out", str(out)]
     title = text(data, "title", "")
