@@ -125,7 +125,7 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
 
 
 def _beside(shape: tuple[int, ...], cells: NDArray[np.int64], chosen: Bools) -> Bools:
-    """Which cells (x, y, z) [N, 3] have one of the chosen ones among their 26 neighbors, [N]."""
+    """Which cells (x, y, z) [N, 3] have one of the chosen ones among their 26 neighbours, [N]."""
     grid = np.zeros([size + 2 for size in shape], np.bool_)
     grid[tuple(cells[chosen].T[::-1] + 1)] = True
     found = np.zeros(len(cells), np.bool_)
