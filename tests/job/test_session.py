@@ -22,6 +22,20 @@ def session(head, capture):  # noqa: F811
     return Session(head, capture, SMALL)
 
 
+@pytest.fixture
+def made(monkeypatch):
+    """What each new painter was prepared for."""
+    every = []
+
+    class Counted(SkinPainter):
+        def __init__(self, *given):
+            every.append(given)
+            super().__init__(*given)
+
+    monkeypatch.setattr(module, "SkinPainter", Counted)
+    return every
+
+
 def test_what_it_gives_is_what_a_stylisation_gives(session, head, capture, violet):  # noqa: F811
     styled = session.stylize(violet)
     alone, _ = stylize_with_figures(head, capture, violet, SMALL)
@@ -32,15 +46,7 @@ def test_what_it_gives_is_what_a_stylisation_gives(session, head, capture, viole
     assert session.figures["method"] == "skin"
 
 
-def test_painters_and_surface_are_made_once(session, violet, monkeypatch):  # noqa: F811
-    made = []
-
-    class Counted(SkinPainter):
-        def __init__(self, *given):
-            made.append(given)
-            super().__init__(*given)
-
-    monkeypatch.setattr(module, "SkinPainter", Counted)
+def test_painters_and_surface_are_made_once(session, violet, made):  # noqa: F811
     skin = session.skin(PREVIEW.pixels)
     session.preview(violet)
     session.preview(violet)
@@ -49,22 +55,13 @@ def test_painters_and_surface_are_made_once(session, violet, monkeypatch):  # no
     assert len(made) == 2
 
 
-def test_landmarks_that_are_tried_are_painted_by_what_lies_close_by(session, violet,  # noqa: F811
-                                                                   monkeypatch):
-    made = []
-
-    class Counted(SkinPainter):
-        def __init__(self, *given):
-            made.append(given)
-            super().__init__(*given)
-
+def test_what_is_tried_is_painted_by_landmarks_close_by(session, violet, made):  # noqa: F811
     def tried(point, way):
         landmarks = violet.landmarks + (np.arange(68) == point)[:, None] * np.multiply(
             way, violet.size)
         return session.preview(replace(violet, image=violet.image.copy(), landmarks=landmarks),
                                keep=False)
 
-    monkeypatch.setattr(module, "SkinPainter", Counted)
     first = tried(30, [0, 0])
     moved = tried(30, [0.1, 0])
     assert len(made) == 1 and not np.array_equal(first.sh, moved.sh)
@@ -79,15 +76,7 @@ def test_landmarks_that_are_tried_are_painted_by_what_lies_close_by(session, vio
     assert len(made) == 3, "and serves, too"
 
 
-def test_what_is_tried_in_full_is_exact(session, violet, monkeypatch):  # noqa: F811
-    made = []
-
-    class Counted(SkinPainter):
-        def __init__(self, *given):
-            made.append(given)
-            super().__init__(*given)
-
-    monkeypatch.setattr(module, "SkinPainter", Counted)
+def test_what_is_tried_in_full_is_exact(session, violet, made):  # noqa: F811
     session.stylize(violet)
     nose = violet.landmarks + (np.arange(68) == 30)[:, None] * [0.1 * violet.size, 0]
     session.stylize(replace(violet, landmarks=nose), keep=False)

@@ -77,7 +77,7 @@ class CopiedFace:
         self.labels[outside] = 255 * (np.arange(len(PICTURE_LABELS)) == ground)
 
     def core(self, skin: Skin, canvas: Canvas, face: Float32, ratio: Float32, size: float,
-              ) -> NDArray[np.bool_]:
+             ) -> NDArray[np.bool_]:
         """Where the face is painted as on a photo, [N]; the rest is patches.
 
         Parameters

@@ -3,6 +3,7 @@
 import { get, post, send } from "./api.js";
 import { ask, button, fill, fresh, h, icon } from "./dom.js";
 import { known, said, size, t } from "./i18n.js";
+import { answered } from "./naming.js";
 import { doing, fail, say } from "./shell.js";
 import { selection } from "./selection.js";
 import { fineJob, isLive, jobsOf, keepJob, on, state } from "./state.js";
@@ -249,18 +250,9 @@ export class Exports {
         fine: answer === "fine",
         name: name.value.trim(),
       });
-    for (let job = null, wrong = ""; !job; ) {
-      const answer = await this.choices(kind, name, values, wrong);
-      if (!answer) return;
-      try {
-        job = await order(answer);
-      } catch (error) {
-        if (!TYPED.includes(error.code)) throw error;
-        wrong = error.message;
-        continue;
-      }
-      keepJob(job);
-    }
+    const job = await answered((wrong) => this.choices(kind, name, values, wrong), order, TYPED);
+    if (!job) return;
+    keepJob(job);
     this.made.hidden = false;
     this.drawMade();
     this.made.scrollIntoView({ block: "nearest" });

@@ -1,24 +1,37 @@
-// A dialog that asks for a name.
+// Dialogs whose answers may be refused, and one that asks for a name.
 
 import { ask, h, icon } from "./dom.js";
 import { t } from "./i18n.js";
 
 /**
- * Ask for a name and do something with it, until it is done or left: a name that is refused is asked
- * for again, with why.
+ * Ask for something and act on it, until that is done or left: what is refused is asked for again.
+ * @param {function} question Asks and gives the answer, "" where it was left; its argument says why
+ *   the answer before was refused, "" at first.
+ * @param {function} act Takes the answer.
+ * @param {string[]} codes Of the refusals that another answer may help against.
+ * @returns what `act` gives; undefined where it was left.
  */
-export async function named(title, value, word, act) {
-  let [name, wrong] = [value, ""];
-  for (;;) {
-    name = await nameOf(title, name, word, wrong);
-    if (!name) return;
+export async function answered(question, act, codes) {
+  for (let wrong = ""; ; ) {
+    const answer = await question(wrong);
+    if (!answer) return undefined;
     try {
-      return await act(name);
+      return await act(answer);
     } catch (error) {
-      if (!["bad_name", "exists"].includes(error.code)) throw error;
+      if (!codes.includes(error.code)) throw error;
       wrong = error.message;
     }
   }
+}
+
+/** Ask for a name and do something with it (`answered`). */
+export async function named(title, value, word, act) {
+  let name = value;
+  const question = async (wrong) => {
+    name = await nameOf(title, name, word, wrong);
+    return name;
+  };
+  return await answered(question, act, ["bad_name", "exists"]);
 }
 
 /** Ask for a name; "" if it was left. `wrong` says what is the matter with the proposed one. */
