@@ -141,28 +141,28 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
     points = field.lattice_points()
     deep, places = shell.depth(points)
     near = (deep > -np.inf) & (deep < SHELL)
-    seen, past = photos.seen(points[near]), photos.past(points[near])
+    seen, fresh = photos.seen(points[near]), _density(deep[near], shell.voxel)
     dim = np.flatnonzero(near)[seen < 2]
     sh[dim] = shell.coefficients(places[:, dim], field.basis)
     if shell.guessed:
-        loose = (deep > -np.inf) & (deep < SHELL)
-        outwards = shell.normals(places[:, loose])
-        well, fairly = (photos.seen(points[loose], outwards, least) >= photos.enough
-                        for least in (WELL, FAIRLY))
-        hardly = (photos.seen(points[loose]) > 0) & (deep[loose] > FRINGE)
-        fresh = _density(deep[loose], shell.voxel)
-        density[loose] = np.where(well, density[loose], np.where(
-            hardly, np.maximum(density[loose], fresh), fresh))
+        outwards = shell.normals(places[:, near])
+        well = photos.seen(points[near], outwards, WELL) >= photos.enough
+        hardly = (seen > 0) & (deep[near] > FRINGE)
+        density[near] = np.where(well, density[near], np.where(
+            hardly, np.maximum(density[near], fresh), fresh))
         # What photos look along they locate, but what they say of its colors is gray: these come
         # from around. A chin, from below, has no other ones than those.
-        front = shell.turn(places[:, loose]) < FRONT
-        loose[loose] = ~(well | hardly & (fairly | front))
-        sh[loose] = shell.coefficients(places[:, loose], field.basis)
+        colored = well | hardly
+        asked = hardly & ~well & (shell.turn(places[:, near]) >= FRONT)
+        colored[asked] = photos.seen(points[near][asked], outwards[asked],
+                                     FAIRLY) >= photos.enough
+        near[near] = ~colored
+        sh[near] = shell.coefficients(places[:, near], field.basis)
         return density, sh
     # Outlines, each of which a single photo sees, stay where they are on the surface.
-    near[near] = ((seen == 0) & (~past | (deep[near] < 0))
-                  | (seen < 2) & (deep[near] < -1.5))
-    fresh = _density(deep[near], shell.voxel)
+    new = ((seen == 0) & (~photos.past(points[near]) | (deep[near] < 0))
+           | (seen < 2) & (deep[near] < -1.5))
+    near[near], fresh = new, fresh[new]
     density[near] = np.where(fresh > 0, np.maximum(density[near], fresh), fresh)
     return density, sh
 
