@@ -1,0 +1,7 @@
+"""What people bring: one place decides what a file is, and how it is read.
+
+`kinds` says what a file is, by its content; `folders` what a folder of pictures holds, in which
+order, and what is left out; `colors` what the numbers of a picture mean; `pictures` reads pictures;
+`damage` finds what decoders pass over; `masks` says what a mask is and where it lies; `depth` reads
+the depth that phones store. All readers of all stages use these, and nothing else.
+"""

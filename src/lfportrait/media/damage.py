@@ -1,0 +1,127 @@
+"""Damage that decoders pass over without a word.
+
+A memory card or a broken download leaves a photo whose file is as long as it should be, with zeros
+(or, of erased flash memory, bytes 255) from some place on. libjpeg decodes them as well as it can
+and says nothing that Pillow passes on: stripes, or grey. But compressed data never look like that:
+
+- in a JPEG's scan a long run of zeros means something only where the shortest codes, which are all
+  zeros, say "as before": in flat parts of a picture, at two bits or more a block of 8 x 8. A run
+  that would fill more blocks than the picture has, or zeros where those codes say something else,
+  is damage;
+- bytes 255 in a scan are followed by a zero, unless they begin a marker;
+- in other compressed pictures no eighth of the file is zeros.
+"""
+
+from __future__ import annotations
+
+import mmap
+import re
+import struct
+from pathlib import Path
+
+from .kinds import file_format
+
+__all__ = ["damage_of"]
+
+_ZEROS, _ONES = 256, 64
+"""Bytes of a run that is looked at."""
+_RUN = re.compile(rb"\0{%d,}|\xff{%d,}" % (_ZEROS, _ONES))
+_LONG = re.compile(rb"\0{4096,}")
+_FRAMES = {0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF}
+_BASELINE = {0xC0, 0xC1}
+
+
+def damage_of(path: Path) -> str:
+    """What is wrong with a picture's compressed data; empty where nothing is found.
+
+    Returns
+    -------
+    damage
+        Such as "zeros from 33 % of the file on".
+    """
+    kind = file_format(path)
+    if kind not in ("jpeg", "heic", "avif", "webp"):
+        return ""  # PNG has checksums
+    try:
+        with open(path, "rb") as stream, \
+                mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            place = _in_jpeg(data) if kind == "jpeg" else _in_boxes(data)
+            size = len(data)
+    except (OSError, ValueError, struct.error, IndexError):
+        return ""  # what can't be opened or parsed, the decoder names
+    if place is None:
+        return ""
+    return f"its data are gone from {100 * place // size} % of the file on"
+
+
+def _in_boxes(data: mmap.mmap) -> int | None:
+    for found in _LONG.finditer(data):
+        if found.end() - found.start() > len(data) // 8:
+            return found.start()
+    return None
+
+
+def _in_jpeg(data: mmap.mmap) -> int | None:
+    """Where the scans' data end being data (ITU-T T.81), or None."""
+    at, blocks, baseline = 2, 0, False
+    tables: dict[int, int] = {}
+    while at + 4 <= len(data):
+        if data[at] != 0xFF:
+            return None
+        marker = data[at + 1]
+        if marker == 0xFF:
+            at += 1
+            continue
+        if marker == 0xD9:
+            return None
+        length = struct.unpack(">H", data[at + 2:at + 4])[0]
+        if marker in _FRAMES:
+            blocks, baseline = _blocks(data[at + 4:at + 2 + length]), marker in _BASELINE
+        elif marker == 0xC4:
+            tables.update(_shortest(data[at + 4:at + 2 + length]))
+        at += 2 + length
+        if marker == 0xDA:
+            end = _end_of_scan(data, at)
+            flat = not baseline or all(symbol == 0 for symbol in tables.values())
+            # Two bits a block: one for the difference of means, one for "no details".
+            most = blocks // 4 if flat else 0
+            for found in _RUN.finditer(data, at, end):
+                # Fill bytes before a marker are few.
+                ones = data[found.start()] == 0xFF
+                if ones or found.end() - found.start() > max(most, _ZEROS):
+                    return found.start()
+            if end >= len(data):
+                return None
+            at = end
+    return None
+
+
+def _blocks(frame: bytes) -> int:
+    """Blocks of 8 x 8 of all components of a frame (an upper bound)."""
+    height, width, count = struct.unpack(">HHB", frame[1:6])
+    factors = [(frame[7 + 3 * one] >> 4, frame[7 + 3 * one] & 15) for one in range(count)]
+    across = max(factor[0] for factor in factors)
+    down = max(factor[1] for factor in factors)
+    units = -(-width // (8 * across)) * -(-height // (8 * down))
+    return int(units * sum(one * two for one, two in factors))
+
+
+def _shortest(segment: bytes) -> dict[int, int]:
+    """The symbol whose code is all zeros, the first, of each Huffman table of a segment."""
+    found, at = {}, 0
+    while at + 17 <= len(segment):
+        count = sum(segment[at + 1:at + 17])
+        if count and at + 17 < len(segment):
+            found[segment[at]] = segment[at + 17]
+        at += 17 + count
+    return found
+
+
+_MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]")
+"""Neither a stuffed byte (FF 00) nor a restart (FF D0 to D7)."""
+
+
+def _end_of_scan(data: mmap.mmap, at: int) -> int:
+    """Where the marker after a scan begins, or the end of the file."""
+    found = _MARKER.search(data, at)
+    return len(data) if found is None else found.start()
