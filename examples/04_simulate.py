@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from lfportrait.field import VoxelField
-from lfportrait.files import read_image, write_image
+from lfportrait.files import write_image
 from lfportrait.lightfield import Display, EncodeConfig, deinterlace, render_view, simulate
+from lfportrait.media.pictures import read_image
 
 
 def main(out: Path = Path("example-out")) -> None:

@@ -17,7 +17,7 @@ from draw_gallery import folders, seen, strip, write_all
 from lfportrait.capture import GOOD, INK, PAPER
 from lfportrait.demo import demo_exemplar
 from lfportrait.field import Rendering
-from lfportrait.files import read_image
+from lfportrait.media.pictures import read_image
 
 HEIGHT = 320
 

@@ -21,8 +21,9 @@ from lfportrait.capture import CalibrateConfig, Capture
 from lfportrait.example import Exemplar, SurfaceGuide, Transfer
 from lfportrait.face import detect_landmarks
 from lfportrait.field import VoxelField, reconstruct_with_figures
-from lfportrait.files import read_image, write_image
+from lfportrait.files import write_image
 from lfportrait.job.prepare import prepare_capture
+from lfportrait.media.pictures import read_image
 from lfportrait_eval.bench.run import SHORT
 
 ANGLES = (0, 30, 60, 80)

@@ -14,7 +14,8 @@ from PIL import Image
 from lfportrait.capture import Camera, Capture
 from lfportrait.demo import demo_exemplar
 from lfportrait.field import VoxelField
-from lfportrait.files import read_image, write_image
+from lfportrait.files import write_image
+from lfportrait.media.pictures import read_image
 
 HEIGHT = 420
 

@@ -17,7 +17,8 @@ import numpy as np
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.field import VoxelField
-from lfportrait.files import read_image, write_image
+from lfportrait.files import write_image
+from lfportrait.media.pictures import read_image
 from lfportrait_eval.metrics import arc_cameras, head_cameras
 from make_contact_sheet import cell, labelled, total_width
 

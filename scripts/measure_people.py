@@ -38,7 +38,8 @@ from lfportrait.capture import Camera
 from lfportrait.example import Exemplar, TransferConfig, paint
 from lfportrait.face import detect_landmarks
 from lfportrait.field import VoxelField
-from lfportrait.files import read_image, read_json, write_image, write_json
+from lfportrait.files import read_json, write_image, write_json
+from lfportrait.media.pictures import read_image
 from lfportrait.stylize import StylizeConfig
 from lfportrait_eval.metrics import arc_cameras, head_cameras
 from lfportrait_eval.metrics.people import (

@@ -18,7 +18,8 @@ import torch
 from safetensors.torch import save
 from torch.nn import functional
 
-from lfportrait.files import atomic_write, read_image
+from lfportrait.files import atomic_write
+from lfportrait.media.pictures import read_image
 from lfportrait.models import fetch
 from lfportrait.stylize.networks import _read, _vgg19_se, embedded_features
 

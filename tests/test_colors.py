@@ -10,7 +10,7 @@ from PIL import Image, ImageCms
 
 from lfportrait.capture import read_photos
 from lfportrait.errors import UserError
-from lfportrait.files import read_image
+from lfportrait.media.pictures import read_image
 
 COLOR = (200, 60, 60)
 P3 = ((0.51512, 0.24120, -0.00105), (0.29198, 0.69225, 0.04189), (0.15710, 0.06657, 0.78407))

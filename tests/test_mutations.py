@@ -280,7 +280,8 @@ def test_landmarks(tmp_path):
 
 
 def test_exemplars_pictures(tmp_path):
-    from lfportrait.files import read_image, write_image
+    from lfportrait.files import write_image
+    from lfportrait.media.pictures import read_image
 
     random = np.random.default_rng(7)
     for suffix in (".png", ".jpg", ".tif", ".webp"):

@@ -16,9 +16,10 @@ from lfportrait.cli import Common, main
 from lfportrait.errors import UserError
 from lfportrait.example import PhotoMethod
 from lfportrait.face import write_landmarks
-from lfportrait.files import read_image, read_json, write_image
+from lfportrait.files import read_json, write_image
 from lfportrait.job.graph import style_key
 from lfportrait.job.steps import MakeConfig
+from lfportrait.media.pictures import read_image
 from lfportrait.plugins import Choice, chosen, offered
 from lfportrait.stylize import FieldMethod, StylizeConfig
 from lfportrait_eval.baselines.field import ArfConfig, RefNprConfig

@@ -9,7 +9,8 @@ import pytest
 
 from lfportrait.cache import hash_of
 from lfportrait.errors import UserError
-from lfportrait.files import atomic_path, atomic_write, read_image, write_exr, write_image
+from lfportrait.files import atomic_path, atomic_write, write_exr, write_image
+from lfportrait.media.pictures import read_image
 from lfportrait.stages import StageFolder, fingerprint_files
 
 

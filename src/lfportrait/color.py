@@ -1,30 +1,23 @@
-"""Conversion between linear light and sRGB (IEC 61966-2-1).
+"""Conversion between linear light, sRGB (IEC 61966-2-1) and other sets of primaries.
 
-Decoded pictures become eight-bit sRGB, whatever a file holds them as. Phones photograph in Display
-P3, cameras in Adobe RGB, printers' files are CMYK or LAB: the profile in the file says what the
-numbers mean (relative colorimetric, by LittleCMS). Sixteen bits a channel and floating-point
-numbers become eight bits, not black or white. Videos of high dynamic range (ITU-R BT.2100: HLG, as
-phones film by default, and PQ) are tone-mapped.
+What the numbers of a picture mean is found out elsewhere (`media.colors`); here are the formulas.
+Pictures of high dynamic range (ITU-R BT.2100: HLG, as phones film by default, and PQ) are
+tone-mapped.
 """
 
 from __future__ import annotations
 
-import io
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageOps
 
-__all__ = ["linear_light", "srgb", "tone_mapped"]
+__all__ = ["BT2020", "SRGB", "linear_light", "primaries_to_srgb", "srgb_values", "tone_mapped"]
 
-_PROFILED = ("L", "RGB", "CMYK", "LAB")
-"""Pillow's modes that LittleCMS converts."""
-
-
-_TO_709 = np.array([[1.660491, -0.587641, -0.072850], [-0.124550, 1.132900, -0.008349],
-                    [-0.018151, -0.100579, 1.118730]], np.float32)
-"""Linear BT.2020 to BT.709, sRGB's primaries (ITU-R BT.2087)."""
+SRGB = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290)
+"""Chromaticities x, y of red, green, blue and white of sRGB and BT.709."""
+BT2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
+"""The same of BT.2020 and BT.2100."""
 _LUMA = np.array([0.2627, 0.6780, 0.0593], np.float32)
 _WHITE_HLG, _WHITE_PQ = 0.2650, 203.0
 """Where a diffuse white lies (ITU-R BT.2408): scene light of HLG's 75 %, and candela per m2."""
@@ -42,86 +35,52 @@ def linear_light(values: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
                       np.float64)
 
 
-def srgb(picture: Image.Image) -> Image.Image:
-    """A picture upright by its EXIF orientation, in sRGB.
+def srgb_values(light: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """SRGB values in [0, 1] of light in [0, 1] of any shape, float64; beyond it is cut off."""
+    value = np.clip(np.asarray(light, np.float64), 0.0, 1.0)
+    return np.asarray(np.where(value <= 0.0031308, 12.92 * value,
+                               1.055 * np.maximum(value, 1e-8) ** (1 / 2.4) - 0.055), np.float64)
+
+
+def _to_xyz(primaries: tuple[float, ...]) -> NDArray[np.float64]:
+    """The matrix [3, 3] from linear RGB with these primaries to XYZ (SMPTE RP 177)."""
+    x, y = np.array(primaries[0::2]), np.array(primaries[1::2])
+    xyz = np.stack([x / y, np.ones(4), (1 - x - y) / y])
+    return np.asarray(xyz[:, :3] * np.linalg.solve(xyz[:, :3], xyz[:, 3]))
+
+
+_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367],
+                      [0.0389, -0.0685, 1.0296]])
+
+
+def primaries_to_srgb(primaries: tuple[float, ...]) -> NDArray[np.float64]:
+    """The matrix [3, 3] from linear RGB with other primaries to sRGB's.
 
     Parameters
     ----------
-    picture
-        As Pillow opens it, of any mode.
-
-    Returns
-    -------
-    picture
-        ``RGB``, or ``RGBA`` (straight alpha) where there is transparency; eight bits a channel.
-
-    Raises
-    ------
-    OSError, ValueError, SyntaxError
-        If its data are damaged.
+    primaries
+        Chromaticities as in `SRGB`. Another white is adapted to sRGB's (Bradford).
     """
-    profile = picture.info.get("icc_profile")
-    upright: Image.Image = _in_eight_bits(ImageOps.exif_transpose(picture))
-    # LAB's second channel is called A as well.
-    alpha = upright.mode != "LAB" and ("A" in upright.getbands() or "a" in upright.getbands()
-                                       or "transparency" in upright.info)
-    if not alpha:
-        return _by_profile(upright, profile)
-    whole = upright.convert("LA" if upright.mode == "LA" else "RGBA")
-    colors = _by_profile(whole.convert("L" if whole.mode == "LA" else "RGB"), profile)
-    colors.putalpha(whole.getchannel("A"))
-    return colors
+    def cone(values: tuple[float, ...]) -> NDArray[np.float64]:
+        x, y = values[6:8]
+        return _BRADFORD @ np.array([x / y, 1.0, (1 - x - y) / y])
+
+    adapted = np.linalg.solve(_BRADFORD, np.diag(cone(SRGB) / cone(primaries)) @ _BRADFORD)
+    return np.asarray(np.linalg.solve(_to_xyz(SRGB), adapted @ _to_xyz(primaries)))
 
 
-def _in_eight_bits(picture: Image.Image) -> Image.Image:
-    """The same with eight bits a channel; Pillow's own conversion cuts off what is above."""
-    if not picture.mode.startswith(("I", "F")):
-        return picture
-    values = np.asarray(picture, np.float64)
-    values = np.where(np.isfinite(values), values, 0.0)
-    # Sixteen bits, or thirty-two of which sixteen are used; floating point from 0 to 1.
-    most = 65535.0 if picture.mode.startswith("I") else 1.0
-    if values.max(initial=0.0) > most:
-        most = float(values.max())
-    return Image.fromarray(np.uint8(np.clip(values / most, 0.0, 1.0) * 255.0 + 0.5))
-
-
-def _by_profile(picture: Image.Image, profile: bytes | None) -> Image.Image:
-    """The picture as RGB, by the profile if it has one that fits."""
-    if picture.mode == "RGB" and not profile:
-        return picture
-    from PIL import ImageCms
-
-    if picture.mode not in _PROFILED:  # a palette's colors have the file's profile, too
-        picture = picture.convert("RGB")
-    if profile:
-        try:
-            source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
-            if "srgb" not in ImageCms.getProfileDescription(source).lower():
-                changed = ImageCms.profileToProfile(
-                    picture, source, ImageCms.createProfile("sRGB"), outputMode="RGB",
-                    renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC)
-                if changed is not None:
-                    return changed
-        except (ImageCms.PyCMSError, OSError, ValueError, TypeError):
-            pass  # a damaged profile, or one of another kind of picture
-    if picture.mode == "LAB":
-        lab = ImageCms.createProfile("LAB")
-        found = ImageCms.profileToProfile(picture, lab, ImageCms.createProfile("sRGB"),
-                                          outputMode="RGB")
-        return found if found is not None else picture.convert("L").convert("RGB")
-    return picture.convert("RGB")
-
-
-def tone_mapped(signal: NDArray[np.uint16], curve: Literal["hlg", "pq"]) -> NDArray[np.uint8]:
+def tone_mapped(signal: NDArray[np.uint16], curve: Literal["hlg", "pq"],
+                primaries: tuple[float, ...] = BT2020) -> NDArray[np.uint8]:
     """A picture of high dynamic range as sRGB.
 
     Parameters
     ----------
     signal
-        uint16 [H, W, 3], full range, R'G'B' with the primaries of BT.2020.
+        uint16 [H, W, 3], full range, R'G'B'.
     curve
         HLG (ARIB STD-B67) or PQ (SMPTE ST 2084), as in ITU-R BT.2100.
+    primaries
+        Chromaticities as in `SRGB`.
 
     Returns
     -------
@@ -139,9 +98,7 @@ def tone_mapped(signal: NDArray[np.uint16], curve: Literal["hlg", "pq"]) -> NDAr
         root = value ** (1 / m2)
         nits = 10_000 * (np.maximum(root - c1, 0) / (c2 - c3 * root)) ** (1 / m1)
         light = (nits / _WHITE_PQ).astype(np.float32)[signal]
-    light = np.maximum(light @ _TO_709.T, 0)
+    light = np.maximum(light @ primaries_to_srgb(primaries).T.astype(np.float32), 0)
     over = np.maximum(light - _KNEE, 0)
     light = np.minimum(light, _KNEE) + (1 - _KNEE) * (1 - np.exp(-over / (1 - _KNEE)))
-    shown = np.where(light <= 0.0031308, 12.92 * light,
-                     1.055 * np.maximum(light, 1e-8) ** (1 / 2.4) - 0.055)
-    return np.asarray(shown * 255 + 0.5, np.uint8)
+    return np.asarray(srgb_values(light) * 255 + 0.5, np.uint8)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from lfportrait.capture import Camera, Capture, Lens, is_calibrated, undistort
 from lfportrait.capture.formats.colmap import lens_of, read_model
 from lfportrait.errors import UserError
-from lfportrait.files import read_image, write_image
+from lfportrait.files import write_image
+from lfportrait.media.pictures import read_image
 
 from .test_camera import random_similarity, rig
 

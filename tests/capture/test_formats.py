@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from lfportrait.capture import Camera, Capture, Lens, is_calibrated, undistort
 from lfportrait.capture.formats.assembly import assemble
 from lfportrait.errors import UserError
-from lfportrait.files import read_images, write_image
+from lfportrait.files import write_image
+from lfportrait.media.pictures import read_images
 
 from .test_camera import random_similarity, rig
 from .test_capture import ANGLE, MARKER, TO_NERF, colmap_model, spot, spot_error, write_transforms

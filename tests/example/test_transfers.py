@@ -11,9 +11,10 @@ from lfportrait.cli import main
 from lfportrait.example import Transfer, VideoTransfer, mix_regions
 from lfportrait.example.guides.regions import find_regions
 from lfportrait.face import read_landmarks, write_landmarks
-from lfportrait.files import read_image, write_image
+from lfportrait.files import write_image
 from lfportrait.labels import PICTURE_LABELS as LABELS
 from lfportrait.labels import read_value
+from lfportrait.media.pictures import read_image
 from lfportrait.share import write_video
 from tests.portraits import drawn_face
 

@@ -25,7 +25,7 @@ from lfportrait.face import (
     write_landmarks,
 )
 from lfportrait.face.points import FROM_MEDIAPIPE
-from lfportrait.files import read_image
+from lfportrait.media.pictures import read_image
 from tests.portraits import HEAD_LANDMARKS, drawn_face
 
 

@@ -13,7 +13,7 @@ from safetensors.torch import load_file
 from lfportrait import models
 from lfportrait.errors import UserError
 from lfportrait.face import segmentation
-from lfportrait.files import read_image
+from lfportrait.media.pictures import read_image
 from lfportrait.models import ModelFile
 from tests.tflite_files import TfliteFile, convolution
 

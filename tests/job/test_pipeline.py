@@ -13,10 +13,10 @@ import pytest
 from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.errors import UserError
 from lfportrait.field import ReconstructConfig
-from lfportrait.files import read_image
 from lfportrait.job.pipeline import MakeConfig, make
 from lfportrait.job.steps import fitted
 from lfportrait.lightfield import Display, EncodeConfig, deinterlace, render_view
+from lfportrait.media.pictures import read_image
 from lfportrait.stylize import StylizeConfig
 from tests.job.forking import Forker
 

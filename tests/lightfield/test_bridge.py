@@ -12,9 +12,10 @@ import pytest
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
-from lfportrait.files import read_image, write_image
+from lfportrait.files import write_image
 from lfportrait.lightfield import Display, QuiltLayout, quilt_of
 from lfportrait.lightfield.screens.bridge import Bridge, DepthPicture
+from lfportrait.media.pictures import read_image
 from tests.fields import shell_field
 
 CALIBRATION = {"serial": "LKG-P01234", "configVersion": "3.0", "screenW": {"value": 96.0},

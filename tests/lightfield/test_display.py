@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
-from lfportrait.files import read_image
 from lfportrait.lightfield import (
     Display,
     InterlaceConfig,
@@ -21,6 +20,7 @@ from lfportrait.lightfield import (
     write_coded,
 )
 from lfportrait.lightfield.lookingglass import calibration_of
+from lfportrait.media.pictures import read_image
 
 display_of = Display.from_looking_glass
 

@@ -9,7 +9,7 @@ import pytest
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
-from lfportrait.files import read_image, write_image
+from lfportrait.files import write_image
 from lfportrait.lightfield import (
     Display,
     InterlaceConfig,
@@ -22,6 +22,7 @@ from lfportrait.lightfield import (
     read_coded,
     simulate,
 )
+from lfportrait.media.pictures import read_image
 from lfportrait.metrics import psnr
 
 SMALL = Display(90, 48, views=12, pitch=7.3, slant=math.radians(9), offset=2.1, cone=50, distance=3,

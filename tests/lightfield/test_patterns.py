@@ -8,8 +8,8 @@ import pytest
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
-from lfportrait.files import read_image
 from lfportrait.lightfield import DepthReport, Display, ViewMask, interlace, pattern, simulate
+from lfportrait.media.pictures import read_image
 
 PANEL = Display(720, 400, views=24, pitch=9.4, slant=math.radians(8), cone=40, distance=4,
                 name="panel")

@@ -8,7 +8,8 @@ import numpy as np
 from lfportrait.demo import demo_capture
 from lfportrait.face import write_landmarks
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
-from lfportrait.files import read_image, write_image
+from lfportrait.files import write_image
+from lfportrait.media.pictures import read_image
 from tests.portraits import drawn_face
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from lfportrait.demo import demo_exemplar
 from lfportrait.field import VoxelField
-from lfportrait.files import read_image
+from lfportrait.media.pictures import read_image
 from lfportrait.share import orbit_cameras
 from tests.share.page.browser import Opened, decibels
 

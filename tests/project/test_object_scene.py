@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 import make_object_scene as script
 from lfportrait.capture import Capture
-from lfportrait.files import read_image
+from lfportrait.media.pictures import read_image
 from object_scenes import DISTANCE, KINDS, Design, Scene
 from object_scenes.grid import march
 from object_scenes.materials import material

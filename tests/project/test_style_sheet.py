@@ -11,7 +11,8 @@ import stylize_figures
 from lfportrait import models
 from lfportrait.face import write_landmarks
 from lfportrait.field import VoxelField
-from lfportrait.files import read_image, write_image
+from lfportrait.files import write_image
+from lfportrait.media.pictures import read_image
 from lfportrait_eval.metrics import RowLabels
 from tests.lfportrait_eval.bench.test_bench import ball_capture
 from tests.portraits import HEAD_LANDMARKS, drawn_face

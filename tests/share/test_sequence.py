@@ -9,7 +9,6 @@ import pytest
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
-from lfportrait.files import read_image
 from lfportrait.lightfield import (
     Display,
     EncodeConfig,
@@ -17,6 +16,7 @@ from lfportrait.lightfield import (
     encode,
     read_coded,
 )
+from lfportrait.media.pictures import read_image
 from lfportrait.metrics import psnr
 from lfportrait.share import SequenceConfig, each_frame, write_sequence
 from tests.fields import shell_field

@@ -19,8 +19,9 @@ from PIL import Image
 
 from lfportrait.demo import demo_capture, demo_exemplar
 from lfportrait.face import read_landmarks
-from lfportrait.files import read_image, read_json
+from lfportrait.files import read_json
 from lfportrait.job import make
+from lfportrait.media.pictures import read_image
 from lfportrait_eval.study.entries import entries_of
 from tests.job.test_pipeline import CONFIG, PANEL
 

@@ -8,7 +8,7 @@ import torch
 
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
-from lfportrait.files import read_image
+from lfportrait.media.pictures import read_image
 from lfportrait.stylize import StylizeConfig, load_network, refinement, stylize_with_figures
 from lfportrait.stylize.fit import ColorModel, affine_color_map
 from lfportrait.stylize.kernels.linear import adam_step, gather_colors, scatter_colors

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..files import read_image, read_json, write_image, write_json
+from ..files import read_json, write_image, write_json
 from ..measure import usable_cores
+from ..media.pictures import read_image
 from .camera import Camera
 from .formats import load_views, transform_files
 from .late_pictures import LatePictures

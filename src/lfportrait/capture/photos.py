@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..color import srgb
 from ..errors import UserError
-from ..files import PHOTOS, RAW, VIDEOS, open_picture
+from ..media.colors import srgb
+from ..media.kinds import PHOTOS, RAW, VIDEOS
+from ..media.pictures import open_picture
 from .exif import noted
 
 __all__ = ["Photo", "is_video", "picture_files", "read_photos"]

@@ -31,8 +31,9 @@ from ..example import (
 )
 from ..example.worn import not_worn
 from ..face import detect_landmarks, face_pose
-from ..files import picture_format, read_image, write_image
+from ..files import picture_format, write_image
 from ..labels import RegionStyle
+from ..media.pictures import read_image
 from ..progress import Progress
 
 __all__ = ["transfer_folder", "transfer_photo", "transfer_video"]

@@ -14,8 +14,8 @@ from .. import face, models
 from ..cache import hash_of, kept_arrays, key_of
 from ..errors import UserError
 from ..face import FacePose
-from ..files import read_image
 from ..labels import BY_HAND
+from ..media.pictures import read_image
 from .guides.regions import Regions, find_regions
 from .providers import provided_styles
 

@@ -13,7 +13,8 @@ from pathlib import Path
 from .. import models
 from ..capture import is_video
 from ..errors import UserError
-from ..files import read_image, read_json
+from ..files import read_json
+from ..media.pictures import read_image
 
 __all__ = ["get_networks", "networks_of"]
 

@@ -20,8 +20,8 @@ from ..demo import landmarks
 from ..errors import UserError
 from ..example import FRONTAL, PROFILE, Exemplar, frontal_view
 from ..face import FacePose, detect_faces
-from ..files import read_image
 from ..lightfield import Display, EncodeConfig
+from ..media.pictures import read_image
 from ..stylize import StylizeConfig, stylize_with_figures
 from .preview_head import preview_head
 from .style_findings import findings

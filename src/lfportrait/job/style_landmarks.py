@@ -12,7 +12,8 @@ from PIL import Image, ImageDraw
 from ..errors import UserError
 from ..example import Exemplar
 from ..face import face_pose, read_landmarks, write_landmarks
-from ..files import read_image, write_image
+from ..files import write_image
+from ..media.pictures import read_image
 from .style_check import StyleCheck, chosen_face
 from .style_drawing import draw_faces, draw_mesh
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..files import read_image, write_image
+from ..files import write_image
+from ..media.pictures import read_image
 from .display import Display
 
 __all__ = ["check_size", "lossless", "read_coded", "write_coded"]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..capture import Camera
 from ..errors import UserError
 from ..field import Backdrop, VoxelField, head_points
-from ..files import read_image
+from ..media.pictures import read_image
 from .display import Display
 from .kernels.ground import fill_ground, shade_ground, view_ground
 from .placement import EncodeConfig, Placement

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..files import read_image
+from ..media.pictures import read_image
 from .display import Display
 from .kernels.panel import interlace_views, lens_of
 

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..files import atomic_write, read_image
+from ..files import atomic_write
+from ..media.pictures import read_image
 
 __all__ = ["Picture", "Report", "Section", "Table", "write_report"]
 

@@ -8,7 +8,8 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import VIDEOS, atomic_write
+from ..files import atomic_write
+from ..media.kinds import VIDEOS
 from .answers import Refusal, text
 from .names import folder_name, free_name
 from .projects import Project

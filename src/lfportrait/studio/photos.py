@@ -17,7 +17,9 @@ from typing import Any
 from PIL import Image
 
 from ..errors import UserError
-from ..files import VIDEOS, open_picture, read_json, write_image
+from ..files import read_json, write_image
+from ..media.kinds import VIDEOS
+from ..media.pictures import file_of, open_picture
 from .answers import Refusal
 from .names import free_name, id_of
 from .projects import Project
@@ -214,12 +216,12 @@ def small_picture(path: Path, target: Path, size: int) -> None:
     """Write a picture's reduced copy, upright, as JPEG."""
     import numpy as np
 
-    from ..color import srgb
+    from ..media.colors import srgb
 
     try:
         with open_picture(path) as picture:
             picture.draft(None, (2 * size, 2 * size))
-            upright = srgb(picture)
+            upright = srgb(picture, file_of(picture))
             upright.thumbnail((size, size), Image.Resampling.LANCZOS)
             if upright.mode == "RGBA":
                 upright = Image.alpha_composite(Image.new("RGBA", upright.size, "white"), upright)

@@ -31,8 +31,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
-from ..files import PHOTOS, VIDEOS, read_json, write_json
+from ..files import read_json, write_json
 from ..locks import lock
+from ..media.kinds import PHOTOS, VIDEOS
 from .answers import Refusal
 from .names import folder_name, free_name, id_of, is_id
 

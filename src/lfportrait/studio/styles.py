@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..errors import UserError
-from ..files import PHOTOS, atomic_path, atomic_write, open_picture, read_image, read_json
+from ..files import atomic_path, atomic_write, read_json
 from ..labels import BY_HAND
+from ..media.kinds import PHOTOS
+from ..media.pictures import open_picture, read_image
 from .answers import Refusal
 from .names import file_name, folder_name, free_name, id_of
 from .projects import OWN, Project, Projects

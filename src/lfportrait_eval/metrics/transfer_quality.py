@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from skimage.draw import polygon2mask
 
 from lfportrait.example import Exemplar
-from lfportrait.files import read_image
+from lfportrait.media.pictures import read_image
 
 from .likeness import Detector, landmark_error
 from .patches import PatchIndex

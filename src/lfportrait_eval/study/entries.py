@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lfportrait.errors import UserError
-from lfportrait.files import read_image, read_json
+from lfportrait.files import read_json
+from lfportrait.media.pictures import read_image
 
 __all__ = ["Entry", "entries_of"]
 

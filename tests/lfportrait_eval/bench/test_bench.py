@@ -11,9 +11,9 @@ import pytest
 from lfportrait.capture import Camera, Capture
 from lfportrait.demo import SITTER, demo_exemplar, landmarks, photograph
 from lfportrait.field import ReconstructConfig
-from lfportrait.files import read_image
 from lfportrait.lightfield import Display
 from lfportrait.lightfield.prints import PrintConfig
+from lfportrait.media.pictures import read_image
 from lfportrait_eval.baselines.transfer import NetworkConfig
 from lfportrait_eval.bench import (
     METHODS,

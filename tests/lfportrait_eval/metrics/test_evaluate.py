@@ -7,7 +7,7 @@ import pytest
 from scipy import linalg
 
 from lfportrait import models
-from lfportrait.files import read_image
+from lfportrait.media.pictures import read_image
 from lfportrait_eval.metrics import (
     PatchIndex,
     contour_correlation,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from ...files import read_images
+from ...media.pictures import read_images
 from ..camera import Camera
 from ..distortion import Lens, undistort
 from ..frame import looks_normalised, portrait_frame_from_cameras

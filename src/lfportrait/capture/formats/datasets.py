@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
-from ...files import open_picture
+from ...media.pictures import open_picture
 from ..distortion import Lens
 from .assembly import Shot, Views, read_shots
 

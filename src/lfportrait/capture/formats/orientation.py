@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ...errors import UserError
-from ...files import open_picture, read_image
+from ...media.pictures import open_picture, read_image
 from ..distortion import Lens
 from ..exif import noted
 

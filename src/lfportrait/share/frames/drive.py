@@ -24,8 +24,9 @@ from typing import Any, Literal
 
 from ...errors import UserError
 from ...field import VoxelField
-from ...files import atomic_path, open_picture
+from ...files import atomic_path
 from ...lightfield import Display, EncodeConfig, QuiltLayout
+from ...media.pictures import open_picture
 from .config import FrameConfig
 from .metadata import SECONDS, layout_of_file, quilt_settings
 from .names import safe_names

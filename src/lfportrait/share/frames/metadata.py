@@ -13,8 +13,9 @@ from typing import Any
 from PIL import Image
 
 from ...errors import UserError
-from ...files import open_picture, read_json
+from ...files import read_json
 from ...lightfield import QuiltLayout
+from ...media.pictures import open_picture
 
 __all__ = ["SECONDS", "layout_of_file", "quilt_exif", "quilt_settings"]
 

@@ -16,7 +16,7 @@ from ...errors import UserError
 from ...example import Exemplar
 from ...face import frontal_order
 from ...field import VoxelField
-from ...files import atomic_path, read_image, read_json, write_image, write_json
+from ...files import atomic_path, read_json, write_image, write_json
 from ...job import (
     MakeConfig,
     Task,
@@ -28,6 +28,7 @@ from ...job import (
     stage_key,
     style_key,
 )
+from ...media.pictures import read_image
 from ...stages import StageFolder, finished_record
 from ...stylize import StyledField, kept_skin, stylize_with_figures
 from ..orders import Order

@@ -14,9 +14,10 @@ from ...capture import FAIR, GOOD
 from ...errors import UserError
 from ...example import Exemplar
 from ...face import GENERIC_LANDMARKS, detect_faces, write_landmarks
-from ...files import read_image, write_image, write_json
+from ...files import write_image, write_json
 from ...job import check_style, chosen_face
 from ...labels import BY_HAND
+from ...media.pictures import read_image
 from .sitting import Sitting
 
 __all__ = ["PAINTING_ANSWERS", "usual_face"]

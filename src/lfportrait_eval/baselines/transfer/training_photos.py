@@ -9,7 +9,7 @@ from PIL import Image
 
 from lfportrait.errors import UserError
 from lfportrait.example.providers import Sitting
-from lfportrait.files import read_image
+from lfportrait.media.pictures import read_image
 
 __all__ = ["folder_sittings", "varied"]
 

@@ -160,7 +160,7 @@ def test_wrong_parameters_are_told(small_head, change, message):
 
 @pytest.mark.data
 def test_the_published_decoder_makes_the_picture_again(shared_data, shared_weights, monkeypatch):
-    from lfportrait.files import read_image
+    from lfportrait.media.pictures import read_image
     from lfportrait.metrics import psnr
 
     monkeypatch.setenv("LFPORTRAIT_MODELS", str(shared_weights))

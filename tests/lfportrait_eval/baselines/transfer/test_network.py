@@ -14,7 +14,8 @@ from lfportrait.demo import embedded_sittings
 from lfportrait.errors import UserError
 from lfportrait.example import paint
 from lfportrait.face import write_landmarks
-from lfportrait.files import read_image, read_json, write_image
+from lfportrait.files import read_json, write_image
+from lfportrait.media.pictures import read_image
 from lfportrait_eval.baselines.transfer import NetworkConfig, StyleNetwork
 from lfportrait_eval.baselines.transfer.training_photos import folder_sittings, varied
 from lfportrait_eval.bench import METHODS
