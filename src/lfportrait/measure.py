@@ -108,14 +108,14 @@ def free_memory_bytes(system: Path = Path("/")) -> int | None:
         Root of the file system in which Linux keeps its accounts.
     """
     try:
-        rows = (system / "proc/meminfo").read_text().splitlines()
+        rows = (system / "proc/meminfo").read_text("utf-8").splitlines()
         free = next(int(row.split()[1]) * 1024 for row in rows if row.startswith("MemAvailable:"))
     except (OSError, StopIteration):
         return None
     try:  # a container may have less
         limits = system / "sys/fs/cgroup"
-        free = min(free, int((limits / "memory.max").read_text())
-                   - int((limits / "memory.current").read_text()))
+        free = min(free, int((limits / "memory.max").read_text("utf-8"))
+                   - int((limits / "memory.current").read_text("utf-8")))
     except (OSError, ValueError):
         pass
     return max(0, free)

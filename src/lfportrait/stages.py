@@ -63,7 +63,7 @@ def finished_record(folder: Path, name: str, key: str, outputs: Iterable[str],
         As for `StageFolder.run`.
     """
     try:
-        data = json.loads((folder / _RECORDS / f"{name}.json").read_text())
+        data = json.loads((folder / _RECORDS / f"{name}.json").read_text("utf-8"))
         figures, same = dict(data["figures"]), data["key"] == key
     except (OSError, ValueError, KeyError, TypeError):
         return None

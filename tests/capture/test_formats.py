@@ -1,6 +1,9 @@
 """Properties of lenses, and the forms in which cameras come: nerfstudio, LLFF, NSVF, COLMAP."""
 
 import json
+import os
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -12,6 +15,8 @@ from hypothesis import strategies as st
 
 from lfportrait.capture import Camera, Capture, Lens, is_calibrated, undistort
 from lfportrait.capture.formats.assembly import assemble
+from lfportrait.capture.formats.colmap import read_model
+from lfportrait.capture.formats.transforms import _lens
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
 from lfportrait.media.pictures import read_images
@@ -186,12 +191,39 @@ def test_reduced_copies_stand_in_for_missing_pictures(tmp_path: Path) -> None:
     ({"camera_model": "EQUIRECTANGULAR", "fl_x": 110}, "EQUIRECTANGULAR are not supported"),
     ({"fl_x": "wide"}, "can't be read"), ({"fl_x": -110}, "is invalid"),
     ({"camera_angle_x": 0.0}, "is invalid"), ({"fl_x": 110, "cx": float("nan")}, "invalid"),
-    ({"fl_x": 110, "k1": [1]}, "can't be read")])
+    ({"fl_x": 110, "k1": [1]}, "can't be read"),
+    ({"camera_model": "OMNIDIRECTIONALSTEREO_L", "fl_x": 110}, "are not supported"),
+    ({"fl_x": 110, "latlong": True}, "latlong"), ({"fl_x": 110, "orthographic": True}, "orthog"),
+    ({"fl_x": 110, "ftheta_p0": 0.0, "ftheta_p1": 1e-3}, "ftheta"),
+    ({"fl_x": 110, "k7": 0.1}, "lens term k7"), ({"fl_x": 110, "s1": 0.1}, "lens term s1"),
+    ({"fl_x": 110, "skew": 0.1}, "lens term skew"),
+    ({"fl_x": 110, "k5": 0.1, "camera_model": "OPENCV_FISHEYE"}, "lens term k5"),
+    ({"fl_x": 110, "distortion_params": [0.0] * 6 + [0.1]}, "distortion_params")])
 def test_impossible_cameras_are_the_users_errors(tmp_path: Path, lens: dict, message: str) -> None:
     write_transforms(tmp_path, rig(8, 3), lens)
     with pytest.raises(UserError, match=message), warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         Capture.load(tmp_path)
+
+
+def lens_in(values: dict, frame: dict | None = None) -> Lens:
+    return _lens(frame or {}, {"fl_x": 100.0, "w": 80, "h": 60, **values}, 80, 60)
+
+
+def test_the_fourth_term_is_nerfstudios_unless_the_model_is_opencvs_full_one() -> None:
+    point = np.array([0.5, 0.0])
+    for values in ({"k4": 0.2}, {"k4": 0.2, "camera_model": "OPENCV", "k5": 0.0, "s1": 0.0},
+                   {"distortion_params": [0, 0, 0, 0.2, 0, 0]}):
+        assert np.allclose(lens_in(values).distort(point), [0.5 * (1 + 0.2 * 0.5 ** 8), 0])
+    below = 0.5 / (1 + 0.2 * 0.5 ** 2)
+    for values in ({"k4": 0.2, "camera_model": "FULL_OPENCV"}, {"k4": 0.2, "k6": 1e-12}):
+        assert np.allclose(lens_in(values).distort(point), [below, 0])
+    # A frame's own values come before the file's, a zero too.
+    assert not lens_in({"k4": 0.2}, {"k4": 0.0}).distorts
+    # A fisheye's tangential terms are of the bent coordinates, as nerfstudio has them.
+    bent = np.arctan(0.5)
+    found = lens_in({"is_fisheye": True, "k4": 0.2, "p2": 0.01}).distort(point)
+    assert np.allclose(found, [bent * (1 + 0.2 * bent ** 8) + 3 * 0.01 * bent ** 2, 0])
 
 
 def test_poses_with_a_scale_are_mended_and_impossible_ones_told() -> None:
@@ -313,6 +345,68 @@ def test_the_largest_of_several_colmap_models_is_taken(tmp_path: Path, place: st
     assert is_calibrated(tmp_path)
     with pytest.warns(UserWarning, match=rf"3 COLMAP models; the largest, {place}/1 with 5 photos"):
         assert len(Capture.load(tmp_path)) == 5
+
+
+HEAD = "# Image list with two lines of data per image:\n# Number of images: 4, mean: 0\n"
+NAMES = ["a photo.png", "12", "ünïcode 1 2.png", "1.0"]
+POINTS = "512.25 300.5 17 12 13.5 -1 8 9 10 11 12 13"
+
+
+def text_model(folder: Path, points: list[str | None], head: str = HEAD, end: str = "\n",
+               encoding: str = "utf-8") -> Path:
+    """A model of four images; None leaves an image's second line out."""
+    rows = []
+    for number, (name, second) in enumerate(zip(NAMES, points), 1):
+        rows.append(f"{number} 1 0 0 0 {number} 0 0 1 {name}")
+        rows += [] if second is None else [second]
+    folder.mkdir(exist_ok=True)
+    for file, text in (("cameras", "# Cameras\n1 PINHOLE 80 60 110 110 40 30\n"),
+                       ("images", head + "\n".join([*rows, ""]))):
+        (folder / f"{file}.txt").write_bytes(text.replace("\n", end).encode(encoding))
+    return folder
+
+
+@pytest.mark.parametrize("points", [
+    ["", "", "", ""], [None] * 4, [POINTS] * 4, [None, POINTS, "", None], [POINTS, None, None, ""]])
+@pytest.mark.parametrize(("end", "encoding"), [("\n", "utf-8"), ("\r\n", "utf-8-sig")])
+def test_colmap_texts_may_lack_the_lines_of_points(tmp_path: Path, points: list, end: str,
+                                                   encoding: str) -> None:
+    _, images = read_model(text_model(tmp_path, points, end=end, encoding=encoding))
+    assert [image.name for image in images] == sorted(NAMES)
+    assert [-image.pose[0, 3] for image in images] == [NAMES.index(name) + 1
+                                                       for name in sorted(NAMES)]
+
+
+@pytest.mark.parametrize(("points", "head", "message"), [
+    ([""] * 4, HEAD.replace("4", "6"), "says that it lists 6 images, but lists 4"),
+    (["", "1 2 3 4", "", ""], "", r"line 4 of images\.txt is no image"),
+    (["", "1 2 x", "", ""], "", r"line 4 of images\.txt is no image")])
+def test_colmap_texts_that_do_not_add_up_are_refused(tmp_path: Path, points: list, head: str,
+                                                     message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        read_model(text_model(tmp_path, points, head))
+
+
+def test_texts_are_utf8_whatever_the_locale(tmp_path: Path) -> None:
+    text_model(tmp_path, [None] * 4)
+    code = ("import sys, pathlib; from lfportrait.capture.formats.colmap import read_model; "
+            "print(ascii([one.name for one in read_model(pathlib.Path(sys.argv[1]))[1]]))")
+    found = subprocess.run(
+        [sys.executable, "-X", "utf8=0", "-c", code, str(tmp_path)], check=True, text=True,
+        capture_output=True, env={**os.environ, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"})
+    assert found.stdout.strip() == ascii(sorted(NAMES))
+
+
+def test_nsvf_pictures_and_poses_that_lack_each_other_are_counted(tmp_path: Path) -> None:
+    write_nsvf(tmp_path, rig(3, 5))
+    (tmp_path / "rgb" / "0_000.png").unlink()
+    (tmp_path / "pose" / "0_001.txt").unlink()
+    (tmp_path / "pose" / "0_002.txt").unlink()
+    with pytest.warns(UserWarning) as told:
+        assert len(Capture.load(tmp_path)) == 2
+    lines = [str(one.message) for one in told]
+    assert lines[0].startswith("2 of 4 photos in ") and lines[1].startswith("1 of 3 cameras in ")
+    assert len(lines) == 2
 
 
 def test_masks_of_colmap_sets_become_alpha(tmp_path: Path) -> None:

@@ -88,3 +88,20 @@ def test_what_cannot_be_read_is_one_line(tmp_path, spoil):
     with pytest.raises(UserError, match="can't be read") as told:
         Capture.load(tmp_path)
     assert "\n" not in str(told.value)
+
+
+def test_pictures_without_cameras_and_cameras_without_pictures_are_counted(tmp_path):
+    polycam(tmp_path / "p", centred(), False)
+    folder = tmp_path / "p" / "keyframes"
+    (folder / "corrected_images" / "1000.jpg").unlink()
+    (folder / "corrected_cameras" / "1001.json").unlink()
+    record3d(tmp_path / "r", centred(), False)
+    (tmp_path / "r" / "rgb" / "5.jpg").rename(tmp_path / "r" / "rgb" / "9.jpg")
+    for part, count, cameras in (("p", 5, 5), ("r", 6, 6)):
+        with pytest.warns(UserWarning) as told:
+            found = Capture.load(tmp_path / part)
+        assert len(found) == count - 1
+        lines = [str(one.message) for one in told]
+        assert len(lines) == 2
+        assert lines[0].startswith(f"1 of {count} photos in ") and "have no camera" in lines[0]
+        assert lines[1].startswith(f"1 of {cameras} cameras in ") and "have no photo" in lines[1]

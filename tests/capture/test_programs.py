@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lfportrait.capture import Camera, Capture, is_calibrated
+from lfportrait.capture import Camera, Capture, Lens, is_calibrated
+from lfportrait.capture.formats.metashape import read_metashape
+from lfportrait.capture.formats.placed import brown, fisheye
 from lfportrait.errors import UserError
 from lfportrait.files import write_image
 
@@ -233,16 +235,156 @@ def test_the_largest_of_metashapes_components_is_taken(tmp_path):
     assert spot_error(found, MARKER) < 1.0
 
 
-def test_four_radial_terms_are_a_fraction_of_cubics():
-    from lfportrait.capture.distortion import Lens
-    from lfportrait.capture.formats.placed import brown
-
-    k = (-0.12, 0.04, -0.02, 0.008)
-    lens = brown(Lens(4000, 3000, (3500.0, 3500.0), (2000.0, 1500.0)), k)
-    points = np.random.default_rng(1).uniform(-0.5, 0.5, (200, 2))
+def test_a_fourth_radial_term_belongs_to_the_eighth_power():
+    """Alone, k4 = 0.2 moves (0.5, 0) by 0.5 * 0.2 * 0.5^8; turned and resized lenses follow."""
+    lens = brown(Lens(400, 300, (350.0, 350.0), (200.0, 150.0)), (0.0, 0.0, 0.0, 0.2))
+    assert lens.distorts
+    assert np.allclose(lens.distort(np.array([0.5, 0.0])), [0.5 * (1 + 0.2 * 0.5 ** 8), 0],
+                       atol=1e-15)
+    k = (-0.12, 0.04, -0.02, 0.9)
+    lens = brown(Lens(400, 300, (350.0, 350.0), (201.0, 150.0), p=(0.01, -0.02)), k)
+    points = np.random.default_rng(1).uniform(-0.9, 0.9, (200, 2))
     r2 = (points ** 2).sum(1, keepdims=True)
-    wanted = points * (1 + sum(term * r2 ** (n + 1) for n, term in enumerate(k)))
-    assert np.abs(lens.distort(points) - wanted).max() * 3500 < 0.01
+    x, y = points.T
+    tangential = np.stack([2 * 0.01 * x * y - 0.02 * (r2[:, 0] + 2 * x * x),
+                           0.01 * (r2[:, 0] + 2 * y * y) - 2 * 0.02 * x * y], axis=1)
+    wanted = points * (1 + sum(term * r2 ** (n + 1) for n, term in enumerate(k))) + tangential
+    assert np.allclose(lens.distort(points), wanted, atol=1e-12)
+    clockwise = np.stack([-points[:, 1], points[:, 0]], axis=1)
+    turned = lens.turned().distort(clockwise)
+    assert np.allclose(turned, np.stack([-wanted[:, 1], wanted[:, 0]], axis=1), atol=1e-12)
+    assert np.allclose(lens.resized(40, 30).distort(points), wanted, atol=1e-12)
+
+
+def test_metashapes_fisheye_keeps_its_tangential_terms():
+    """Of the bent coordinates, by the manual's formulas for fisheye cameras."""
+    k, p1, p2 = (0.05, -0.02, 0.01, 0.004), 0.01, -0.02
+    points = np.random.default_rng(2).uniform(-1.5, 1.5, (100, 2))
+    reach = np.sqrt((points ** 2).sum(1, keepdims=True))
+    flat = points * np.arctan(reach) / reach
+    x, y = flat.T
+    r2 = (flat ** 2).sum(1)
+    radial = 1 + sum(term * r2 ** (n + 1) for n, term in enumerate(k))
+    # Metashape: x' = x radial + p1 (r^2 + 2 x^2) + 2 p2 x y.
+    wanted = np.stack([x * radial + p1 * (r2 + 2 * x * x) + 2 * p2 * x * y,
+                       y * radial + p2 * (r2 + 2 * y * y) + 2 * p1 * x * y], axis=1)
+    lens = fisheye(Lens(400, 300, (350.0, 350.0), (200.0, 150.0), p=(p2, p1)), k)
+    assert np.allclose(lens.distort(points), wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize("k4", [0.0, 3.0])
+def test_one_lens_is_the_same_by_every_programs_file(tmp_path, monkeypatch, k4):
+    noise = np.random.default_rng(1).integers(0, 256, (60, 80, 3), np.uint8)
+    monkeypatch.setitem(globals(), "spot", lambda cameras, view: noise)
+    cameras = centred()
+    wanted = reference(tmp_path / "plain", cameras, k1=K1, k2=K2, k3=0.02, k4=k4, p1=P1, p2=P2,
+                       cx=40.5, cy=29.75)
+    straight = reference(tmp_path / "straight", cameras, k1=K1, k2=K2, k3=0.02, p1=P1, p2=P2,
+                         cx=40.5, cy=29.75)
+    changed = not np.array_equal(wanted.images[0], straight.images[0])
+    assert changed == bool(k4)
+    for write, old, new in (
+            (metashape, "<p1>", f"<k3>0.02</k3><k4>{k4}</k4><p1>"),
+            (reality_capture, f",{K2},0.0,0.0,", f",{K2},0.02,{k4},")):
+        folder = tmp_path / write.__name__
+        photos(folder, cameras)
+        write(folder, cameras)
+        file = next(path for path in folder.iterdir() if path.suffix in (".xml", ".csv"))
+        text = file.read_text(encoding="utf-8")
+        assert old in text
+        file.write_text(text.replace(old, new), encoding="utf-8")
+        found = Capture.load(folder)
+        assert np.allclose(found.cameras.focal, wanted.cameras.focal, atol=1e-9)
+        assert all(np.abs(one.astype(int) - other).max() <= 1  # rounded
+                   for one, other in zip(found.images, wanted.images))
+
+
+def rig_of_two(folder: Path, cameras: Camera, nested: bool = False) -> np.ndarray:
+    """Metashape's file where every second photo hangs on the one before it; its offset."""
+    offset = np.eye(4)
+    offset[:3, :3] = Rotation.from_rotvec([0.1, -0.4, 0.2]).as_matrix()
+    offset[:3, 3] = 0.3, -0.1, 0.05
+    metashape(folder, cameras)
+    file = folder / "cameras.xml"
+    text = file.read_text(encoding="utf-8")
+    for view in range(1, COUNT, 2):
+        start = text.index(f'<camera id="{view}"')
+        end = text.index("</camera>", start) + len("</camera>")
+        slave = f'<camera id="{view}" sensor_id="1" master_id="{view - 1}" label="IMG.{view:02d}"/>'
+        text = text[:start] + ("" if nested else slave) + text[end:]
+        if nested:
+            end = text.index("</camera>", text.index(f'<camera id="{view - 1}"'))
+            text = text[:end] + slave + text[end:]
+    numbers = " ".join(numbers_of(offset[:3, :3])), " ".join(numbers_of(offset[:3, 3]))
+    file.write_text(text.replace(
+        '<sensor id="1" type="frame">',
+        f'<sensor id="1" type="frame" master_id="0"><rotation>{numbers[0]}</rotation>'
+        f"<location>{numbers[1]}</location>"), encoding="utf-8")
+    return offset
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_photos_of_a_rig_have_the_masters_pose_and_their_sensors(tmp_path, nested):
+    cameras = centred()
+    photos(tmp_path, cameras)
+    offset = rig_of_two(tmp_path, cameras, nested)
+    offset[:3, 3] *= 2.5  # the chunk's scale
+    placed = {one.name: one.pose for one in read_metashape(tmp_path / "cameras.xml")}
+    assert len(placed) == COUNT
+    for view in range(COUNT):
+        wanted = cameras.pose[view - view % 2] @ (offset if view % 2 else np.eye(4))
+        assert np.allclose(placed[f"IMG.{view:02d}"], wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize(("old", "new"), [("<rotation>", "<turn>"), ('master_id="0"><', "><")])
+def test_a_rig_without_geometry_is_said(tmp_path, old, new):
+    cameras = centred()
+    photos(tmp_path, cameras)
+    rig_of_two(tmp_path, cameras)
+    file = tmp_path / "cameras.xml"
+    text = file.read_text(encoding="utf-8").replace(old, new, 1)
+    file.write_text(text.replace("</rotation>", "</turn>", new == "<turn>"), encoding="utf-8")
+    with pytest.warns(UserWarning, match=f"3 of {COUNT + 2} photos .* without the rig"):
+        assert len(read_metashape(file)) == COUNT // 2
+
+
+def test_photos_that_are_left_out_are_counted(tmp_path):
+    cameras = centred()
+    for write, said in ((metashape, "2 of 8 photos in .* switched off and are left out"),
+                        (meshroom, "1 of 7 photos in .* are not aligned and are left out"),
+                        (bundler, "1 of 7 photos in .* are not aligned and are left out")):
+        folder = tmp_path / write.__name__
+        photos(folder, cameras)
+        write(folder, cameras)
+        with pytest.warns(UserWarning, match=said) as told:
+            Capture.load(folder)
+        assert len(told) == 1
+    photos(tmp_path, cameras)
+    openmvg(tmp_path, cameras)
+    file = tmp_path / "sfm_data.json"
+    data = json.loads(file.read_text())
+    del data["extrinsics"][4]
+    file.write_text(json.dumps(data))
+    with pytest.warns(UserWarning, match="1 of 6 photos in .* are not aligned and are left out"):
+        assert len(Capture.load(tmp_path)) == 5
+
+
+def test_only_visualsfms_first_model_is_read_and_that_is_said(tmp_path):
+    cameras = centred()
+    photos(tmp_path, cameras)
+    visualsfm(tmp_path, cameras)
+    file = tmp_path / "model.nvm"
+    text = file.read_text()
+    line = text.splitlines()[3]
+    point = "0.1 0.2 0.3 9 9 9 1 0 0 5 5"
+    head = text[:text.rstrip().rindex("0")]
+    file.write_text(f"{head}2\n{point}\n{point}\n\n2\n{line}\n{line}\n1\n{point}\n\n0\n\n"
+                    "#the last part of NVM file points to the PLY files\n0\n")
+    with pytest.warns(UserWarning, match=f"2 of {COUNT + 2} photos in .*first model's {COUNT}"):
+        assert len(Capture.load(tmp_path)) == COUNT
+    file.write_text(text.replace("NVM_V3 ", "NVM_V3 FixedK 110 40 110 30 0"))
+    with pytest.raises(UserError, match="FixedK"):
+        Capture.load(tmp_path)
 
 
 def test_visualsfms_distortion_is_undone(tmp_path):
@@ -260,7 +402,7 @@ def test_visualsfms_distortion_is_undone(tmp_path):
 
 @pytest.mark.parametrize(("spoil", "message"), [
     ("not xml", "can't be read"), ("entities", "entities"), ("skew", "skew"),
-    ("size", "was turned or cropped"),
+    ("p3", "p3"), ("old", "PhotoScan before 1.2"), ("size", "was turned or cropped"),
     ("nothing", "no aligned cameras"), ("photos", "none of the photos"), ("cut", "can't be read")])
 def test_what_cannot_be_read_is_one_line(tmp_path, spoil, message):
     cameras = centred()
@@ -274,6 +416,8 @@ def test_what_cannot_be_read_is_one_line(tmp_path, spoil, message):
     file.write_text({
         "not xml": "hello", "entities": text.replace("<document", "<!DOCTYPE x><document"),
         "skew": text.replace("<f>110", "<b2>0.1</b2><f>110"),
+        "p3": text.replace("<f>110", "<p3>0.1</p3><f>110"),
+        "old": text.replace("<f>110</f>", "<fx>110</fx><fy>110</fy>"),
         "size": text.replace('width="80" height="60"', 'width="60" height="80"'),
         "nothing": text.replace("transform>", "other>"), "cut": text[:-200]}.get(spoil, text))
     with pytest.raises(UserError, match=message) as told:

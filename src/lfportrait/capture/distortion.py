@@ -1,9 +1,10 @@
-"""Lens distortion: OpenCV's and COLMAP's models, and pictures resampled as by a pinhole.
+"""Lens distortion: the models of OpenCV, COLMAP and photogrammetry; pictures resampled as flat.
 
 With normalised image coordinates (x, y) = (X/Z, Y/Z), r^2 = x^2 + y^2:
 
 - ``opencv``: x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
   + 2 p1 x y + p2 (r^2 + 2 x^2), and y' likewise with p1 and p2 exchanged;
+- ``brown``: x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8) and the same terms with p1 and p2;
 - ``fisheye``: theta = atan r, theta' = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6
   + k4 theta^8), (x', y') = theta'/r (x, y);
 - ``thin_prism``: (u, v) = theta/r (x, y), q = theta; u' = u (1 + k1 q^2 + k2 q^4 + k3 q^6 + k4 q^8)
@@ -44,11 +45,11 @@ class Lens:
     focal, center
         (x, y) in pixels.
     model
-        ``"opencv"``, ``"fisheye"``, ``"thin_prism"`` or ``"fov"``.
+        ``"opencv"``, ``"brown"``, ``"fisheye"``, ``"thin_prism"`` or ``"fov"``.
     k
-        Radial coefficients: up to 6 (opencv), 4 (fisheye, thin_prism), the angle w (fov).
+        Radial coefficients: up to 6 (opencv), 4 (brown, fisheye, thin_prism), the angle w (fov).
     p
-        Tangential coefficients p1, p2 (opencv, thin_prism).
+        Tangential coefficients p1, p2 (opencv, brown, thin_prism).
     s
         Prism coefficients s1, s2 (thin_prism).
     """
@@ -96,6 +97,9 @@ class Lens:
             below = 1 + r2 * (k[3] + r2 * (k[4] + r2 * k[5]))
             return (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))) / np.where(below == 0, 1e-300, below)
         k = (*self.k, *([0.0] * 4))[:4]
+        if self.model == "brown":
+            r2 = r * r
+            return np.asarray(1 + r2 * (k[0] + r2 * (k[1] + r2 * (k[2] + r2 * k[3]))))
         theta = np.arctan(r)
         t2 = theta * theta
         bent = theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))))
@@ -108,7 +112,7 @@ class Lens:
         if self.model == "thin_prism":
             points = points * np.where(r > 1e-12, np.arctan(r) / np.maximum(r, 1e-12),
                                        1.0)[..., None]
-        elif self.model != "opencv":
+        elif self.model not in ("opencv", "brown"):
             return found
         (p1, p2), (s1, s2) = self.p, self.s
         x, y = points[..., 0], points[..., 1]

@@ -287,7 +287,7 @@ class Display:
             raise UserError(f"there is no display {name!r}; the presets are "
                             f"{', '.join(Display.names())}; or name a display file")
         folder = resources.files("lfportrait.lightfield") / "presets"
-        text = (folder / f"{name}.toml").read_text()
+        text = (folder / f"{name}.toml").read_text("utf-8")
         return Display(**display_file.entries_of(text, name, _kinds()))
 
     @staticmethod

@@ -7,6 +7,7 @@ points are not needed). COLMAP's image frame is ours: x right, y down, z forward
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -142,21 +143,58 @@ def _read_binary(folder: Path) -> tuple[dict[int, Lens], list[ColmapImage]]:
 
 def _read_text(folder: Path) -> tuple[dict[int, Lens], list[ColmapImage]]:
     lenses: dict[int, Lens] = {}
-    images = []
-    for line in (folder / "cameras.txt").read_text().splitlines():
+    for line in (folder / "cameras.txt").read_text("utf-8-sig").split("\n"):
         if line.strip() and not line.startswith("#"):
             number, model, width, height, *values = line.split()
             lenses[int(number)] = lens_of(model, int(width), int(height), map(float, values))
-    lines = [line for line in (folder / "images.txt").read_text().splitlines()
-             if not line.startswith("#")]
-    # Two lines an image; the second lists its points and may be empty.
-    for line in lines[::2]:
-        if line.strip():
-            parts = line.split(maxsplit=9)
-            numbers = [float(part) for part in parts[1:8]]
-            images.append(ColmapImage(parts[9].strip(), int(parts[8]),
-                                      _pose(numbers[:4], numbers[4:])))
-    return lenses, images
+    return lenses, _images_of((folder / "images.txt").read_text("utf-8-sig"))
+
+
+def _images_of(text: str) -> list[ColmapImage]:
+    """The images of ``images.txt``.
+
+    Each has two lines; the second lists its points, may be empty and is left out by some programs.
+    """
+    images: list[ColmapImage] = []
+    stated: int | None = None
+    after_image = False
+    for number, line in enumerate(text.split("\n"), 1):
+        if line.startswith("#"):
+            noted = re.match(r"#\s*Number of images:\s*(\d+)", line)
+            stated = int(noted[1]) if noted else stated
+        elif after_image and _lists_points(line):
+            after_image = False
+        elif line.strip():
+            try:
+                images.append(_image_of(line))
+            except (ValueError, IndexError) as error:
+                raise ValueError(f"line {number} of images.txt is no image") from error
+            after_image = True
+    if stated is not None and stated != len(images):
+        raise ValueError(f"images.txt says that it lists {stated} images, but lists {len(images)}; "
+                         "export it again")
+    return images
+
+
+def _lists_points(line: str) -> bool:
+    """Whether a line is an image's second one: triples x, y, point's id; or nothing."""
+    parts = line.split()
+    if len(parts) % 3:
+        return False
+    try:
+        for first in range(0, len(parts), 3):
+            float(parts[first]), float(parts[first + 1]), int(parts[first + 2])
+    except ValueError:
+        return False
+    return True
+
+
+def _image_of(line: str) -> ColmapImage:
+    """An image's first line: id, quaternion, translation, camera's id, name."""
+    number, *parts = line.split(maxsplit=9)
+    int(number)
+    values = [float(part) for part in parts[:7]]
+    return ColmapImage(parts[8].strip(), int(parts[7]), _pose(values[:4], values[4:]))
 
 
 def read_model(folder: Path) -> tuple[dict[int, Lens], list[ColmapImage]]:

@@ -11,6 +11,7 @@ from ...errors import UserError
 from ...media.pictures import open_picture
 from ..distortion import Lens
 from .assembly import Shot, Views, read_shots
+from .placed import warn_unmatched
 
 __all__ = ["load_llff", "load_nsvf", "nsvf_folders"]
 
@@ -96,7 +97,7 @@ def _nsvf_intrinsics(file: Path) -> NDArray[np.float64]:
     """(fx, fy, cx, cy) from either form of ``intrinsics.txt``: a 4x4 matrix, or "f cx cy 0"."""
     try:
         rows = [[float(value) for value in line.split()]
-                for line in file.read_text(encoding="utf-8").splitlines() if line.strip()]
+                for line in file.read_text("utf-8-sig").splitlines() if line.strip()]
         if len(rows) >= 3 and len(rows[0]) == len(rows[1]) and len(rows[0]) >= 3:
             return np.array([rows[0][0], rows[1][1], rows[0][2], rows[1][2]])
         return np.array([rows[0][0], rows[0][0], rows[0][1], rows[0][2]])
@@ -109,7 +110,7 @@ def _nsvf_box(file: Path) -> NDArray[np.float64] | None:
     if not file.is_file():
         return None
     try:
-        numbers = file.read_text(encoding="utf-8").split()[:6]
+        numbers = file.read_text("utf-8-sig").split()[:6]
         box = np.array([float(value) for value in numbers]).reshape(2, 3)
     except (OSError, ValueError) as error:
         raise UserError(f"can't read the box in {file}: {error}") from error
@@ -151,15 +152,19 @@ def load_nsvf(folder: Path, holdout: int) -> Views:
     rgb, pose_folder = folders
     fx, fy, cx, cy = _nsvf_intrinsics(folder / "intrinsics.txt")
     box = _nsvf_box(folder / "bbox.txt")
-    files = [file for file in _pictures(rgb) if (pose_folder / f"{file.stem}.txt").is_file()]
+    pictures = _pictures(rgb)
+    files = [file for file in pictures if (pose_folder / f"{file.stem}.txt").is_file()]
     if not files:
         raise UserError(f"{rgb} has no picture with a file of its name in {pose_folder}")
+    warn_unmatched({file.stem for file in pictures},
+                   {file.stem for file in pose_folder.glob("*.txt")}, rgb, pose_folder)
     prefixes = {file.name.split("_")[0] for file in files}
     split = prefixes <= {"0", "1", "2"} and len(prefixes) > 1
     shots = []
     for file in files:
         try:
-            pose = np.loadtxt(pose_folder / f"{file.stem}.txt").reshape(4, 4)
+            pose = np.loadtxt(pose_folder / f"{file.stem}.txt",
+                              encoding="utf-8-sig").reshape(4, 4)
         except (OSError, ValueError) as error:
             raise UserError(f"the pose of {file.name} can't be read: {error}") from error
         shots.append(Shot(file, file.name, pose,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...files import read_json
 from ..distortion import Lens
-from .placed import Placed, resizable
+from .placed import Placed, resizable, warn_left_out
 
 __all__ = ["is_graph", "read_graph"]
 
@@ -38,9 +38,9 @@ def is_graph(file: Path) -> bool:
 def read_graph(file: Path) -> list[Placed]:
     """The photos with poses of Meshroom's or OpenMVG's file."""
     data = read_json(file)
-    if "sfm_data_version" in data:
-        return _openmvg(data)
-    return _alicevision(data)
+    found = _openmvg(data) if "sfm_data_version" in data else _alicevision(data)
+    warn_left_out(len(data["views"]) - len(found), len(data["views"]), file)
+    return found
 
 
 def _alicevision(data: dict[str, Any]) -> list[Placed]:

@@ -22,7 +22,7 @@ from ...errors import UserError
 from ...files import read_json
 from ..distortion import Lens
 from .assembly import Shot, Views, read_shots
-from .placed import resizable
+from .placed import resizable, warn_unmatched
 
 __all__ = ["load_polycam", "load_record3d", "polycam_folders", "record3d_files"]
 
@@ -62,7 +62,8 @@ def load_polycam(path: Path, holdout: int) -> Views:
                         "keyframes/cameras")
     pictures, cameras = folders
     shots = []
-    for picture in _pictures(pictures):
+    listed = _pictures(pictures)
+    for picture in listed:
         file = cameras / f"{picture.stem}.json"
         if not file.is_file():
             continue
@@ -77,6 +78,8 @@ def load_polycam(path: Path, holdout: int) -> Views:
         shots.append(_shot(picture, pose, lens, size))
     if not shots:
         raise UserError(f"{pictures} has no picture with a file of its name in {cameras}")
+    warn_unmatched({picture.stem for picture in listed},
+                   {file.stem for file in cameras.glob("*.json")}, pictures, cameras)
     return read_shots(shots, pictures, holdout)
 
 
@@ -124,6 +127,8 @@ def load_record3d(path: Path, holdout: int) -> Views:
         shots.append(_shot(picture, pose, *resizable(lenses[number])))
     if not shots:
         raise UserError(f"{folder} has no pictures 0.jpg, 1.jpg, ... for the poses in {file}")
+    warn_unmatched({picture.stem.lstrip("0") or "0" for picture in pictures},
+                   {str(number) for number in range(len(table))}, folder, file)
     return read_shots(shots, folder, holdout)
 
 

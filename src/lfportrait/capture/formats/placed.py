@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable, Set
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..distortion import Lens
 
-__all__ = ["Placed", "brown", "centred", "resizable"]
+__all__ = ["Placed", "brown", "centred", "fisheye", "resizable", "warn_left_out",
+           "warn_unmatched"]
 
 Float64 = NDArray[np.float64]
 
@@ -52,28 +55,42 @@ def centred(name: str, focal: float, k: tuple[float, ...]) -> Callable[[int, int
 def brown(lens: Lens, k: tuple[float, float, float, float]) -> Lens:
     """The lens with the radial polynomial 1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8.
 
-    `Lens` has a fraction of two cubics in r^2. With k4 that is fitted to the polynomial within the
-    picture.
-
-    Raises
-    ------
-    ValueError
-        If no fraction comes within a hundredth of a pixel.
+    So Metashape, RealityCapture and nerfstudio bend; OpenCV's fourth term is another one.
     """
-    if not k[3]:
-        return Lens(lens.width, lens.height, lens.focal, lens.center, "opencv", k[:3], lens.p)
-    corner = np.hypot(max(lens.center[0], lens.width - lens.center[0]) / lens.focal[0],
-                      max(lens.center[1], lens.height - lens.center[1]) / lens.focal[1])
-    r2 = np.linspace(0.0, 1.1 * corner, 400) ** 2
-    powers = r2[:, None] ** np.arange(1, 5)
-    ratio = 1 + powers @ np.array(k)
-    # a1 s + a2 s^2 + a3 s^3 - ratio (b1 s + b2 s^2 + b3 s^3) = ratio - 1, in units of the corner.
-    unit = r2[-1] ** np.arange(1, 4)
-    table = powers[:, :3] / unit
-    terms = np.linalg.lstsq(np.hstack([table, -ratio[:, None] * table]), ratio - 1, rcond=1e-12)[0]
-    above, below = terms[:3] / unit, terms[3:] / unit
-    fitted = (1 + powers[:, :3] @ above) / (1 + powers[:, :3] @ below)
-    if not np.abs((fitted - ratio) * np.sqrt(r2) * max(lens.focal)).max() < 0.01:
-        raise ValueError("its fourth radial term (k4) is too strong; optimise the cameras without")
-    return Lens(lens.width, lens.height, lens.focal, lens.center, "opencv",
-                (*(float(term) for term in above), *(float(term) for term in below)), lens.p)
+    return replace(lens, model="brown", k=k) if k[3] else replace(lens, model="opencv", k=k[:3])
+
+
+def fisheye(lens: Lens, k: tuple[float, float, float, float]) -> Lens:
+    """The fisheye lens with the tangential terms ``lens.p``, of the bent coordinates.
+
+    So Metashape and nerfstudio bend; OpenCV's fisheye has no such terms.
+    """
+    return replace(lens, model="thin_prism" if any(lens.p) else "fisheye", k=k)
+
+
+def warn_left_out(count: int, total: int, file: Path, why: str = "are not aligned") -> None:
+    """Say in one line that ``count`` of the ``total`` photos of a file are left out.
+
+    Where that is none, nothing is to be said; where it is all, the reader says more.
+    """
+    if 0 < count < total:
+        warnings.warn(f"{count} of {total} photos in {file} {why} and are left out", stacklevel=3)
+
+
+def warn_unmatched(pictures: Set[str], cameras: Set[str], folder: Path, place: Path) -> None:
+    """Say which pictures of a folder have no camera, and which cameras no picture: a line each.
+
+    Parameters
+    ----------
+    pictures, cameras
+        The names by which they belong together; hidden files don't count.
+    folder, place
+        Where the pictures and the cameras are.
+    """
+    pictures, cameras = ({name for name in names if not name.startswith(".")}
+                         for names in (pictures, cameras))
+    warn_left_out(len(pictures - cameras), len(pictures), folder, f"have no camera in {place}")
+    lost = len(cameras - pictures)
+    if lost:
+        warnings.warn(f"{lost} of {len(cameras)} cameras in {place} have no photo in {folder} and "
+                      "are left out", stacklevel=3)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ..distortion import Lens
-from .placed import Placed, brown, centred
+from .placed import Placed, brown, centred, warn_left_out
 
 __all__ = ["is_camera_table", "read_bundler", "read_camera_table", "read_visualsfm"]
 
@@ -82,11 +82,11 @@ def read_bundler(file: Path) -> list[Placed]:
     """Bundler's ``bundle.out``, with the photos' names in ``list.txt``."""
     lists = [place / name for place in (file.parent, file.parent.parent)
              for name in ("list.txt", f"{file.stem}.list.txt", f"{file.name}.list.txt")]
-    names = next(([_listed(line) for line in place.read_text(encoding="utf-8").splitlines()
+    names = next(([_listed(line) for line in place.read_text("utf-8-sig").splitlines()
                    if line.strip()] for place in lists if place.is_file()), None)
     if names is None:
         raise ValueError("list.txt with the photos' names is missing beside it")
-    lines = [line for line in file.read_text(encoding="utf-8").splitlines()
+    lines = [line for line in file.read_text("utf-8-sig").splitlines()
              if line.strip() and not line.startswith("#")]
     count = int(lines[0].split()[0])
     if count > len(names):
@@ -102,6 +102,7 @@ def read_bundler(file: Path) -> list[Placed]:
         # Its cameras look along -z, y is up.
         shots.append(Placed(names[number], np.asarray(np.linalg.inv(_FLIP @ matrix), np.float64),
                           centred(names[number], float(focal), (float(k1), float(k2)))))
+    warn_left_out(count - len(shots), count, file)
     return shots
 
 
@@ -115,9 +116,12 @@ def read_visualsfm(file: Path) -> list[Placed]:
     """VisualSfM's ``.nvm``, its first model."""
     from scipy.spatial.transform import Rotation
 
-    lines = [line.strip() for line in file.read_text(encoding="utf-8").splitlines()]
+    lines = [line.strip() for line in file.read_text("utf-8-sig").splitlines()]
     if not lines or not lines[0].startswith("NVM_V3"):
         raise ValueError("it does not begin with NVM_V3")
+    if "FixedK" in lines[0]:
+        raise ValueError("its calibration was fixed (FixedK), which is not supported; run "
+                         "VisualSfM without")
     rest = [line for line in lines[1:] if line and not line.startswith("#")]
     count = int(rest[0])
     shots = []
@@ -131,7 +135,22 @@ def read_visualsfm(file: Path) -> list[Placed]:
                           centred(name, float(focal), _undoing(float(radial)))))
     if len(shots) < count:
         raise ValueError(f"it ends after {len(shots)} of {count} cameras")
+    more = _in_other_models(rest[1 + count:])
+    warn_left_out(more, count + more, file, f"are not aligned to the first model's {count}")
     return shots
+
+
+def _in_other_models(lines: list[str]) -> int:
+    """Cameras of the models behind the first of a ``.nvm``, whose points begin the lines."""
+    cameras = at = 0
+    while at < len(lines) and lines[at].isdecimal():
+        at += 1 + int(lines[at])  # a model's points
+        if at < len(lines) and lines[at].isdecimal():
+            cameras += int(lines[at])
+            if not int(lines[at]):
+                break  # an empty model is the last
+            at += 1 + int(lines[at])
+    return cameras
 
 
 def _undoing(radial: float) -> tuple[float, ...]:

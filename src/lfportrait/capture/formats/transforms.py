@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from dataclasses import replace
 from functools import partial
@@ -15,6 +16,7 @@ from ...files import read_json
 from ..distortion import Lens
 from .assembly import Shot, Views, read_shots
 from .graphs import is_graph
+from .placed import brown, fisheye
 
 __all__ = ["load_transforms", "transform_files"]
 
@@ -42,6 +44,45 @@ _PERSPECTIVE = {"", "OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RAD
                 "FULL_OPENCV"}
 _FISHEYE = {"OPENCV_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE", "SIMPLE_RADIAL_FISHEYE",
             "RADIAL_FISHEYE"}
+# Instant-ngp's marks of other lenses; the second of its f-theta terms is never zero.
+_OTHER_MODELS = ("latlong", "equirectangular", "orthographic", "ftheta_p1")
+_TERM = re.compile(r"[kpsb]\d+|s[xy]\d+|tau_?[xy\d]|skew")
+
+
+def _terms(frame: dict[str, Any], shared: dict[str, Any]) -> dict[str, float]:
+    """The distortion terms of a frame that are not zero, by their names.
+
+    nerfstudio may list them instead (``distortion_params``: k1 to k4, p1, p2).
+    """
+    terms: dict[str, float] = {}
+    for place in (shared, frame):
+        listed = [float(term) for term in place.get("distortion_params") or []]
+        if any(listed[6:]):
+            raise UserError("distortion_params in transforms.json has more terms than k1 to k4, "
+                            "p1 and p2; give pictures without distortion")
+        terms |= dict(zip(("k1", "k2", "k3", "k4", "p1", "p2"), listed))
+        terms |= {name: float(value) for name, value in place.items()
+                  if _TERM.fullmatch(name) and value is not None}
+    return {name: term for name, term in terms.items() if term}
+
+
+def _bent(lens: Lens, model: str, is_fisheye: bool, terms: dict[str, float]) -> Lens:
+    """The lens with its distortion, as the programs that write these terms bend.
+
+    nerfstudio's k4 belongs to r^8, of a fisheye to theta^8. OpenCV's k4 to k6, of its full model,
+    lie below the fraction.
+    """
+    rational = not is_fisheye and (model == "FULL_OPENCV" or "k5" in terms or "k6" in terms)
+    known = [f"k{number}" for number in range(1, 7 if rational else 5)]
+    unknown = sorted(terms.keys() - {*known, "p1", "p2"})
+    if unknown:
+        raise UserError(f"the lens term {unknown[0]} in transforms.json is not supported; "
+                        "calibrate without it, or give pictures without distortion")
+    k = tuple(terms.get(name, 0.0) for name in known)
+    lens = replace(lens, p=(terms.get("p1", 0.0), terms.get("p2", 0.0)))
+    if rational:
+        return replace(lens, k=k)
+    return (fisheye if is_fisheye else brown)(lens, (k[0], k[1], k[2], k[3]))
 
 
 def _lens(frame: dict[str, Any], shared: dict[str, Any], width: int, height: int) -> Lens:
@@ -72,12 +113,13 @@ def _lens(frame: dict[str, Any], shared: dict[str, Any], width: int, height: int
     if model not in _PERSPECTIVE | _FISHEYE:
         raise UserError(f"pictures by the camera model {model} are not supported; give them as "
                         "OPENCV or OPENCV_FISHEYE")
-    fisheye = bool(frame.get("is_fisheye", shared.get("is_fisheye", False))) or model in _FISHEYE
-    count = 4 if fisheye else 6
-    k = tuple(value(f"k{i}", 0.0) or 0.0 for i in range(1, count + 1))
-    return Lens(width, height, (fx * ratio[0], fy * ratio[1]), (cx * ratio[0], cy * ratio[1]),
-                "fisheye" if fisheye else "opencv", k,
-                (value("p1", 0.0) or 0.0, value("p2", 0.0) or 0.0))
+    for name in _OTHER_MODELS:
+        if frame.get(name, shared.get(name)):
+            raise UserError(f"pictures with {name} are not supported; give them as OPENCV or "
+                            "OPENCV_FISHEYE")
+    is_fisheye = bool(frame.get("is_fisheye", shared.get("is_fisheye"))) or model in _FISHEYE
+    lens = Lens(width, height, (fx * ratio[0], fy * ratio[1]), (cx * ratio[0], cy * ratio[1]))
+    return _bent(lens, model, is_fisheye, _terms(frame, shared))
 
 
 def _stated_size(frame: dict[str, Any], shared: dict[str, Any]) -> tuple[int, int] | None:

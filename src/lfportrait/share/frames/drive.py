@@ -156,7 +156,8 @@ def _prepared(plan: DrivePlan, place: Path, step: Callable[[int, int], None],
             suffix, layout = known
             final = f"{name}{layout.suffix()}{suffix}"
             side = place / f"{final}.json"
-            side.write_text(json.dumps(quilt_settings(layout, seconds=plan.seconds), indent=1))
+            side.write_text(json.dumps(quilt_settings(layout, seconds=plan.seconds), indent=1),
+                            "utf-8")
             files += [(source, final), (side, side.name)]
         entries.append({"name": files[-2][1], "views": layout.count,
                         "layout": [layout.columns, layout.rows], "aspect": layout.aspect})
@@ -250,7 +251,7 @@ def fill_drive(plan: DrivePlan, step: Callable[[int, int], None] = lambda at, co
         playing = Path(folder) / _PLAYING
         playing.write_text(json.dumps({
             "model": "toolkit", "schema": "0.1",
-            "playlists": [{"title": plan.title, "path": f"/{_PLAYLIST}"}]}, indent=1))
+            "playlists": [{"title": plan.title, "path": f"/{_PLAYLIST}"}]}, indent=1), "utf-8")
         files += [(playlist, _PLAYLIST), (playing, _PLAYING)]
         _free(plan, files)
         with _all_or_nothing(plan.drive) as made:
