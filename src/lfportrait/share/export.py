@@ -40,8 +40,8 @@ class ExportConfig:
     """Content of the file. auto: splats in SPZ and SOG files, and in PLY and GLB files whose name
     contains "splat"; points in other PLY files; a mesh in GLB, USDZ and OBJ files."""
     world: Literal["portrait", "source"] = "portrait"
-    """Coordinates: the portrait frame (+y up, +z out of the face; points and meshes in metres, the
-    head 20 cm high; splats see ``--splats.up``), or those of the source capture as they are."""
+    """Coordinates: the portrait frame (+y up, +z out of the face; points and meshes in metres,
+    20 cm high; splats see ``--splats.up``), or those of the source capture as they are."""
     opacity: float = 0.1
     """Points: minimum opacity along one voxel."""
     point_color: Literal["mean", "seen"] = "mean"

@@ -1,4 +1,4 @@
-"""Names that stand inside other files: many readers end them at a space, or take bytes for letters."""
+"""Names that stand inside other files: many readers end them at a space or garble their letters."""
 
 from __future__ import annotations
 

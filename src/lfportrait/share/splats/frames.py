@@ -1,9 +1,9 @@
 """The frame in which a file holds splats: which way is up, and how long a unit is.
 
 Programs that show PLY and SOG files take them for what Kerbl et al. 2023 write, whose captures have
-+y down, and turn them upright. SuperSplat turns by 180 degrees about z and looks from +z. Turned the
-same way beforehand, a head stands upright there and faces the camera. glTF says +y up and metres,
-SPZ's description +y up.
++y down, and turn them upright. SuperSplat turns by 180 degrees about z and looks from +z. Turned
+the same way beforehand, a head stands upright there and faces the camera. glTF says +y up and
+metres, SPZ's description +y up.
 """
 
 from __future__ import annotations
