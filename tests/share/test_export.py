@@ -22,6 +22,8 @@ from tests.reference.svox2 import Checkpoint
 
 C0 = 0.28209479177387814
 RADIUS = 0.6
+METRES = 0.1
+"""Of a unit of the portrait frame, in files of points and meshes."""
 
 
 def ball_field(size=48, hollow=True, floater=False, box=(1.0, 1.1, 0.9), center=(0.05, -0.1, 0.0)):
@@ -209,14 +211,15 @@ def test_ply_files_hold_points_or_a_mesh(tmp_path):
     rows = read_ply(tmp_path / "p.ply")["vertex"]
     cloud = field_points(field, 0.2)
     assert figures == {"points": len(rows), "bytes": (tmp_path / "p.ply").stat().st_size}
-    assert np.array_equal(columns_of(rows, "x", "y", "z"), cloud.positions)
+    assert np.allclose(columns_of(rows, "x", "y", "z"), METRES * cloud.positions, atol=1e-7)
     assert np.array_equal(columns_of(rows, "nx", "ny", "nz"), cloud.normals)
     assert np.array_equal(columns_of(rows, "red", "green", "blue"), cloud.colors)
     assert np.array_equal(rows["opacity"], cloud.opacity)
     export_field(field, tmp_path / "m.ply", ExportConfig(kind="mesh"))
     parts = read_ply(tmp_path / "m.ply")
     mesh = field_mesh(field)
-    assert np.array_equal(columns_of(parts["vertex"], "x", "y", "z"), mesh.vertices)
+    assert np.allclose(columns_of(parts["vertex"], "x", "y", "z"), METRES * mesh.vertices,
+                       atol=1e-7)
     assert (parts["face"]["count"] == 3).all()
     assert np.array_equal(parts["face"]["vertex_indices"], mesh.faces)
 
@@ -232,7 +235,7 @@ def test_obj_files(tmp_path):
                   if line[0] == "f"])
     assert figures["vertices"] == len(v) == len(n)
     assert figures["faces"] == len(f)
-    assert np.allclose(v[:, :3], mesh.vertices, atol=1e-6)
+    assert np.allclose(v[:, :3], METRES * mesh.vertices, atol=1e-6)
     assert np.allclose(v[:, 3:] * 255, mesh.colors, atol=0.02)
     assert np.allclose(n, mesh.normals, atol=1e-4)
     assert np.array_equal(f - 1, mesh.faces)
@@ -264,12 +267,12 @@ def test_glb_files(tmp_path):
         return values.reshape(accessor["count"], -1)
 
     part = scene["meshes"][0]["primitives"][0]
-    assert np.array_equal(array(part["attributes"]["POSITION"]), mesh.vertices)
+    assert np.allclose(array(part["attributes"]["POSITION"]), METRES * mesh.vertices, atol=1e-7)
     assert np.array_equal(array(part["attributes"]["NORMAL"]), mesh.normals)
     assert np.array_equal(array(part["indices"]).reshape(-1, 3), mesh.faces)
     position = scene["accessors"][part["attributes"]["POSITION"]]
-    assert np.allclose(position["min"], mesh.vertices.min(0))
-    assert np.allclose(position["max"], mesh.vertices.max(0))
+    assert np.allclose(position["min"], METRES * mesh.vertices.min(0))
+    assert np.allclose(position["max"], METRES * mesh.vertices.max(0))
     light = array(part["attributes"]["COLOR_0"]) / 65535
     # The sRGB curve applied to the stored linear light gives the colors back.
     srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)

@@ -1,4 +1,7 @@
-"""Splats in programs that others wrote, Spark on three.js and PlayCanvas, in a real browser."""
+"""Splats in programs that others wrote, Spark on three.js and PlayCanvas, in a real browser.
+
+Files are placed as SuperSplat places them: PLY and SOG are turned by 180 degrees about z.
+"""
 
 import base64
 import io
@@ -17,7 +20,13 @@ from PIL import Image
 from lfportrait.capture import Camera
 from lfportrait.field import C0, VoxelField
 from lfportrait.share import orbit_cameras
-from lfportrait.share.splats import SPLAT_WRITERS, SplatConfig, field_splats, render_splats
+from lfportrait.share.splats import (
+    SPLAT_WRITERS,
+    SplatConfig,
+    field_splats,
+    framed,
+    render_splats,
+)
 from tests.fields import head_field, shell_field
 from tests.share.page.browser import decibels
 
@@ -112,11 +121,13 @@ def shown(folder, address, browser):
         """What the engine shows of a file: float [H, W, 3], on white."""
         file = folder / f"splats.{kind}"
         with file.open("wb") as stream:
-            SPLAT_WRITERS[file.suffix](stream, splats)
+            SPLAT_WRITERS[file.suffix](stream, framed(splats, file.suffix))
         page.goto(f"{address}/{engine}.html")
         page.wait_for_function("() => 'show' in window")
         # The engines' cameras have y up and look along -z; matrices are lists of columns.
         pose = cameras.pose[view] @ np.diag([1.0, -1.0, -1.0, 1.0])
+        if kind == "glb":
+            pose[:3, 3] *= 0.1  # in metres
         angle = float(np.degrees(2 * np.arctan(SIZE / 2 / cameras.focal[view, 1])))
         code = page.evaluate("(all) => show(...all)",
                              [file.name, SIZE, pose.T.ravel().tolist(), angle])

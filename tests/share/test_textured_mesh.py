@@ -1,6 +1,7 @@
 """Meshes with a picture: what independent readers see is what the field shows."""
 
 import io
+import re
 import zipfile
 
 import numpy as np
@@ -12,12 +13,14 @@ from lfportrait.errors import UserError
 from lfportrait.field import SurfaceTexture, VoxelField, field_mesh
 from lfportrait.share import orbit_cameras
 from lfportrait.share.export import ExportConfig, export_field
-from lfportrait.share.mesh import bake_texture
+from lfportrait.share.mesh import bake_texture, plain_stem
 from tests.fields import head_field
 from tests.reference.triangles import draw
 from tests.share.test_splats import one_voxel
 
 TEXTURED = ExportConfig(texture="yes")
+METRES = 0.1
+"""Of a unit of the portrait frame."""
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +29,7 @@ def field():
 
 
 def read_with_trimesh(path):
-    """Corners, faces, places (y down) and picture, by trimesh."""
+    """Corners in metres, faces, places (y down) and picture, by trimesh."""
     trimesh = pytest.importorskip("trimesh")
     scene = trimesh.load(path, process=False, maintain_order=True)
     mesh = next(iter(scene.geometry.values())) if hasattr(scene, "geometry") else scene
@@ -59,6 +62,7 @@ def read_with_usd(path):
     file = UsdShade.Shader(source.GetPrim()).GetInput("file").Get()
     with zipfile.ZipFile(path) as archive:
         picture = Image.open(io.BytesIO(archive.read(file.path)))
+        points = points * UsdGeom.GetStageMetersPerUnit(stage)
         return points, faces, places, np.asarray(picture.convert("RGB"))
 
 
@@ -75,7 +79,8 @@ def test_what_others_read_looks_like_the_field(tmp_path, field, suffix):
     cameras = orbit_cameras(6, 200, field)
     for view in range(6):
         shot = field.render(cameras, view)
-        image, depth = draw(cameras, view, vertices, faces, places=places, picture=picture)
+        image, depth = draw(cameras, view, vertices / METRES, faces, places=places,
+                            picture=picture)
         solid = np.isfinite(depth)
         # Half a voxel along the outline is 3 % of the picture.
         assert np.mean(solid != (shot.alpha > 0.5)) < 0.03
@@ -152,7 +157,7 @@ def test_a_painted_field_keeps_detail_that_the_lattice_can_not_hold(tmp_path):
     vertices, faces, places, picture = read_with_trimesh(tmp_path / "h.glb")
     cameras = orbit_cameras(1, 300, field)
     expected = field.render(cameras, 0)
-    image, depth = draw(cameras, 0, vertices, faces, places=places, picture=picture)
+    image, depth = draw(cameras, 0, vertices / METRES, faces, places=places, picture=picture)
     face = np.isfinite(depth) & (expected.alpha > 0.99)
     face[:100] = face[200:] = False
     assert expected.color[face].std() > 0.08
@@ -169,6 +174,39 @@ def test_an_obj_names_its_own_files_and_leaves_others_alone(tmp_path, field):
                                    if name != "head.png")
 
 
+@pytest.mark.parametrize("stem", [
+    "my head", "Zoë", "a#b", "Кирилл", "頭", "-Kd 1", "a'b\"c", " ", "x" * 70 + " y"])
+def test_the_names_inside_an_obj_are_plain_letters(tmp_path, field, stem):
+    export_field(field, tmp_path / f"{stem}.obj", TEXTURED)
+    named = {}
+    for path, words in ((tmp_path / f"{stem}.obj", ["mtllib"]),
+                        (*tmp_path.glob("*.mtl"), ["map_Ka", "map_Kd"])):
+        for line in path.read_bytes().decode("ascii").splitlines():
+            word, _, name = line.partition(" ")
+            if word in words:
+                assert re.fullmatch(r"\w[\w.-]*", name, re.ASCII)
+                assert (tmp_path / name).is_file()
+                named[word] = name
+    assert named["map_Ka"] == named["map_Kd"]
+    assert {path.name for path in tmp_path.iterdir()} == {f"{stem}.obj", *named.values()}
+    # The mesh is read with its picture, not grey.
+    assert read_with_trimesh(tmp_path / f"{stem}.obj")[3].size > 100
+
+
+def test_objs_in_one_folder_have_materials_of_their_own(tmp_path, field):
+    stems = ("a b", "a_b", "a  b", "a#b", "ä b", "a-b")
+    for stem in stems:
+        export_field(field, tmp_path / f"{stem}.obj", TEXTURED)
+        export_field(field, tmp_path / f"{stem}.obj", TEXTURED)
+    assert len([*tmp_path.iterdir()]) == 3 * len(stems)
+    assert (tmp_path / "a_b.mtl").is_file()
+
+
+def test_letters_and_their_accents_may_lie_apart():
+    """As on a Mac's older disks: the same name gives the same files."""
+    assert plain_stem("Zo\u00eb") == plain_stem("Zoe\u0308") != plain_stem("Zoe")
+
+
 def test_fields_without_a_painting_keep_colors_at_the_corners(tmp_path, field):
     pygltflib = pytest.importorskip("pygltflib")
     export_field(field, tmp_path / "h.glb")
@@ -180,10 +218,22 @@ def test_fields_without_a_painting_keep_colors_at_the_corners(tmp_path, field):
 def test_meshes_in_the_sources_coordinates(tmp_path):
     field = head_field(24)
     field.frame = np.array([[0, 0, 2.0, 1], [2, 0, 0, 2], [0, 2, 0, 3], [0, 0, 0, 1]])
-    for world in ("portrait", "source"):
-        export_field(field, tmp_path / f"{world}.usdz", ExportConfig(world=world))
-    here, there = (read_with_usd(tmp_path / f"{world}.usdz")[0] for world in ("portrait", "source"))
-    assert np.allclose(there @ field.frame[:3, :3].T + field.frame[:3, 3], here, atol=1e-3)
+    for name in ("portrait.glb", "source.glb", "source.usdz"):
+        export_field(field, tmp_path / name, ExportConfig(world=name.split(".")[0], texture="yes"))
+    here, there, sized = (READERS[path.suffix](path)[0] for path in (
+        tmp_path / "portrait.glb", tmp_path / "source.glb", tmp_path / "source.usdz"))
+    assert np.allclose(there @ field.frame[:3, :3].T + field.frame[:3, 3], here / METRES, atol=1e-3)
+    # A USDZ says how long its unit is: the head keeps its size.
+    assert np.allclose(sized, 2 * METRES * there, atol=1e-4)
+
+
+def test_a_head_is_as_large_in_every_file(tmp_path, field):
+    heights = {}
+    for suffix, read in READERS.items():
+        export_field(field, tmp_path / f"h{suffix}", TEXTURED)
+        heights[suffix] = np.ptp(read(tmp_path / f"h{suffix}")[0][:, 1])
+    assert 0.1 < heights[".usdz"] < 0.25
+    assert np.allclose([*heights.values()], heights[".usdz"], rtol=1e-3)
 
 
 @pytest.mark.parametrize("suffix", READERS)

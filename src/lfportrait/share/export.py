@@ -15,7 +15,8 @@ from ..errors import UserError
 from ..field import VoxelField, field_mesh, field_points, save_checkpoint
 from ..files import atomic_write
 from . import mesh as meshes
-from .splats import SPLAT_WRITERS, SplatConfig, field_splats
+from .splats import SPLAT_WRITERS, SplatConfig, field_splats, framed, is_down
+from .units import METRES
 
 __all__ = ["ExportConfig", "export_field"]
 
@@ -39,8 +40,8 @@ class ExportConfig:
     """Content of the file. auto: splats in SPZ and SOG files, and in PLY and GLB files whose name
     contains "splat"; points in other PLY files; a mesh in GLB, USDZ and OBJ files."""
     world: Literal["portrait", "source"] = "portrait"
-    """Coordinates: the portrait frame (+y up, +z out of the face, the head within -1 to 1), or
-    those of the source capture."""
+    """Coordinates: the portrait frame (+y up, +z out of the face; points and meshes in metres,
+    20 cm high; splats see ``--splats.up``), or those of the source capture as they are."""
     opacity: float = 0.1
     """Points: minimum opacity along one voxel."""
     point_color: Literal["mean", "seen"] = "mean"
@@ -160,32 +161,46 @@ def _mesh(field: VoxelField, path: Path, config: ExportConfig, tell: _Told) -> _
         tell(0.8, path.name)
         if suffix == ".obj":
             return figures, meshes.write_textured_obj(path, place, normals, textured)
-        write: Any = {".glb": meshes.write_textured_glb, ".usdz": meshes.write_usdz}[suffix]
         with atomic_write(path) as stream:
-            write(stream, place, normals, textured)
+            if suffix == ".glb":
+                meshes.write_textured_glb(stream, place, normals, textured)
+            else:
+                meshes.write_usdz(stream, place, normals, textured, _unit(field, config))
         return figures, paths
     place, normals = _placed(mesh.vertices, mesh.normals, field, config)
-    write = {".ply": meshes.write_ply, ".obj": meshes.write_colored_obj,
-             ".glb": meshes.write_colored_glb}[suffix]
+    write: Any = {".ply": meshes.write_ply, ".obj": meshes.write_colored_obj,
+                  ".glb": meshes.write_colored_glb}[suffix]
     with atomic_write(path) as stream:
         write(stream, place, normals, mesh)
     return figures, paths
 
 
 def _splats(field: VoxelField, path: Path, config: ExportConfig, tell: _Told) -> _Written:
+    suffix, up = path.suffix.lower(), config.splats.up
+    if config.world == "source" and up != "auto":
+        raise UserError(f"--splats.up {up} does not go with --world source, whose coordinates are "
+                        "kept as they are; leave one of them away")
+    is_down(suffix, up)  # what can't be written is told before the fit
     splats, psnr = field_splats(field, config.splats, tell)
-    if config.world == "source":
-        splats = splats.moved(np.linalg.inv(field.frame))
+    splats = (splats.moved(np.linalg.inv(field.frame)) if config.world == "source"
+              else framed(splats, suffix, up))
     with atomic_write(path) as stream:
-        SPLAT_WRITERS[path.suffix.lower()](stream, splats)
+        SPLAT_WRITERS[suffix](stream, splats)
     return {"splats": len(splats), "psnr": psnr}, [path]
+
+
+def _unit(field: VoxelField, config: ExportConfig) -> float:
+    """Length in metres of a unit of the coordinates that are asked for."""
+    if config.world == "portrait":
+        return 1.0
+    return METRES * float(np.cbrt(np.linalg.det(field.frame[:3, :3])))
 
 
 def _placed(points: NDArray[np.float32], normals: NDArray[np.float32], field: VoxelField,
             config: ExportConfig) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Points and normals in the coordinates that are asked for."""
+    """Points and normals in the coordinates that are asked for, those of the portrait in metres."""
     if config.world == "portrait":
-        return points, normals
+        return points * np.float32(METRES), normals
     back = np.linalg.inv(field.frame)
     turn = back[:3, :3] / np.cbrt(np.linalg.det(back[:3, :3]))
     return ((points @ back[:3, :3].T + back[:3, 3]).astype(np.float32),

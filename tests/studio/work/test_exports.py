@@ -49,7 +49,7 @@ def test_an_obj_that_is_saved_has_its_material_and_its_picture_with_it(project, 
         # Many programs end these names at a space.
         assert f"mtllib {material}" in together.read(mesh).decode().splitlines()
         assert f"map_Kd {picture}" in together.read(material).decode().splitlines()
-        assert not any(" " in name for name in names)
+        assert not any(" " in name or "'" in name for name in names)
     assert [one.name for one in path.parent.iterdir()] == [path.name]
 
 

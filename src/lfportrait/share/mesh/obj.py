@@ -12,6 +12,7 @@ from ...field import Mesh
 from ...files import atomic_write
 from ...version import __version__
 from .baking import TexturedMesh
+from .names import plain_stem
 from .pictures import png
 
 __all__ = ["write_colored_obj", "write_textured_obj"]
@@ -30,13 +31,16 @@ def write_textured_obj(path: Path, place: NDArray[np.float32], normals: NDArray[
                        mesh: TexturedMesh) -> list[Path]:
     """A mesh with a picture: ``NAME.obj``, ``NAME.mtl`` and ``NAME_texture.png``.
 
+    The names of the material and of the picture stand in the files, in plain letters
+    (`plain_stem`).
+
     Returns
     -------
     paths
         Of the files; the mesh, which names the others, is written last.
     """
-    material = path.with_suffix(".mtl")
-    picture = path.with_name(f"{path.stem}_texture.png")
+    stem = plain_stem(path.stem)
+    material, picture = path.with_name(f"{stem}.mtl"), path.with_name(f"{stem}_texture.png")
     with atomic_write(picture) as stream:
         stream.write(png(mesh.picture))
     with atomic_write(material) as stream:

@@ -66,10 +66,10 @@ _MATERIAL = """
 
 
 def write_usdz(stream: BinaryIO, place: NDArray[np.float32], normals: NDArray[np.float32],
-               mesh: TexturedMesh) -> None:
-    """Write a mesh with its picture, a world unit as a tenth of a metre: a head of 20 cm."""
+               mesh: TexturedMesh, unit: float = 1.0) -> None:
+    """Write a mesh with its picture; ``unit`` is the length in metres of one of ``place``."""
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
-        _add(archive, "portrait.usda", _text(place, normals, mesh))
+        _add(archive, "portrait.usda", _text(place, normals, mesh, unit))
         _add(archive, "portrait.jpg", jpeg(mesh.picture))
 
 
@@ -82,7 +82,8 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
     archive.writestr(member, content)
 
 
-def _text(place: NDArray[np.float32], normals: NDArray[np.float32], mesh: TexturedMesh) -> bytes:
+def _text(place: NDArray[np.float32], normals: NDArray[np.float32], mesh: TexturedMesh,
+          unit: float) -> bytes:
     """The scene in USD's text form."""
     low, high = place.min(axis=0), place.max(axis=0)
     extent = ", ".join(f"({x:.6g}, {y:.6g}, {z:.6g})" for x, y, z in (low, high))
@@ -91,7 +92,7 @@ def _text(place: NDArray[np.float32], normals: NDArray[np.float32], mesh: Textur
 (
     customLayerData = {{ string creator = "lfportrait {__version__}" }}
     defaultPrim = "Portrait"
-    metersPerUnit = 0.1
+    metersPerUnit = {unit:.9g}
     upAxis = "Y"
 )
 

@@ -14,6 +14,7 @@ from ...field import VoxelField
 from ..paths import orbit_cameras
 from .cloud import Splats, render_splats
 from .fitting import fit_splats
+from .frames import Up
 from .placing import place_splats
 
 __all__ = ["SplatConfig", "field_splats", "splat_psnr"]
@@ -34,6 +35,9 @@ class SplatConfig:
     """Degree of the spherical harmonics; by default the field's. Painted fields have degree 0."""
     seed: int = 0
     """Of the choice of views."""
+    up: Up = "auto"
+    """Which way is up in the file. y-down: turned by 180 degrees about z, which SuperSplat undoes.
+    auto: y-down in PLY and SOG files, y-up in SPZ and GLB files."""
 
 
 def field_splats(field: VoxelField, config: SplatConfig | None = None,

@@ -33,6 +33,7 @@ from ...share import (
     write_quilt,
     write_video,
 )
+from ...share.mesh import plain_stem
 from ...stylize import load_styled
 from ..exports import forget_unfinished
 from ..names import id_of
@@ -134,8 +135,8 @@ def _together(field: VoxelField, path: Path, config: ExportConfig,
     """An OBJ with its material and its picture in one .zip: none of them is of use alone."""
     with tempfile.TemporaryDirectory(suffix=path.suffix, prefix=f".{path.stem}.",
                                      dir=path.parent) as folder:
-        # An OBJ names its material, and many programs end that name at a space.
-        figures = export_field(field, Path(folder) / f"{'_'.join(path.stem.split())}.obj", config,
+        # A plain name for all three: an OBJ calls its material by one (`plain_stem`).
+        figures = export_field(field, Path(folder) / f"{plain_stem(path.stem)}.obj", config,
                                lambda share, text: tell(0.9 * share, text))
         tell(0.9, path.name)
         with atomic_path(path) as temporary, ZipFile(temporary, "w", ZIP_DEFLATED) as together:
