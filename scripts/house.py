@@ -24,7 +24,7 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
           "job", "studio", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
 GROUND = ("cache", "color", "device", "download", "errors", "files", "gpu", "graphics", "health",
-          "labels", "lanes", "lazy", "locks", "measure", "metrics", "models", "plugins",
+          "labels", "lanes", "lazy", "locks", "measure", "media", "metrics", "models", "plugins",
           "png", "progress", "renamed", "sources", "stages", "version")
 """Carries all stages and knows none."""
 ROOMS = ("metrics", "baselines", "bench", "study", "tables", "commands")
