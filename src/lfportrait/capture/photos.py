@@ -23,6 +23,7 @@ from PIL import Image
 from ..color import srgb
 from ..errors import UserError
 from ..files import PHOTOS, RAW, VIDEOS, open_picture
+from ..media.depth import DepthMap, read_depth
 from .exif import noted
 
 __all__ = ["Photo", "is_video", "picture_files", "read_photos"]
@@ -46,6 +47,8 @@ class Photo:
         Camera, lens and focal length in millimetres as noted: equal for photos of one lens.
     turns
         Quarter turns (counter-clockwise) from this picture to how the sensor saw it, 0 to 3.
+    depth
+        What the file keeps of depth, upright as the picture, of a size of its own; or None.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Photo:
     focal: float | None = None
     lens: str = ""
     turns: int = 0
+    depth: DepthMap | None = None
 
 
 def _read_photo(path: Path, max_side: int) -> Photo:
@@ -72,7 +76,8 @@ def _read_photo(path: Path, max_side: int) -> Photo:
         size = [max(1, round(side * ratio)) for side in upright.size]
         upright = upright.resize((size[0], size[1]), Image.Resampling.LANCZOS)
     focal = notes.focal * max(upright.size) if notes.focal else None
-    return Photo(path.name, np.asarray(upright), focal, notes.lens, notes.turns)
+    return Photo(path.name, np.asarray(upright), focal, notes.lens, notes.turns,
+                 read_depth(path))
 
 
 def _reduced(picture: Image.Image, times: int) -> Image.Image:
