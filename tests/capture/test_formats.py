@@ -233,7 +233,7 @@ def test_poses_with_a_scale_are_mended_and_impossible_ones_told() -> None:
     names = [f"{view}.png" for view in range(4)]
     poses = cameras.pose.copy()
     poses[:, :3, :3] *= 2.5
-    capture = Capture(*assemble(poses, lenses, pictures, names, None, 0))
+    capture = Capture(**assemble(poses, lenses, pictures, names, None, 0)._asdict())
     assert np.allclose(capture.cameras.pose, cameras.pose, atol=1e-12)
     for spoil in ("mirror", "shear", "zero", "nan"):
         poses = cameras.pose.copy()

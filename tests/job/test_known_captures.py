@@ -8,6 +8,7 @@ import pytest
 from lfportrait.capture import Capture, LatePictures
 from lfportrait.errors import UserError
 from lfportrait.job import capture_of_face
+from lfportrait.media.depth import DepthMap
 from tests.capture.calibration.test_head_motion import photos
 
 
@@ -47,6 +48,18 @@ def test_pictures_are_decoded_when_they_are_looked_at(folder, loaded):
     assert all(np.array_equal(a, b) for a, b in zip(again.alphas, first.alphas, strict=True))
     assert len(loaded) == 2
     assert np.array_equal(again.image_float(1), first.image_float(1)) and len(loaded) == 2
+
+
+def test_depth_is_read_when_it_is_looked_at(folder, loaded):
+    capture = Capture.load(folder)
+    depth = DepthMap(np.full((4, 5), 2.0, np.float32), "distance", True)
+    replace(capture, depths=[depth] + [None] * (len(capture) - 1)).save(folder)
+    capture_of_face(folder)
+    loaded.clear()
+    again = capture_of_face(folder)
+    assert not loaded and len(again.depths) == len(capture)
+    assert np.array_equal(again.depths[0].values, depth.values) and again.depths[1] is None
+    assert len(loaded) == 1
 
 
 def test_another_file_is_another_capture(folder, loaded):

@@ -11,6 +11,7 @@ from ..lazy import attach
 from .camera import Camera
 from .capture import Capture
 from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
+from .depths import some_depth
 from .distortion import Lens, undistort
 from .formats import held_out_views, is_calibrated
 from .frame import (
@@ -47,7 +48,7 @@ __all__ = [
     "matte_agreement", "mattes_share", "picture_files", "place_by_head",
     "portrait_frame_from_cameras", "portrait_frame_from_landmarks", "pose_corrections",
     "read_photos", "read_source", "read_video", "refine_matte", "relative_sharpness",
-    "undistort", "video_frames", "views_share", "without_drift",
+    "some_depth", "undistort", "video_frames", "views_share", "without_drift",
 ]
 
 __getattr__, __dir__ = attach(__name__, __file__)

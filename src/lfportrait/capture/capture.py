@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from ..errors import UserError
 from ..files import read_json, write_image, write_json
 from ..measure import usable_cores
+from ..media.depth import DepthMap
 from ..media.pictures import read_image
 from .camera import Camera
+from .depths import load_depth, save_depth, some_depth
 from .formats import load_views, transform_files
 from .late_pictures import LatePictures
 
@@ -50,6 +52,10 @@ class Capture:
         float64 [68, 3], facial landmarks in the world (iBUG order, NaN = unknown), or None.
     figures
         What calibration measured, for ``--json``.
+    depths
+        What the photos' files kept of depth, one or None a view, or None where no file had any.
+        Each lies over its picture, at a size of its own; distances are in metres or in no known
+        unit (`DepthMap.metric`), never in the world's, so that `reframed` leaves them.
     """
 
     cameras: Camera
@@ -60,11 +66,14 @@ class Capture:
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     landmarks: NDArray[np.float64] | None = None
     figures: dict[str, Any] = field(default_factory=dict)
+    depths: Sequence[DepthMap | None] | None = None
 
     def __post_init__(self) -> None:
         count = len(self.cameras)
         if not (len(self.images) == len(self.names) == len(self.held_out) == count):
             raise ValueError("cameras, images, names and held_out must have one entry a view")
+        if self.depths is not None and len(self.depths) != count:
+            raise ValueError("depths must have one entry a view")
         # Late pictures have not been decoded for their size.
         for view, image in enumerate(() if isinstance(self.images, LatePictures) else self.images):
             wanted = (int(self.cameras.height[view]), int(self.cameras.width[view]))
@@ -109,6 +118,8 @@ class Capture:
     def save(self, folder: str | Path) -> None:
         """Write the capture as a folder: ``transforms.json`` (NeRF axes) and ``images/NAME.png``.
 
+        Depth goes to ``depth/NAME.npz``.
+
         The folder appears under its name when it is complete; an older one is replaced.
 
         Raises
@@ -152,6 +163,10 @@ class Capture:
                 "cx": camera.center[0, 0], "cy": camera.center[0, 1],
                 "transform_matrix": (camera.pose[0] @ _TO_NERF).tolist(),
                 "held_out": bool(self.held_out[view])})
+            depth = None if self.depths is None else self.depths[view]
+            if depth is not None:
+                name = f"depth/{Path(self.names[view]).stem}.npz"
+                frames[-1]["depth"] = save_depth(folder, name, depth)
         write_json(folder / "transforms.json", {
             "generator": "lfportrait", "frames": frames, "portrait_frame": self.frame,
             "landmarks": None if self.landmarks is None else
@@ -184,7 +199,7 @@ class Capture:
             first = read_json(own[0])
             if isinstance(first, dict) and first.get("generator") == "lfportrait":
                 return Capture._read_own(own[0].parent)
-        return Capture(*load_views(path, holdout))
+        return Capture(**load_views(path, holdout)._asdict())
 
     @staticmethod
     def _read_own(folder: Path) -> Capture:
@@ -212,6 +227,7 @@ class Capture:
                 np.array(data["portrait_frame"]),
                 None if landmarks is None else np.array(
                     [[np.nan if v is None else v for v in point] for point in landmarks]),
-                data.get("figures", {}))
+                data.get("figures", {}),
+                some_depth([load_depth(folder, frame.get("depth")) for frame in frames]))
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise UserError(f"{folder / 'transforms.json'} is damaged: {error!r}") from error

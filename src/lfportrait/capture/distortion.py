@@ -128,12 +128,15 @@ class Lens:
         return Lens(self.width, self.height, (self.focal[0] * zoom, self.focal[1] * zoom),
                     self.center)
 
-    def source_pixels(self) -> Float:
+    def source_pixels(self, size: tuple[int, int] | None = None) -> Float:
         """For each pixel of the pinhole picture, where it lies in the photo: [H, W, 2] (x, y).
 
-        NaN where the lens' formula folds back, which no photo shows.
+        NaN where the lens' formula folds back, which no photo shows. ``size``, (width, height):
+        for the pixels of the picture reduced to it; the places are still in the photo's pixels.
         """
-        x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
+        width, height = size or (self.width, self.height)
+        x, y = np.meshgrid((np.arange(width) + 0.5) * (self.width / width),
+                           (np.arange(height) + 0.5) * (self.height / height))
         return _source(self, np.stack([x, y], -1), self.pinhole().focal)
 
 

@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import Any, overload
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, TypeVar, overload
 
 __all__ = ["LatePictures"]
 
-Picture = NDArray[np.uint8]
+Picture = TypeVar("Picture")
 
 
 class LatePictures(Sequence[Picture]):
     """Pictures, uint8 [H, W, 3] or [H, W] each, made when one of them is first asked for.
+
+    Or what belongs to pictures, as their depth does.
 
     Parameters
     ----------

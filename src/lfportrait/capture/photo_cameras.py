@@ -280,8 +280,9 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     similarity = portrait_frame_from_cameras(_pinholes(poses, lenses))
     poses = similarity @ poses
     poses[:, :3, :3] /= np.cbrt(np.linalg.det(similarity[:3, :3]))
-    capture = Capture(*assemble(poses, lenses, [photo.image for photo in kept],
-                                [photo.name for photo in kept], None, config.holdout))
+    capture = Capture(**assemble(poses, lenses, [photo.image for photo in kept],
+                                [photo.name for photo in kept], None, config.holdout,
+                                depths=[photo.depth for photo in kept])._asdict())
     figures.update(photos=count, registered=len(kept), left_out=left_out, blurred=soft,
                    focal_px=float(np.median([lens.focal[0] for lens in lenses])))
     return replace(capture, frame=capture.frame @ similarity, figures=figures)

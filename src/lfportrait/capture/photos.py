@@ -22,6 +22,7 @@ from PIL import Image
 
 from ..errors import UserError
 from ..media.colors import srgb
+from ..media.depth import DepthMap, read_depth
 from ..media.kinds import PHOTOS, RAW, VIDEOS
 from ..media.pictures import open_picture
 from .exif import noted
@@ -47,6 +48,8 @@ class Photo:
         Camera, lens and focal length in millimetres as noted: equal for photos of one lens.
     turns
         Quarter turns (counter-clockwise) from this picture to how the sensor saw it, 0 to 3.
+    depth
+        What the file keeps of depth, upright as the picture, of a size of its own; or None.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Photo:
     focal: float | None = None
     lens: str = ""
     turns: int = 0
+    depth: DepthMap | None = None
 
 
 def _read_photo(path: Path, max_side: int) -> Photo:
@@ -73,7 +77,8 @@ def _read_photo(path: Path, max_side: int) -> Photo:
         size = [max(1, round(side * ratio)) for side in upright.size]
         upright = upright.resize((size[0], size[1]), Image.Resampling.LANCZOS)
     focal = notes.focal * max(upright.size) if notes.focal else None
-    return Photo(path.name, np.asarray(upright), focal, notes.lens, notes.turns)
+    return Photo(path.name, np.asarray(upright), focal, notes.lens, notes.turns,
+                 read_depth(path))
 
 
 def _reduced(picture: Image.Image, times: int) -> Image.Image:

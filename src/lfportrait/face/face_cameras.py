@@ -31,6 +31,7 @@ from ..capture import (
     place_by_head,
     portrait_frame_from_landmarks,
     read_source,
+    some_depth,
 )
 from ..progress import Progress
 from .detect import detect_landmarks
@@ -152,7 +153,8 @@ def capture_from_faces(photos: Path, config: CalibrateConfig, progress: Progress
     alphas = ([np.ascontiguousarray(photo.image[..., 3]) for photo in kept]
               if all(photo.image.shape[2] == 4 for photo in kept) else None)
     capture = Capture(found.cameras, images, alphas, [photo.name for photo in kept],
-                      np.zeros(len(kept), bool), np.eye(4), found.landmarks)
+                      np.zeros(len(kept), bool), np.eye(4), found.landmarks,
+                      depths=some_depth([photo.depth for photo in kept]))
     capture = capture.reframed(portrait_frame_from_landmarks(found.landmarks, found.cameras))
     say("placing the photos by the head alone")
     soft = [person_matte(image, _up(capture, view)) for view, image in enumerate(images)]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..cache import kept_arrays, key_of
 from ..capture import Camera, Capture, LatePictures, is_calibrated
 from ..errors import UserError
+from ..media.depth import DepthMap
 from ..progress import Progress
 
 __all__ = ["capture_of_face"]
@@ -87,7 +88,8 @@ def _told(capture: Capture) -> dict[str, NDArray[Any]]:
             "names": np.array(capture.names), "held_out": capture.held_out,
             "frame": capture.frame, "landmarks": capture.landmarks,
             "figures": np.array(json.dumps(capture.figures)),
-            "mattes": np.array(capture.alphas is not None)}
+            "mattes": np.array(capture.alphas is not None),
+            "depths": np.array(capture.depths is not None)}
 
 
 def _late(photos: Path, stored: dict[str, NDArray[Any]]) -> Capture:
@@ -101,10 +103,16 @@ def _late(photos: Path, stored: dict[str, NDArray[Any]]) -> Capture:
         assert found is not None
         return found
 
+    def depths() -> Sequence[DepthMap | None]:
+        found = again().depths
+        assert found is not None
+        return found
+
     names = stored["names"].tolist()
     return Capture(
         Camera(*(stored[name] for name in _CAMERA)),
         LatePictures(len(names), lambda: again().images),
         LatePictures(len(names), mattes) if stored["mattes"] else None,
         names, stored["held_out"], stored["frame"], stored["landmarks"],
-        json.loads(str(stored["figures"])))
+        json.loads(str(stored["figures"])),
+        LatePictures(len(names), depths) if stored["depths"] else None)

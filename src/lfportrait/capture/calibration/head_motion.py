@@ -197,8 +197,9 @@ def _placed_by_head(pycolmap: Any, scene: Scene, lenses: list[int], cameras: Cam
 def _placed_part(capture: Capture, placed: list[int], cameras: Camera) -> Capture:
     """The photos of a capture that are placed, with their cameras."""
     alphas = None if capture.alphas is None else [capture.alphas[view] for view in placed]
+    depths = None if capture.depths is None else [capture.depths[view] for view in placed]
     return replace(capture, cameras=cameras, images=[capture.images[view] for view in placed],
-                   alphas=alphas, names=[capture.names[view] for view in placed],
+                   alphas=alphas, depths=depths, names=[capture.names[view] for view in placed],
                    held_out=capture.held_out[placed])
 
 

@@ -8,7 +8,7 @@ makes `Views` of them, which are the first fields of a `Capture` in their order.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
+from ...media.depth import DepthMap, read_depth
 from ...media.pictures import read_images
 from ..camera import Camera
+from ..depths import some_depth, straightened
 from ..distortion import Lens, undistort
 from ..frame import looks_normalised, portrait_frame_from_cameras
 from .orientation import calibrated_turns, mask_for, noted_turns, turned_upright, turns_by_up
@@ -78,6 +80,8 @@ class Views(NamedTuple):
         bool [V], views that are tested on.
     frame
         float64 [4, 4], from the source's frame to the portrait frame.
+    depths
+        What the photos' files keep of depth, one or None a view; None where no file has any.
     """
 
     cameras: Camera
@@ -86,6 +90,7 @@ class Views(NamedTuple):
     names: list[str]
     held_out: NDArray[np.bool_]
     frame: NDArray[np.float64]
+    depths: list[DepthMap | None] | None = None
 
 
 def held_out_views(count: int, holdout: int) -> NDArray[np.bool_]:
@@ -121,7 +126,8 @@ def _check(lens: Lens, name: str) -> None:
 def assemble(poses: NDArray[np.float64], lenses: list[Lens],
              pictures: Iterable[NDArray[np.uint8]], names: list[str],
              held_out: NDArray[np.bool_] | None, holdout: int,
-             box: NDArray[np.float64] | None = None) -> Views:
+             box: NDArray[np.float64] | None = None,
+             depths: Sequence[DepthMap | None] | None = None) -> Views:
     """Views in the portrait frame from poses, lenses and photos.
 
     Photos are undistorted; where the lens leaves corners uncovered they are transparent only if the
@@ -141,6 +147,8 @@ def assemble(poses: NDArray[np.float64], lenses: list[Lens],
         See ``held_out``; 0 holds out none.
     box
         float64 [2, 3], lowest and highest corner of the subject in the source's world, where known.
+    depths
+        One or None a view, upright; straightened as the photos are.
 
     Raises
     ------
@@ -173,7 +181,9 @@ def assemble(poses: NDArray[np.float64], lenses: list[Lens],
         warnings.warn(f"{len(alphas)} of {len(images)} photos have an alpha channel; it is left "
                       "out, because all photos need one", stacklevel=2)
     matted = bool(transparent) and len(alphas) == len(images)
-    return Views(cameras, images, alphas if matted else None, names, held_out, frame)
+    flat_depths = some_depth([None if depth is None else straightened(depth, lens)
+                              for depth, lens in zip(depths or (), lenses)])
+    return Views(cameras, images, alphas if matted else None, names, held_out, frame, flat_depths)
 
 
 def read_shots(shots: list[Shot], source: Path, holdout: int,
@@ -198,7 +208,7 @@ def read_shots(shots: list[Shot], source: Path, holdout: int,
         If no picture can be read, a picture and its camera are of different shapes, or a pose or
         lens makes no sense.
     """
-    poses, lenses, pictures, kept = [], [], [], []
+    poses, lenses, pictures, depths, kept = [], [], [], [], []
     for shot, picture in zip(shots, read_images(shot.path for shot in shots)):
         if isinstance(picture, UserError):
             warnings.warn(f"{picture}; left out", stacklevel=3)
@@ -207,7 +217,9 @@ def read_shots(shots: list[Shot], source: Path, holdout: int,
         masks = [place for place in shot.masks if place.is_file()]
         if masks and picture.shape[2] == 3:
             picture = np.dstack([picture, mask_for(picture, masks[0], noted)])
-        pose, lens, picture = _upright(shot, picture, noted)
+        pose, lens, picture, turns = _upright(shot, picture, noted)
+        depth = read_depth(shot.path)
+        depths.append(None if depth is None else depth.turned(-turns))
         poses.append(pose)
         lenses.append(lens)
         pictures.append(picture)
@@ -216,12 +228,15 @@ def read_shots(shots: list[Shot], source: Path, holdout: int,
         raise UserError(f"none of the photos named in {source} can be read")
     known = [shot.test for shot in kept if shot.test is not None]
     return assemble(np.array(poses), lenses, pictures, [shot.name for shot in kept],
-                    np.array(known) if len(known) == len(kept) else None, holdout, box)
+                    np.array(known) if len(known) == len(kept) else None, holdout, box, depths)
 
 
 def _upright(shot: Shot, picture: NDArray[np.uint8], noted: int,
-             ) -> tuple[NDArray[np.float64], Lens, NDArray[np.uint8]]:
-    """Pose, lens and picture of a shot, upright."""
+             ) -> tuple[NDArray[np.float64], Lens, NDArray[np.uint8], int]:
+    """Pose, lens and picture of a shot, upright, and how often it was turned for that.
+
+    Clockwise quarter turns of the picture as it was read.
+    """
     width, height = picture.shape[1], picture.shape[0]
     turns = calibrated_turns((width, height), noted, shot.size, shot.path.name)
     try:
@@ -229,8 +244,9 @@ def _upright(shot: Shot, picture: NDArray[np.uint8], noted: int,
     except (TypeError, ValueError) as error:
         raise UserError(f"the camera of {shot.path.name} can't be read: {error}") from error
     pose, lens = turned_upright(shot.pose, lens, turns)
+    more = 0
     if shot.up is not None:
         more = turns_by_up(pose, shot.up)
         pose, lens = turned_upright(pose, lens, more)
         picture = np.ascontiguousarray(np.rot90(picture, -more))
-    return pose, lens, picture
+    return pose, lens, picture, more
