@@ -16,11 +16,13 @@ from ...files import atomic_write
 from ...lightfield import Display, EncodeConfig, QuiltLayout, quilt_of
 from .config import FrameConfig
 from .metadata import SECONDS, quilt_exif, quilt_settings
-from .names import QuiltName
+from .names import PICTURES, QuiltName
 from .pictures import check_picture, picture_bytes
 
-__all__ = ["QuiltPlan", "write_quilt"]
+__all__ = ["QUILTS", "QuiltPlan", "write_quilt"]
 
+QUILTS = PICTURES
+"""Endings of the formats that quilts are written in with all that goes with them."""
 _MOST_PIXELS = 8192
 """Pixels a side that the graphics cards of all who look at quilts take."""
 _SAME = 0.01
