@@ -79,6 +79,12 @@ def test_a_layout_is_found_in_the_name_the_side_file_or_the_exif(tmp_path):
     assert layout_of_file(tmp_path / "d.png") is None
 
 
+def test_a_video_that_is_renamed_keeps_its_layout(tmp_path):
+    path = tmp_path / "x_qs3x2a0.75.mp4"
+    export_frame(marked_field(16), path, FrameConfig(pixels=(96, 96), frames=1))
+    assert layout_of_file(path.rename(tmp_path / "y.mp4")) == QuiltLayout(3, 2, 0.75)
+
+
 def test_a_quilt_shows_the_displays_window_whatever_its_tiles_are(tmp_path):
     """Tiles may be squeezed: the ball stays in the middle of a view from the middle."""
     path = tmp_path / "x_qs3x1a0.5625.png"
