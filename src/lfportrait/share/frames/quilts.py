@@ -114,13 +114,26 @@ def _size(display: Display, layout: QuiltLayout) -> tuple[int, int]:
 
 
 def write_quilt(path: Path, quilt: NDArray[np.uint8], layout: QuiltLayout, *,
-                seconds: float = SECONDS) -> dict[str, Any]:
+                seconds: float = SECONDS, beside: bool = True) -> dict[str, Any]:
     """Write a quilt as PNG, JPEG or WebP with its EXIF block, and its side file ``PATH.json``.
+
+    Parameters
+    ----------
+    path
+        The quilt's file.
+    quilt
+        uint8 [H, W, 3].
+    layout
+        Its layout.
+    seconds
+        How long a frame shows it, in seconds; written into the side file.
+    beside
+        Whether there is to be a side file.
 
     Returns
     -------
     figures
-        ``bytes`` of both files.
+        ``bytes`` of what was written.
 
     Raises
     ------
@@ -129,6 +142,10 @@ def write_quilt(path: Path, quilt: NDArray[np.uint8], layout: QuiltLayout, *,
     """
     check_picture(path, quilt.shape[1], quilt.shape[0])
     contents = picture_bytes(path.suffix, quilt, quilt_exif(layout))
+    if not beside:
+        with atomic_write(path) as stream:
+            stream.write(contents)
+        return {"bytes": len(contents)}
     side = (json.dumps(quilt_settings(layout, seconds=seconds), indent=1) + "\n").encode()
     # Both are whole under their temporary names before either gets its own.
     with (atomic_write(path.with_name(path.name + ".json")) as second,
