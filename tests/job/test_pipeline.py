@@ -3,6 +3,7 @@
 import hashlib
 import json
 import pickle
+import shutil
 import sys
 import time
 from pathlib import Path
@@ -15,7 +16,14 @@ from lfportrait.errors import UserError
 from lfportrait.field import ReconstructConfig
 from lfportrait.job.pipeline import MakeConfig, make
 from lfportrait.job.steps import fitted
-from lfportrait.lightfield import Display, EncodeConfig, deinterlace, render_view
+from lfportrait.lightfield import (
+    Display,
+    EncodeConfig,
+    QuiltLayout,
+    deinterlace,
+    layout_of_file,
+    render_view,
+)
 from lfportrait.media.pictures import read_image
 from lfportrait.stylize import StylizeConfig
 from tests.job.forking import Forker
@@ -55,11 +63,13 @@ def digests(out: Path) -> dict[str, str]:
     return {name: hashlib.sha256((out / name).read_bytes()).hexdigest() for name in names}
 
 
-def test_all_files_are_there(undisturbed):
+def test_all_files_are_there(undisturbed, tmp_path):
     out, run = undisturbed
     for name in (*FILES, "report.html", "run.json", "capture/transforms.json"):
         assert (out / name).is_file(), name
     assert (out / "quilt_qs3x2a1.333.png").is_file()
+    renamed = shutil.copy(out / "quilt_qs3x2a1.333.png", tmp_path / "renamed.png")
+    assert layout_of_file(renamed) == QuiltLayout(3, 2, 1.333)
     assert run == json.loads((out / "run.json").read_text())
     assert set(run["seconds"]) == {"total", "capture", "reconstruct", "stylize", "encode", "share"}
     assert run["reconstruct"]["test"]["psnr"] > 15

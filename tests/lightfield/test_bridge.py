@@ -149,6 +149,31 @@ def test_every_cast_has_a_playlist_of_its_own(server, quilt):
     assert all(len(entries) == 1 for entries in server.playlists.values())
 
 
+def test_a_renamed_quilt_is_cast_as_its_side_file_says(server, quilt, tmp_path, capsys):
+    renamed = quilt.rename(tmp_path / "head.png")
+    assert run("cast", renamed, "--url", server.url) == 2
+    assert "nothing gives the layout" in error_of(capsys)
+    assert server.showing is None
+    (tmp_path / "head.png.json").write_text(json.dumps(
+        {"quilt_settings": {"viewX": 3, "viewY": 2, "aspect": 0.75}}))
+    assert run("cast", renamed, "--url", server.url, "--quiet") == 0
+    entry = server.entry()
+    assert (entry["cols"], entry["rows"], entry["aspect"]) == (3, 2, 0.75)
+
+
+def test_a_layout_can_be_given(server, quilt, tmp_path, capsys):
+    address = "https://example.org/quilts/anna.mp4?size=full"
+    assert run("cast", address, "--url", server.url) == 2
+    assert "give --columns" in error_of(capsys)
+    assert run("cast", address, "--url", server.url, "--columns", 3, "--rows", 2, "--aspect", 1.5,
+               "--quiet") == 0
+    assert (server.entry()["cols"], server.entry()["rows"], server.entry()["aspect"]) == (3, 2, 1.5)
+    assert run("cast", "https://example.org/a_QS4X2.png", "--url", server.url, "--quiet") == 0
+    entry = server.entry()
+    panel = Display.from_looking_glass(CALIBRATION)
+    assert (entry["cols"], entry["rows"], entry["aspect"]) == (4, 2, panel.aspect)
+
+
 def test_several_portraits_are_one_playlist(server, quilt, tmp_path):
     other = tmp_path / "other_qs2x2a1.5.png"
     write_image(other, np.zeros((16, 18, 3), np.uint8))

@@ -66,7 +66,7 @@ class Encode(Common):
         if self.quilt is not None:
             picture, name = quilt_of(voxels, panel, config, name=self.quilt.name,
                                       device=self.device)
-            layout = QuiltLayout.of_name(self.quilt.name) or QuiltLayout.of_name(name)
+            layout = QuiltLayout.of_name(self.quilt.name, panel) or QuiltLayout.of_name(name)
             assert layout is not None
             write_quilt(self.quilt, picture, layout)
         return figures

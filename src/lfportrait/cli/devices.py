@@ -13,9 +13,17 @@ from typing import Annotated, Any, ClassVar, Literal
 import tyro
 
 from ..errors import UserError
-from ..lightfield import Display, EncodeConfig, QuiltLayout, quilt_of, read_coded
+from ..lightfield import (
+    Display,
+    EncodeConfig,
+    QuiltHint,
+    QuiltLayout,
+    layout_for,
+    quilt_of,
+    read_coded,
+)
 from ..lightfield.screens import URL, Bridge, DepthPicture, Device, Entry
-from ..share import SECONDS, DrivePlan, fill_drive, layout_of_file, write_quilt
+from ..share import SECONDS, DrivePlan, fill_drive, write_quilt
 from .common import Common
 
 __all__ = ["Cast", "Show"]
@@ -30,8 +38,9 @@ class Cast(Common):
     """
 
     sources: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Quilts (pictures or videos; the name gives columns, rows and aspect), or fields (.npz): their
-    quilts are rendered for this display and written beside the fields."""
+    """Quilts (pictures or videos; the name gives columns, rows and aspect, or else the side file or
+    EXIF), or fields (.npz): their quilts are rendered for this display and written beside the
+    fields."""
     drive: Path | None = None
     """Folder or letter of the drive as which a frame appears when it is plugged in: the quilts are
     written there, with a playlist that the frame plays without a computer."""
@@ -52,6 +61,12 @@ class Cast(Common):
     """Write the display's calibration, as Bridge reports it, to this file (.toml)."""
     hide: bool = False
     """Stop playback and hide Bridge's window."""
+    columns: int = 0
+    """Columns of the quilts; they come before what the quilts say."""
+    rows: int = 0
+    """Rows of the quilts."""
+    aspect: float = 0.0
+    """Aspect (width over height) of a view's content, if the quilts do not give it."""
     views: int = 0
     """Number of views of the quilt; all tiles by default."""
     shift: float = 0.0
@@ -78,6 +93,7 @@ class Cast(Common):
                             "portrait_qs8x6a0.75.png")
         if not 0.1 <= self.seconds <= 86400:
             raise UserError(f"--seconds must be 0.1 to 86400, not {self.seconds:g}")
+        QuiltHint.of_options(self.columns, self.rows, self.aspect)
         if self.drive is not None:
             return self._filled(self.drive)
         if not 0 < self.timeout <= 3600:
@@ -116,7 +132,8 @@ class Cast(Common):
         if os.name == "nt" and re.fullmatch("[A-Za-z]:", str(drive)):
             drive = Path(f"{drive}\\")  # E: alone is whatever folder was last open there
         plan = DrivePlan(drive, [Path(source) for source in self.sources], self.title,
-                         self.display, self.picture, self.seconds, self.config)
+                         self.display, self.picture, self.seconds, self.config,
+                         QuiltHint.of_options(self.columns, self.rows, self.aspect))
         with self.progress("cast", len(plan.sources)) as progress:
             figures = fill_drive(plan, lambda number, _: progress.update(
                 number, plan.sources[number].name))
@@ -152,20 +169,32 @@ class Cast(Common):
         if source.lower().endswith(".npz"):
             picture, layout = self._rendered(source, device)
         else:
-            layout = (QuiltLayout.of_name(Path(source).name) if address
-                      else layout_of_file(Path(source)))
-        if layout is None:
-            if not device.calibration:
-                raise UserError(f"the name of {source} must give the quilt's layout, as in "
-                                "portrait_qs8x6a0.75.png")
-            layout = QuiltLayout.of_display(device.display())
+            panel = device.display() if device.calibration else None
+            layout = self._layout(source, panel)
         if not 0 <= self.views <= layout.count:
             raise UserError(f"the quilt has {layout.count} views, not {self.views}")
         depth = (DepthPicture(self.depth_side, self.depthiness, self.depth_inverted)
                  if self.rgbd else None)
         return Entry(picture, layout, self.views, self.shift, depth, self.seconds)
 
-    def _rendered(self, source: str, device: Device) -> tuple[str, QuiltLayout | None]:
+    def _layout(self, source: str, panel: Display | None) -> QuiltLayout:
+        """The layout of a quilt, or of that which Bridge makes of a picture with depth."""
+        asked = QuiltHint.of_options(self.columns, self.rows, self.aspect)
+        if "://" not in source and not self.rgbd:
+            return layout_for(Path(source), panel, asked=asked)
+        # Of a file behind an address only the name is known.
+        hints = asked, QuiltHint.of_name(source.rpartition("/")[2])
+        layout = next((QuiltLayout(hint.columns, hint.rows, aspect) for hint in hints
+                       if hint and hint.columns
+                       and (aspect := hint.aspect or (panel.aspect if panel else 0.0))), None)
+        if layout is None and self.rgbd and panel is not None:
+            return QuiltLayout.of_display(panel)
+        if layout is None:
+            raise UserError(f"nothing gives the layout of the quilt {source}: give --columns, "
+                            "--rows and --aspect")
+        return layout
+
+    def _rendered(self, source: str, device: Device) -> tuple[str, QuiltLayout]:
         """A quilt of a field for this display, written beside the field."""
         from ..field import VoxelField
 

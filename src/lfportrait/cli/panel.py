@@ -16,15 +16,18 @@ from ..files import write_image
 from ..lightfield import (
     Display,
     InterlaceConfig,
+    QuiltHint,
     QuiltLayout,
     assemble_quilt,
     each_view,
     interlace,
+    layout_for,
     lossless,
     read_coded,
     read_views,
     write_coded,
 )
+from ..share import QUILTS, QuiltName, write_quilt
 from .common import Common
 
 __all__ = ["Deinterlace", "Interlace"]
@@ -37,18 +40,18 @@ class Interlace(Common):
     """Code a quilt, or a folder of views, for a display."""
 
     source: tyro.conf.Positional[Path]
-    """Quilt, whose name gives columns, rows and aspect (portrait_qs8x6a0.75.png), or a folder with
-    one picture for each view, sorted by name from left to right."""
+    """Quilt, whose name gives columns, rows and aspect (portrait_qs8x6a0.75.png), or else its side
+    file or EXIF; or a folder with one picture for each view, sorted by name from left to right."""
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
     out: Path = Path("lightfield.png")
     """File for the coded picture; a name ending in .png keeps every sub-pixel."""
     columns: int = 0
-    """Columns of the quilt, if its name does not give them."""
+    """Columns of the quilt; they come before what the quilt says."""
     rows: int = 0
-    """Rows of the quilt, if its name does not give them."""
+    """Rows of the quilt."""
     aspect: float = 0.0
-    """Aspect (width over height) of a view's content, if the name does not give it."""
+    """Aspect (width over height) of a view's content, if the quilt does not give it."""
     views: int = 0
     """Use only the first N views; 0 = all."""
     config: Annotated[InterlaceConfig, tyro.conf.arg(name="")] = option(
@@ -59,16 +62,9 @@ class Interlace(Common):
         """Code and write."""
         lossless(self.out)
         panel = Display.resolve(self.display)
-        if (self.columns > 0) != (self.rows > 0) or min(self.columns, self.rows) < 0:
-            raise UserError("give both --columns and --rows of the quilt, or neither")
-        if not 0 <= self.aspect < 1e4:
-            raise UserError(f"--aspect must be above 0, not {self.aspect}")
-        named = QuiltLayout.of_name(self.source.name)
-        layout = None
-        if self.columns:
-            layout = QuiltLayout(self.columns, self.rows, self.aspect or panel.aspect)
-        elif named:
-            layout = QuiltLayout(named.columns, named.rows, self.aspect or named.aspect)
+        asked = QuiltHint.of_options(self.columns, self.rows, self.aspect)
+        layout = (QuiltLayout.of_name(self.source.name, panel) if self.source.is_dir()
+                  else layout_for(self.source, panel, asked=asked))
         start = time.perf_counter()
         views, aspect = read_views(self.source, panel, layout=layout, views=self.views)
         loaded = time.perf_counter()
@@ -112,16 +108,19 @@ class Deinterlace(Common):
         start = time.perf_counter()
         image = read_coded(self.lightfield, panel)
         if quilt:
-            layout = QuiltLayout.of_name(self.out.name)
-            out = self.out
+            layout = QuiltLayout.of_name(self.out.name, panel)
             if layout is None:
                 layout = QuiltLayout.of_display(panel)
-                out = out.with_name(f"{out.stem}{layout.suffix()}{out.suffix}")
+            out = QuiltName.completed(self.out, layout)
             size = self.size if self.size[0] else panel.quilt_size
             width, height = size[0] // layout.columns, size[1] // layout.rows
             tiles = np.stack(list(each_view(image, panel, count=layout.count, width=width,
                                             height=height)))
-            write_image(out, assemble_quilt(tiles, layout, size))
+            picture = assemble_quilt(tiles, layout, size)
+            if out.suffix.lower() in QUILTS:
+                write_quilt(out, picture, layout)
+            else:
+                write_image(out, picture)
             count = layout.count
         else:
             count, out = self.views or panel.views, self.out

@@ -22,11 +22,11 @@ from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
-from ..files import write_image
 from ..lightfield import (
     Display,
     EncodeConfig,
     Placement,
+    QuiltLayout,
     ViewMask,
     composed,
     encode_with_figures,
@@ -34,7 +34,7 @@ from ..lightfield import (
     write_coded,
 )
 from ..progress import Progress
-from ..share import PageConfig
+from ..share import PageConfig, write_quilt
 from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
 
@@ -175,5 +175,7 @@ def write_code(styled: VoxelField, display: Display, folder: Path, name: str, co
         written.result()
     for old in folder.glob(f"{prefix}quilt_*.png"):
         old.unlink()
-    write_image(folder / f"{prefix}{quilt}", picture, fast=True)
+    layout = QuiltLayout.of_name(quilt)
+    assert layout is not None
+    write_quilt(folder / f"{prefix}{quilt}", picture, layout, beside=False)
     return {**figures, "quilt": f"{prefix}{quilt}"}

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from .ground import Ground, backdrop_of, ground_of, world_ground
     from .interlacing import (
         InterlaceConfig,
-        QuiltLayout,
         assemble_quilt,
         interlace,
         quilt_tiles,
@@ -38,14 +37,16 @@ if TYPE_CHECKING:
     from .patterns import pattern
     from .placement import EncodeConfig, Placement
     from .quilt import quilt_of
+    from .quilts import QuiltHint, QuiltLayout, layout_for, layout_of_file, quilt_part
     from .simulation import simulate
     from .views import eight_bit, render_views
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "Ground", "InterlaceConfig", "Placement",
-           "QuiltLayout", "ViewMask", "assemble_quilt", "backdrop_of", "code_on_device", "composed",
-           "customary_views", "deinterlace", "depth_budget", "each_view", "eight_bit", "encode",
-           "encode_rows", "encode_with_figures", "ground_of", "interlace", "lossless", "pattern",
-           "quilt_of", "quilt_tiles", "read_coded", "read_views", "render_view", "render_views",
+           "QuiltHint", "QuiltLayout", "ViewMask", "assemble_quilt", "backdrop_of",
+           "code_on_device", "composed", "customary_views", "deinterlace", "depth_budget",
+           "each_view", "eight_bit", "encode", "encode_rows", "encode_with_figures", "ground_of",
+           "interlace", "layout_for", "layout_of_file", "lossless", "pattern", "quilt_of",
+           "quilt_part", "quilt_tiles", "read_coded", "read_views", "render_view", "render_views",
            "simulate", "view_camera", "world_ground", "write_coded"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -7,7 +7,6 @@ directly, by `encode`, without pictures of views.)
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -16,50 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
+from ..media.kinds import VIDEOS
 from ..media.pictures import read_image
 from .display import Display
 from .kernels.panel import interlace_views, lens_of
+from .quilts import QuiltLayout, layout_for, warn_of_misfit
 
-__all__ = ["InterlaceConfig", "QuiltLayout", "assemble_quilt", "interlace", "quilt_tiles",
-           "read_views"]
-
-
-@dataclass(frozen=True)
-class QuiltLayout:
-    """Columns and rows of a quilt and the aspect (width over height) of its views.
-
-    View 0, the leftmost, is the bottom left tile; views run to the right, then up. A quilt's file
-    name ends in ``_qsCOLSxROWSaASPECT``, e.g. ``portrait_qs8x6a0.75.png``.
-    """
-
-    columns: int
-    rows: int
-    aspect: float
-
-    @staticmethod
-    def of_name(name: str) -> QuiltLayout | None:
-        """The layout that a file name gives, or None."""
-        found = re.search(r"_qs(\d+)x(\d+)a(\d+(?:\.\d+)?)", name)
-        if not found:
-            return None
-        columns, rows, aspect = int(found[1]), int(found[2]), float(found[3])
-        if columns < 1 or rows < 1 or aspect <= 0:
-            raise UserError(f"the quilt name {name!r} has an impossible layout")
-        return QuiltLayout(columns, rows, aspect)
-
-    @staticmethod
-    def of_display(display: Display) -> QuiltLayout:
-        """The customary layout of a panel."""
-        return QuiltLayout(*display.quilt, display.aspect)
-
-    @property
-    def count(self) -> int:
-        """Number of views."""
-        return self.columns * self.rows
-
-    def suffix(self) -> str:
-        """The end of a file name for this layout."""
-        return f"_qs{self.columns}x{self.rows}a{self.aspect:.4g}"
+__all__ = ["InterlaceConfig", "assemble_quilt", "interlace", "quilt_tiles", "read_views"]
 
 
 @dataclass(frozen=True)
@@ -134,9 +96,9 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
     source
         A quilt, or a folder with one picture for each view, the leftmost first by name.
     display
-        The panel; its customary layout is used where nothing else gives the quilt's.
+        The panel (`lfportrait.lightfield.quilts.layout_for`).
     layout
-        Layout of the quilt; by default that of its name.
+        Layout of the quilt; by default what its name, side file or metadata say.
     views
         Use only the first ``views`` views; 0 = all.
 
@@ -148,12 +110,18 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
     Raises
     ------
     UserError
-        If there is no picture, or if those of a folder differ in size.
+        If there is no picture, nothing gives a quilt's layout, or the pictures of a folder differ
+        in size.
     """
     source = Path(source)
     if not source.is_dir():
-        layout = layout or QuiltLayout.of_name(source.name) or QuiltLayout.of_display(display)
-        tiles = quilt_tiles(np.ascontiguousarray(read_image(source)[..., :3]), layout)
+        if source.suffix.lower() in VIDEOS:
+            raise UserError(f"{source.name} is a video: a picture is coded; quilts that move are "
+                            "shown by `lfportrait cast`")
+        layout = layout or layout_for(source, display)
+        quilt = np.ascontiguousarray(read_image(source)[..., :3])
+        tiles = quilt_tiles(quilt, layout)
+        warn_of_misfit(source.name, quilt.shape[1], quilt.shape[0], layout)
         aspect = layout.aspect
     else:
         files = sorted(path for path in source.iterdir()

@@ -20,8 +20,8 @@ from .composition import composed
 from .display import Display
 from .gpu.calling import pictures_on_gpu
 from .ground import ground_of
-from .interlacing import QuiltLayout
 from .placement import EncodeConfig
+from .quilts import QuiltLayout
 from .views import eight_bit, render_views
 
 __all__ = ["quilt_of"]
@@ -36,7 +36,8 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     field, display, config
         As for `lfportrait.lightfield.coding`.
     name
-        File name that gives columns and rows; the display's customary layout by default.
+        File name that gives columns and rows, and may give the aspect; by default the layout is the
+        display's customary one.
     device
         Where to compute (`lfportrait.device.gpu_adapter`).
 
@@ -47,7 +48,7 @@ def quilt_of(field: VoxelField, display: Display, config: EncodeConfig | None = 
     """
     config = composed(field, display, config or EncodeConfig())
     ground = ground_of(field, display, config)
-    layout = QuiltLayout.of_name(name) if name else None
+    layout = QuiltLayout.of_name(name, display) if name else None
     if layout is None:
         layout = QuiltLayout.of_display(display)
     full_width, full_height = display.quilt_size

@@ -2,13 +2,14 @@
 
 from .export import ExportConfig, export_field
 from .frames import (
+    QUILTS,
     SECONDS,
     DrivePlan,
     FrameConfig,
+    QuiltName,
     export_frame,
     fill_drive,
     kind_of,
-    layout_of_file,
     write_quilt,
 )
 from .page import OpenPage, PageConfig, page_script, recolored, serve_page, write_page
@@ -24,9 +25,9 @@ from .report import Picture, Report, Section, Table, write_report
 from .sequence import SequenceConfig, each_frame, write_sequence
 from .video import write_video
 
-__all__ = ["SECONDS", "DrivePlan", "ExportConfig", "FrameConfig", "OpenPage", "PageConfig",
-           "Picture", "Report", "Section", "SequenceConfig", "Table", "each_frame", "export_field",
-           "export_frame", "fill_drive", "kind_of", "layout_of_file", "orbit_cameras",
+__all__ = ["QUILTS", "SECONDS", "DrivePlan", "ExportConfig", "FrameConfig", "OpenPage",
+           "PageConfig", "Picture", "QuiltName", "Report", "Section", "SequenceConfig", "Table",
+           "each_frame", "export_field", "export_frame", "fill_drive", "kind_of", "orbit_cameras",
            "page_script", "path_cameras", "recolored", "serve_page", "sweep_cameras",
            "sweep_degrees", "sweep_frames", "sweep_ground", "write_page", "write_quilt",
            "write_report", "write_sequence", "write_video"]

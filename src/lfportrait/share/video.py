@@ -58,7 +58,7 @@ def _picture(frame: NDArray[Any], even: bool) -> NDArray[np.uint8]:
 def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 30.0, *,
                 quality: int = 17, coding: Literal["420", "444", "lossless"] = "420",
                 preset: Literal["medium", "veryfast", "superfast"] = "medium",
-                codec: Codec = "h264") -> int:
+                codec: Codec = "h264", comment: str = "") -> int:
     """Write a video.
 
     Parameters
@@ -83,6 +83,8 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
         files that are a third larger. H.264 alone.
     codec
         ``"h264"``, ``"hevc"`` or ``"vp9"``.
+    comment
+        Written into the file's metadata.
 
     Returns
     -------
@@ -109,6 +111,8 @@ def write_video(path: str | Path, frames: Iterable[NDArray[Any]], fps: float = 3
         with av.open(str(temporary), "w", options=options) as container:
             bitexact: Any = av.container.Flags.bitexact.value  # no time of writing in the file
             container.flags |= bitexact
+            if comment:
+                container.metadata["comment"] = comment
             stream: Any = None
             for frame in frames:
                 picture = _picture(frame, coding == "420")

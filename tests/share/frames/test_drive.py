@@ -110,6 +110,12 @@ def test_a_quilt_without_a_layout_in_its_name_gets_one(drive, tmp_path):
     assert played(drive)[1][0].name == "plain_qs3x2a0.5625.png"
 
 
+def test_a_layout_in_capitals_is_not_put_into_the_name_twice(drive, tmp_path):
+    source = quilt(tmp_path / "ben_QS2X2A0.5625.jpg")
+    fill_drive(DrivePlan(drive, [source]))
+    assert played(drive)[1][0].name == "ben_qs2x2a0.5625.jpg"
+
+
 def test_names_are_safe_on_any_drive():
     names = safe_names(["Jürgen", 'a:b?"*<>|', "李", "CON", "anna", "ANNA", "x" * 300, "...", "a. ",
                         "nul.txt"])

@@ -13,8 +13,8 @@ from PIL import Image
 
 from lfportrait.cli import main
 from lfportrait.errors import UserError
-from lfportrait.lightfield import Display, QuiltLayout
-from lfportrait.share import FrameConfig, export_frame, kind_of, layout_of_file, write_quilt
+from lfportrait.lightfield import Display, QuiltLayout, layout_of_file
+from lfportrait.share import FrameConfig, export_frame, kind_of, write_quilt
 from lfportrait.share.frames import moving
 from lfportrait.share.frames.names import QuiltName
 from lfportrait.share.frames.pictures import check_picture
@@ -73,9 +73,16 @@ def test_a_layout_is_found_in_the_name_the_side_file_or_the_exif(tmp_path):
         (tmp_path / f"{name}.json").unlink()
         assert layout_of_file(tmp_path / name) == layout  # c: of the EXIF
     (tmp_path / "b.png.json").write_text("{")
-    assert layout_of_file(tmp_path / "b.png") == layout
+    with pytest.warns(UserWarning, match="b.png.json beside b.png is left out"):
+        assert layout_of_file(tmp_path / "b.png") == layout
     Image.new("RGB", (8, 8)).save(tmp_path / "d.png")
     assert layout_of_file(tmp_path / "d.png") is None
+
+
+def test_a_video_that_is_renamed_keeps_its_layout(tmp_path):
+    path = tmp_path / "x_qs3x2a0.75.mp4"
+    export_frame(marked_field(16), path, FrameConfig(pixels=(96, 96), frames=1))
+    assert layout_of_file(path.rename(tmp_path / "y.mp4")) == QuiltLayout(3, 2, 0.75)
 
 
 def test_a_quilt_shows_the_displays_window_whatever_its_tiles_are(tmp_path):

@@ -21,7 +21,7 @@ from typing import Any
 
 from ...errors import UserError
 from ..display import Display
-from ..interlacing import QuiltLayout
+from ..quilts import QuiltLayout
 
 __all__ = ["URL", "Bridge", "DepthPicture", "Device", "Entry"]
 

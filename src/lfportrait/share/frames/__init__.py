@@ -8,9 +8,9 @@ stands alone.
 from .config import FrameConfig
 from .drive import DrivePlan, fill_drive
 from .export import export_frame
-from .metadata import SECONDS, layout_of_file
-from .names import kind_of
-from .quilts import QuiltPlan, write_quilt
+from .metadata import SECONDS
+from .names import QuiltName, kind_of
+from .quilts import QUILTS, QuiltPlan, write_quilt
 
-__all__ = ["SECONDS", "DrivePlan", "FrameConfig", "QuiltPlan", "export_frame", "fill_drive",
-           "kind_of", "layout_of_file", "write_quilt"]
+__all__ = ["QUILTS", "SECONDS", "DrivePlan", "FrameConfig", "QuiltName", "QuiltPlan",
+           "export_frame", "fill_drive", "kind_of", "write_quilt"]

@@ -25,10 +25,10 @@ from typing import Any, Literal
 from ...errors import UserError
 from ...field import VoxelField
 from ...files import atomic_path
-from ...lightfield import Display, EncodeConfig, QuiltLayout
+from ...lightfield import Display, EncodeConfig, QuiltHint, QuiltLayout, layout_for, quilt_part
 from ...media.pictures import open_picture
 from .config import FrameConfig
-from .metadata import SECONDS, layout_of_file, quilt_settings
+from .metadata import SECONDS, quilt_settings
 from .names import safe_names
 from .quilts import QuiltPlan, write_quilt
 
@@ -65,6 +65,8 @@ class DrivePlan:
         How long each is shown.
     encode
         Placement of the fields' heads.
+    asked
+        The quilts' layout, as the user says.
     """
 
     drive: Path
@@ -74,6 +76,7 @@ class DrivePlan:
     picture: Literal["png", "jpg"] = "png"
     seconds: float = SECONDS
     encode: EncodeConfig = field(default_factory=EncodeConfig)
+    asked: QuiltHint | None = None
 
     def panel(self) -> Display:
         """The frame's display."""
@@ -112,7 +115,7 @@ def _check_drive(drive: Path) -> None:
         raise _trouble(drive, error) from error
 
 
-def _layout(source: Path) -> tuple[str, QuiltLayout]:
+def _layout(source: Path, panel: Display, asked: QuiltHint | None) -> tuple[str, QuiltLayout]:
     """Suffix and layout of a quilt that exists."""
     try:
         with open_picture(source) as picture:
@@ -123,25 +126,22 @@ def _layout(source: Path) -> tuple[str, QuiltLayout]:
         raise UserError(f"{source} is neither a field (.npz) nor a picture: {error}") from error
     if suffix is None:
         raise UserError(f"a frame that stands alone plays PNG and JPEG only: convert {source}")
-    layout = layout_of_file(source)
-    if layout is None:
-        raise UserError(f"nothing gives the layout of the quilt {source}: name it as in "
-                        "portrait_qs8x6a0.75.png")
-    return suffix, layout
+    return suffix, layout_for(source, panel, asked=asked)
 
 
 def _title(source: Path) -> str:
     """Whose portrait it is: what every job calls the same has its name from the job's folder."""
-    stem = source.stem.split("_qs")[0]
+    part = quilt_part(source.stem)
+    stem = source.stem[:part.start()] if part else source.stem
     return source.resolve().parent.name or stem if stem in _EVERYBODYS else stem
 
 
 def _prepared(plan: DrivePlan, place: Path, step: Callable[[int, int], None],
               ) -> tuple[list[tuple[Path, str]], dict[str, Any]]:
     """All quilts with their side files, in a folder of this machine; and the figures."""
-    layouts = [None if source.suffix.lower() == ".npz" else _layout(source)
-               for source in plan.sources]
     panel, files, entries = plan.panel(), [], []
+    layouts = [None if source.suffix.lower() == ".npz" else _layout(source, panel, plan.asked)
+               for source in plan.sources]
     names = safe_names(_title(source) for source in plan.sources)
     for number, (source, name, known) in enumerate(zip(plan.sources, names, layouts, strict=True)):
         step(number, len(names))

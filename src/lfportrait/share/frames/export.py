@@ -19,7 +19,7 @@ from .config import FrameConfig
 from .eyes import TwoEyes, anaglyph_of
 from .framing import Margins, framed
 from .hop import write_hop
-from .metadata import quilt_exif, quilt_settings
+from .metadata import quilt_block, quilt_exif, quilt_settings
 from .moving import Flat, codec_for, write_moving
 from .names import VIDEOS, Kind, QuiltName, kind_of, safe_names
 from .pictures import check_picture, picture_bytes, write_picture
@@ -90,7 +90,7 @@ def _quilt(field: VoxelField, path: Path, config: FrameConfig, encode: EncodeCon
                "out": out}
     if path.suffix.lower() in VIDEOS:
         figures |= write_moving(out, lambda place: plan.picture(field, place), plan.size, encode,
-                                config, step=step)
+                                config, comment=quilt_block(plan.layout), step=step)
         write_json(out.with_name(f"{out.name}.json"), quilt_settings(plan.layout, movie=True))
         return figures
     check_picture(out, *plan.size)
@@ -108,7 +108,7 @@ def _hop(field: VoxelField, path: Path, config: FrameConfig, encode: EncodeConfi
     with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
         movie = Path(folder) / f"{name[:-4]}.mp4"
         figures |= write_moving(movie, lambda place: plan.picture(field, place), plan.size, encode,
-                                config, step=step)
+                                config, comment=quilt_block(plan.layout), step=step)
         return figures | write_hop(path, movie.name, movie, plan.layout, movie=True)
 
 

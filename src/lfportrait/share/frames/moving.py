@@ -76,8 +76,8 @@ def _turns(config: FrameConfig) -> NDArray[np.float64]:
 
 def write_moving(path: Path, picture: Callable[[EncodeConfig], NDArray[np.uint8]],
                  size: tuple[int, int], encode: EncodeConfig, config: FrameConfig, *,
-                 flat: bool = False, step: Callable[[int, int], None] = lambda at, count: None,
-                 ) -> dict[str, Any]:
+                 flat: bool = False, comment: str = "",
+                 step: Callable[[int, int], None] = lambda at, count: None) -> dict[str, Any]:
     """Write a video of a head that sways.
 
     Parameters
@@ -94,6 +94,8 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], NDArray[np.uint8]
         Number of frames, sway and codec.
     flat
         Whether it is a flat panel's video.
+    comment
+        Written into the file's metadata.
     step
         Called before each frame with its number and their count.
 
@@ -111,7 +113,7 @@ def write_moving(path: Path, picture: Callable[[EncodeConfig], NDArray[np.uint8]
             yield picture(dataclasses.replace(encode, turn=encode.turn + float(turn)))
 
     count = write_video(path, frames(), config.fps, codec=codec,
-                        quality=_FLAT_QUALITY if flat else _QUALITY[codec])
+                        quality=_FLAT_QUALITY if flat else _QUALITY[codec], comment=comment)
     return {"frames": count, "codec": codec}
 
 

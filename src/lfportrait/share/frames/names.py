@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Literal
 
 from ...errors import UserError
-from ...lightfield import QuiltLayout
+from ...lightfield import QuiltHint, QuiltLayout, quilt_part
 
 __all__ = ["PICTURES", "VIDEOS", "Kind", "QuiltName", "kind_of", "safe_names"]
 
 Kind = Literal["quilt", "hop", "pair", "rgbd", "anaglyph", "flat"]
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
 VIDEOS = (".mp4", ".mov", ".mkv", ".webm")
-_QUILT = re.compile(r"_qs(?:(\d+)x(\d+)(?:a(\d+(?:\.\d+)?))?|(?![a-z0-9]))", re.IGNORECASE)
 _ENDINGS: dict[str, Kind] = {"_2x1": "pair", "_rgbd": "rgbd", "_anaglyph": "anaglyph"}
 _MOST_VIEWS, _MOST_TILES = 108, 50
 _RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt")
@@ -39,7 +38,7 @@ def kind_of(path: Path) -> Kind | None:
         return "hop"
     if suffix not in PICTURES + VIDEOS:
         return None
-    if _QUILT.search(stem):
+    if quilt_part(stem):
         return "quilt"
     for ending, kind in _ENDINGS.items():
         if stem.endswith(ending):
@@ -75,23 +74,23 @@ class QuiltName:
         UserError
             If the layout is impossible, or has more views than a frame shows.
         """
-        found = _QUILT.search(name)
-        if found is None or found[1] is None:
+        hint = QuiltHint.of_name(name)
+        if hint is None:
             return QuiltName()
-        columns, rows, aspect = int(found[1]), int(found[2]), float(found[3] or 0)
+        columns, rows, aspect = hint.columns, hint.rows, hint.aspect
         good = (1 <= columns <= _MOST_TILES and 1 <= rows <= _MOST_TILES
                 and 2 <= columns * rows <= _MOST_VIEWS)
         if not good:
             raise UserError(f"a quilt has 2 to {_MOST_VIEWS} views, in at most {_MOST_TILES} "
                             f"columns and rows, not {columns} x {rows}")
-        if found[3] and not 0.1 <= aspect <= 10:
-            raise UserError(f"the aspect of a quilt's views must be 0.1 to 10, not {found[3]}")
+        if aspect and not 0.1 <= aspect <= 10:
+            raise UserError(f"the aspect of a quilt's views must be 0.1 to 10, not {aspect:g}")
         return QuiltName(columns, rows, aspect)
 
     @staticmethod
     def completed(path: Path, layout: QuiltLayout) -> Path:
         """The path with a layout in its name; a name that has one already is left as it is."""
-        found = _QUILT.search(path.name)
+        found = quilt_part(path.name)
         if found is None:
             return path.with_name(f"{path.stem}{layout.suffix()}{path.suffix}")
         if found[3] is not None:

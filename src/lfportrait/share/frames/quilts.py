@@ -16,11 +16,13 @@ from ...files import atomic_write
 from ...lightfield import Display, EncodeConfig, QuiltLayout, quilt_of
 from .config import FrameConfig
 from .metadata import SECONDS, quilt_exif, quilt_settings
-from .names import QuiltName
+from .names import PICTURES, QuiltName
 from .pictures import check_picture, picture_bytes
 
-__all__ = ["QuiltPlan", "write_quilt"]
+__all__ = ["QUILTS", "QuiltPlan", "write_quilt"]
 
+QUILTS = PICTURES
+"""Endings of the formats that quilts are written in with all that goes with them."""
 _MOST_PIXELS = 8192
 """Pixels a side that the graphics cards of all who look at quilts take."""
 _SAME = 0.01
@@ -112,13 +114,26 @@ def _size(display: Display, layout: QuiltLayout) -> tuple[int, int]:
 
 
 def write_quilt(path: Path, quilt: NDArray[np.uint8], layout: QuiltLayout, *,
-                seconds: float = SECONDS) -> dict[str, Any]:
+                seconds: float = SECONDS, beside: bool = True) -> dict[str, Any]:
     """Write a quilt as PNG, JPEG or WebP with its EXIF block, and its side file ``PATH.json``.
+
+    Parameters
+    ----------
+    path
+        The quilt's file.
+    quilt
+        uint8 [H, W, 3].
+    layout
+        Its layout.
+    seconds
+        How long a frame shows it, in seconds; written into the side file.
+    beside
+        Whether there is to be a side file.
 
     Returns
     -------
     figures
-        ``bytes`` of both files.
+        ``bytes`` of what was written.
 
     Raises
     ------
@@ -127,6 +142,10 @@ def write_quilt(path: Path, quilt: NDArray[np.uint8], layout: QuiltLayout, *,
     """
     check_picture(path, quilt.shape[1], quilt.shape[0])
     contents = picture_bytes(path.suffix, quilt, quilt_exif(layout))
+    if not beside:
+        with atomic_write(path) as stream:
+            stream.write(contents)
+        return {"bytes": len(contents)}
     side = (json.dumps(quilt_settings(layout, seconds=seconds), indent=1) + "\n").encode()
     # Both are whole under their temporary names before either gets its own.
     with (atomic_write(path.with_name(path.name + ".json")) as second,

@@ -26,10 +26,10 @@ from ...lightfield import (
     DepthReport,
     Display,
     EncodeConfig,
-    QuiltLayout,
     ViewMask,
     composed,
     encode,
+    layout_of_file,
     pattern,
     simulate,
     write_coded,
@@ -159,7 +159,7 @@ class _Resident:
     def cast(self, facts: Facts) -> dict[str, Any]:
         """Show a quilt by Bridge."""
         path = Path(facts["file"])
-        layout = QuiltLayout.of_name(path.name)
+        layout = layout_of_file(path)
         if layout is None:
             raise UserError(f"{path.name} is no quilt; export the version as a quilt first")
         with Bridge(timeout=_BRIDGE) as bridge:
