@@ -77,7 +77,7 @@ def coded_space(primaries: int, transfer: int) -> ColorSpace:
 
     Gray values of pictures with BT.709's curve are kept, as players keep them.
     """
-    curve = ("pq" if transfer == _PQ else "hlg" if transfer == _HLG else "1" if transfer == _LINEAR
+    curve: str = ("pq" if transfer == _PQ else "hlg" if transfer == _HLG else "1" if transfer == _LINEAR
              else "bt709" if transfer in _OF_VIDEO else str(_GAMMAS[transfer])
              if transfer in _GAMMAS else "srgb")
     known = _PRIMARIES.get(primaries, SRGB)
@@ -93,9 +93,10 @@ def from_space(values: NDArray[np.uint8] | NDArray[np.uint16], space: ColorSpace
                ) -> NDArray[np.uint8]:
     """Values [H, W, 3] of a color space, full range, as sRGB, uint8 [H, W, 3]."""
     most = float(np.iinfo(values.dtype).max)
-    if space.curve == "pq" or space.curve == "hlg":
+    if _coded(space):
         deep = values if values.dtype == np.uint16 else values.astype(np.uint16) * 257
-        return tone_mapped(np.asarray(deep, np.uint16), space.curve, space.primaries)
+        return tone_mapped(np.asarray(deep, np.uint16), "pq" if space.curve == "pq" else "hlg",
+                           space.primaries)
     if space.is_srgb:
         return np.asarray(values if most == 255 else values / 257 + 0.5, np.uint8)
     codes = np.arange(int(most) + 1) / most
@@ -196,7 +197,8 @@ def _png_space(picture: Image.Image, stream: BinaryIO | None) -> ColorSpace | No
     if "srgb" in picture.info or picture.info.get("icc_profile"):
         return None
     gamma, points = picture.info.get("gamma"), picture.info.get("chromaticity")
-    curve, primaries = "srgb", SRGB
+    curve = "srgb"
+    primaries: tuple[float, ...] = SRGB
     if isinstance(gamma, float) and 0.1 < gamma < 2 and abs(gamma * 2.2 - 1) > 0.05:
         curve = f"{1 / gamma:.6g}"
     if isinstance(points, tuple) and len(points) == 8:
