@@ -8,7 +8,6 @@ pillow-heif.
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
@@ -23,6 +22,7 @@ from PIL import Image
 from ..color import srgb
 from ..errors import UserError
 from ..files import PHOTOS, RAW, VIDEOS, open_picture
+from ..measure import usable_cores
 from .exif import noted
 
 __all__ = ["Photo", "is_video", "picture_files", "read_photos"]
@@ -173,7 +173,7 @@ def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
     """
     files = picture_files(folder)
     # Decoding lets other threads run.
-    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as readers:
+    with ThreadPoolExecutor(min(4, usable_cores())) as readers:
         tried = list(readers.map(partial(_tried, max_side=max_side), files))
     photos = [photo for photo in tried if isinstance(photo, Photo)]
     for path, reason in zip(files, tried):

@@ -24,6 +24,7 @@ from contextlib import suppress
 from typing import Any
 
 from ..errors import UserError
+from ..measure import limit_threads
 from ..version import __version__
 
 __all__ = ["COMMANDS", "main", "program"]
@@ -211,6 +212,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _set_up() -> None:
     """Set up this process for one command; the user's environment variables take precedence."""
     os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", IDLE)
+    limit_threads(os.environ)
     gc.set_threshold(ALLOCATIONS)
     if any(name.startswith("MALLOC_") for name in os.environ):
         return

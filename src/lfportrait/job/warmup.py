@@ -22,6 +22,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..cache import hash_of
+from ..measure import usable_cores
 from ..progress import Progress
 
 __all__ = ["FUNCTIONS", "Warmup", "run_stage", "run_stages"]
@@ -151,9 +152,8 @@ class Warmup:
         self._waiting = wanted
         self._done = {name: threading.Event() for name in wanted}
         self._processes: list[subprocess.Popen[str]] = []
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
         self._threads = [threading.Thread(target=self._work, daemon=True)
-                         for _ in range(min(cores or 1, len(wanted)))]
+                         for _ in range(min(usable_cores(), len(wanted)))]
         for thread in self._threads:
             thread.start()
 
