@@ -14,7 +14,8 @@ FETCHES = ("import sys, urllib.request; "
            "open(sys.argv[2], 'w').write('fetched')")
 VIEW = ("import sys; from lfportrait.share import serve_page; "
         "serve_page(sys.argv[1], ready=lambda address, end: print(address, flush=True))")
-STUDIO = ("import sys; from pathlib import Path; from lfportrait.studio import run; run(Path(sys.argv[1]))")
+STUDIO = ("import sys; from pathlib import Path; from lfportrait.studio import run; "
+          "run(Path(sys.argv[1]))")
 
 
 @pytest.fixture(params=["view", "studio"])

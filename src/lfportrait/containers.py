@@ -71,13 +71,13 @@ def _share_1(group: Path) -> float | None:
 
 def _number(path: Path) -> int | None:
     with suppress(OSError, ValueError):
-        return int(path.read_text())
+        return int(path.read_text(encoding="utf-8"))
     return None
 
 
 def _statistic(path: Path, name: str) -> int:
     with suppress(OSError, ValueError):
-        for line in path.read_text().splitlines():
+        for line in path.read_text(encoding="utf-8").splitlines():
             if line.startswith(f"{name} "):
                 return int(line.split()[1])
     return 0

@@ -23,11 +23,13 @@ from PIL import Image
 
 from .color import srgb
 from .errors import UserError
+from .leftovers import moved_name, part_folder, part_name, remove_part, sweep_once
 from .measure import usable_cores
 from .png import write_png
+from .temporary import temporary_place
 
 __all__ = [
-    "HEIC", "PHOTOS", "RAW", "VIDEOS", "atomic_path", "atomic_write", "map_arrays",
+    "HEIC", "PHOTOS", "RAW", "VIDEOS", "atomic_path", "atomic_write", "fresh_folder", "map_arrays",
     "open_picture", "picture_format", "read_image", "read_images", "read_json", "temporary_home",
     "write_exr", "write_image", "write_json", "write_mappable",
 ]
@@ -54,17 +56,15 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         If the folder can't be made or written to (no permission, disk full).
     """
     path = Path(path)
+    sweep_once(path.parent)
+    temporary = part_name(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(
-            prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
-        os.close(handle)
-    except OSError as error:
-        raise UserError(
-            f"can't write {path}: {error.strerror}; choose another output with --out"
-        ) from error
-    temporary = Path(name)
-    try:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600))
+        except OSError as error:
+            raise UserError(f"can't write {path}: {error.strerror}; choose another output with "
+                            "--out") from error
         yield temporary
         with contextlib.suppress(OSError):  # memory cards and network drives know no permissions
             os.chmod(temporary, 0o666 & ~_umask())
@@ -73,7 +73,36 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise UserError(f"can't write {path}: {error.strerror or error}; free some space or choose "
                         "another output with --out") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        remove_part(temporary)
+
+
+@contextlib.contextmanager
+def fresh_folder(path: Path) -> Iterator[Path]:
+    """Yield a new, empty folder beside ``path`` that takes its place if the block succeeds.
+
+    At no time is there a folder with half of its files; an older one is moved away in one step.
+
+    Raises
+    ------
+    OSError
+        If it can't be made or moved.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with part_folder(path) as temporary:
+        yield temporary
+        with contextlib.suppress(OSError):  # some file systems know no permissions
+            temporary.chmod(0o777 & ~_umask())
+        if not path.exists():
+            temporary.rename(path)
+            return
+        old = moved_name(temporary)
+        path.rename(old)
+        try:
+            temporary.rename(path)
+        except OSError:
+            old.rename(path)
+            raise
+        remove_part(old)
 
 
 def _umask() -> int:
@@ -91,7 +120,7 @@ def _rename(temporary: Path, path: Path) -> None:
     except OSError:
         if not path.is_file():
             raise
-        old = temporary.with_name(temporary.name + ".old")
+        old = moved_name(temporary)
         os.rename(path, old)
         try:
             os.rename(temporary, path)
@@ -115,14 +144,18 @@ def temporary_home() -> Path:
     made, as what lies in it is run.
     """
     user = getattr(os, "getuid", lambda: 0)()
-    place = Path(tempfile.gettempdir()) / f"lfportrait-{user}"
+    place = temporary_place() / f"lfportrait-{user}"
     with contextlib.suppress(OSError):
         place.mkdir(mode=0o700, exist_ok=True)
         state = place.lstat()
         own = not hasattr(os, "getuid") or (state.st_uid == user and not state.st_mode & 0o022)
         if stat.S_ISDIR(state.st_mode) and own and os.access(place, os.W_OK):
             return place
-    return Path(tempfile.mkdtemp(prefix="lfportrait-"))
+    try:
+        return Path(tempfile.mkdtemp(prefix="lfportrait-"))
+    except OSError as error:
+        raise UserError(f"can't write to the temporary folder (TMPDIR): {error.strerror}; set "
+                        "TMPDIR to a folder with more room") from error
 
 
 def write_json(path: str | os.PathLike[str], data: Any) -> None:

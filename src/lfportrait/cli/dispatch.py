@@ -25,6 +25,7 @@ from typing import Any
 
 from ..errors import UserError
 from ..measure import limit_threads
+from ..temporary import out_of_room
 from ..version import __version__
 
 __all__ = ["COMMANDS", "main", "program"]
@@ -202,6 +203,10 @@ def main(arguments: list[str] | None = None) -> int:
         if type(error).__name__ == "OutOfMemoryError":  # torch's, which is not imported for this
             print("lfportrait: the GPU has too little memory for this: use --device cpu",
                   file=sys.stderr)
+            return 2
+        full = out_of_room(error)
+        if full is not None:
+            print(f"lfportrait: {full}", file=sys.stderr)
             return 2
         traceback.print_exc()
         print("lfportrait: internal error; please report it with the lines above",

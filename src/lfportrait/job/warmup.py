@@ -15,7 +15,6 @@ import math
 import os
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -24,6 +23,7 @@ from pathlib import Path
 from ..cache import hash_of
 from ..measure import usable_cores
 from ..progress import Progress
+from ..temporary import temporary_folder
 
 __all__ = ["FUNCTIONS", "Warmup", "run_stage", "run_stages"]
 
@@ -88,8 +88,8 @@ def _encode() -> None:
     aside = sweep_cameras(120.0, 4, 16)
     field.render(aside, 1)
     field.depth(aside, 1)
-    with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
-        write_page(field, Path(folder) / "portrait.html")
+    with temporary_folder() as folder:
+        write_page(field, folder / "portrait.html")
 
 
 _STAGES: dict[str, Callable[[], None]] = {
@@ -146,6 +146,10 @@ class Warmup:
 
     def __init__(self, names: Sequence[str]) -> None:
         wanted = [name for name in names if not _mark(name).exists()]
+        if wanted:
+            from ..lanes.host import sweep_kernels
+
+            sweep_kernels()
         self.compiled = 0
         self.total = sum(FUNCTIONS[name] for name in wanted)
         self._lock = threading.Lock()

@@ -32,6 +32,7 @@ from typing import Any
 
 from ..errors import UserError
 from ..files import PHOTOS, VIDEOS, read_json, write_json
+from ..leftovers import sweep_below
 from ..locks import lock
 from .answers import Refusal
 from .names import folder_name, free_name, id_of, is_id
@@ -200,6 +201,7 @@ class Projects:
             self._lock.close()
             raise UserError(f"another studio has {folder} open; use that one, or choose another "
                             "folder with --folder") from error
+        sweep_below(self.folder)  # of jobs that were killed with the studio
 
     @property
     def own(self) -> Path:
