@@ -20,6 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from .color import srgb
 from .errors import UserError
@@ -30,8 +31,8 @@ from .temporary import temporary_place
 
 __all__ = [
     "HEIC", "PHOTOS", "RAW", "VIDEOS", "atomic_path", "atomic_write", "fresh_folder", "map_arrays",
-    "open_picture", "picture_format", "read_image", "read_images", "read_json", "temporary_home",
-    "write_exr", "write_image", "write_json", "write_mappable",
+    "open_picture", "own_output", "picture_format", "read_image", "read_images", "read_json",
+    "temporary_home", "write_exr", "write_image", "write_json", "write_mappable",
 ]
 
 
@@ -41,6 +42,8 @@ _HEADER, _ZIP64 = 30, 20
 """Bytes of a member's header without its name, and of the field with 64-bit sizes."""
 _PADDING = 0xD935
 """The kind of a field that only takes room."""
+_SHEET, _HEAD = b"lfportrait sheet", 1024
+"""Mark of pictures that look at photos, and within how many bytes of their files it stands."""
 _UMASK_LOCK = threading.Lock()
 
 
@@ -316,7 +319,7 @@ def picture_format(path: str | os.PathLike[str]) -> str:
 
 
 def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool = False,
-                **options: Any) -> None:
+                sheet: bool = False, **options: Any) -> None:
     """Write a picture whose format follows from the suffix.
 
     Parameters
@@ -327,6 +330,8 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool
         uint8, or float in [0, 1] (rounded): [H, W], [H, W, 3] or [H, W, 4].
     fast
         A PNG is written by `write_png`: for pictures that are large and hard to compress.
+    sheet
+        It looks at photos: a PNG or JPEG gets a mark, by which `own_output` knows that it is none.
     options
         Passed on to Pillow's ``save`` (``compress_level``, ``quality``, ...).
     """
@@ -340,9 +345,27 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool
     else:
         if kind == "PNG":
             options.setdefault("compress_level", 2)
+        if sheet and kind == "PNG":
+            options["pnginfo"] = PngInfo()
+            options["pnginfo"].add_text("Software", _SHEET.decode())
+        elif sheet and kind == "JPEG":
+            options["comment"] = _SHEET
         Image.fromarray(array).save(buffer, format=kind, **options)
     with atomic_write(path) as stream:
         stream.write(buffer.getbuffer())
+
+
+def own_output(path: Path) -> bool:
+    """Whether a picture is a sheet that looks at photos, and so none of them (`write_image`)."""
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        return False
+    if path.stem == "capture-check":  # of a version that left no mark
+        return True
+    try:
+        with open(path, "rb") as stream:
+            return _SHEET in stream.read(_HEAD)
+    except OSError:  # whoever reads it says so
+        return False
 
 
 def write_exr(path: str | os.PathLike[str], values: NDArray[np.floating[Any]]) -> None:

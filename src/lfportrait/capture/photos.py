@@ -21,7 +21,7 @@ from PIL import Image
 
 from ..color import srgb
 from ..errors import UserError
-from ..files import PHOTOS, RAW, VIDEOS, open_picture
+from ..files import PHOTOS, RAW, VIDEOS, open_picture, own_output
 from ..measure import usable_cores
 from .exif import noted
 
@@ -112,7 +112,8 @@ def _within(place: Path, suffixes: Collection[str]) -> list[Path]:
     """Files of these kinds in a folder, none in its folders."""
     return sorted(path for path in place.iterdir()
                   if path.is_file() and not path.name.startswith(".")
-                  and path.suffix.lower() in suffixes) if place.is_dir() else []
+                  and path.suffix.lower() in suffixes
+                  and not own_output(path)) if place.is_dir() else []
 
 
 def _unique(photos: list[Photo]) -> list[Photo]:

@@ -20,7 +20,7 @@ from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
-from ..files import write_image
+from ..files import own_output, write_image
 from ..lightfield import (
     Display,
     EncodeConfig,
@@ -75,7 +75,8 @@ def source_files(photos: Path) -> list[Path]:
     """The files that a capture is made from, for its fingerprint."""
     if photos.is_file():
         return [photos]
-    return [path for path in photos.rglob("*") if path.is_file() and path.name[0] != "."]
+    return [path for path in photos.rglob("*") if path.is_file() and path.name[0] != "."
+            and not own_output(path)]
 
 
 def source_key(photos: Path | Capture) -> str:
