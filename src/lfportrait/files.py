@@ -19,13 +19,16 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from .errors import UserError
+from .leftovers import moved_name, part_folder, part_name, remove_part, sweep_once
 from .png import write_png
+from .temporary import temporary_place
 
 __all__ = [
-    "atomic_path", "atomic_write", "map_arrays", "picture_format", "read_json", "temporary_home",
-    "write_exr", "write_image", "write_json", "write_mappable",
+    "atomic_path", "atomic_write", "fresh_folder", "map_arrays", "own_output", "picture_format",
+    "read_json", "temporary_home", "write_exr", "write_image", "write_json", "write_mappable",
 ]
 
 
@@ -35,6 +38,8 @@ _HEADER, _ZIP64 = 30, 20
 """Bytes of a member's header without its name, and of the field with 64-bit sizes."""
 _PADDING = 0xD935
 """The kind of a field that only takes room."""
+_SHEET, _HEAD = b"lfportrait sheet", 1024
+"""Mark of pictures that look at photos, and within how many bytes of their files it stands."""
 _UMASK_LOCK = threading.Lock()
 
 
@@ -50,17 +55,15 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         If the folder can't be made or written to (no permission, disk full).
     """
     path = Path(path)
+    sweep_once(path.parent)
+    temporary = part_name(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(
-            prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
-        os.close(handle)
-    except OSError as error:
-        raise UserError(
-            f"can't write {path}: {error.strerror}; choose another output with --out"
-        ) from error
-    temporary = Path(name)
-    try:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600))
+        except OSError as error:
+            raise UserError(f"can't write {path}: {error.strerror}; choose another output with "
+                            "--out") from error
         yield temporary
         with contextlib.suppress(OSError):  # memory cards and network drives know no permissions
             os.chmod(temporary, 0o666 & ~_umask())
@@ -69,7 +72,36 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise UserError(f"can't write {path}: {error.strerror or error}; free some space or choose "
                         "another output with --out") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        remove_part(temporary)
+
+
+@contextlib.contextmanager
+def fresh_folder(path: Path) -> Iterator[Path]:
+    """Yield a new, empty folder beside ``path`` that takes its place if the block succeeds.
+
+    At no time is there a folder with half of its files; an older one is moved away in one step.
+
+    Raises
+    ------
+    OSError
+        If it can't be made or moved.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with part_folder(path) as temporary:
+        yield temporary
+        with contextlib.suppress(OSError):  # some file systems know no permissions
+            temporary.chmod(0o777 & ~_umask())
+        if not path.exists():
+            temporary.rename(path)
+            return
+        old = moved_name(temporary)
+        path.rename(old)
+        try:
+            temporary.rename(path)
+        except OSError:
+            old.rename(path)
+            raise
+        remove_part(old)
 
 
 def _umask() -> int:
@@ -87,7 +119,7 @@ def _rename(temporary: Path, path: Path) -> None:
     except OSError:
         if not path.is_file():
             raise
-        old = temporary.with_name(temporary.name + ".old")
+        old = moved_name(temporary)
         os.rename(path, old)
         try:
             os.rename(temporary, path)
@@ -111,14 +143,18 @@ def temporary_home() -> Path:
     made, as what lies in it is run.
     """
     user = getattr(os, "getuid", lambda: 0)()
-    place = Path(tempfile.gettempdir()) / f"lfportrait-{user}"
+    place = temporary_place() / f"lfportrait-{user}"
     with contextlib.suppress(OSError):
         place.mkdir(mode=0o700, exist_ok=True)
         state = place.lstat()
         own = not hasattr(os, "getuid") or (state.st_uid == user and not state.st_mode & 0o022)
         if stat.S_ISDIR(state.st_mode) and own and os.access(place, os.W_OK):
             return place
-    return Path(tempfile.mkdtemp(prefix="lfportrait-"))
+    try:
+        return Path(tempfile.mkdtemp(prefix="lfportrait-"))
+    except OSError as error:
+        raise UserError(f"can't write to the temporary folder (TMPDIR): {error.strerror}; set "
+                        "TMPDIR to a folder with more room") from error
 
 
 def write_json(path: str | os.PathLike[str], data: Any) -> None:
@@ -169,7 +205,7 @@ def picture_format(path: str | os.PathLike[str]) -> str:
 
 
 def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool = False,
-                **options: Any) -> None:
+                sheet: bool = False, **options: Any) -> None:
     """Write a picture whose format follows from the suffix.
 
     Parameters
@@ -180,6 +216,8 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool
         uint8, or float in [0, 1] (rounded): [H, W], [H, W, 3] or [H, W, 4].
     fast
         A PNG is written by `write_png`: for pictures that are large and hard to compress.
+    sheet
+        It looks at photos: a PNG or JPEG gets a mark, by which `own_output` knows that it is none.
     options
         Passed on to Pillow's ``save`` (``compress_level``, ``quality``, ...).
     """
@@ -193,9 +231,27 @@ def write_image(path: str | os.PathLike[str], image: NDArray[Any], *, fast: bool
     else:
         if kind == "PNG":
             options.setdefault("compress_level", 2)
+        if sheet and kind == "PNG":
+            options["pnginfo"] = PngInfo()
+            options["pnginfo"].add_text("Software", _SHEET.decode())
+        elif sheet and kind == "JPEG":
+            options["comment"] = _SHEET
         Image.fromarray(array).save(buffer, format=kind, **options)
     with atomic_write(path) as stream:
         stream.write(buffer.getbuffer())
+
+
+def own_output(path: Path) -> bool:
+    """Whether a picture is a sheet that looks at photos, and so none of them (`write_image`)."""
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        return False
+    if path.stem == "capture-check":  # of a version that left no mark
+        return True
+    try:
+        with open(path, "rb") as stream:
+            return _SHEET in stream.read(_HEAD)
+    except OSError:  # whoever reads it says so
+        return False
 
 
 def write_exr(path: str | os.PathLike[str], values: NDArray[np.floating[Any]]) -> None:

@@ -7,14 +7,20 @@ import platform
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, MutableMapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-__all__ = ["Cost", "cost_of", "free_disk_bytes", "free_memory_bytes", "machine", "memory_of",
-           "peak_memory_bytes", "usable_cores"]
+from .containers import core_quota, free_in_groups
+
+__all__ = ["THREADS", "Cost", "cost_of", "free_disk_bytes", "free_memory_bytes", "limit_threads",
+           "machine", "memory_of", "peak_memory_bytes", "usable_cores"]
+
+THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
+           "OPENCV_FOR_THREADS_NUM")
+"""Environment variables that say how many threads libraries use."""
 
 _Result = TypeVar("_Result")
 
@@ -112,13 +118,8 @@ def free_memory_bytes(system: Path = Path("/")) -> int | None:
         free = next(int(row.split()[1]) * 1024 for row in rows if row.startswith("MemAvailable:"))
     except (OSError, StopIteration):
         return None
-    try:  # a container may have less
-        limits = system / "sys/fs/cgroup"
-        free = min(free, int((limits / "memory.max").read_text("utf-8"))
-                   - int((limits / "memory.current").read_text("utf-8")))
-    except (OSError, ValueError):
-        pass
-    return max(0, free)
+    allowed = free_in_groups(system)  # a container may have less
+    return max(0, free if allowed is None else min(free, allowed))
 
 
 def free_disk_bytes(folder: str | os.PathLike[str]) -> int:
@@ -140,12 +141,43 @@ def machine() -> dict[str, str | int]:
                     break
     except OSError:
         pass
-    return {"processor": name, "cores": os.cpu_count() or 1, "system": platform.system(),
+    return {"processor": name, "cores": usable_cores(), "system": platform.system(),
             "python": platform.python_version()}
 
 
-def usable_cores() -> int:
-    """Cores that this process may use."""
+def usable_cores(system: Path = Path("/")) -> int:
+    """Cores that this process may use: those it may run on, or fewer where its time is limited.
+
+    Parameters
+    ----------
+    system
+        Root of the file system in which Linux keeps its accounts.
+    """
+    quota = core_quota(system)
+    return _cores_to_run_on() if quota is None else min(_cores_to_run_on(), quota)
+
+
+def _cores_to_run_on() -> int:
+    """Cores that the system may put this process on."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def limit_threads(environment: MutableMapping[str, str], system: Path = Path("/")) -> None:
+    """Let libraries start as many threads as there are usable cores.
+
+    They know the cores of the machine and not the time that a container gets. Nothing is set where
+    that is the same, nor what the user has set.
+
+    Parameters
+    ----------
+    environment
+        Variables that libraries read when they are loaded; changed.
+    system
+        As for `usable_cores`.
+    """
+    cores = usable_cores(system)
+    if cores < _cores_to_run_on():
+        for name in THREADS:
+            environment.setdefault(name, str(cores))

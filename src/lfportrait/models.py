@@ -25,6 +25,7 @@ from .download import download as _download
 from .download import megabytes
 from .errors import UserError
 from .files import atomic_path
+from .states import file_state
 
 __all__ = ["GROUPS", "OFFLINE", "PURPOSES", "ModelFile", "add", "available", "cache_folder",
            "expand", "fetch", "fetchable", "in_use", "listing", "missing", "registry", "require"]
@@ -139,13 +140,12 @@ def available(name: str) -> bool:
 
 
 def _matches(path: Path, entry: ModelFile) -> bool:
-    state = path.stat()
-    return _digest(str(path), state.st_size, state.st_mtime_ns).startswith(entry.sha256)
+    return _digest(str(path), file_state(path)).startswith(entry.sha256)
 
 
 @functools.lru_cache(maxsize=64)
-def _digest(path: str, size: int, changed: int) -> str:
-    """SHA-256 of a file, computed once for as long as its size and time stay the same."""
+def _digest(path: str, state: tuple[int, ...]) -> str:
+    """SHA-256 of a file, computed once for as long as its state stays the same."""
     with open(path, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

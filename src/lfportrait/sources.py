@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .lazy import syntax_tree
+from .states import file_state
 
 __all__ = ["Kept", "Sources"]
 
@@ -204,8 +205,8 @@ class Sources:
         return found
 
     def _state(self, path: Path) -> str:
-        stats = [one.stat() for one in (path, *self._data.get(path.parent, []))]
-        return " ".join(f"{stat.st_size}.{stat.st_mtime_ns}" for stat in stats)
+        states = [file_state(one) for one in (path, *self._data.get(path.parent, []))]
+        return " ".join(".".join(map(str, state)) for state in states)
 
     def _read(self, name: str, path: Path, state: str) -> _Module:
         text = path.read_text(encoding="utf-8")

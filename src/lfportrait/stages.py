@@ -23,6 +23,7 @@ from typing import Any
 
 from .errors import UserError
 from .files import read_json, write_json
+from .leftovers import sweep_once
 
 __all__ = ["StageFolder", "check_writable", "fingerprint_files", "finished_record"]
 
@@ -95,6 +96,8 @@ class StageFolder:
         self.figures: dict[str, dict[str, Any]] = {}
         self.resumed: list[str] = []
         self._report = report
+        sweep_once(self.folder)
+        sweep_once(self.records)
         try:
             self.records.mkdir(parents=True, exist_ok=True)
             # Without a name of its own: others may begin in the same folder at this moment.

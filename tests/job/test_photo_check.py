@@ -10,9 +10,10 @@ from PIL import Image, ImageFilter
 from lfportrait.capture import Camera, contact_sheet
 from lfportrait.cli import main
 from lfportrait.face import face_pose
-from lfportrait.files import write_image
+from lfportrait.files import own_output, write_image
 from lfportrait.job import check_photos, check_picture
 from lfportrait.job.photo_check import problem_sheet
+from lfportrait.job.steps import source_files
 
 
 @pytest.fixture(scope="module")
@@ -154,6 +155,32 @@ def test_capture_check_as_a_command(tmp_path, faces, capsys):
     assert data["count"] == data["faces"] == 6
     assert data["photos"][3]["name"] == "003.png"
     assert data["seconds"]["wall"] + 0.01 > data["seconds"]["check"] > 0
+
+
+@pytest.mark.parametrize("name", ["capture-check.png", "check.png", "check.jpg"])
+def test_its_own_picture_is_no_photo_the_second_time(tmp_path, faces, monkeypatch, name):
+    for number in range(4):
+        write_image(tmp_path / f"{number}.jpg", np.full((64, 48, 3), 60 * number, np.uint8))
+    before = source_files(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    counts = []
+    for _ in range(2):
+        figures = tmp_path.parent / "figures.json"
+        assert main(["capture-check", ".", "--out", name, "--json", str(figures), "--quiet"]) == 0
+        counts.append(json.loads(figures.read_text())["count"])
+    assert counts == [4, 4] and (tmp_path / name).is_file()
+    assert source_files(tmp_path) == before  # nor do cameras found before become stale
+
+
+def test_pictures_are_photos_unless_they_are_sheets(tmp_path):
+    image = np.full((40, 40, 3), 90, np.uint8)
+    for name in ("a.png", "a.jpg", "a.webp"):
+        write_image(tmp_path / name, image)
+        assert not own_output(tmp_path / name)
+    for name in ("a.png", "a.jpg"):
+        write_image(tmp_path / name, image, sheet=True)
+        assert own_output(tmp_path / name)
+    assert not own_output(tmp_path / "missing.png")
 
 
 @pytest.mark.parametrize("words, message", [

@@ -200,7 +200,7 @@ def test_a_folder_that_can_not_be_written_to_is_said_without_the_command_line(pa
     def refused(*_, **__):
         raise PermissionError(1, "Operation not permitted", "/full/disk")
 
-    monkeypatch.setattr("lfportrait.files.tempfile.mkstemp", refused)
+    monkeypatch.setattr("lfportrait.files.os.open", refused)
     answer = page.ask("PATCH", f"/api/projects/{project}", {"name": "Bob"})
     message = answer.json()["error"]["message"]
     assert message.startswith("can't write") and "Operation not permitted" in message

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import shutil
-import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -15,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..files import read_json, write_image, write_json
+from ..files import fresh_folder, read_json, write_image, write_json
 from ..measure import usable_cores
 from ..media.depth import DepthMap
 from ..media.pictures import read_image
@@ -129,26 +126,11 @@ class Capture:
         """
         folder = Path(folder)
         try:
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-        except OSError as error:
-            raise UserError(f"can't write {folder}: {error.strerror}; choose another folder with "
-                            "--out") from error
-        old = temporary.with_name(temporary.name + ".old")
-        try:
-            self._write(temporary)
-            with contextlib.suppress(OSError):  # some file systems know no permissions
-                temporary.chmod(0o755)
-            if folder.exists():
-                # Moved away in one step: at no time is there a folder with half of its pictures.
-                folder.rename(old)
-            temporary.rename(folder)
+            with fresh_folder(folder) as temporary:
+                self._write(temporary)
         except OSError as error:
             raise UserError(f"can't write {folder}: {error.strerror}; free some space or choose "
                             "another folder with --out") from error
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
-            shutil.rmtree(old, ignore_errors=True)
 
     def _write(self, folder: Path) -> None:
         frames = []

@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import contextlib
 import math
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
+
+from ..temporary import temporary_folder
 
 __all__ = ["Noted", "noted"]
 
@@ -103,7 +104,7 @@ def _by_model(make: str, model: str, length: float, size: tuple[int, int]) -> fl
     exif[_MAKE], exif[_MODEL] = make, model
     exif.get_ifd(_IFD)[_FOCAL] = IFDRational(round(1000 * length), 1000)
     shape = (36, 24) if size[0] >= size[1] else (24, 36)
-    with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
+    with temporary_folder(4096) as folder:
         path = Path(folder) / "note.jpg"
         Image.new("L", shape).save(path, exif=exif)
         found = pycolmap.Bitmap.read(path, True)

@@ -14,7 +14,6 @@ on one thread: the same photos give the same cameras.
 
 from __future__ import annotations
 
-import tempfile
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -28,7 +27,8 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..progress import Progress
-from .calibration.database import Scene, lens_groups, sensor_turns
+from ..temporary import temporary_folder
+from .calibration.database import Scene, lens_groups, room_for, sensor_turns
 from .calibration.features import (
     Features,
     Matches,
@@ -263,8 +263,8 @@ def calibrate(photos: str | Path, config: CalibrateConfig | None = None,
     if len(loaded) < 3:
         raise UserError(f"{path} has only {len(loaded)} usable "
                         f"{'photo' if len(loaded) == 1 else 'photos'}; {_ADVICE}")
-    with tempfile.TemporaryDirectory(prefix="lfportrait-") as work:
-        found, figures = _reconstruct(loaded, config, progress, Path(work))
+    with temporary_folder(room_for(len(loaded))) as work:
+        found, figures = _reconstruct(loaded, config, progress, work)
     left_out = [photo.name for photo in loaded if photo.name not in found]
     if len(found) < max(3, 0.4 * len(loaded)):
         how_many = f"only {len(found)}" if found else "none"

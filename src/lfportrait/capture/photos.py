@@ -8,7 +8,6 @@ pillow-heif.
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
@@ -21,6 +20,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..errors import UserError
+from ..files import own_output
+from ..measure import usable_cores
 from ..media.colors import srgb
 from ..media.depth import DepthMap, read_depth
 from ..media.kinds import PHOTOS, RAW, VIDEOS
@@ -118,7 +119,8 @@ def _within(place: Path, suffixes: Collection[str]) -> list[Path]:
     """Files of these kinds in a folder, none in its folders."""
     return sorted(path for path in place.iterdir()
                   if path.is_file() and not path.name.startswith(".")
-                  and path.suffix.lower() in suffixes) if place.is_dir() else []
+                  and path.suffix.lower() in suffixes
+                  and not own_output(path)) if place.is_dir() else []
 
 
 def _unique(photos: list[Photo]) -> list[Photo]:
@@ -179,7 +181,7 @@ def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
     """
     files = picture_files(folder)
     # Decoding lets other threads run.
-    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as readers:
+    with ThreadPoolExecutor(min(4, usable_cores())) as readers:
         tried = list(readers.map(partial(_tried, max_side=max_side), files))
     photos = [photo for photo in tried if isinstance(photo, Photo)]
     for path, reason in zip(files, tried):

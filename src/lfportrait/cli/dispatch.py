@@ -24,6 +24,8 @@ from contextlib import suppress
 from typing import Any
 
 from ..errors import UserError
+from ..measure import limit_threads
+from ..temporary import out_of_room
 from ..version import __version__
 
 __all__ = ["COMMANDS", "main", "program"]
@@ -202,6 +204,10 @@ def main(arguments: list[str] | None = None) -> int:
             print("lfportrait: the GPU has too little memory for this: use --device cpu",
                   file=sys.stderr)
             return 2
+        full = out_of_room(error)
+        if full is not None:
+            print(f"lfportrait: {full}", file=sys.stderr)
+            return 2
         traceback.print_exc()
         print("lfportrait: internal error; please report it with the lines above",
               file=sys.stderr)
@@ -211,6 +217,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _set_up() -> None:
     """Set up this process for one command; the user's environment variables take precedence."""
     os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", IDLE)
+    limit_threads(os.environ)
     gc.set_threshold(ALLOCATIONS)
     if any(name.startswith("MALLOC_") for name in os.environ):
         return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
 from dataclasses import field as option
 from pathlib import Path
@@ -24,6 +23,7 @@ from ..share import (
     write_page,
 )
 from ..stylize import load_styled
+from ..temporary import temporary_folder
 from .common import Common
 
 __all__ = ["Export", "View"]
@@ -131,8 +131,8 @@ class View(Common):
             serve_page(self.field, self.port, browse=self.browser, ready=announce)
             return {}
         voxels = load_styled(self.field)
-        with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
-            path = Path(folder) / "portrait.html"
+        with temporary_folder() as folder:
+            path = folder / "portrait.html"
             with self.progress("view") as progress:
                 progress.update(0, "page")
                 figures = write_page(voxels, path, self.page)

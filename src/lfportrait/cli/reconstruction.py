@@ -41,7 +41,7 @@ class CaptureCheck(Common):
             raise UserError(f"{self.out} must end in .png or .jpg")
         with self.progress("capture-check") as progress:
             check = check_photos(self.photos, progress)
-        write_image(self.out, check_picture(check))
+        write_image(self.out, check_picture(check), sheet=True)
         figures = check.figures()
         if not self.quiet:
             print(f"{figures['count']} photos, {figures['count'] - figures['useless']} usable, "

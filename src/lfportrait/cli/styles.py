@@ -103,7 +103,7 @@ class StylesCheck(_OfPainting):
         with self.progress("check") as progress:
             progress.update(0, f"paint the embedded head after {self.image.stem}")
             check = check_style(self.image, self.face, self.at)
-        write_image(out, style_picture(check))
+        write_image(out, style_picture(check), sheet=True)
         print("\n".join(text for _, text in check.facts))
         print(f"wrote {out}")
         return {"image": str(self.image), "page": str(out), "faces": max(len(check.faces), 1),

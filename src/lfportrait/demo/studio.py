@@ -6,7 +6,6 @@ shared among threads by fixed bands: the bytes do not depend on timing.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Camera, Capture
+from ..measure import usable_cores
 from ..progress import Progress
 from .head_model import HeadModel
 from .kernels.head_render import bake, render
@@ -53,7 +53,7 @@ class Picture:
 
 def _share(work: Callable[[int], None], count: int) -> None:
     """Call ``work`` with 0..count-1 from as many threads as there are processors."""
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         for _ in pool.map(work, range(count)):
             pass
 

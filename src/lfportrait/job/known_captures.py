@@ -20,6 +20,7 @@ from ..capture import Camera, Capture, LatePictures, is_calibrated
 from ..errors import UserError
 from ..media.depth import DepthMap
 from ..progress import Progress
+from ..states import file_state
 
 __all__ = ["capture_of_face"]
 
@@ -69,12 +70,12 @@ def _read(photos: Path, progress: Progress | None) -> Capture:
 
 
 def _key(photos: Path) -> str:
-    """Hash of the data set's files, by name, size and date, and of what finds faces."""
+    """Hash of the data set's files, by name and state, and of what finds faces."""
     from ..face import detectors_key
 
     root = photos if photos.is_dir() else photos.parent
     try:
-        files = sorted((str(path.relative_to(root)), path.stat().st_size, path.stat().st_mtime_ns)
+        files = sorted((str(path.relative_to(root)), file_state(path))
                        for path in root.rglob("*") if path.is_file())
     except OSError as error:
         raise UserError(f"can't read {photos}: {error.strerror}") from error

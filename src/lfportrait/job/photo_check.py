@@ -318,4 +318,4 @@ def problem_sheet(path: Path, marks: dict[str, str], out: Path, frames: int = 80
         warnings.simplefilter("ignore")  # unreadable files were reported already
         photos = read_video(path, frames, 240) if is_video(path) else read_photos(path, 240)
     write_image(out, contact_sheet([photo.image for photo in photos],
-                                   [photo.name for photo in photos], marks), quality=90)
+                                   [photo.name for photo in photos], marks), sheet=True, quality=90)

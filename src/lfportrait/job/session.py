@@ -27,6 +27,7 @@ from ..example import Exemplar, Skin
 from ..field import VoxelField
 from ..lightfield import Display, encode
 from ..progress import Progress
+from ..states import file_state
 from ..stylize import (
     NearbyPainters,
     Painters,
@@ -83,7 +84,7 @@ class Session:
         self._skins: dict[float, Skin] = {}
         self._painters = painters or Painters()
         self._tried = NearbyPainters(self._painters)
-        self._exemplars: dict[tuple[str, int], Exemplar] = {}
+        self._exemplars: dict[tuple[str, tuple[int, ...] | None], Exemplar] = {}
         if self.capture.landmarks is None:
             raise UserError("the capture has no facial landmarks; run `lfportrait calibrate` on "
                             "the photos")
@@ -160,7 +161,7 @@ class Session:
         if isinstance(style, Exemplar):
             return style
         path = Path(style)
-        key = str(style), path.stat().st_mtime_ns if path.is_file() else 0
+        key = str(style), file_state(path) if path.is_file() else None
         if key not in self._exemplars:
             self._exemplars[key] = Exemplar.load(style)
             while len(self._exemplars) > _EXEMPLARS:

@@ -7,9 +7,7 @@ stages there are, and their keys, is in `graph`; how a task of the graph is done
 from __future__ import annotations
 
 import hashlib
-import shutil
-import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,6 +20,7 @@ from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
+from ..files import own_output
 from ..lightfield import (
     Display,
     EncodeConfig,
@@ -38,7 +37,7 @@ from ..share import PageConfig, write_quilt
 from ..stages import fingerprint_files
 from ..stylize import StylizeConfig
 
-__all__ = ["MakeConfig", "fitted", "look_at", "painting_key", "save_folder", "source_files",
+__all__ = ["MakeConfig", "fitted", "look_at", "painting_key", "source_files",
            "source_key", "write_code", "write_field", "write_styled"]
 
 
@@ -77,7 +76,8 @@ def source_files(photos: Path) -> list[Path]:
     """The files that a capture is made from, for its fingerprint."""
     if photos.is_file():
         return [photos]
-    return [path for path in photos.rglob("*") if path.is_file() and path.name[0] != "."]
+    return [path for path in photos.rglob("*") if path.is_file() and path.name[0] != "."
+            and not own_output(path)]
 
 
 def source_key(photos: Path | Capture) -> str:
@@ -107,17 +107,6 @@ def look_at(photos: Path) -> None:
     if count < 3:
         raise UserError(f"{count} photos in {photos} are too few to find the cameras; take 20 to "
                         "100 of a person who holds still")
-
-
-def save_folder(write: Callable[[Path], None], target: Path) -> None:
-    """Let ``write`` fill a new folder that takes ``target``'s place only when it is complete."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as name:
-        fresh = Path(name) / target.name
-        write(fresh)
-        if target.exists():
-            shutil.rmtree(target)
-        fresh.rename(target)
 
 
 def write_field(capture: Path, target: Path, config: MakeConfig, seed: int,

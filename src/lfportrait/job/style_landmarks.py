@@ -63,7 +63,7 @@ def add_style(path: Path, face: int = 0, at: tuple[float, float] | None = None) 
                         f"{max(face, 1)}; remove {beside.name} and use --face N for another")
     pose = face_pose(points)
     check = StyleCheck(Exemplar(image, points, path.stem), faces, pose)
-    write_image(drawn, draw_landmarks(check))
+    write_image(drawn, draw_landmarks(check), sheet=True)
     return {"image": str(path), "landmarks": str(beside), "picture": str(drawn),
             "pose": pose.angles, "faces": max(len(faces), 1), "said": said}
 

@@ -15,14 +15,15 @@ import math
 import os
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..cache import hash_of
+from ..measure import usable_cores
 from ..progress import Progress
+from ..temporary import temporary_folder
 
 __all__ = ["FUNCTIONS", "Warmup", "run_stage", "run_stages"]
 
@@ -87,8 +88,8 @@ def _encode() -> None:
     aside = sweep_cameras(120.0, 4, 16)
     field.render(aside, 1)
     field.depth(aside, 1)
-    with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
-        write_page(field, Path(folder) / "portrait.html")
+    with temporary_folder() as folder:
+        write_page(field, folder / "portrait.html")
 
 
 _STAGES: dict[str, Callable[[], None]] = {
@@ -145,15 +146,18 @@ class Warmup:
 
     def __init__(self, names: Sequence[str]) -> None:
         wanted = [name for name in names if not _mark(name).exists()]
+        if wanted:
+            from ..lanes.host import sweep_kernels
+
+            sweep_kernels()
         self.compiled = 0
         self.total = sum(FUNCTIONS[name] for name in wanted)
         self._lock = threading.Lock()
         self._waiting = wanted
         self._done = {name: threading.Event() for name in wanted}
         self._processes: list[subprocess.Popen[str]] = []
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
         self._threads = [threading.Thread(target=self._work, daemon=True)
-                         for _ in range(min(cores or 1, len(wanted)))]
+                         for _ in range(min(usable_cores(), len(wanted)))]
         for thread in self._threads:
             thread.start()
 

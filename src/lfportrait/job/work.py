@@ -28,7 +28,7 @@ from ..stages import StageFolder
 from ..stylize import kept_skin, load_styled
 from .graph import STAGES, Task
 from .prepare import prepare_capture
-from .steps import save_folder, write_code, write_field, write_styled
+from .steps import write_code, write_field, write_styled
 from .warmup import Warmup
 
 __all__ = ["Tools", "do_stage"]
@@ -116,7 +116,7 @@ def _capture(task: Task, results: Path, folder: StageFolder, tools: Tools,
             Path(task.source), replace(task.config.calibrate, seed=task.seed),
             keep_background=task.config.keep_background, need_face=True, progress=progress,
             sheet=tools.sheet or target / "photos-left-out.jpg")
-    save_folder(capture.save, target / task.outputs[0])
+    capture.save(target / task.outputs[0])
     for name in task.outputs[1:]:
         angle = np.abs(np.arctan2(capture.cameras.position[:, 0], capture.cameras.position[:, 2]))
         _write_thumbnail(target / name, capture.image_float(int(np.argmin(angle))))

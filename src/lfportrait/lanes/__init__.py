@@ -11,6 +11,7 @@ it is asked how many there are: OpenMP's where there is one, because the fallbac
 from two Python threads at once (a viewer does that).
 """
 
+import os
 import warnings
 from typing import Any
 
@@ -18,9 +19,10 @@ import numba
 from numba.core.caching import FunctionCache
 
 from ..files import temporary_home
+from ..measure import usable_cores
 from .processor import limit_vectors
 
-__all__ = ["keep_kernels"]
+__all__ = ["keep_kernels", "limit_threads"]
 
 _settings: Any = numba.config
 
@@ -46,5 +48,12 @@ def keep_kernels() -> None:
                       "set NUMBA_CACHE_DIR=FOLDER to keep them", stacklevel=1)
 
 
+def limit_threads() -> None:
+    """As many threads as usable cores: Numba does not know how little time a container gets."""
+    if "NUMBA_NUM_THREADS" not in os.environ:
+        _settings.NUMBA_NUM_THREADS = min(_settings.NUMBA_NUM_THREADS, usable_cores())
+
+
 limit_vectors()
+limit_threads()
 keep_kernels()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,13 +12,15 @@ from numba.core.caching import FunctionCache
 
 from .processor import features
 
-__all__ = ["KernelCache", "kernel_cache", "thread_count", "vector_unit"]
+__all__ = ["KernelCache", "kernel_cache", "sweep_kernels", "thread_count", "vector_unit"]
 
 _settings: Any = numba.config
 
 _UNITS = (("avx512f", "AVX-512", 16), ("avx2", "AVX2", 8), ("avx", "AVX", 8), ("sve", "SVE", 4),
           ("neon", "NEON", 4), ("sse2", "SSE2", 4))
 """LLVM's feature, its name, and how many floats an instruction takes at least."""
+_HALF_WRITTEN = 3600.0
+"""Seconds after which nobody goes on with a file of compiled code."""
 
 
 class KernelCache(NamedTuple):
@@ -61,6 +65,17 @@ def kernel_cache() -> KernelCache:
     files = [file for folder in folders for file in folder.glob("*.nb[ic]")]
     return KernelCache(_common(folders, package), sum(file.suffix == ".nbi" for file in files),
                        sum(file.stat().st_size for file in files))
+
+
+def sweep_kernels() -> None:
+    """Remove what Numba had half written when it was killed; writing takes less than a second."""
+    package = Path(__file__).parents[1]
+    with suppress(RuntimeError, OSError):
+        for home in {path.parent for path in [*package.glob("lanes/*.py"),
+                                              *package.glob("**/kernels/*.py")]}:
+            for left in _cache_folder(home).glob("*.nb[ic].tmp.*"):
+                if time.time() - left.lstat().st_mtime > _HALF_WRITTEN:
+                    left.unlink()
 
 
 def _cache_folder(home: Path) -> Path:

@@ -8,7 +8,6 @@ import os
 import signal
 import socket
 import sys
-import webbrowser
 from collections.abc import AsyncIterator, Callable, Iterator
 from importlib import resources
 from pathlib import Path
@@ -21,6 +20,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from ..browsing import open_browser
 from ..errors import UserError
 from .answers import Refusal, failed
 from .desk import Desk
@@ -175,7 +175,7 @@ def run(folder: Path, port: int = 0, *, browse: bool = True, quiet: bool = False
             if ready is not None:
                 ready(address)
             if browse:
-                webbrowser.open(address)
+                open_browser(address)
 
         config = uvicorn.Config(
             application(desk, keys), log_level="error", access_log=False, lifespan="on",

@@ -13,6 +13,7 @@ from typing import Any
 
 from ..errors import UserError
 from ..files import read_json, write_json
+from ..leftovers import MARK
 from .answers import Refusal, choice, number, text, truth, whole
 from .names import folder_name, id_of
 from .projects import Project
@@ -223,7 +224,7 @@ def forget_unfinished(target: Path, since: float = 0.0) -> None:
         name, ending = rf"{name}(\d+x\d+a[\d.]+({ending})?)?", rf"({ending}|\.json)"
     if inside:
         folder, name, ending = target, r"[^.].*", r"(\.\w+)?"
-    mine = re.compile(rf"\.{name}\.[a-z0-9_]{{8}}{ending}")
+    mine = re.compile(rf"\.{name}\.{MARK}{ending}")
     for path in folder.glob(".*"):
         with contextlib.suppress(OSError):  # one that is open in another program stays
             if not mine.fullmatch(path.name) or path.lstat().st_mtime < since:

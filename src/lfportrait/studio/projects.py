@@ -32,6 +32,7 @@ from typing import Any
 
 from ..errors import UserError
 from ..files import read_json, write_json
+from ..leftovers import sweep_below
 from ..locks import lock
 from ..media.kinds import PHOTOS, VIDEOS
 from .answers import Refusal
@@ -201,6 +202,7 @@ class Projects:
             self._lock.close()
             raise UserError(f"another studio has {folder} open; use that one, or choose another "
                             "folder with --folder") from error
+        sweep_below(self.folder)  # of jobs that were killed with the studio
 
     @property
     def own(self) -> Path:

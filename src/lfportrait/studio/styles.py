@@ -23,6 +23,7 @@ from ..files import atomic_path, atomic_write, read_json
 from ..labels import BY_HAND
 from ..media.kinds import PHOTOS
 from ..media.pictures import open_picture, read_image
+from ..states import file_state
 from .answers import Refusal
 from .names import file_name, folder_name, free_name, id_of
 from .projects import OWN, Project, Projects
@@ -85,7 +86,7 @@ class Style:
             return "0"
         files = (self.path, *(self.path.with_suffix(f".{ending}") for ending in (
             "landmarks.txt", "mask.png", "regions.png")))
-        states = [(path.stat().st_size, path.stat().st_mtime_ns) if path.is_file() else None
+        states = [file_state(path) if path.is_file() else None
                   for path in files]
         return hashlib.sha256(repr(states).encode()).hexdigest()[:12]
 

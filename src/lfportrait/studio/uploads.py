@@ -22,6 +22,7 @@ from starlette.concurrency import run_in_threadpool
 
 from ..measure import free_disk_bytes
 from ..media.kinds import PHOTOS, RAW, VIDEOS
+from ..states import file_state
 from .answers import Refusal, failed
 from .names import file_name, free_name, id_of
 from .photos import one_kind
@@ -59,7 +60,7 @@ class Uploads:
 
     def __init__(self) -> None:
         self._expected: dict[str, _Upload] = {}
-        self._hashes: dict[tuple[str, int, int], str] = {}
+        self._hashes: dict[tuple[str, tuple[int, ...]], str] = {}
         self._lock = threading.Lock()
 
     def announce(self, project: Project, files: Any) -> list[dict[str, Any]]:
@@ -77,8 +78,7 @@ class Uploads:
         """The photos of a project by their hashes."""
         found = {}
         for path in (*project.files(), *project.files(project.left_out)):
-            state = path.stat()
-            key = str(path), state.st_size, state.st_mtime_ns
+            key = str(path), file_state(path)
             if key not in self._hashes:
                 with open(path, "rb") as stream:
                     self._hashes[key] = hashlib.file_digest(stream, "sha256").hexdigest()

@@ -29,6 +29,7 @@ from torch.nn import functional
 
 from .. import models
 from ..errors import UserError
+from ..measure import usable_cores
 
 __all__ = ["FeatureNetwork", "embedded_features", "has_half_numbers", "load_network"]
 
@@ -36,6 +37,9 @@ FeatureNetwork = Callable[[torch.Tensor], list[torch.Tensor]]
 """RGB in [0, 1], [1, 3, H, W] -> feature maps [1, C, h, w]."""
 
 Weights = dict[str, torch.Tensor]
+
+# Torch does not know how little time a container gets.
+torch.set_num_threads(min(torch.get_num_threads(), usable_cores()))
 
 _MEAN = torch.tensor([0.485, 0.456, 0.406])[None, :, None, None]
 _STD = torch.tensor([0.229, 0.224, 0.225])[None, :, None, None]

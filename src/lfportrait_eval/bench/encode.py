@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from lfportrait.lightfield import (
 from lfportrait.measure import memory_of
 from lfportrait.metrics import psnr
 from lfportrait.progress import Progress
+from lfportrait.temporary import temporary_folder
 
 from .on_gpu import device_figures
 from .transfer import say, timed
@@ -208,17 +208,17 @@ def _mask(field: VoxelField, display: Display, config: EncodeConfig, repeats: in
           ) -> dict[str, Any]:
     """One row of Table 1: time and memory with and without the stored mask guide."""
     ViewMask.build(replace(display, width=32, height=8), cache=False)
-    with tempfile.TemporaryDirectory() as name:
+    with temporary_folder() as folder:
         build, mask = timed(lambda: ViewMask.build(display, cache=False), repeats)
-        ViewMask.build(display, cache=Path(name))
-        load, _ = timed(lambda: ViewMask.build(display, cache=Path(name)), repeats)
+        ViewMask.build(display, cache=folder)
+        load, _ = timed(lambda: ViewMask.build(display, cache=folder), repeats)
 
         def code(cache: bool | Path) -> None:
             encode_with_figures(field, display, config, device="cpu",
                                 mask=ViewMask.build(display, cache=cache))
 
-        stored, _ = timed(lambda: code(Path(name)), repeats)
+        stored, _ = timed(lambda: code(folder), repeats)
         fresh, _ = timed(lambda: code(False), repeats)
-        memory, _ = memory_of(lambda: code(Path(name)))
+        memory, _ = memory_of(lambda: code(folder))
     return {"build_seconds": build, "load_seconds": load, "with_seconds": stored,
             "without_seconds": fresh, "bytes": mask.nbytes, "memory_bytes": memory}

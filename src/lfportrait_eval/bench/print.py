@@ -9,7 +9,6 @@ exact phase of each of its columns; what is left is what the steps themselves co
 from __future__ import annotations
 
 import math
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,6 +31,7 @@ from lfportrait.lightfield.prints import (
 from lfportrait.measure import cost_of, memory_of
 from lfportrait.metrics import psnr
 from lfportrait.progress import Progress
+from lfportrait.temporary import temporary_folder
 
 from .transfer import say, timed
 
@@ -77,8 +77,8 @@ def bench_print(field: VoxelField, config: PrintConfig | None = None, *, repeats
         "pixels": display.width * display.height, "pixels_per_lens": sheet.pixels_per_lens,
         "depth_scale": depth.depth_scale}
     say(progress, "print by rays")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "print.tiff"
+    with temporary_folder() as folder:
+        path = folder / "print.tiff"
         # The first run tells the memory: later ones find some of it taken already.
         memory, (cost, _) = memory_of(
             lambda: cost_of(lambda: write_print(field, sheet, path, coding=coding)))
@@ -87,7 +87,7 @@ def bench_print(field: VoxelField, config: PrintConfig | None = None, *, repeats
                            "coding_seconds": run["seconds"]["coding"], "memory_bytes": memory}
         say(progress, "views, interlaced and resampled")
         memory, (cost, (parts, usual)) = memory_of(lambda: cost_of(
-            lambda: _usual_way(field, sheet, coding, Path(folder) / "usual.tiff")))
+            lambda: _usual_way(field, sheet, coding, folder / "usual.tiff")))
     figures["usual"] = {"seconds": sum(parts.values()), "cpu_seconds": cost.cpu_seconds, **parts,
                         "memory_bytes": memory}
     figures["usual"]["times_slower"] = figures["usual"]["seconds"] / seconds

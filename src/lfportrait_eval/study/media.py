@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from PIL import Image
 
 from lfportrait.errors import UserError
 from lfportrait.share import write_video
+from lfportrait.temporary import temporary_folder
 
 __all__ = ["Clip", "clip_of", "picture_bytes"]
 
@@ -72,8 +72,8 @@ def clip_of(path: Path) -> Clip:
                 data, count = path.read_bytes(), stream.frames
                 count = count or sum(1 for _ in container.decode(video=0))
             else:
-                with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
-                    fresh = Path(folder) / "video.mp4"
+                with temporary_folder() as folder:
+                    fresh = folder / "video.mp4"
                     count = write_video(fresh, _frames(container), rate)
                     data, kind = fresh.read_bytes(), "mp4"
     except (av.FFmpegError, OSError, IndexError) as error:

@@ -101,6 +101,13 @@ def test_parameters_of_another_packages_method(load):
     ('[[sitter]]\nphotos = "anna"\nname = "a/b"', "can't be a folder's name"),
     ('[[sitter]]\nphotos = "anna"\nname = "portrait"', "taken by the batch"),
     ('[[sitter]]\nphotos = "anna"\n[[sitter]]\nphotos = "anna"', "the name anna is used twice"),
+    ('[[sitter]]\nphotos = "anna"\n[[sitter]]\nphotos = "anna"\nname = "Anna"',
+     "'anna' and 'Anna' are one folder on some systems"),
+    ('[[sitter]]\nphotos = "anna"\n[[sitter]]\nphotos = "anna"\nname = "anna. "', "one folder"),
+    ('[[sitter]]\nphotos = "anna"\nname = "zo\u00eb"\n'
+     '[[sitter]]\nphotos = "anna"\nname = "zoe\u0308"', "one folder"),
+    ('[[sitter]]\nphotos = "anna"\nname = "Portrait"', "taken by the batch"),
+    ('[[sitter]]\nphotos = "anna"\nname = " ."', "can't be a folder's name"),
     ('[[sitter]]\nphotos = "anna"\nstyles = ["charcaol"]', "did you mean charcoal"),
     ('[[sitter]]\nphotos = "anna"\nstylize.stregth = 1', r"sitter anna.stylize: .*mean strength"),
     ('[[sitter]]\nphotos = "anna"\nstylize.strength = "x"', "strength = 'x' is not a number"),

@@ -1,6 +1,9 @@
 """The graph: work is shared, a change redoes what depends on it, and nothing more is wanted."""
 
+import os
 import shutil
+import sys
+import time
 from collections import Counter
 
 import numpy as np
@@ -16,6 +19,7 @@ from lfportrait.job.batch.fingerprints import Fingerprints
 from lfportrait.job.batch.plan import draw_plan
 from lfportrait.job.graph import STAGES
 from lfportrait.job.steps import source_key
+from lfportrait.states import tells_changes
 
 
 def planned(folder, text, name="changed.toml"):
@@ -144,7 +148,8 @@ def test_tasks_wait_for_what_they_need(studio, jobs_text):
     assert started[3:] == ["anna/field"] and len(left) == 10
 
 
-def test_photos_are_read_once(tmp_path):
+def test_photos_are_read_once(tmp_path, monkeypatch):
+    monkeypatch.setattr("lfportrait.states._SOON", -1)  # as if they had been here for long
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "one.jpg").write_bytes(b"one")
     read = []
@@ -160,6 +165,31 @@ def test_photos_are_read_once(tmp_path):
     assert again(tmp_path / "photos") == first and len(read) == 1
     (tmp_path / "photos" / "one.jpg").write_bytes(b"other")
     assert again(tmp_path / "photos") != first and len(read) == 2
+
+
+def test_a_photo_whose_size_and_time_are_kept_is_another(tmp_path, monkeypatch):
+    photo = tmp_path / "photos" / "one.jpg"
+    photo.parent.mkdir()
+    photo.write_bytes(b"one")
+    times = photo.stat().st_atime_ns, photo.stat().st_mtime_ns
+    prints = Fingerprints(tmp_path / "kept.json", source_key)
+    just_now = prints(photo.parent)  # the next change may be within the clock's same step
+    photo.write_bytes(b"two")
+    os.utime(photo, ns=times)
+    second = prints(photo.parent)
+    assert second != just_now
+    monkeypatch.setattr("lfportrait.states._SOON", -1)
+    assert prints(photo.parent) == second
+    time.sleep(0.05)
+    photo.write_bytes(b"six")
+    os.utime(photo, ns=times)
+    assert prints(photo.parent) not in (just_now, second)
+
+
+@pytest.mark.parametrize("changed", [1_600_000_000_000_000_000, 1_600_000_000_120_000_000])
+def test_a_cards_times_tell_nothing(changed):
+    assert not tells_changes((1, changed, changed, 1))
+    assert tells_changes((1, changed, changed + 1, 1)) == (sys.platform != "win32")
 
 
 def test_estimates_follow_what_was_measured():

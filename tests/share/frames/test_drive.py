@@ -166,8 +166,9 @@ def test_a_drive_without_chmod_and_rename_over(drive, tmp_path, monkeypatch):
 
 
 def test_too_little_room_is_told_before_anything_is_written(drive, tmp_path, monkeypatch):
-    usage = drives.shutil.disk_usage(drive)
-    monkeypatch.setattr(drives.shutil, "disk_usage", lambda _: usage._replace(free=1000))
+    usage = drives.shutil.disk_usage
+    monkeypatch.setattr(drives.shutil, "disk_usage", lambda path: (
+        usage(path)._replace(free=1000) if path == drive else usage(path)))
     with pytest.raises(UserError, match="nothing was written"):
         fill_drive(DrivePlan(drive, [quilt(tmp_path / "a_qs2x2a0.5625.png")]))
     assert list(drive.iterdir()) == []

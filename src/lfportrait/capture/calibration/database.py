@@ -19,10 +19,15 @@ from numpy.typing import NDArray
 from ..photos import Photo
 from .features import FEWEST, Features, Matches
 
-__all__ = ["Scene", "lens_groups", "sensor_turns"]
+__all__ = ["Scene", "lens_groups", "room_for", "sensor_turns"]
 
 USUAL_FOCAL = 1.2
 """Focal length over the longer side where nothing is known: 43 mm on film."""
+
+
+def room_for(photos: int) -> int:
+    """Bytes that the databases of so many photos take at the least."""
+    return max(2 << 20, photos << 18)
 
 
 def sensor_turns(photos: Sequence[Photo]) -> list[int]:

@@ -16,7 +16,6 @@ shoulders often stay while it turns. Else the person is taken as rigid.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -26,10 +25,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...temporary import temporary_folder
 from ..camera import Camera
 from ..capture import Capture
 from ..frame import pose_corrections, without_drift
-from .database import Scene
+from .database import Scene, room_for
 from .features import Features, enough, likely_pairs, match_features, sift_features
 from .mapping import place_photos
 
@@ -226,8 +226,8 @@ def place_by_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int
 
     pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
     pycolmap.set_random_seed(seed)
-    with tempfile.TemporaryDirectory(prefix="lfportrait-") as work:
-        scene = _scene(capture, mattes, Path(work), seed)
+    with temporary_folder(room_for(len(capture))) as work:
+        scene = _scene(capture, mattes, work, seed)
         placed, cameras = _placed_by_head(pycolmap, scene, _lenses(scene), capture.cameras,
                                           lens_known=False)
     return _placed_part(capture, placed, cameras) if placed else None
@@ -257,8 +257,8 @@ def follow_head(capture: Capture, mattes: list[NDArray[np.float32]], seed: int =
     import pycolmap
 
     pycolmap.logging.minloglevel = pycolmap.logging.Level.FATAL.value
-    with tempfile.TemporaryDirectory(prefix="lfportrait-") as work:
-        scene = _scene(capture, mattes, Path(work), seed)
+    with temporary_folder(room_for(len(capture))) as work:
+        scene = _scene(capture, mattes, work, seed)
         lenses = _lenses(scene)
         apart = _distances(pycolmap, scene, capture.cameras, lenses)
         if len(apart) < len(capture):

@@ -1,4 +1,8 @@
-"""Hashes of photos, cached by file size and time, so that resuming is fast."""
+"""Hashes of photos, kept by the files' states (`lfportrait.states`), so that resuming is fast.
+
+Where a state can't tell a change (Windows, memory cards, files that were written just now), the
+photos are read again.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from pathlib import Path
 from ...cache import hash_of
 from ...errors import UserError
 from ...files import write_json
+from ...states import file_state, tells_changes
 from ..steps import source_files
 
 __all__ = ["Fingerprints"]
@@ -41,14 +46,16 @@ class Fingerprints:
             If one can't be read.
         """
         try:
-            states = [(str(path), state.st_size, state.st_mtime_ns)
-                      for path in sorted(source_files(source)) for state in [path.stat()]]
+            states = [(str(path), file_state(path)) for path in sorted(source_files(source))]
         except OSError as error:
             raise UserError(f"can't read the photos in {source}: {error.strerror}") from error
         key = hash_of(*states)
-        if key not in self._known:
-            self._known[key] = self._compute(source)
-        return self._known[key]
+        if key in self._known:
+            return self._known[key]
+        found = self._compute(source)
+        if all(tells_changes(state) for _, state in states):
+            self._known[key] = found
+        return found
 
     def keep(self) -> None:
         """Write what is known."""

@@ -29,6 +29,7 @@ from __future__ import annotations
 
 import glob
 import tomllib
+import unicodedata
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -149,6 +150,15 @@ def load_jobs(path: Path) -> Jobs:
         if key not in known:
             raise unknown_key(str(path), key, known)
     return _Reader(path, data).jobs()
+
+
+def _folded(name: str) -> str:
+    """What some systems make of a folder's name: equal for names that are one folder there.
+
+    Capitals, ways to write an accent, and dots and spaces at the end do not count.
+    """
+    plain = unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", name).casefold())
+    return plain.rstrip(". ")
 
 
 class _Reader:
@@ -279,18 +289,23 @@ class _Reader:
     def _name(self, name: Any, where: str) -> str:
         """A name that is a folder's, too."""
         text = str(checked(name, str, f"{where}: name"))
-        if not text or text[0] == "." or any(sign in text for sign in '/\\:*?"<>|\0'):
+        if not text.strip(". ") or text[0] == "." or any(sign in text for sign in '/\\:*?"<>|\0'):
             raise UserError(f"{where}: name = {text!r} can't be a folder's name")
-        if text in _TAKEN or text.startswith("quilt_"):
+        if _folded(text) in _TAKEN or _folded(text).startswith("quilt_"):
             raise UserError(f"{where}: name = {text!r} is taken by the batch's own files")
         return text
 
     def _named(self, things: Iterable[Any]) -> dict[str, Any]:
         """Things by their names, each of which is there once."""
         found: dict[str, Any] = {}
+        taken: dict[str, str] = {}
         for thing in things:
+            other = taken.setdefault(_folded(thing.name), thing.name)
             if thing.name in found:
                 raise UserError(f"{self.path}: the name {thing.name} is used twice; choose "
                                 "different names")
+            if other != thing.name:
+                raise UserError(f"{self.path}: the names {other!r} and {thing.name!r} are one "
+                                "folder on some systems; choose different names")
             found[thing.name] = thing
         return found

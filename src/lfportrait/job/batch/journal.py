@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...errors import UserError
+from ...leftovers import sweep_below
 from ...locks import lock
 
 __all__ = ["FOLDER", "Event", "Journal", "Watcher", "is_running", "locked",
@@ -106,6 +107,7 @@ def locked(results: Path) -> Iterator[None]:
         except OSError as error:
             raise UserError(f"another batch is writing to {results}; wait for it, or choose "
                             "another folder with --out") from error
+        sweep_below(results)  # of tasks that were killed with an earlier batch
         yield
 
 

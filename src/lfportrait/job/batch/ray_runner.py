@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import UserError
+from ...measure import usable_cores
 from ..graph import Task, finished
 from ..warmup import Warmup
 from .journal import locked_file
@@ -44,6 +45,18 @@ def _do_remotely(task: Task, results: Path) -> Outcome:
     return do_task(task, results)
 
 
+def _join(ray: Any, address: str | None) -> None:
+    """Join a cluster, or begin one on this machine, of the cores that a container allows."""
+    quiet = {"log_to_driver": False, "logging_level": logging.ERROR}
+    if address is None:
+        try:
+            ray.init(None, num_cpus=usable_cores(), **quiet)
+            return
+        except ValueError:  # it runs already and has its own number of cores
+            pass
+    ray.init(address, **quiet)
+
+
 def _joined(address: str) -> Any:
     """Ray, as a part of the cluster."""
     if address != "ray" and not address.startswith("ray://"):
@@ -54,8 +67,7 @@ def _joined(address: str) -> Any:
         raise UserError("--on ray needs Ray: pip install 'lfportrait[ray]'") from error
     if not ray.is_initialized():
         try:
-            ray.init(None if address == "ray" else address, log_to_driver=False,
-                     logging_level=logging.ERROR)
+            _join(ray, None if address == "ray" else address)
         except Exception as error:  # as many kinds as there are ways to a cluster
             reason = " ".join(str(error).split())[:200]
             raise UserError(f"can't join the Ray cluster {address}: {reason}") from error

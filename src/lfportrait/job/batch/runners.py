@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from ...measure import free_memory_bytes, usable_cores
+from ...measure import THREADS, free_memory_bytes, usable_cores
 from ..graph import Task
 from .work import Outcome
 
@@ -51,8 +51,7 @@ class Runner(Protocol):
 
 def thread_settings(cores: int) -> dict[str, str]:
     """Environment of a process whose tasks use ``cores`` cores."""
-    names = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    return dict.fromkeys(names, str(cores))
+    return dict.fromkeys(THREADS, str(cores))
 
 
 class _Died(Exception):

@@ -27,6 +27,7 @@ from ...field import VoxelField
 from ...files import atomic_path
 from ...lightfield import Display, EncodeConfig, QuiltHint, QuiltLayout, layout_for, quilt_part
 from ...media.pictures import open_picture
+from ...temporary import temporary_folder
 from .config import FrameConfig
 from .metadata import SECONDS, quilt_settings
 from .names import safe_names
@@ -244,18 +245,18 @@ def fill_drive(plan: DrivePlan, step: Callable[[int, int], None] = lambda at, co
     for source in plan.sources:
         if not source.is_file():
             raise UserError(f"no such file: {source}")
-    with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
-        files, figures = _prepared(plan, Path(folder), step)
-        playlist = Path(folder) / _PLAYLIST
+    with temporary_folder() as folder:
+        files, figures = _prepared(plan, folder, step)
+        playlist = folder / _PLAYLIST
         playlist.write_bytes("".join(f"{entry['name']}\n" for entry in figures["quilts"]).encode())
-        playing = Path(folder) / _PLAYING
+        playing = folder / _PLAYING
         playing.write_text(json.dumps({
             "model": "toolkit", "schema": "0.1",
             "playlists": [{"title": plan.title, "path": f"/{_PLAYLIST}"}]}, indent=1), "utf-8")
         files += [(playlist, _PLAYLIST), (playing, _PLAYING)]
         _free(plan, files)
         with _all_or_nothing(plan.drive) as made:
-            _keep_old(plan.drive, Path(folder), made)
+            _keep_old(plan.drive, folder, made)
             for path, name in files:
                 _copy(path, plan.drive / name, made)
         return figures | {"playlist": str(plan.drive / _PLAYLIST),

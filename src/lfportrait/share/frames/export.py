@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from ...errors import UserError
 from ...field import VoxelField
 from ...files import write_json
 from ...lightfield import EncodeConfig, backdrop_of
+from ...temporary import temporary_folder
 from .config import FrameConfig
 from .eyes import TwoEyes, anaglyph_of
 from .framing import Margins, framed
@@ -105,8 +105,8 @@ def _hop(field: VoxelField, path: Path, config: FrameConfig, encode: EncodeConfi
     if not config.frames:
         contents = picture_bytes(".png", plan.picture(field, encode), quilt_exif(plan.layout))
         return figures | write_hop(path, name, contents, plan.layout)
-    with tempfile.TemporaryDirectory(prefix="lfportrait-") as folder:
-        movie = Path(folder) / f"{name[:-4]}.mp4"
+    with temporary_folder() as folder:
+        movie = folder / f"{name[:-4]}.mp4"
         figures |= write_moving(movie, lambda place: plan.picture(field, place), plan.size, encode,
                                 config, comment=quilt_block(plan.layout), step=step)
         return figures | write_hop(path, movie.name, movie, plan.layout, movie=True)

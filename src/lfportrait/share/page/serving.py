@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import webbrowser
 from collections.abc import Callable
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+from ...browsing import open_browser
 from ...errors import UserError
 
 __all__ = ["serve_page"]
@@ -71,5 +71,5 @@ def serve_page(page: str | Path, port: int = 0, *, browse: bool = True,
         if ready is not None:
             ready(address, server.shutdown)
         if browse:
-            webbrowser.open(address)
+            open_browser(address)
         server.serve_forever()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 from ...errors import UserError
 from ...field import VoxelField
 from ...files import atomic_path
+from ...leftovers import part_folder
 from ...lightfield import (
     Display,
     EncodeConfig,
@@ -133,14 +133,13 @@ def _coded(field: VoxelField, path: Path, kind: str, panel: Display,
 def _together(field: VoxelField, path: Path, config: ExportConfig,
               tell: Callable[[float, str], None]) -> dict[str, Any]:
     """An OBJ with its material and its picture in one .zip: none of them is of use alone."""
-    with tempfile.TemporaryDirectory(suffix=path.suffix, prefix=f".{path.stem}.",
-                                     dir=path.parent) as folder:
+    with part_folder(path) as folder:
         # A plain name for all three: an OBJ calls its material by one (`plain_stem`).
-        figures = export_field(field, Path(folder) / f"{plain_stem(path.stem)}.obj", config,
+        figures = export_field(field, folder / f"{plain_stem(path.stem)}.obj", config,
                                lambda share, text: tell(0.9 * share, text))
         tell(0.9, path.name)
         with atomic_path(path) as temporary, ZipFile(temporary, "w", ZIP_DEFLATED) as together:
-            for part in sorted(Path(folder).iterdir()):
+            for part in sorted(folder.iterdir()):
                 together.write(part, part.name)
     return {**figures, "bytes": path.stat().st_size}
 

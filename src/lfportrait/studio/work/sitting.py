@@ -17,6 +17,7 @@ from ...example import Exemplar, known_ground
 from ...field import Backdrop, VoxelField, head_points
 from ...job import Session
 from ...lightfield import eight_bit, render_views
+from ...states import file_state
 from ...stylize import Painters, StyledField, StylizeConfig, load_styled
 from .pictures import views_of
 
@@ -70,7 +71,7 @@ class Look:
         self.pixels: float | None = request.get("pixels")
         self.mix: dict[str, Any] = dict(request.get("mix") or {})
 
-    def _stamps(self) -> list[tuple[str, int]]:
+    def _stamps(self) -> list[tuple[str, tuple[int, ...] | None]]:
         """All files that it depends on, with their times."""
         paths: list[Path] = []
         if self.styled is not None:
@@ -82,7 +83,7 @@ class Look:
                     path = Path(style)
                     paths += [path, *(path.with_suffix(f".{end}") for end in
                                       ("landmarks.txt", "mask.png", "regions.png"))]
-        return [(str(path), path.stat().st_mtime_ns if path.is_file() else 0) for path in paths]
+        return [(str(path), file_state(path) if path.is_file() else None) for path in paths]
 
     def painted_key(self) -> str:
         """Changes with whatever the painted head depends on."""
@@ -109,15 +110,14 @@ class Sitting:
 
     def session(self, job: Path) -> Session:
         """A head with all that previews need."""
-        state = (job / "field.npz").stat()
-        key = f"{job} {state.st_mtime_ns} {state.st_size}"
+        key = f"{job} {file_state(job / 'field.npz')}"
         return self._sessions.get(key, lambda: Session(job / "field.npz", job / "capture",
                                                        painters=_Few()))
 
     def exemplar(self, style: str, landmarks: Any = None) -> Exemplar:
         """A painting, with landmarks that may not be saved yet."""
         path = Path(style)
-        beside = [one.stat().st_mtime_ns if one.is_file() else 0
+        beside = [file_state(one) if one.is_file() else None
                   for one in (path, *(path.with_suffix(f".{end}") for end in
                                       ("landmarks.txt", "mask.png", "regions.png")))]
         saved = f"{style} {beside}"
