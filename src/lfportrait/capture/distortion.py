@@ -25,6 +25,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..media.colors import premultiplied, straight
+
 __all__ = ["Lens", "undistort"]
 
 Float = NDArray[np.float64]
@@ -197,10 +199,15 @@ def undistort(image: NDArray[Any], lens: Lens) -> tuple[NDArray[Any], NDArray[np
     if not lens.distorts:
         return image, np.ones(image.shape[:2], bool)
     columns, rows, inside = _map(lens)
+    # What is transparent has any color, which must not get into the edge of what is not.
+    cut_out = image.ndim == 3 and image.shape[2] == 4 and bool((image[..., 3] < 255).any())
+    if cut_out:
+        image = premultiplied(image)
     # Cubic, as a linear blend of pixels would blur the photo.
     flat = cv2.remap(np.ascontiguousarray(image), columns, rows, cv2.INTER_CUBIC,
                      borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(flat).reshape(image.shape), inside
+    flat = np.asarray(flat).reshape(image.shape)
+    return (straight(flat.astype(np.float32)) if cut_out else flat), inside
 
 
 @functools.lru_cache(maxsize=1)

@@ -9,7 +9,6 @@ pillow-heif.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,12 +19,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..errors import UserError
-from ..files import own_output
 from ..measure import usable_cores
-from ..media.colors import srgb
+from ..media.colors import color_space, srgb_from
+from ..media.damage import damage_of
 from ..media.depth import DepthMap, read_depth
-from ..media.kinds import PHOTOS, RAW, VIDEOS
-from ..media.pictures import open_picture
+from ..media.folders import RAW_PHOTOS, Listing, folders_below, list_pictures, say_left_out
+from ..media.kinds import kind_of
+from ..media.pictures import file_of, open_picture
 from .exif import noted
 
 __all__ = ["Photo", "is_video", "picture_files", "read_photos"]
@@ -63,8 +63,12 @@ class Photo:
 
 def _read_photo(path: Path, max_side: int) -> Photo:
     """Read, turn upright and reduce one picture; raises what Pillow raises."""
+    damage = damage_of(path)
+    if damage:
+        raise OSError(f"it is damaged: {damage}; copy it again from the camera")
     with open_picture(path) as picture:
         notes = noted(picture.getexif(), picture.size)
+        profile, space = picture.info.get("icc_profile"), color_space(picture, file_of(picture))
         if max_side:
             # A JPEG can be read at a half or a quarter of its size, in a fraction of the time.
             ratio = max_side / max(picture.size)
@@ -72,7 +76,7 @@ def _read_photo(path: Path, max_side: int) -> Photo:
         picture.load()
         # Of a picture of 200 megapixels no second whole copy is made.
         times = min(picture.size) // 4 and max(picture.size) // (2 * max_side) if max_side else 0
-        upright = srgb(_reduced(picture, times) if times > 1 else picture)
+        upright = srgb_from(_reduced(picture, times) if times > 1 else picture, profile, space)
     if max_side and max(upright.size) > max_side:
         ratio = max_side / max(upright.size)
         size = [max(1, round(side * ratio)) for side in upright.size]
@@ -92,35 +96,25 @@ def _reduced(picture: Image.Image, times: int) -> Image.Image:
     return smaller
 
 
-def _picture_files(folder: Path) -> list[Path]:
+def _picture_files(folder: Path) -> Listing:
     """The pictures of a folder, or of its subfolder ``images``, or of the only one with pictures.
 
     Cameras keep photos in ``DCIM/100NAME``. Several folders are several people, or an error.
     """
+    first = Listing([])
     for place in (folder, folder / "images"):
-        found = _within(place, PHOTOS)
-        if found:
-            raw = {path.stem for path in _within(place, RAW)} - {path.stem for path in found}
-            if raw:
-                warnings.warn(f"{len(raw)} raw photos in {place} are left out; export them as "
-                              "JPEG or TIFF", stacklevel=2)
+        found = list_pictures(place, photos=True)
+        if found.files:
             return found
-    below = {place: found for place in sorted(folder.rglob("*"))
-             if place.is_dir() and (found := _within(place, PHOTOS))}
+        first = first if first.left_out else found
+    below = {place: found for place in folders_below(folder)
+             if (found := list_pictures(place, photos=True)).files}
     if len(below) > 1:
         names = [str(place.relative_to(folder)) for place in below]
         raise UserError(f"{folder} has photos in several folders ({', '.join(names[:4])}"
                         f"{', ...' if len(names) > 4 else ''}); name one of them, or use "
                         "`lfportrait batch` for several people")
-    return next(iter(below.values()), [])
-
-
-def _within(place: Path, suffixes: Collection[str]) -> list[Path]:
-    """Files of these kinds in a folder, none in its folders."""
-    return sorted(path for path in place.iterdir()
-                  if path.is_file() and not path.name.startswith(".")
-                  and path.suffix.lower() in suffixes
-                  and not own_output(path)) if place.is_dir() else []
+    return next(iter(below.values()), first)
 
 
 def _unique(photos: list[Photo]) -> list[Photo]:
@@ -150,13 +144,17 @@ def picture_files(folder: Path) -> list[Path]:
         raise UserError(f"there is no folder {folder}; name the folder of your photos")
     if not folder.is_dir():
         raise UserError(f"{folder} is neither a folder of photos nor a video")
-    files = _picture_files(folder)
-    if not files and any(_within(folder, RAW)):
+    listing = _picture_files(folder)
+    if listing.files:
+        say_left_out(listing, folder, stacklevel=2)
+        return listing.files
+    if RAW_PHOTOS in listing.left_out:
         raise UserError(f"the photos in {folder} are raw; export them as JPEG or TIFF")
-    if not files:
-        raise UserError(f"{folder} has no photos in it; put 20 to 100 photos of one person there "
-                        "(JPEG, HEIC or PNG)")
-    return files
+    other = [path for files in listing.left_out.values() for path in files]
+    if other and all(kind_of(path) == "video" for path in other):
+        raise UserError(f"{folder} holds a video and no photos; name the video itself: {other[0]}")
+    raise UserError(f"{folder} has no photos in it; put 20 to 100 photos of one person there "
+                    "(JPEG, HEIC or PNG)")
 
 
 def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
@@ -203,5 +201,5 @@ def _tried(path: Path, max_side: int) -> Photo | str:
 
 
 def is_video(path: Path) -> bool:
-    """Whether a path names a video file."""
-    return path.is_file() and path.suffix.lower() in VIDEOS
+    """Whether a path names a video file, by its content."""
+    return path.is_file() and kind_of(path) == "video"

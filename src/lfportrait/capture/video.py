@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..color import tone_mapped
 from ..errors import UserError
+from ..media.colors import coded_space, from_space
 from .photos import Photo
 from .sharpness import fineness, relative_sharpness
 
@@ -30,9 +30,8 @@ __all__ = ["read_video", "video_frames"]
 _SIDE, _RATE = 384, 5.0
 # A video whose features move less than this part of the picture altogether stands still.
 _STILL = 0.02
-# Numbers that a stream has for no matrix, and for curves of high dynamic range (ITU-T H.273).
+# The number of what a stream does not say (ITU-T H.273).
 _UNSPECIFIED = 2
-_HIGH_RANGE: dict[int, Literal["hlg", "pq"]] = {16: "pq", 18: "hlg"}
 
 
 @dataclass(frozen=True)
@@ -49,18 +48,29 @@ class _Scan:
     broken: str
 
 
-def _decoded(path: Path) -> Iterator[tuple[float, Any]]:
-    """Decoded frames and the frame rate."""
+def _film(container: Any) -> Any:
+    """The stream of the film: not that of a cover picture, of several the one FFmpeg takes."""
+    import av
+
+    films = [stream for stream in container.streams.video
+             if not stream.disposition & av.stream.Disposition.attached_pic]
+    best = container.streams.best("video")
+    return best if any(stream is best for stream in films) else next(iter(films), None)
+
+
+def _decoded(path: Path) -> Iterator[tuple[float, float, Any]]:
+    """The frame rate, the width of a pixel over its height, and decoded frames."""
     import av
 
     with av.open(str(path)) as container:
-        if not container.streams.video:
-            raise ValueError("it has no video stream")
-        stream = container.streams.video[0]
+        stream = _film(container)
+        if stream is None:
+            raise ValueError("it has no video stream, or a cover picture alone")
         stream.thread_type = "AUTO"
         rate = float(stream.average_rate or 30)
+        aspect = float(stream.sample_aspect_ratio or 1)
         for frame in container.decode(stream):
-            yield rate, frame
+            yield rate, aspect, frame
 
 
 def _followed(before: NDArray[np.uint8], after: NDArray[np.uint8], points: NDArray[np.float32],
@@ -95,7 +105,7 @@ def _scan(path: Path) -> _Scan:
     last: NDArray[np.uint8] | None = None
     broken = ""
     try:
-        for index, (rate, frame) in enumerate(_decoded(path)):
+        for index, (rate, _, frame) in enumerate(_decoded(path)):
             grey = frame.to_ndarray(format="gray")
             details.append(fineness(grey, 640))
             times.append(index / rate if frame.time is None else float(frame.time))
@@ -173,9 +183,10 @@ def read_video(path: Path, count: int = 80, max_side: int = 0,
     wanted = set(_chosen(scan, max(1, count), spacing))
     photos: list[Photo] = []
     try:
-        for index, (_, frame) in enumerate(_decoded(path)):
+        for index, (_, aspect, frame) in enumerate(_decoded(path)):
             if index in wanted:
-                photos.append(Photo(f"frame_{len(photos):04d}.png", _upright(frame, max_side)))
+                photos.append(Photo(f"frame_{len(photos):04d}.png",
+                                    _upright(frame, max_side, aspect)))
             if len(photos) == len(wanted):
                 break
     except (av.error.FFmpegError, OSError, ValueError) as error:
@@ -198,16 +209,17 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
         raise UserError(f"there is no video {path}")
     try:
         with av.open(str(path)) as container:
-            if not container.streams.video:
-                raise UserError(f"{path} has no pictures in it")
-            rate = float(container.streams.video[0].average_rate or 30)
+            stream = _film(container)
+            if stream is None:
+                raise UserError(f"{path} has no film in it")
+            rate = float(stream.average_rate or 30)
     except (av.error.FFmpegError, OSError) as error:
         raise UserError(f"the video {path} can't be read: {error}") from error
 
     def frames() -> Iterator[NDArray[np.uint8]]:
         try:
-            for _, frame in _decoded(path):
-                yield np.ascontiguousarray(_upright(frame, 0))
+            for _, aspect, frame in _decoded(path):
+                yield np.ascontiguousarray(_upright(frame, 0, aspect))
         except (av.error.FFmpegError, OSError, ValueError) as error:
             raise UserError(f"the video {path} can't be read to its end: {error}") from error
 
@@ -216,22 +228,39 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
 
 def _pixels(frame: Any, max_side: int) -> NDArray[np.uint8]:
     """A decoded frame in sRGB, uint8 [H, W, 3]."""
-    curve = _HIGH_RANGE.get(int(frame.color_trc or 0))
-    if curve is None:
+    space = coded_space(int(frame.color_primaries or _UNSPECIFIED),
+                        int(frame.color_trc or _UNSPECIFIED))
+    if space.curve not in ("pq", "hlg"):
+        if space.curve == "srgb":  # what says nothing has a film's curve
+            space = replace(space, curve="bt709")
         # What says nothing is BT.709 from 720 lines on, as players take it, else BT.601.
         unsaid = int(frame.colorspace) == _UNSPECIFIED and frame.format.name.startswith("yuv")
         matrix = "ITU709" if unsaid and min(frame.width, frame.height) >= 720 else None
-        return np.asarray(frame.to_ndarray(format="rgb24", src_colorspace=matrix))
+        return from_space(np.asarray(frame.to_ndarray(format="rgb24", src_colorspace=matrix)),
+                          space)
     ratio = min(1.0, max_side / max(frame.width, frame.height)) if max_side else 1.0
     deep = frame.to_ndarray(format="rgb48le", width=max(1, round(ratio * frame.width)),
                             height=max(1, round(ratio * frame.height)))
-    return tone_mapped(deep, curve)
+    return from_space(deep, space)
 
 
-def _upright(frame: Any, max_side: int) -> NDArray[np.uint8]:
+def _square(picture: NDArray[np.uint8], ratio: float) -> NDArray[np.uint8]:
+    """A picture [H, W, 3] with square pixels, from ones whose width over height is ``ratio``.
+
+    The shorter way is lengthened, so that nothing is lost.
+    """
+    if not 0.1 < ratio < 10 or abs(ratio - 1) < 1e-3:
+        return picture
+    height, width = picture.shape[:2]
+    size = ((round(width * ratio), height) if ratio > 1 else (width, round(height / ratio)))
+    return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS))
+
+
+def _upright(frame: Any, max_side: int, aspect: float) -> NDArray[np.uint8]:
     """A decoded frame as uint8 [H, W, 3], turned upright and reduced."""
     turns = round(getattr(frame, "rotation", 0) / 90) % 4
-    upright = np.ascontiguousarray(np.rot90(_pixels(frame, max_side), turns))
+    pixels = _square(_pixels(frame, max_side), aspect)
+    upright = np.ascontiguousarray(np.rot90(pixels, turns))
     if not max_side or max(upright.shape[:2]) <= max_side:
         return upright
     picture = Image.fromarray(upright)

@@ -33,6 +33,7 @@ from ..example.worn import not_worn
 from ..face import detect_landmarks, face_pose
 from ..files import picture_format, write_image
 from ..labels import RegionStyle
+from ..media.folders import list_pictures, say_left_out
 from ..media.pictures import read_image
 from ..progress import Progress
 
@@ -126,10 +127,10 @@ def transfer_folder(folder: Path, out: Path, exemplar: Exemplar, config: MethodC
     """
     if out.suffix:
         raise UserError(f"{folder} is a folder: name a folder with --out, not {out}")
-    pictures = sorted(path for path in folder.iterdir() if path.suffix.lower() in
-                      (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-                      and not path.name.endswith((".mask.png", ".regions.png", ".landmarks.png",
-                                              ".check.png")))
+    listing = list_pictures(folder, photos=True)
+    say_left_out(listing, folder)
+    pictures = [path for path in listing.files
+                if Path(path.stem).suffix not in (".mask", ".regions", ".landmarks", ".check")]
     if not pictures:
         raise UserError(f"there are no pictures in {folder}")
     painter = _Painter(exemplar, config, choices)

@@ -15,6 +15,7 @@ from ..cache import hash_of, kept_arrays, key_of
 from ..errors import UserError
 from ..face import FacePose
 from ..labels import BY_HAND
+from ..media.masks import read_mask
 from ..media.pictures import read_image
 from .guides.regions import Regions, find_regions
 from .providers import provided_styles
@@ -194,7 +195,7 @@ class Exemplar:
         mask_path = path.with_suffix(".mask.png")
         mask = None
         if mask_path.exists():
-            mask = read_image(mask_path)[..., 0].astype(np.float32) / 255.0
+            mask = read_mask(mask_path).astype(np.float32) / 255.0
             if mask.shape != image.shape[:2]:
                 raise UserError(f"{mask_path} must have the size of {path}")
         elif picture.shape[2] == 4 and (picture[..., 3] < 255).any():

@@ -19,6 +19,7 @@ from ..cache import kept_arrays, key_of
 from ..capture import Camera, Capture, LatePictures, is_calibrated
 from ..errors import UserError
 from ..media.depth import DepthMap
+from ..media.folders import files_below
 from ..progress import Progress
 from ..states import file_state
 
@@ -76,7 +77,7 @@ def _key(photos: Path) -> str:
     root = photos if photos.is_dir() else photos.parent
     try:
         files = sorted((str(path.relative_to(root)), file_state(path))
-                       for path in root.rglob("*") if path.is_file())
+                       for path in files_below(root))
     except OSError as error:
         raise UserError(f"can't read {photos}: {error.strerror}") from error
     return key_of("job.prepare", str(photos.resolve()), files, detectors_key())

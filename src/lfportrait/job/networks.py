@@ -14,12 +14,11 @@ from .. import models
 from ..capture import is_video
 from ..errors import UserError
 from ..files import read_json
+from ..media.folders import folders_below, list_pictures
 from ..media.pictures import read_image
 
 __all__ = ["get_networks", "networks_of"]
 
-_PICTURES = {".png", ".webp", ".tif", ".tiff"}
-"""Files that may have an alpha channel."""
 
 
 def _described(photos: Path) -> dict[str, object]:
@@ -35,15 +34,15 @@ def _cut_out(photos: Path) -> bool:
     """Whether the photos of a data set have mattes, judged by its first picture."""
     if not photos.is_dir():
         return False
-    if any(path.is_dir() for path in photos.rglob("masks")):
+    folders = [photos, *folders_below(photos)]
+    if any(folder.name == "masks" for folder in folders):
         return True
-    for path in sorted(photos.rglob("*")):
-        if path.suffix.lower() in _PICTURES:
-            try:
-                picture = read_image(path)
-                return picture.shape[-1] == 4 and bool((picture[..., 3] < 255).any())
-            except UserError:  # a damaged one is left out later, with a warning
-                continue
+    for path in (path for folder in folders for path in list_pictures(folder).files):
+        try:
+            picture = read_image(path)
+            return picture.shape[-1] == 4 and bool((picture[..., 3] < 255).any())
+        except UserError:  # a damaged one is left out later, with a warning
+            continue
     return False
 
 

@@ -20,7 +20,6 @@ from ..capture import CalibrateConfig, Capture
 from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
-from ..files import own_output
 from ..lightfield import (
     Display,
     EncodeConfig,
@@ -32,6 +31,7 @@ from ..lightfield import (
     quilt_of,
     write_coded,
 )
+from ..media.folders import files_below
 from ..progress import Progress
 from ..share import PageConfig, write_quilt
 from ..stages import fingerprint_files
@@ -76,8 +76,7 @@ def source_files(photos: Path) -> list[Path]:
     """The files that a capture is made from, for its fingerprint."""
     if photos.is_file():
         return [photos]
-    return [path for path in photos.rglob("*") if path.is_file() and path.name[0] != "."
-            and not own_output(path)]
+    return files_below(photos)
 
 
 def source_key(photos: Path | Capture) -> str:

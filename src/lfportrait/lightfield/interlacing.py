@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..media.kinds import VIDEOS
+from ..media.folders import list_pictures, say_left_out
+from ..media.kinds import kind_of
 from ..media.pictures import read_image
 from .display import Display
 from .kernels.panel import interlace_views, lens_of
@@ -115,7 +116,7 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
     """
     source = Path(source)
     if not source.is_dir():
-        if source.suffix.lower() in VIDEOS:
+        if kind_of(source) == "video":
             raise UserError(f"{source.name} is a video: a picture is coded; quilts that move are "
                             "shown by `lfportrait cast`")
         layout = layout or layout_for(source, display)
@@ -124,8 +125,9 @@ def read_views(source: str | Path, display: Display, *, layout: QuiltLayout | No
         warn_of_misfit(source.name, quilt.shape[1], quilt.shape[0], layout)
         aspect = layout.aspect
     else:
-        files = sorted(path for path in source.iterdir()
-                       if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"))
+        listing = list_pictures(source)
+        say_left_out(listing, source)
+        files = listing.files
         if not files:
             raise UserError(f"no pictures of views in {source}")
         pictures = [read_image(path)[..., :3] for path in files]

@@ -42,10 +42,9 @@ _PRIMARIES: dict[int, tuple[float, ...]] = {
     9: BT2020, 11: (*_P3, *_DCI_WHITE), 12: (*_P3, *_D65)}
 """By the number of ITU-T H.273, where they differ from sRGB's by more than players heed."""
 _NAMES = {1: "BT.709", 4: "BT.470 M", 8: "film", 9: "BT.2020", 11: "DCI-P3", 12: "Display P3"}
-_PQ, _HLG, _LINEAR = 16, 18, 8
-_OF_VIDEO = {1, 6, 14, 15}
-"""Transfers with BT.709's curve."""
-_GAMMAS = {4: 2.2, 5: 2.8, 17: 2.6}
+_CURVES = {1: "bt709", 4: "2.2", 5: "2.8", 6: "bt709", 8: "1", 14: "bt709", 15: "bt709",
+           16: "pq", 17: "2.6", 18: "hlg"}
+"""By the number of H.273's transfers; others are taken for sRGB's."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +76,7 @@ def coded_space(primaries: int, transfer: int) -> ColorSpace:
 
     Gray values of pictures with BT.709's curve are kept, as players keep them.
     """
-    curve: str = ("pq" if transfer == _PQ else "hlg" if transfer == _HLG else "1" if transfer == _LINEAR
-             else "bt709" if transfer in _OF_VIDEO else str(_GAMMAS[transfer])
-             if transfer in _GAMMAS else "srgb")
+    curve = _CURVES.get(transfer, "srgb")
     known = _PRIMARIES.get(primaries, SRGB)
     if curve in ("pq", "hlg") and primaries in (0, 2):
         known = BT2020

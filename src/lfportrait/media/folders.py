@@ -23,11 +23,14 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from ..files import own_output
 from .kinds import PHOTOS, RAW, UNREAD, VIDEOS, kind_of
 
-__all__ = ["Finder", "Listing", "folders_below", "is_junk", "list_pictures", "natural_key",
-           "one_of_each", "same_name", "say_left_out", "visible"]
+__all__ = ["RAW_PHOTOS", "Finder", "Listing", "files_below", "folders_below", "is_junk",
+           "list_pictures", "natural_key", "one_of_each", "same_name", "say_left_out", "visible"]
 
+RAW_PHOTOS = "raw photos are not read"
+"""The reason why raw photos are left out of a listing."""
 _JUNK = {"@eadir", "__macosx", "#recycle", "#snapshot", "$recycle.bin", "lost+found",
          "system volume information", "thumbs.db", "ehthumbs.db", "desktop.ini", "icon\r"}
 _EDITED = re.compile(
@@ -77,6 +80,12 @@ def folders_below(folder: Path, depth: int = 8) -> list[Path]:
     return found
 
 
+def files_below(folder: Path) -> list[Path]:
+    """All files within a folder, without junk and our own sheets, in natural order."""
+    return [path for place in (folder, *folders_below(folder)) for path in visible(place)
+            if path.is_file() and not own_output(path)]
+
+
 @dataclass(frozen=True)
 class Listing:
     """Pictures of a folder, and what is left out.
@@ -107,18 +116,18 @@ def list_pictures(folder: Path, *, photos: bool = False) -> Listing:
     pictures: list[Path] = []
     left: dict[str, list[Path]] = {}
     for path in visible(folder):
-        if not path.is_file() or _plain(path):
+        if not path.is_file() or _plain(path) or own_output(path):
             continue
         kind = kind_of(path)
         if kind == "picture":
             pictures.append(path)
         elif kind != "other":
-            left.setdefault({"raw": "raw photos are not read", "video": "a video among pictures",
+            left.setdefault({"raw": RAW_PHOTOS, "video": "a video among pictures",
                              "unread": "of a kind that is not read"}[kind], []).append(path)
-    raw = left.get("raw photos are not read", [])
+    raw = left.get(RAW_PHOTOS, [])
     developed = {_stem(path) for path in pictures}
     if raw and all(_stem(path) in developed for path in raw):
-        left.pop("raw photos are not read")
+        left.pop(RAW_PHOTOS)
     files, twins = one_of_each(pictures, copies=photos)
     return Listing(files, {**left, **twins})
 

@@ -95,7 +95,7 @@ def _of_palette(picture: Image.Image, name: str) -> NDArray[np.uint8]:
         colors = palette[used]
         if (np.ptp(colors.astype(np.int32), axis=1) <= 8).all() and colors.max() >= _BRIGHT:
             return _of_gray(palette[index].max(axis=2).astype(np.float64), name)
-    return _white(index > 0)
+    return _white(np.asarray(index > 0))
 
 
 def _of_gray(values: NDArray[np.float64], name: str) -> NDArray[np.uint8]:
@@ -120,7 +120,7 @@ def _of_colors(colors: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
     """Of colored labels: what is not black."""
     code = (colors.astype(np.int32) @ np.array([1 << 16, 1 << 8, 1])).ravel()
     if len(np.unique(code[::max(1, code.size // 250_000)])) <= _LABELS:
-        return _white(colors.any(axis=2))
+        return _white(np.asarray(colors.any(axis=2)))
     # Compressed labels: nearly black and clearly colored, hardly anything between.
     bright = colors.max(axis=2)
     if ((bright < 24) | (bright > 64)).mean() > 0.97 and (bright < 24).mean() > 0.05:

@@ -34,6 +34,7 @@ from ..errors import UserError
 from ..files import read_json, write_json
 from ..leftovers import sweep_below
 from ..locks import lock
+from ..media.folders import visible
 from ..media.kinds import PHOTOS, VIDEOS
 from .answers import Refusal
 from .names import folder_name, free_name, id_of, is_id
@@ -266,11 +267,8 @@ _WRITING = threading.RLock()
 
 
 def _files(place: Path) -> list[Path]:
-    try:
-        return sorted(path for path in place.iterdir() if path.name[0] != "."
-                      and path.suffix.lower() in PHOTOS | VIDEOS and path.is_file())
-    except OSError:
-        return []
+    return [path for path in visible(place)
+            if path.suffix.lower() in PHOTOS | VIDEOS and path.is_file()]
 
 
 def folder_bytes(folder: Path) -> int:

@@ -21,6 +21,7 @@ from PIL import Image
 from ..errors import UserError
 from ..files import atomic_path, atomic_write, read_json
 from ..labels import BY_HAND
+from ..media.folders import visible
 from ..media.kinds import PHOTOS
 from ..media.pictures import open_picture, read_image
 from ..states import file_state
@@ -220,12 +221,7 @@ def _built_in() -> list[str]:
 
 def _paintings(folder: Path) -> list[Path]:
     """The pictures of a folder that are paintings: not masks, drawings or checks of one."""
-    try:
-        paths = sorted(folder.iterdir())
-    except OSError:
-        return []
-    return [path for path in paths if path.is_file() and path.name[0] != "."
-            and path.suffix.lower() in PHOTOS
+    return [path for path in visible(folder) if path.is_file() and path.suffix.lower() in PHOTOS
             and Path(path.stem).suffix not in (".mask", ".landmarks", ".check", ".regions")]
 
 

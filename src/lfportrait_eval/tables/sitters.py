@@ -22,6 +22,7 @@ from lfportrait.capture import Camera, Capture
 from lfportrait.errors import UserError
 from lfportrait.example import Skin, face_size
 from lfportrait.field import ReconstructConfig, Rendering, VoxelField, reconstruct_with_figures
+from lfportrait.media.folders import files_below
 from lfportrait.progress import Progress
 from lfportrait.stages import fingerprint_files
 from lfportrait.stylize import kept_skin
@@ -73,9 +74,7 @@ class Source:
 
     def key(self) -> str:
         """Hash of the files."""
-        files = ([self.capture] if self.capture.is_file() else
-                 [path for path in self.capture.rglob("*")
-                  if path.is_file() and path.name[0] != "."])
+        files = [self.capture] if self.capture.is_file() else files_below(self.capture)
         return fingerprint_files(files + ([self.field] if self.field else []))
 
 

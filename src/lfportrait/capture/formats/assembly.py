@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from ...errors import UserError
 from ...media.depth import DepthMap, read_depth
+from ...media.folders import Finder
+from ...media.masks import mask_places
 from ...media.pictures import read_images
 from ..camera import Camera
 from ..depths import some_depth, straightened
@@ -45,7 +47,11 @@ class Shot:
     size
         Width and height of the pixels that were calibrated, where the program notes them.
     masks
-        Where the picture's mask may lie; the first that exists becomes its alpha (white is kept).
+        Folders where the picture's mask may lie; the first becomes its alpha (white is kept).
+    mask_name
+        The picture's name in these folders; that of its file where empty.
+    mask
+        The mask's file, where the data set names it; it goes before `masks`.
     test
         Whether it is held out, where the data set says so.
     up
@@ -59,6 +65,8 @@ class Shot:
     lens: Callable[[int, int], Lens]
     size: tuple[int, int] | None = None
     masks: tuple[Path, ...] = ()
+    mask_name: str = ""
+    mask: Path | None = None
     test: bool | None = None
     up: NDArray[np.float64] | None = None
 
@@ -209,14 +217,15 @@ def read_shots(shots: list[Shot], source: Path, holdout: int,
         lens makes no sense.
     """
     poses, lenses, pictures, depths, kept = [], [], [], [], []
+    finder = Finder()
     for shot, picture in zip(shots, read_images(shot.path for shot in shots)):
         if isinstance(picture, UserError):
             warnings.warn(f"{picture}; left out", stacklevel=3)
             continue
         noted = noted_turns(shot.path)
-        masks = [place for place in shot.masks if place.is_file()]
-        if masks and picture.shape[2] == 3:
-            picture = np.dstack([picture, mask_for(picture, masks[0], noted)])
+        mask = None if picture.shape[2] == 4 else _mask_of(shot, finder)
+        if mask is not None:
+            picture = np.dstack([picture, mask_for(picture, mask, noted)])
         pose, lens, picture, turns = _upright(shot, picture, noted)
         depth = read_depth(shot.path)
         depths.append(None if depth is None else depth.turned(-turns))
@@ -229,6 +238,15 @@ def read_shots(shots: list[Shot], source: Path, holdout: int,
     known = [shot.test for shot in kept if shot.test is not None]
     return assemble(np.array(poses), lenses, pictures, [shot.name for shot in kept],
                     np.array(known) if len(known) == len(kept) else None, holdout, box, depths)
+
+
+def _mask_of(shot: Shot, finder: Finder) -> Path | None:
+    """The file of a shot's mask: the one that is named for it, or the first in `Shot.masks`."""
+    if shot.mask:
+        found = finder.find(shot.mask.parent, shot.mask.name)
+        if found is not None:
+            return found
+    return mask_places(finder, shot.masks, shot.mask_name or shot.path.name)
 
 
 def _upright(shot: Shot, picture: NDArray[np.uint8], noted: int,

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
+from ...media.folders import Finder
 from ..distortion import Lens
 from .assembly import Shot, Views, read_shots
 
@@ -231,12 +232,12 @@ def read_model(folder: Path) -> tuple[dict[int, Lens], list[ColmapImage]]:
     return lenses, sorted(images, key=lambda image: image.name)
 
 
-def _photo_folder(model: Path, root: Path, names: list[str]) -> Path:
+def _photo_folder(model: Path, root: Path, names: list[str], finder: Finder) -> Path:
     """The folder that holds the model's photos: ``images`` beside the model, or above it."""
     roots = dict.fromkeys([root, model, *list(model.parents)[:3]])
     for base in roots:
         for folder in [base / name for name in _IMAGE_FOLDERS] + [base]:
-            if any((folder / name).is_file() for name in names):
+            if any(finder.find(folder, name) is not None for name in names):
                 return folder
     raise UserError(f"the photos of the COLMAP model in {model} were not found; put them into "
                     f"{root / 'images'}")
@@ -271,12 +272,12 @@ def load_colmap(model: Path, root: Path, holdout: int) -> Views:
         If the model is damaged or its photos are not found.
     """
     lenses, images = read_model(model)
-    folder = _photo_folder(model, root, [image.name for image in images])
-    return read_shots([_shot(image, lenses[image.camera], folder, root) for image in images],
-                      model, holdout)
+    finder = Finder()
+    folder = _photo_folder(model, root, [image.name for image in images], finder)
+    return read_shots([_shot(image, lenses[image.camera], finder.find(folder, image.name)
+                             or folder / image.name, root) for image in images], model, holdout)
 
 
-def _shot(image: ColmapImage, lens: Lens, folder: Path, root: Path) -> Shot:
-    masks = (f"{image.name}.png", str(Path(image.name).with_suffix(".png")))
-    return Shot(folder / image.name, image.name.replace("/", "_"), image.pose, lens.resized,
-                (lens.width, lens.height), tuple(root / "masks" / name for name in masks))
+def _shot(image: ColmapImage, lens: Lens, path: Path, root: Path) -> Shot:
+    return Shot(path, image.name.replace("/", "_"), image.pose, lens.resized,
+                (lens.width, lens.height), (root / "masks",), image.name)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
+from ...media.folders import list_pictures, visible
 from ...media.pictures import open_picture
 from ..distortion import Lens
 from .assembly import Shot, Views, read_shots
@@ -15,14 +16,12 @@ from .placed import warn_unmatched
 
 __all__ = ["load_llff", "load_nsvf", "nsvf_folders"]
 
-_SUFFIXES = {".png", ".jpg", ".jpeg", ".webp"}
 # Pixels along the longer side beyond which a reduced copy is preferred.
 _LARGEST_SIDE = 1600
 
 
 def _pictures(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.iterdir()
-                  if path.suffix.lower() in _SUFFIXES and not path.name.startswith("."))
+    return list_pictures(folder).files
 
 
 def _llff_pictures(folder: Path, count: int) -> list[Path]:
@@ -31,8 +30,11 @@ def _llff_pictures(folder: Path, count: int) -> list[Path]:
     Photos come at full size in ``images`` and reduced N times in ``images_N``.
     """
     best: tuple[float, list[Path]] | None = None
-    for place in (folder / "images", *folder.glob("images_*")):
-        files = _pictures(place) if place.is_dir() else []
+    for place in visible(folder):
+        if place.name != "images" and not place.name.startswith("images_"):
+            continue
+        # The programs that write these files sort names letter by letter.
+        files = sorted(_pictures(place), key=lambda path: path.name)
         if len(files) != count:
             continue
         try:
@@ -157,7 +159,8 @@ def load_nsvf(folder: Path, holdout: int) -> Views:
     if not files:
         raise UserError(f"{rgb} has no picture with a file of its name in {pose_folder}")
     warn_unmatched({file.stem for file in pictures},
-                   {file.stem for file in pose_folder.glob("*.txt")}, rgb, pose_folder)
+                   {file.stem for file in visible(pose_folder) if file.suffix == ".txt"},
+                   rgb, pose_folder)
     prefixes = {file.name.split("_")[0] for file in files}
     split = prefixes <= {"0", "1", "2"} and len(prefixes) > 1
     shots = []

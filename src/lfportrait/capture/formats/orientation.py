@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ...errors import UserError
-from ...media.pictures import open_picture, read_image
+from ...media.masks import read_mask
+from ...media.pictures import open_picture
 from ..distortion import Lens
 from ..exif import noted
 
@@ -112,7 +113,7 @@ def mask_for(picture: NDArray[np.uint8], place: Path, turns: int) -> NDArray[np.
     UserError
         If the mask is of another shape, or can't be read.
     """
-    mask = read_image(place)[..., :3].max(axis=2)
+    mask = read_mask(place)
     height, width = picture.shape[:2]
     ways = [0] if not turns else [turns, 0]
     fitting = [way for way in ways if same_shape(_size(np.rot90(mask, -way)), (width, height))]

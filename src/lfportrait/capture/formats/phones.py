@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ...errors import UserError
 from ...files import read_json
+from ...media.folders import list_pictures, visible
 from ..distortion import Lens
 from .assembly import Shot, Views, read_shots
 from .placed import resizable, warn_unmatched
@@ -30,7 +31,6 @@ Float64 = NDArray[np.float64]
 
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 _UP = np.array([0.0, 1.0, 0.0])
-_SUFFIXES = {".jpg", ".jpeg", ".png"}
 
 
 def polycam_folders(path: Path) -> tuple[Path, Path] | None:
@@ -38,14 +38,18 @@ def polycam_folders(path: Path) -> tuple[Path, Path] | None:
     for folder in (path / "keyframes", path):
         for kind in ("corrected_", ""):
             pictures, cameras = folder / f"{kind}images", folder / f"{kind}cameras"
-            if pictures.is_dir() and cameras.is_dir() and any(cameras.glob("*.json")):
+            if pictures.is_dir() and cameras.is_dir() and _cameras(cameras):
                 return pictures, cameras
     return None
 
 
 def _pictures(folder: Path) -> list[Path]:
-    found = [path for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES]
-    return sorted(found, key=lambda path: (path.stem.zfill(20), path.name))
+    return list_pictures(folder).files
+
+
+def _cameras(folder: Path) -> list[Path]:
+    """The JSON files of a folder, without what systems leave there."""
+    return [path for path in visible(folder) if path.suffix.lower() == ".json"]
 
 
 def load_polycam(path: Path, holdout: int) -> Views:
@@ -79,7 +83,7 @@ def load_polycam(path: Path, holdout: int) -> Views:
     if not shots:
         raise UserError(f"{pictures} has no picture with a file of its name in {cameras}")
     warn_unmatched({picture.stem for picture in listed},
-                   {file.stem for file in cameras.glob("*.json")}, pictures, cameras)
+                   {file.stem for file in _cameras(cameras)}, pictures, cameras)
     return read_shots(shots, pictures, holdout)
 
 
@@ -134,8 +138,7 @@ def load_record3d(path: Path, holdout: int) -> Views:
 
 def _shot(picture: Path, pose: Float64, lens: Callable[[int, int], Lens],
           size: tuple[int, int]) -> Shot:
-    masks = tuple(place / "masks" / f"{picture.stem}.png"
-                  for place in (picture.parent.parent, picture.parent))
+    masks = picture.parent.parent / "masks", picture.parent / "masks"
     return Shot(picture, picture.name, pose @ _FLIP, lens, size, masks, up=_UP)
 
 

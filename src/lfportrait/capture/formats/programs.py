@@ -11,6 +11,7 @@ Each reader makes `Placed` photos of its file. They are found by their names bes
 
 from __future__ import annotations
 
+import unicodedata
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ...errors import UserError
+from ...media.folders import folders_below, is_junk, natural_key, visible
+from ...media.kinds import PHOTOS
 from .assembly import Shot, Views, read_shots
 from .graphs import is_graph, read_graph
 from .metashape import read_metashape
@@ -27,7 +30,6 @@ from .tables import is_camera_table, read_bundler, read_camera_table, read_visua
 
 __all__ = ["load_program", "program_file"]
 
-_SUFFIXES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp"}
 _READERS: dict[str, Callable[[Path], list[Placed]]] = {
     ".xml": read_metashape, ".out": read_bundler, ".nvm": read_visualsfm,
     ".csv": read_camera_table, ".sfm": read_graph, ".json": read_graph}
@@ -40,7 +42,7 @@ def program_file(path: Path) -> Path | None:
         return path if _is_cameras(path) else None
     for pattern in _PATTERNS if path.is_dir() else ():
         for file in sorted(path.glob(pattern)):
-            if _is_cameras(file):
+            if not is_junk(file) and _is_cameras(file):
                 return file
     return None
 
@@ -80,17 +82,12 @@ def load_program(file: Path, holdout: int) -> Views:
     if len(known) < len(shots):
         warnings.warn(f"{len(shots) - len(known)} photos named in {file} are not there",
                       stacklevel=2)
-    known.sort(key=lambda one: str(one[1]))
+    known.sort(key=lambda one: natural_key(one[1]))
     bases = [path.name for _, path in known]
     views = [Shot(path, path.name if bases.count(path.name) == 1
                   else f"{path.parent.name}_{path.name}", shot.pose, shot.lens, shot.size,
-                  _masks(file.parent, path)) for shot, path in known]
+                  (file.parent / "masks", path.parent.parent / "masks")) for shot, path in known]
     return read_shots(views, file, holdout)
-
-
-def _masks(folder: Path, photo: Path) -> tuple[Path, ...]:
-    return tuple(place / "masks" / f"{stem}.png" for place in (folder, photo.parent.parent)
-                 for stem in (photo.name, photo.stem, f"{photo.stem}_mask"))
 
 
 def _photos(folder: Path) -> dict[str, list[Path]]:
@@ -101,7 +98,7 @@ def _photos(folder: Path) -> dict[str, list[Path]]:
     found: dict[str, list[Path]] = {}
     for place in (folder / "images", folder, folder.parent / "images", folder.parent):
         for path in _pictures_within(place):
-            parts = [part.lower() for part in path.relative_to(place).parts]
+            parts = [_folded(part) for part in path.relative_to(place).parts]
             for first in range(len(parts)):
                 name = "/".join(parts[first:])
                 for key in dict.fromkeys((name, name[:-len(path.suffix)])):
@@ -113,20 +110,24 @@ def _photos(folder: Path) -> dict[str, list[Path]]:
 
 def _pictures_within(place: Path) -> list[Path]:
     """Pictures of a folder and of the folders in it, two deep."""
-    if not place.is_dir():
-        return []
-    return sorted(path for pattern in ("*", "*/*", "*/*/*") for path in place.glob(pattern)
-                  if path.suffix.lower() in _SUFFIXES and path.is_file()
-                  and not {"masks", "depth"} & set(path.relative_to(place).parts[:-1]))
+    folders = [one for one in (place, *folders_below(place, 2))
+               if not {"masks", "depth"} & set(one.relative_to(place).parts)]
+    return [path for folder in folders for path in visible(folder)
+            if path.is_file() and path.suffix.lower() in PHOTOS]
+
+
+def _folded(name: str) -> str:
+    """A name in any case, with accents in any form, as one."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 def _photo(name: str, found: dict[str, list[Path]]) -> Path | None:
     """The photo that a program gives this name, path or label; the longest end that fits."""
-    parts = name.replace("\\", "/").lower().split("/")
+    parts = _folded(name.replace("\\", "/")).split("/")
     for first in range(len(parts)):
         whole = "/".join(parts[first:])
         suffix = Path(whole).suffix
-        for key in (whole, whole[:-len(suffix)] if suffix in _SUFFIXES else whole):
+        for key in (whole, whole[:-len(suffix)] if suffix in PHOTOS else whole):
             if len(found.get(key, [])) == 1:
                 return found[key][0]
     return None

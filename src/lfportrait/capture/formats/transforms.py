@@ -6,13 +6,14 @@ import re
 import warnings
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
 from ...errors import UserError
 from ...files import read_json
+from ...media.folders import Finder, visible
 from ..distortion import Lens
 from .assembly import Shot, Views, read_shots
 from .graphs import is_graph
@@ -21,7 +22,6 @@ from .placed import brown, fisheye
 __all__ = ["load_transforms", "transform_files"]
 
 _TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
-_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".webp")
 
 
 def transform_files(path: Path) -> list[Path]:
@@ -36,7 +36,8 @@ def transform_files(path: Path) -> list[Path]:
     own = path / "transforms.json"
     if own.is_file():
         return [own]
-    return sorted(path.glob("transforms_*.json"))
+    return [file for file in visible(path)
+            if file.name.startswith("transforms_") and file.suffix == ".json"]
 
 
 # Camera models by the names that nerfstudio and COLMAP give them; others are refused.
@@ -130,36 +131,24 @@ def _stated_size(frame: dict[str, Any], shared: dict[str, Any]) -> tuple[int, in
     return round(float(width)), round(float(height))
 
 
-def _picture_path(folder: Path, name: str) -> Path | None:
+def _picture_path(folder: Path, name: str, finder: Finder) -> Path | None:
     """The picture of that name, with or without its suffix, or a reduced copy of it.
 
     nerfstudio keeps those in ``images_2``, ``images_4`` and ``images_8``.
     """
-    full = folder / name
-    reduced = [full.parent.with_name(f"{full.parent.name}_{factor}") / full.name
-               for factor in (2, 4, 8)] if full.parent.name else []
-    for place in (full, *reduced):
-        for candidate in (place, *(place.with_name(place.name + suffix) for suffix in _SUFFIXES)):
-            if candidate.is_file():
-                return candidate
+    parent, base = PurePosixPath(name).parent, PurePosixPath(name).name
+    reduced = [parent.with_name(f"{parent.name}_{factor}") / base
+               for factor in (2, 4, 8)] if parent.name not in ("", "..") else []
+    for place in (PurePosixPath(name), *reduced):
+        found = finder.find(folder, str(place)) or finder.find_picture(folder, str(place))
+        if found is not None:
+            return found
     return None
 
 
 def _forward(name: str) -> str:
     """A path as Windows writes it, with slashes."""
     return name.replace("\\", "/")
-
-
-def _mask_places(root: Path, path: Path, frame: dict[str, Any]) -> list[Path]:
-    """Where a frame's mask may lie.
-
-    ``mask_path`` names it (nerfstudio), or it has the picture's name in ``masks`` beside the
-    picture's folder.
-    """
-    places = [folder / "masks" / f"{path.stem}.png" for folder in (path.parent.parent, path.parent)]
-    if frame.get("mask_path"):
-        places.insert(0, root / _forward(str(frame["mask_path"])))
-    return places
 
 
 def _split_of(data: dict[str, Any], name: str, file: Path, several: bool) -> bool | None:
@@ -176,13 +165,14 @@ def _split_of(data: dict[str, Any], name: str, file: Path, several: bool) -> boo
 def load_transforms(files: list[Path], holdout: int) -> Views:
     """Read one or several ``transforms*.json`` (NeRF-Blender, instant-ngp, nerfstudio)."""
     shots: list[Shot] = []
+    finder = Finder()
     for file in files:
         data = read_json(file)
         if not isinstance(data, dict) or not isinstance(data.get("frames"), list):
             raise UserError(f"{file} has no list of frames; is it a NeRF transforms file?")
         missing = 0
         for frame in data["frames"]:
-            shot = _shot(file, frame, data, len(files) > 1)
+            shot = _shot(file, frame, data, len(files) > 1, finder)
             if shot is None:
                 missing += 1
             else:
@@ -198,7 +188,8 @@ def load_transforms(files: list[Path], holdout: int) -> Views:
     return read_shots(shots, files[0], holdout)
 
 
-def _shot(file: Path, frame: Any, data: dict[str, Any], several: bool) -> Shot | None:
+def _shot(file: Path, frame: Any, data: dict[str, Any], several: bool, finder: Finder,
+          ) -> Shot | None:
     """One frame of a file; None where its picture is missing."""
     try:
         pose = np.array(frame["transform_matrix"], np.float64)
@@ -209,7 +200,7 @@ def _shot(file: Path, frame: Any, data: dict[str, Any], several: bool) -> Shot |
         pose = np.vstack([pose, [0, 0, 0, 1]])
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         raise UserError(f"{file}: the transform_matrix of {name} is not 4x4")
-    path = _picture_path(file.parent, name)
+    path = _picture_path(file.parent, name, finder)
     if path is None:
         return None
     try:
@@ -217,5 +208,6 @@ def _shot(file: Path, frame: Any, data: dict[str, Any], several: bool) -> Shot |
     except (TypeError, ValueError, OverflowError) as error:
         raise UserError(f"the camera of {path.name} can't be read: {error}") from error
     return Shot(path, path.name, pose @ _TO_OPENCV, partial(_lens, frame, data), size,
-                tuple(_mask_places(file.parent, path, frame)),
-                _split_of(data, name, file, several))
+                (path.parent.parent / "masks", path.parent / "masks"),
+                mask=(file.parent / _forward(str(frame["mask_path"])) if frame.get("mask_path")
+                      else None), test=_split_of(data, name, file, several))

@@ -38,6 +38,7 @@ from typing import Any
 from ...capture import is_video
 from ...errors import UserError
 from ...lightfield import Display
+from ...media.folders import is_junk, natural_key
 from ..steps import MakeConfig
 from .settings import checked, overlaid, unknown_key
 
@@ -269,8 +270,9 @@ class _Reader:
 
     def _matches(self, pattern: str, where: str) -> list[Path]:
         """The folders and videos that a pattern names."""
-        paths = sorted(map(Path, glob.glob(str(self._here(pattern)))))
-        paths = [path for path in paths if path.is_dir() or is_video(path)]
+        paths = sorted(map(Path, glob.glob(str(self._here(pattern)))), key=natural_key)
+        paths = [path for path in paths
+                 if not is_junk(path) and (path.is_dir() or is_video(path))]
         if not paths:
             raise UserError(f"{where}: no folder or video matches {pattern}")
         return paths
