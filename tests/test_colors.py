@@ -165,7 +165,7 @@ def test_raw_photos_are_one_line(tmp_path):
     saved(tmp_path / "a.jpg", np.full((16, 16, 3), COLOR, np.uint8))
     assert [photo.name for photo in read_photos(tmp_path)] == ["a.jpg"]
     (tmp_path / "a.DNG").rename(tmp_path / "b.nef")
-    with pytest.warns(UserWarning, match="1 raw photos"):
+    with pytest.warns(UserWarning, match="raw photos are not read"):
         read_photos(tmp_path)
 
 

@@ -121,7 +121,8 @@ def test_photos_that_do_not_overlap(tmp_path, style, capsys, networks_at_hand):
 def test_style_without_landmarks_and_nothing_to_detect_them_with(tmp_path, capsys, no_networks):
     write_image(tmp_path / "flat.png", np.full((64, 48, 3), 0.5))
     for number in range(3):
-        write_image(tmp_path / "photos" / f"{number}.jpg", np.full((60, 80, 3), 0.5))
+        write_image(tmp_path / "photos" / f"{number}.jpg",
+                    np.full((60, 80, 3), 0.5 + 0.1 * number))
     assert run("make", tmp_path / "photos", "--style", tmp_path / "flat.png",
                "--out", tmp_path / "out") == 2
     assert "flat.png" in one_line(capsys)

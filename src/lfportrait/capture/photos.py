@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warnings
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -117,23 +117,15 @@ def _picture_files(folder: Path) -> Listing:
     return next(iter(below.values()), first)
 
 
-def _unique(photos: list[Photo]) -> list[Photo]:
-    """Names whose stems differ too, as a capture stores every picture as STEM.png."""
-    seen: set[str] = set()
-    result = []
-    for photo in photos:
-        stem, suffix = Path(photo.name).stem, Path(photo.name).suffix
-        name, number = stem, 1
-        while name in seen:
-            number += 1
-            name = f"{stem}_{number}"
-        seen.add(name)
-        result.append(replace(photo, name=name + suffix))
-    return result
-
-
-def picture_files(folder: Path) -> list[Path]:
+def picture_files(folder: Path, *, say: bool = True) -> list[Path]:
     """The pictures of a folder of photos in the order of their names, none of them read.
+
+    Parameters
+    ----------
+    folder
+        Folder with pictures, or with a subfolder ``images``.
+    say
+        Whether a warning says which other files are left out, and why.
 
     Raises
     ------
@@ -146,7 +138,8 @@ def picture_files(folder: Path) -> list[Path]:
         raise UserError(f"{folder} is neither a folder of photos nor a video")
     listing = _picture_files(folder)
     if listing.files:
-        say_left_out(listing, folder, stacklevel=2)
+        if say:
+            say_left_out(listing, folder, stacklevel=2)
         return listing.files
     if RAW_PHOTOS in listing.left_out:
         raise UserError(f"the photos in {folder} are raw; export them as JPEG or TIFF")
@@ -189,7 +182,7 @@ def read_photos(folder: Path, max_side: int = 0) -> list[Photo]:
         reasons = {reason for reason in tried if isinstance(reason, str)}
         raise UserError(f"none of the {len(files)} pictures in {folder} can be read: "
                         f"{reasons.pop() if len(reasons) == 1 else 'are the files damaged?'}")
-    return _unique(photos)
+    return photos
 
 
 def _tried(path: Path, max_side: int) -> Photo | str:

@@ -102,7 +102,7 @@ def look_at(photos: Path) -> None:
 
     if is_calibrated(photos) or is_video(photos):
         return
-    count = len(picture_files(photos))
+    count = len(picture_files(photos, say=False))
     if count < 3:
         raise UserError(f"{count} photos in {photos} are too few to find the cameras; take 20 to "
                         "100 of a person who holds still")

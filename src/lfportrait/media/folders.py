@@ -124,10 +124,11 @@ def list_pictures(folder: Path, *, photos: bool = False) -> Listing:
         elif kind != "other":
             left.setdefault({"raw": RAW_PHOTOS, "video": "a video among pictures",
                              "unread": "of a kind that is not read"}[kind], []).append(path)
-    raw = left.get(RAW_PHOTOS, [])
+    # A raw photo beside its JPEG is what cameras write: nothing is lost.
     developed = {_stem(path) for path in pictures}
-    if raw and all(_stem(path) in developed for path in raw):
-        left.pop(RAW_PHOTOS)
+    raw = [path for path in left.pop(RAW_PHOTOS, []) if _stem(path) not in developed]
+    if raw:
+        left[RAW_PHOTOS] = raw
     files, twins = one_of_each(pictures, copies=photos)
     return Listing(files, {**left, **twins})
 
@@ -176,6 +177,8 @@ def one_of_each(files: Iterable[Path], *, copies: bool = True,
             continue
         pixel = _PIXEL.match(stem)
         key = pixel["stem"] if pixel else stem
+        if key in kept and kept[key].suffix == path.suffix and not pixel:
+            key = path.name  # names that differ in case alone are two photos
         other = kept.get(key)
         if other is None:
             kept[key] = path
