@@ -35,3 +35,17 @@ def test_the_first_note_of_a_step_is_seen_however_soon_it_comes():
 
 def test_a_file_gets_a_line_every_ten_seconds_whatever_the_step():
     assert lines(io.StringIO(), "first", "second", "third") == ""
+
+
+def test_the_time_left_is_that_of_the_work_not_of_what_came_before_it(monkeypatch):
+    """Twenty seconds of compiling, then a percent a second."""
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr("lfportrait.progress.time",
+                        SimpleNamespace(perf_counter=lambda: clock.now))
+    stream = io.StringIO()
+    progress = Progress("stage", total=100, stream=stream)
+    for done, clock.now in ((0, 12.0), (1, 22.0), (2, 33.0), (50, 71.0), (75, 96.0)):
+        progress.update(done)
+    written = stream.getvalue().splitlines()
+    assert "left" not in written[0] and "left" not in written[1]
+    assert "50 s left" in written[3] and "25 s left" in written[4]

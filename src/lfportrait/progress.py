@@ -10,6 +10,9 @@ from typing import TextIO
 
 __all__ = ["Progress"]
 
+_SURE, _SECONDS = 0.02, 2.0
+"""Part of the work, and seconds, that must be known of its speed before a time left is shown."""
+
 
 class Progress:
     """A progress line for one stage, silent where it is not wanted.
@@ -43,6 +46,7 @@ class Progress:
         self._last = -1e9 if self._tty else self._start
         self._step = ""
         self._width = 0
+        self._begun: tuple[float, float] | None = None
 
     def step(self, note: str = "", count: int = 1) -> None:
         """Count ``count`` finished steps and show ``note`` behind the bar."""
@@ -51,6 +55,9 @@ class Progress:
     def update(self, done: int, note: str = "") -> None:
         """Set the number of finished steps and show ``note`` behind the bar."""
         self.done = done
+        if done > 0 and self._begun is None:
+            # Compiling and reading come first and say nothing of the speed of the rest.
+            self._begun = time.perf_counter(), done
         if self.enabled and self._due(note, 0.1 if self._tty else 10.0, changes=self._tty):
             self._write(note)
 
@@ -81,8 +88,9 @@ class Progress:
         elapsed = time.perf_counter() - self._start
         if self.total and not end:
             share = min(1.0, self.done / self.total)
-            left = elapsed / share - elapsed if share > 0 else 0.0
-            text = f"{self.title}: {100 * share:3.0f} %  {elapsed:.0f} s, {left:.0f} s left  {note}"
+            left = self._left(share)
+            text = (f"{self.title}: {100 * share:3.0f} %  {elapsed:.0f} s"
+                    f"{'' if left is None else f', {left:.0f} s left'}  {note}")
         else:
             text = f"{self.title}: {elapsed:.1f} s  {note}"
         text = text.rstrip()
@@ -92,6 +100,16 @@ class Progress:
         else:
             self._stream.write(text + "\n")
         self._stream.flush()
+
+    def _left(self, share: float) -> float | None:
+        """Seconds that are left at the speed so far; None where too little is known of it."""
+        if self._begun is None:
+            return None
+        since, first = self._begun
+        passed, gained = time.perf_counter() - since, share - min(1.0, first / self.total)
+        if passed < _SECONDS or gained < _SURE:
+            return None
+        return (1.0 - share) * passed / gained
 
     def close(self, note: str = "") -> None:
         """Write the last line: the time taken and ``note``."""
