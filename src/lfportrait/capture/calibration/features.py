@@ -36,9 +36,13 @@ _UNIT = 512.0
 _RATIO, _FARTHEST = 0.8, 0.7
 # The first round: largest features of a photo; matches that make a pair likely (the noise of a dark
 # room has 5 to 15); best pairs of each photo that are compared whatever they have, and photos
-# before and after in the order of names; other likely pairs of each photo, spread evenly from the
-# most alike to the least: before one wall everything is alike (4,357 of 4,371 pairs of a sweep).
-_FEW, _ALIKE, _BEST, _BESIDE, _SPREAD = 700, 14, 12, 2, 12
+# before and after in the order of names.
+_FEW, _ALIKE, _BEST, _BESIDE = 700, 14, 12, 2
+# Before one wall full of things everything is alike (4,357 of 4,371 pairs of a sweep). Where half
+# of the likely pairs have so many matches, each photo is compared with its best pairs and with so
+# many others, spread evenly from the most alike to the least. A sweep before a plain wall has 62
+# and needs all of its pairs: with a part of them it could not be placed.
+_PLENTY, _SPREAD = 100, 12
 # Up to so many photos, all pairs are compared in full.
 _ALL = 20
 # What lies within so many pixels of one place in two photos has not moved; the mean share of such
@@ -193,11 +197,14 @@ def likely_pairs(features: list[Features], on_progress: Callable[[int, int], Non
         alike[i, j] = alike[j, i] = len(match_features(large[i], large[j]))
         if on_progress is not None and number % 100 == 0:
             on_progress(number, len(every))
-    chosen = np.zeros((count, count), bool)
+    chosen = alike >= _ALIKE
+    if chosen.any() and np.median(alike[chosen]) >= _PLENTY:
+        chosen[:] = False
     for i in range(count):
         ranked = np.argsort(-alike[i], kind="stable")
         chosen[i, ranked[:_BEST]] = True
         likely = ranked[_BEST:][alike[i, ranked[_BEST:]] >= _ALIKE]
+        # (Where all likely pairs are chosen already, this adds none.)
         chosen[i, likely[np.linspace(0, len(likely) - 1, min(_SPREAD, len(likely))).astype(int)]
                ] = True
         chosen[i, i + 1:i + 1 + _BESIDE] = True
