@@ -81,6 +81,20 @@ def test_what_is_still_stays_as_it_is():
     assert motion.pixels < 0.5
 
 
+def test_some_photos_are_enough_to_say_that_it_held_still(moved, monkeypatch):
+    looked_at = []
+    seen = head_motion._seen
+    monkeypatch.setattr(head_motion, "_SAMPLE", 4)
+    monkeypatch.setattr(head_motion, "_seen",
+                        lambda *given: looked_at.append(given[1]) or seen(*given))
+    capture, mattes, _ = photos(0.0)
+    _, motion = follow_head(capture, mattes)
+    assert not motion.moved and motion.pixels < 0.5 and len(looked_at) == 4
+    looked_at.clear()
+    _, motion = follow_head(*moved[:2])
+    assert motion.moved and motion.followed and len(looked_at) == 4 + COUNT
+
+
 def test_photos_that_hardly_show_it_are_left_out_or_nothing_is_followed(moved):
     capture, mattes, _ = moved
     blind = [matte if view else np.zeros_like(matte) for view, matte in enumerate(mattes)]

@@ -204,7 +204,6 @@ def likely_pairs(features: list[Features], on_progress: Callable[[int, int], Non
         ranked = np.argsort(-alike[i], kind="stable")
         chosen[i, ranked[:_BEST]] = True
         likely = ranked[_BEST:][alike[i, ranked[_BEST:]] >= _ALIKE]
-        # (Where all likely pairs are chosen already, this adds none.)
         chosen[i, likely[np.linspace(0, len(likely) - 1, min(_SPREAD, len(likely))).astype(int)]
                ] = True
         chosen[i, i + 1:i + 1 + _BESIDE] = True
