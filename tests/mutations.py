@@ -176,7 +176,7 @@ def _of_content(path):
     found += [numbers] * 3 + [names] * 2
     try:
         json.loads(content)
-    except ValueError:
+    except (ValueError, RecursionError):
         return found
     return [*found, *[document] * 8, deep]
 

@@ -94,7 +94,7 @@ def _default_quilt(calibration: dict[str, Any]) -> tuple[int, int, int, int] | N
     if isinstance(entry, str):
         try:
             entry = json.loads(entry)
-        except ValueError:
+        except (ValueError, RecursionError):
             return None
     if not isinstance(entry, dict):
         return None
