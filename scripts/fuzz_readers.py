@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import os
-import resource
 import shutil
 import sys
 import tempfile
@@ -23,6 +22,7 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -91,15 +91,23 @@ def _child(folder: Path, seed: int, first: int, count: int) -> Iterator[tuple[in
 def _work(there: Connection, folder: Path, seed: int, first: int, count: int) -> None:
     """Read inputs one after the other, and tell of each before and after."""
     kinds = _made(folder / "good")
-    used = int(Path("/proc/self/statm").read_text("ascii").split()[0]) * resource.getpagesize()
-    # Nothing here can take the machine's memory away, whatever size a file says.
-    resource.setrlimit(resource.RLIMIT_AS, (used + 4 * MEMORY,) * 2)
+    _bound_memory()
     for number in range(first, count):
         kind = kinds[number % len(kinds)]
         place, damage = _damaged(folder, kind, seed, number)
         there.send((number, kind, damage))
         there.send((number, kind, damage, _finding(kind, place)))
     there.close()
+
+
+def _bound_memory() -> None:
+    """See that nothing here takes the machine's memory away, whatever size a file says."""
+    with suppress(ImportError, OSError):  # systems other than Linux don't tell what is in use
+        import resource
+
+        pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+        bound = pages * resource.getpagesize() + 4 * MEMORY
+        resource.setrlimit(resource.RLIMIT_AS, (bound, bound))
 
 
 def _made(good: Path) -> list[str]:

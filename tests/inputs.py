@@ -28,6 +28,7 @@ from lfportrait.media.masks import read_mask
 from lfportrait.media.pictures import read_image
 from lfportrait.share import write_quilt, write_video
 from lfportrait_eval.study import read_answers
+from lfportrait_eval.study.media import clip_of
 from lfportrait_eval.study.results import write_results
 from tests.capture import depth_files
 from tests.capture.test_camera import rig
@@ -345,7 +346,8 @@ KINDS = {
     "NSVF": Kind(nsvf, CAPTURE_READERS),
     "captures of our own": Kind(capture, (lambda folder: is_calibrated(folder / "capture"),
                                           lambda folder: Capture.load(folder / "capture"))),
-    "videos": Kind(film, (lambda folder: read_source(folder / "film.mp4", 32, 4), read_frames)),
+    "videos": Kind(film, (lambda folder: read_source(folder / "film.mp4", 32, 4), read_frames,
+                          lambda folder: clip_of(folder / "film.mp4"))),
     "quilts": Kind(quilts, (read_layouts,)),
     "display files": Kind(panel, (lambda folder: Display.load(folder / "panel.toml"),)),
     "visual.json": Kind(calibration, (lambda folder: Display.load(folder / "visual.json"),)),

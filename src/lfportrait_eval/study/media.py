@@ -76,7 +76,7 @@ def clip_of(path: Path) -> Clip:
                     fresh = folder / "video.mp4"
                     count = write_video(fresh, _frames(container), rate)
                     data, kind = fresh.read_bytes(), "mp4"
-    except (av.FFmpegError, OSError, IndexError) as error:
+    except (av.FFmpegError, OSError, IndexError, ValueError) as error:
         raise UserError(f"can't read the video {path}: {error}") from error
     return Clip(data, kind, count / rate, size)
 

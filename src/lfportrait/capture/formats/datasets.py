@@ -79,7 +79,8 @@ def load_llff(folder: Path, holdout: int) -> Views:
         matrices = table[:, :15].reshape(-1, 3, 5)
     except UNREADABLE_ARRAYS as error:
         raise UserError(f"{source} is not an LLFF camera file: {error}") from error
-    if not (len(matrices) and np.isfinite(matrices).all() and (matrices[:, :, 4] > 0).all()):
+    if not (len(matrices) and np.isfinite(matrices).all() and (matrices[:, :, 4] > 0).all()
+            and (np.round(matrices[:, :2, 4]) >= 1).all()):
         raise UserError(f"{source} is not an LLFF camera file: sizes and focal lengths must be "
                         "positive numbers")
     files = _llff_pictures(folder, len(matrices))
