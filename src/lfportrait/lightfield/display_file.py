@@ -80,7 +80,10 @@ def entries_of(text: str, name: str, kinds: dict[str, str]) -> dict[str, Any]:
 def _number(value: Any, name: str, key: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise UserError(f"the display file {name}: {key} = {value!r} is not a number")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise UserError(f"the display file {name}: {key} is too large") from error
 
 
 def _value(value: Any, kind: str, name: str, key: str) -> Any:

@@ -66,7 +66,7 @@ def _number(calibration: dict[str, Any], key: str, default: float | None = None)
         raise UserError(f"the calibration lacks {key!r}")
     try:
         value = float(entry)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise UserError(f"the calibration's {key!r} is not a number: {entry!r}") from error
     if not math.isfinite(value):
         raise UserError(f"the calibration's {key!r} is not a number: {entry!r}")

@@ -64,11 +64,11 @@ _PIXEL_BOUND = _PixelBound()
 
 
 @contextlib.contextmanager
-def _bombs() -> Iterator[None]:
-    """Pillow's own error for too many pixels, which belongs to no other class, as an OSError."""
+def _usual_errors() -> Iterator[None]:
+    """Errors that belong to none of the usual classes, as an OSError: too many pixels, an end."""
     try:
         yield
-    except Image.DecompressionBombError as error:
+    except (Image.DecompressionBombError, EOFError) as error:
         raise OSError(str(error)) from error
 
 
@@ -93,7 +93,7 @@ def open_picture(path: str | os.PathLike[str]) -> Iterator[Image.Image]:
     if file_format(path) == "heic":
         _read_heic()
     # A stream is not mapped: Pillow maps the rows of a TIFF that is to be turned by a wrong width.
-    with _PIXEL_BOUND, _bombs(), open(path, "rb") as stream, Image.open(stream) as picture:
+    with _PIXEL_BOUND, _usual_errors(), open(path, "rb") as stream, Image.open(stream) as picture:
         size = picture.width * picture.height * max(3, len(picture.getbands()))
         if size > _LARGEST:
             raise OSError(f"it has {picture.width} x {picture.height} pixels, which would take "
