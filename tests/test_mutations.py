@@ -3,7 +3,6 @@
 Each test takes a good file, changes a few things in it at random, and reads it.
 """
 
-import copy
 import json
 import warnings
 from pathlib import Path
@@ -30,9 +29,8 @@ from tests.capture.test_programs import (
     visualsfm,
 )
 from tests.fields import shell_field
-
-STRANGE = [None, True, -1, 0, 1, 7, 1e300, -1e-300, float("nan"), float("inf"), 2 ** 70, "", "x",
-           "..", "\u00e9\n", [], [[]], [1, 2], {}, {"a": 1}, [None] * 5, [[1e9] * 4] * 4]
+from tests.inputs import DESIGN, JOBS, landmarks_text
+from tests.mutations import bytes_changed, changed, strange_array
 
 
 def one_line(read, *given):
@@ -45,50 +43,6 @@ def one_line(read, *given):
             assert "\n" not in str(error).strip(), error
             return False
     return True
-
-
-def places(data, path=()):
-    """All places in a nested document."""
-    yield path
-    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(
-        data, list) else ()
-    for key, value in items:
-        yield from places(value, (*path, key))
-
-
-def changed(data, random):
-    """A nested document with one to three places changed."""
-    data = json.loads(json.dumps(data))
-    for _ in range(random.integers(1, 4)):
-        found = [path for path in places(data) if path]
-        if not found:
-            break
-        path = found[random.integers(len(found))]
-        holder = data
-        for key in path[:-1]:
-            holder = holder[key]
-        if random.random() < 0.2:
-            del holder[path[-1]]
-        else:
-            holder[path[-1]] = copy.deepcopy(STRANGE[random.integers(len(STRANGE))])
-    return data
-
-
-def bytes_changed(content, random):
-    """Bytes with some flipped, cut off, doubled or put in."""
-    content = bytearray(content)
-    for _ in range(random.integers(1, 6)):
-        at = int(random.integers(len(content) + 1)) if content else 0
-        kind = random.integers(4)
-        if kind == 0 and at < len(content):
-            content[at] = random.integers(256)
-        elif kind == 1 and random.random() < 0.3:
-            del content[at:]
-        elif kind == 2:
-            content[at:at] = content[at:at + int(random.integers(40))]
-        else:
-            content[at:at] = random.bytes(int(random.integers(9)))
-    return bytes(content)
 
 
 def each_damaged(folder, files, count, random):
@@ -176,22 +130,7 @@ def test_jobs(tmp_path):
     from lfportrait.job.batch import load_jobs
 
     (tmp_path / "anna").mkdir()
-    good = b"""title = "week"
-[defaults]
-seed = 3
-stylize.strength = 0.5
-[[sitter]]
-name = "anna"
-photos = "anna"
-styles = ["soft"]
-sweeps = true
-[[style]]
-name = "soft"
-painting = "fauve"
-[[display]]
-panel = "generic-1080p"
-encode.size = 0.6
-"""
+    good = JOBS
     path, random = tmp_path / "jobs.toml", np.random.default_rng(10)
     for _ in range(400):
         path.write_bytes(bytes_changed(good, random))
@@ -213,10 +152,7 @@ def test_answers_to_a_study(tmp_path):
     from lfportrait_eval.study import read_answers
     from tests.lfportrait_eval.study.people import answer
 
-    questions = [{"name": "style", "text": "Which is more like the painting?"}]
-    entries = [{"sitter": "anna", "style": "ink", "method": name} for name in ("skin", "arf")]
-    design = {"format": "lfportrait study", "study": "s1", "questions": questions,
-              "entries": entries, "pairs": [[0, 1]], "sheets": [[[0, 0]]], "repeats": 1}
+    design = DESIGN
     (tmp_path / "study.json").write_text(json.dumps(design))
     good = answer(design, 0, lambda *_: "left")
     file, random = tmp_path / "a.json", np.random.default_rng(11)
@@ -250,18 +186,6 @@ def test_fields(tmp_path):
         one_line(VoxelField.load, path)
 
 
-def strange_array(array, random):
-    """An array of another type, shape or with other values."""
-    kinds = [
-        lambda: np.array("text"), lambda: np.ones(3), lambda: np.zeros(0),
-        lambda: array.astype(np.complex64) if array.dtype.kind != "U" else array,
-        lambda: array[None], lambda: array.ravel()[:1], lambda: array.ravel(),
-        lambda: np.full(array.shape, np.nan), lambda: np.full(array.shape, 1e30),
-        lambda: np.full(array.shape, -5), lambda: np.full(array.shape, 2 ** 40),
-        lambda: np.datetime64("2020-01-01"), lambda: np.array([True, False])]
-    return kinds[random.integers(len(kinds))]()
-
-
 def test_displays(tmp_path):
     path, random = tmp_path / "panel.toml", np.random.default_rng(5)
     Display.preset("lookingglass-16").save(path)
@@ -273,7 +197,7 @@ def test_displays(tmp_path):
 
 def test_landmarks(tmp_path):
     path, random = tmp_path / "x.landmarks.txt", np.random.default_rng(6)
-    good = "\n".join(f"{x} {y}" for x, y in random.uniform(0, 500, (68, 2)).round(2)).encode()
+    good = landmarks_text(random, 0, 500).encode()
     for _ in range(200):
         path.write_bytes(bytes_changed(good, random))
         one_line(read_landmarks, path)
@@ -300,8 +224,7 @@ def test_exemplars(tmp_path):
     random = np.random.default_rng(12)
     path = tmp_path / "a.png"
     write_image(path, random.integers(0, 256, (40, 30, 3), np.uint8))
-    (tmp_path / "a.landmarks.txt").write_text("\n".join(
-        f"{x} {y}" for x, y in random.uniform(5, 25, (68, 2)).round(2)))
+    (tmp_path / "a.landmarks.txt").write_text(landmarks_text(random, 5, 25))
     write_image(tmp_path / "a.mask.png", np.full((40, 30, 3), 255, np.uint8))
     files = sorted(tmp_path.iterdir())
     good = {file: file.read_bytes() for file in files}

@@ -15,8 +15,6 @@ import functools
 import hashlib
 import json
 import os
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
@@ -27,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import UserError
-from .files import atomic_write, temporary_home
+from .files import UNREADABLE_ARRAYS, atomic_write, temporary_home
 from .sources import Kept, Sources
 
 __all__ = ["code_of", "hash_of", "kept_arrays", "key_of", "tried", "user_cache"]
@@ -205,7 +203,7 @@ def kept_arrays(kind: str, key: str, make: Callable[[], dict[str, NDArray[Any]]]
     """
     folder = folder or user_cache(kind)
     file = folder / f"{key}.npz"
-    with suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+    with suppress(*UNREADABLE_ARRAYS):
         with np.load(file, allow_pickle=False) as data:
             arrays = {name: data[name] for name in data.files}
         with suppress(OSError):

@@ -11,7 +11,9 @@ import stat
 import struct
 import tempfile
 import threading
+import tokenize
 import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -27,10 +29,16 @@ from .png import write_png
 from .temporary import temporary_place
 
 __all__ = [
-    "atomic_path", "atomic_write", "fresh_folder", "map_arrays", "own_output", "picture_format",
-    "read_json", "temporary_home", "write_exr", "write_image", "write_json", "write_mappable",
+    "UNREADABLE_ARRAYS", "atomic_path", "atomic_write", "fresh_folder", "map_arrays", "own_output",
+    "picture_format", "read_json", "temporary_home", "write_exr", "write_image", "write_json",
+    "write_mappable",
 ]
 
+UNREADABLE_ARRAYS = (
+    OSError, EOFError, KeyError, TypeError, ValueError, AttributeError, IndexError, SyntaxError,
+    OverflowError, MemoryError, RuntimeError, struct.error, tokenize.TokenError,
+    zipfile.BadZipFile, zlib.error)
+"""What NumPy and the modules below it raise for damaged ``.npy`` and ``.npz`` files."""
 
 _ALIGNED = 64
 """Alignment of mapped numbers in bytes."""
@@ -187,6 +195,8 @@ def read_json(path: str | os.PathLike[str]) -> Any:
         raise UserError(f"can't read {path}: {error.strerror}") from error
     except ValueError as error:
         raise UserError(f"{path} is not valid JSON: {error}") from error
+    except RecursionError as error:
+        raise UserError(f"{path} can't be read: its lists lie too deep in each other") from error
 
 
 def picture_format(path: str | os.PathLike[str]) -> str:
@@ -314,7 +324,7 @@ def map_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
     Raises
     ------
-    OSError, ValueError, TypeError, zipfile.BadZipFile
+    UNREADABLE_ARRAYS
         If there is no such file, or it is damaged or no such archive.
     """
     with open(path, "rb") as stream, zipfile.ZipFile(stream) as archive:

@@ -211,5 +211,5 @@ class Capture:
                     [[np.nan if v is None else v for v in point] for point in landmarks]),
                 data.get("figures", {}),
                 some_depth([load_depth(folder, frame.get("depth")) for frame in frames]))
-        except (KeyError, IndexError, TypeError, ValueError) as error:
+        except (KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
             raise UserError(f"{folder / 'transforms.json'} is damaged: {error!r}") from error

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import warnings
-import zipfile
-import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files import UNREADABLE_ARRAYS
 from ..media.depth import DepthMap
 from .distortion import Lens
 
@@ -85,8 +84,7 @@ def load_depth(folder: Path, entry: Any) -> DepthMap | None:
             arrays = {name: np.asarray(file[name], np.float32) for name in file.files}
         return DepthMap(arrays["values"], confidence=arrays.get("confidence"),
                         **{key: entry[key] for key in _TOLD})
-    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile,
-            zlib.error) as error:
+    except UNREADABLE_ARRAYS as error:
         warnings.warn(f"a depth map in {folder} can't be read and is left out: {error}",
                       stacklevel=2)
         return None

@@ -213,7 +213,7 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
             if stream is None:
                 raise UserError(f"{path} has no film in it")
             rate = float(stream.average_rate or 30)
-    except (av.error.FFmpegError, OSError) as error:
+    except (av.error.FFmpegError, OSError, ValueError) as error:  # names that are no UTF-8, too
         raise UserError(f"the video {path} can't be read: {error}") from error
 
     def frames() -> Iterator[NDArray[np.uint8]]:

@@ -12,7 +12,6 @@ weighted L1 form; for the squared form any pixel of least cost, always the same 
 from __future__ import annotations
 
 import hashlib
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -20,7 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import atomic_write
+from ..files import UNREADABLE_ARRAYS, atomic_write
 from .kernels.table import extract_indices, scatter_pixels, sweep_linear, sweep_squared
 
 __all__ = ["LookUpTable", "TableConfig", "build_table", "cached_table"]
@@ -131,7 +130,7 @@ def cached_table(appearance: NDArray[np.float32], config: TableConfig, unit: flo
             with np.load(path, allow_pickle=False) as stored:
                 return LookUpTable(stored["indices"], int(stored["cell"]), float(stored["low"]),
                                    float(stored["step"]))
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        except UNREADABLE_ARRAYS:
             path.unlink(missing_ok=True)
     table = build_table(appearance, config, unit)
     with atomic_write(path) as stream:

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..files import atomic_write
+from ..files import UNREADABLE_ARRAYS, atomic_write
 from ..lanes.threads import share_out, side_by_side
 from ..measure import usable_cores
 from ..stages import check_writable
@@ -210,8 +210,7 @@ def read_arrays(path: Any, names: Collection[str]) -> dict[str, NDArray[Any]]:
                             strict=True))
     except FileNotFoundError as error:
         raise UserError(f"no such field file: {path}") from error
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, TypeError,
-            AttributeError, NotImplementedError) as error:
+    except UNREADABLE_ARRAYS as error:
         raise UserError(f"{path} is not a field (.npz written by lfportrait or svox2), or it is "
                         f"damaged: {error}") from error
 

@@ -23,6 +23,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 from dataclasses import dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
@@ -304,7 +305,7 @@ class Display:
     @staticmethod
     def resolve(name: str | Path) -> Display:
         """A preset's name, or a file's."""
-        if str(name) not in Display.names() and Path(name).is_file():
+        if str(name) not in Display.names() and os.path.isfile(name):
             return Display.load(name)
         return Display.preset(str(name))
 

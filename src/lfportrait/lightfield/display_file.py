@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
+from ..files import read_json
 from . import lookingglass
 
 __all__ = ["entries_of", "load_entries", "text_of"]
@@ -38,16 +39,13 @@ def load_entries(path: Path, kinds: dict[str, str]) -> dict[str, Any]:
     UserError
         If the file is missing or does not describe a display.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"can't read the display file {path}: {error}") from error
     if path.suffix.lower() != ".json":
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise UserError(f"can't read the display file {path}: {error}") from error
         return entries_of(text, path.stem, kinds)
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise UserError(f"{path} is not valid JSON: {error}") from error
+    data = read_json(path)
     if isinstance(data, dict):
         data = data.get("calibration", data)
     if not isinstance(data, dict):
@@ -62,7 +60,7 @@ def entries_of(text: str, name: str, kinds: dict[str, str]) -> dict[str, Any]:
     """
     try:
         data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise UserError(f"the display file {name} is not valid TOML: {error}") from error
     data.setdefault("name", name)
     if "slant_degrees" in data:
@@ -82,7 +80,10 @@ def entries_of(text: str, name: str, kinds: dict[str, str]) -> dict[str, Any]:
 def _number(value: Any, name: str, key: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise UserError(f"the display file {name}: {key} = {value!r} is not a number")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise UserError(f"the display file {name}: {key} is too large") from error
 
 
 def _value(value: Any, kind: str, name: str, key: str) -> Any:

@@ -66,7 +66,7 @@ def _number(calibration: dict[str, Any], key: str, default: float | None = None)
         raise UserError(f"the calibration lacks {key!r}")
     try:
         value = float(entry)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise UserError(f"the calibration's {key!r} is not a number: {entry!r}") from error
     if not math.isfinite(value):
         raise UserError(f"the calibration's {key!r} is not a number: {entry!r}")
@@ -94,7 +94,7 @@ def _default_quilt(calibration: dict[str, Any]) -> tuple[int, int, int, int] | N
     if isinstance(entry, str):
         try:
             entry = json.loads(entry)
-        except ValueError:
+        except (ValueError, RecursionError):
             return None
     if not isinstance(entry, dict):
         return None

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cache import key_of, user_cache
-from ..files import atomic_write
+from ..files import UNREADABLE_ARRAYS, atomic_write
 from .display import Display
 from .kernels.panel import lens_of, mask_views
 
@@ -81,7 +81,7 @@ class ViewMask:
                 stored = np.load(file, mmap_mode="r", allow_pickle=False)
                 if stored.shape == shape and stored.dtype == kind:
                     return ViewMask(stored, display.hash(), time.perf_counter() - start, True)
-            except (OSError, ValueError, EOFError):
+            except UNREADABLE_ARRAYS:
                 pass
         views = row_views(display, 0, display.height)
         if file is not None:

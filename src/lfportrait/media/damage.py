@@ -100,8 +100,8 @@ def _blocks(frame: bytes) -> int:
     """Blocks of 8 x 8 of all components of a frame (an upper bound)."""
     height, width, count = struct.unpack(">HHB", frame[1:6])
     factors = [(frame[7 + 3 * one] >> 4, frame[7 + 3 * one] & 15) for one in range(count)]
-    across = max(factor[0] for factor in factors)
-    down = max(factor[1] for factor in factors)
+    across = max((factor[0] for factor in factors), default=0) or 1
+    down = max((factor[1] for factor in factors), default=0) or 1
     units = -(-width // (8 * across)) * -(-height // (8 * down))
     return int(units * sum(one * two for one, two in factors))
 

@@ -64,6 +64,15 @@ _PIXEL_BOUND = _PixelBound()
 
 
 @contextlib.contextmanager
+def _usual_errors() -> Iterator[None]:
+    """Errors that belong to none of the usual classes, as an OSError: too many pixels, an end."""
+    try:
+        yield
+    except (Image.DecompressionBombError, EOFError) as error:
+        raise OSError(str(error)) from error
+
+
+@contextlib.contextmanager
 def open_picture(path: str | os.PathLike[str]) -> Iterator[Image.Image]:
     """Open a picture by Pillow, not yet decoded; HEIC, which phones write, by pillow-heif.
 
@@ -84,7 +93,7 @@ def open_picture(path: str | os.PathLike[str]) -> Iterator[Image.Image]:
     if file_format(path) == "heic":
         _read_heic()
     # A stream is not mapped: Pillow maps the rows of a TIFF that is to be turned by a wrong width.
-    with _PIXEL_BOUND, open(path, "rb") as stream, Image.open(stream) as picture:
+    with _PIXEL_BOUND, _usual_errors(), open(path, "rb") as stream, Image.open(stream) as picture:
         size = picture.width * picture.height * max(3, len(picture.getbands()))
         if size > _LARGEST:
             raise OSError(f"it has {picture.width} x {picture.height} pixels, which would take "

@@ -63,6 +63,8 @@ def clip_of(path: Path) -> Clip:
             if not container.streams.video:
                 raise UserError(f"{path} holds no video")
             stream = container.streams.video[0]
+            if stream.codec_context is None:
+                raise UserError(f"{path} holds a video of an unknown kind")
             rate = float(stream.average_rate or 30)
             known = (stream.codec_context.name.removeprefix("lib"),
                      str(stream.codec_context.pix_fmt))
@@ -76,7 +78,7 @@ def clip_of(path: Path) -> Clip:
                     fresh = folder / "video.mp4"
                     count = write_video(fresh, _frames(container), rate)
                     data, kind = fresh.read_bytes(), "mp4"
-    except (av.FFmpegError, OSError, IndexError) as error:
+    except (av.FFmpegError, OSError, IndexError, ValueError) as error:
         raise UserError(f"can't read the video {path}: {error}") from error
     return Clip(data, kind, count / rate, size)
 

@@ -69,6 +69,9 @@ def lens_of(model: str, width: int, height: int, parameters: Iterable[float]) ->
         SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, SIMPLE_FISHEYE, FISHEYE, OPENCV_FISHEYE,
         SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and THIN_PRISM_FISHEYE.
     """
+    if min(width, height) < 1:
+        raise UserError(f"a COLMAP camera has pictures of {width} x {height} pixels; export the "
+                        "model again")
     p = [float(value) for value in parameters]
     if len(p) != _COUNTS.get(model, len(p)):
         raise UserError(f"a COLMAP camera of model {model} has {len(p)} parameters instead of "

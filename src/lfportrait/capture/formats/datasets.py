@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UserError
+from ...files import UNREADABLE_ARRAYS
 from ...media.folders import list_pictures, visible
 from ...media.pictures import open_picture
 from ..distortion import Lens
@@ -76,9 +77,10 @@ def load_llff(folder: Path, holdout: int) -> Views:
     try:
         table = np.load(source, allow_pickle=False).astype(np.float64)
         matrices = table[:, :15].reshape(-1, 3, 5)
-    except (OSError, ValueError, IndexError) as error:
+    except UNREADABLE_ARRAYS as error:
         raise UserError(f"{source} is not an LLFF camera file: {error}") from error
-    if not (len(matrices) and np.isfinite(matrices).all() and (matrices[:, :, 4] > 0).all()):
+    if not (len(matrices) and np.isfinite(matrices).all() and (matrices[:, :, 4] > 0).all()
+            and (np.round(matrices[:, :2, 4]) >= 1).all()):
         raise UserError(f"{source} is not an LLFF camera file: sizes and focal lengths must be "
                         "positive numbers")
     files = _llff_pictures(folder, len(matrices))

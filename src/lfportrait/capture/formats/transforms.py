@@ -194,8 +194,10 @@ def _shot(file: Path, frame: Any, data: dict[str, Any], several: bool, finder: F
     try:
         pose = np.array(frame["transform_matrix"], np.float64)
         name = _forward(str(frame["file_path"]))
-    except (KeyError, TypeError, ValueError) as error:
+    except KeyError as error:
         raise UserError(f"{file}: a frame lacks {error}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise UserError(f"{file}: a frame can't be read: {error}") from error
     if pose.shape == (3, 4):
         pose = np.vstack([pose, [0, 0, 0, 1]])
     if pose.shape != (4, 4) or not np.isfinite(pose).all():

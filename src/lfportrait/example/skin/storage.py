@@ -7,8 +7,6 @@ regions are: it takes a tenth of a preview in a new process, and depends on the 
 
 from __future__ import annotations
 
-import struct
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...cache import key_of
 from ...capture import Camera
-from ...files import atomic_write, map_arrays, write_mappable
+from ...files import UNREADABLE_ARRAYS, atomic_write, map_arrays, write_mappable
 from ..surface_guide import HeadPlane
 from .charts import Atlas, Shape
 from .sitter import Skin
@@ -67,10 +65,13 @@ def load_skin(path: Path, key: str) -> Skin | None:
     """
     try:
         arrays = map_arrays(path)
-        if str(arrays["key"]) != key:
-            return None
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, struct.error):
+        return _skin_of(arrays) if str(arrays["key"]) == key else None
+    except UNREADABLE_ARRAYS:
         return None
+
+
+def _skin_of(arrays: dict[str, NDArray[Any]]) -> Skin:
+    """The skin that a file's arrays describe."""
     cameras = Camera(*(arrays[name] for name in ("pose", "focal", "center", "width", "height")))
     shape = Shape(arrays["shape_normals"], arrays["shape_low"], float(arrays["shape_cell"]))
     atlas = Atlas(cameras, arrays["boxes"], arrays["depth"], arrays["color"], arrays["owner"],

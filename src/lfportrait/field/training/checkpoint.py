@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import zipfile
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...capture import Capture
-from ...files import atomic_write
+from ...files import UNREADABLE_ARRAYS, atomic_write
 from ..background import Background, BackgroundTrainer
 from ..config import ReconstructConfig
 from .averaging import Average
@@ -127,7 +126,7 @@ def read_checkpoint(trainer: State, path: Path) -> None:
         if "mattes" in state:
             assert capture.alphas is not None
             mattes = _inflated(state["mattes"], capture.alphas)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+    except UNREADABLE_ARRAYS:
         return
     trainer.level, trainer.step, trainer.rays_done, trainer.lattice = level, step, rays, lattice
     trainer.gains, trainer.test_gains, trainer.recent = gains, test_gains, recent

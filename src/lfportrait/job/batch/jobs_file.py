@@ -28,6 +28,7 @@ one, a sitter's goes before a style's or a display's, and these before the defau
 from __future__ import annotations
 
 import glob
+import os
 import tomllib
 import unicodedata
 from collections.abc import Iterable, Iterator
@@ -144,7 +145,7 @@ def load_jobs(path: Path) -> Jobs:
         data = tomllib.loads(path.read_text("utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"can't read the jobs {path}: {error}") from error
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise UserError(f"{path} is not valid TOML: {error}") from error
     known = ("defaults", "sitter", "style", "display")
     for key in data:
@@ -223,13 +224,16 @@ class _Reader:
         return str(checked(table[key], str, f"{where}: {key}"))
 
     def _here(self, name: str) -> Path:
-        """A path of the file, which is relative to where the file lies."""
-        return (self.path.parent / Path(name).expanduser()).absolute()
+        """A path of the file, which is relative to where the file lies.
+
+        It may be no path at all; unlike pathlib, `os.path` takes unknown users and endless names.
+        """
+        return (self.path.parent / os.path.expanduser(name)).absolute()
 
     def _style(self, table: dict[str, Any], where: str) -> Style:
         self._known(table, ("name", "painting", *_STYLE_SECTIONS), where)
         painting = self._text(table, "painting", where)
-        if self._here(painting).is_file():
+        if os.path.isfile(self._here(painting)):
             painting = str(self._here(painting))
         name = table.get("name", Path(painting).stem)
         return Style(self._name(name, where), painting, self._sections(table))
@@ -239,7 +243,7 @@ class _Reader:
         panel = self._text(table, "panel", where)
         file = self._here(panel)
         try:
-            display = Display.resolve(file if file.is_file() else panel)
+            display = Display.resolve(file if os.path.isfile(file) else panel)
         except UserError as error:
             raise UserError(f"{where}: panel: {error}") from error
         return Panel(self._name(table.get("name", Path(panel).stem), where), display,
@@ -257,13 +261,13 @@ class _Reader:
                **self._switches(table, where)}
         own |= {key: self._choice(table, key, known, where)
                 for key, known in (("styles", styles), ("displays", panels))}
-        several = glob.has_magic(source) and not self._here(source).exists()
+        several = glob.has_magic(source) and not os.path.exists(self._here(source))
         if several and "name" in table:
             raise UserError(f"{where}: sitters of a pattern are named after their folders; leave "
                             "out name")
         found = self._matches(source, where) if several else [self._here(source)]
         for path in found:
-            if not path.exists():
+            if not os.path.exists(path):
                 raise UserError(f"{where}: {given[0]}: there is no folder or file {path}")
             name = self._name(table.get("name", path.stem if path.is_file() else path.name), where)
             yield Sitter(name=name, source=path, parameters=self._sections(table), **own)

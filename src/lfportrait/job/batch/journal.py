@@ -66,12 +66,12 @@ class Journal:
 def read_events(results: Path) -> list[Event]:
     """The events of the last run in a folder; lines that were torn by a crash are left out."""
     try:
-        lines = (results / FOLDER / "journal.jsonl").read_text("utf-8").splitlines()
+        lines = (results / FOLDER / "journal.jsonl").read_text("utf-8", "replace").splitlines()
     except OSError:
         return []
     events: list[Event] = []
     for line in lines:
-        with suppress(ValueError):
+        with suppress(ValueError, RecursionError):
             entry = json.loads(line)
             if isinstance(entry, dict):
                 events = [entry] if entry.get("event") == "plan" else [*events, entry]

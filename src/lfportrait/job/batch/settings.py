@@ -70,7 +70,10 @@ def checked(value: Any, kind: Any, where: str) -> Any:
             raise UserError(f"{where} = {value!r} is not a list of {len(inner)}")
         return tuple(checked(one, kind, where) for one, kind in zip(value, inner, strict=True))
     if kind is float and type(value) is int:
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError as error:
+            raise UserError(f"{where} is too large") from error
     if type(value) is not kind:
         raise UserError(f"{where} = {value!r} is not {_WORDS[kind]}")
     return value

@@ -30,7 +30,7 @@ __all__ = ["layout_for", "layout_of_file"]
 _EXIF, _USER_COMMENT = 0x8769, 0x9286
 _BLOCK = re.compile(r'\{[^{}]*"LKGColumns"[^{}]*\}')
 _BROKEN = (OSError, KeyError, TypeError, ValueError, AttributeError, SyntaxError, OverflowError,
-           struct.error)
+           RecursionError, struct.error)
 
 
 def _hint(place: str, columns: Any, rows: Any, aspect: Any) -> QuiltHint:
