@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..errors import UserError
-from ..media.colors import coded_space, from_space
+from ..media.colors import ColorSpace, coded_space, from_space
 from .photos import Photo
 from .sharpness import fineness, relative_sharpness
 
-__all__ = ["read_video", "video_frames"]
+__all__ = ["VideoFacts", "read_video", "video_facts", "video_frames"]
 
 # Features are followed in pictures of this longer side, about so many times a second.
 _SIDE, _RATE = 384, 5.0
@@ -46,6 +46,78 @@ class _Scan:
     time: NDArray[np.float64]
     sharp: NDArray[np.float64]
     broken: str
+
+
+@dataclass(frozen=True)
+class VideoFacts:
+    """Of a video's film.
+
+    Attributes
+    ----------
+    path
+        The file.
+    fault
+        Why it can't be read; empty where its first frame can. Nothing else is known then.
+    codec
+        As FFmpeg names it.
+    stored, upright
+        Width and height in pixels, in the stream and as frames are read.
+    aspect
+        Width of a stored pixel over its height.
+    turns
+        Counter-clockwise quarter turns that bring a frame upright, 0 to 3.
+    rate
+        Frames a second, on average.
+    frames, seconds
+        As the file notes them, or one by the other and the rate; 0 where it notes neither.
+    colors, colors_by
+        The color space that frames are read by, and what says so (empty: nothing does).
+    """
+
+    path: Path
+    fault: str = ""
+    codec: str = ""
+    stored: tuple[int, int] = (0, 0)
+    upright: tuple[int, int] = (0, 0)
+    aspect: float = 1.0
+    turns: int = 0
+    rate: float = 0.0
+    frames: int = 0
+    seconds: float = 0.0
+    colors: str = ""
+    colors_by: str = ""
+
+
+def video_facts(path: Path) -> VideoFacts:
+    """Look at a video: its head, and its first frame."""
+    import av
+
+    try:
+        codec, frames, seconds = _lengths(path)
+        rate, aspect, frame = next(_decoded(path))
+        height, width = _upright(frame, 0, aspect).shape[:2]
+    except (av.error.FFmpegError, OSError, ValueError, StopIteration) as error:
+        return VideoFacts(path, str(error) or "it has no frames")
+    space = _space(frame)
+    return VideoFacts(path, "", codec, (frame.width, frame.height), (width, height), aspect,
+                      _turns(frame), rate, frames or round(seconds * rate),
+                      seconds or frames / rate, space.name, space.source)
+
+
+def _lengths(path: Path) -> tuple[str, int, float]:
+    """Codec of a film, and its frames and seconds as noted; 0 where they are not."""
+    import av
+
+    with av.open(str(path)) as container:
+        stream = _film(container)
+        if stream is None:
+            raise ValueError("it has no video stream, or a cover picture alone")
+        seconds = 0.0
+        if stream.duration and stream.time_base:
+            seconds = float(stream.duration * stream.time_base)
+        elif container.duration:
+            seconds = container.duration / av.time_base
+        return stream.codec_context.name, stream.frames, seconds
 
 
 def _film(container: Any) -> Any:
@@ -226,10 +298,16 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
     return rate, frames()
 
 
+def _space(frame: Any) -> ColorSpace:
+    """The color space that a decoded frame names; sRGB's where it says nothing."""
+    codes = (int(frame.color_primaries or _UNSPECIFIED), int(frame.color_trc or _UNSPECIFIED))
+    source = "" if codes == (_UNSPECIFIED, _UNSPECIFIED) else "its stream"
+    return replace(coded_space(*codes), source=source)
+
+
 def _pixels(frame: Any, max_side: int) -> NDArray[np.uint8]:
     """A decoded frame in sRGB, uint8 [H, W, 3]."""
-    space = coded_space(int(frame.color_primaries or _UNSPECIFIED),
-                        int(frame.color_trc or _UNSPECIFIED))
+    space = _space(frame)
     if space.curve not in ("pq", "hlg"):
         if space.curve == "srgb":  # what says nothing has a film's curve
             space = replace(space, curve="bt709")
@@ -256,9 +334,14 @@ def _square(picture: NDArray[np.uint8], ratio: float) -> NDArray[np.uint8]:
     return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS))
 
 
+def _turns(frame: Any) -> int:
+    """Counter-clockwise quarter turns that bring a decoded frame upright, 0 to 3."""
+    return round(getattr(frame, "rotation", 0) / 90) % 4
+
+
 def _upright(frame: Any, max_side: int, aspect: float) -> NDArray[np.uint8]:
     """A decoded frame as uint8 [H, W, 3], turned upright and reduced."""
-    turns = round(getattr(frame, "rotation", 0) / 90) % 4
+    turns = _turns(frame)
     pixels = _square(_pixels(frame, max_side), aspect)
     upright = np.ascontiguousarray(np.rot90(pixels, turns))
     if not max_side or max(upright.shape[:2]) <= max_side:
