@@ -35,7 +35,8 @@ from .photos import Photo, is_video, photo_listing, picture_files, read_photos
 from .picture_facts import DepthFacts, PictureFacts, picture_facts
 from .sharpness import fineness, relative_sharpness
 from .sources import load_photos, read_source
-from .video import VideoFacts, read_video, video_facts, video_frames
+from .video import read_video, video_frames
+from .video_facts import VideoFacts, video_facts
 
 if TYPE_CHECKING:
     from .calibration.database import USUAL_FOCAL
