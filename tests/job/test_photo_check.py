@@ -205,3 +205,13 @@ def test_photos_that_can_not_be_placed_are_shown(tmp_path, capsys):
     sheet = np.asarray(Image.open(tmp_path / "out-photos.jpg"))
     problem_sheet(tmp_path / "photos", {}, tmp_path / "plain.png")
     assert sheet.shape == np.asarray(Image.open(tmp_path / "plain.png")).shape
+
+
+def test_what_is_left_out_and_what_differs_are_notes(tmp_path, faces):
+    folder = series(tmp_path / "photos", faces, [-10, 0, 10])
+    (folder / "raw.nef").write_bytes(b"II*\0" + bytes(64))
+    Image.new("RGB", (300, 200), "red").save(folder / "other.png")
+    notes = check_photos(folder).notes
+    assert any("raw.nef" in note and "raw photos" in note for note in notes)
+    assert any("differ in size" in note and "other.png" in note for note in notes)
+    assert check_photos(series(tmp_path / "even", faces, [-10, 0, 10])).notes == []

@@ -28,7 +28,7 @@ from ..media.kinds import kind_of
 from ..media.pictures import file_of, open_picture
 from .exif import noted
 
-__all__ = ["Photo", "is_video", "picture_files", "read_photos"]
+__all__ = ["Photo", "is_video", "photo_listing", "picture_files", "read_photos"]
 
 _ORIENTATION = 0x0112
 
@@ -96,10 +96,15 @@ def _reduced(picture: Image.Image, times: int) -> Image.Image:
     return smaller
 
 
-def _picture_files(folder: Path) -> Listing:
+def photo_listing(folder: Path) -> Listing:
     """The pictures of a folder, or of its subfolder ``images``, or of the only one with pictures.
 
     Cameras keep photos in ``DCIM/100NAME``. Several folders are several people, or an error.
+
+    Raises
+    ------
+    UserError
+        If several folders in it have photos.
     """
     first = Listing([])
     for place in (folder, folder / "images"):
@@ -136,7 +141,7 @@ def picture_files(folder: Path, *, say: bool = True) -> list[Path]:
         raise UserError(f"there is no folder {folder}; name the folder of your photos")
     if not folder.is_dir():
         raise UserError(f"{folder} is neither a folder of photos nor a video")
-    listing = _picture_files(folder)
+    listing = photo_listing(folder)
     if listing.files:
         if say:
             say_left_out(listing, folder, stacklevel=2)

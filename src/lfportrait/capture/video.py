@@ -10,17 +10,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from ..errors import UserError
-from ..media.colors import coded_space, from_space
+from .film import decoded, film_of, upright_frame
 from .photos import Photo
 from .sharpness import fineness, relative_sharpness
 
@@ -30,8 +29,6 @@ __all__ = ["read_video", "video_frames"]
 _SIDE, _RATE = 384, 5.0
 # A video whose features move less than this part of the picture altogether stands still.
 _STILL = 0.02
-# The number of what a stream does not say (ITU-T H.273).
-_UNSPECIFIED = 2
 
 
 @dataclass(frozen=True)
@@ -46,31 +43,6 @@ class _Scan:
     time: NDArray[np.float64]
     sharp: NDArray[np.float64]
     broken: str
-
-
-def _film(container: Any) -> Any:
-    """The stream of the film: not that of a cover picture, of several the one FFmpeg takes."""
-    import av
-
-    films = [stream for stream in container.streams.video
-             if not stream.disposition & av.stream.Disposition.attached_pic]
-    best = container.streams.best("video")
-    return best if any(stream is best for stream in films) else next(iter(films), None)
-
-
-def _decoded(path: Path) -> Iterator[tuple[float, float, Any]]:
-    """The frame rate, the width of a pixel over its height, and decoded frames."""
-    import av
-
-    with av.open(str(path)) as container:
-        stream = _film(container)
-        if stream is None:
-            raise ValueError("it has no video stream, or a cover picture alone")
-        stream.thread_type = "AUTO"
-        rate = float(stream.average_rate or 30)
-        aspect = float(stream.sample_aspect_ratio or 1)
-        for frame in container.decode(stream):
-            yield rate, aspect, frame
 
 
 def _followed(before: NDArray[np.uint8], after: NDArray[np.uint8], points: NDArray[np.float32],
@@ -105,7 +77,7 @@ def _scan(path: Path) -> _Scan:
     last: NDArray[np.uint8] | None = None
     broken = ""
     try:
-        for index, (rate, _, frame) in enumerate(_decoded(path)):
+        for index, (rate, _, frame) in enumerate(decoded(path)):
             grey = frame.to_ndarray(format="gray")
             details.append(fineness(grey, 640))
             times.append(index / rate if frame.time is None else float(frame.time))
@@ -183,10 +155,10 @@ def read_video(path: Path, count: int = 80, max_side: int = 0,
     wanted = set(_chosen(scan, max(1, count), spacing))
     photos: list[Photo] = []
     try:
-        for index, (_, aspect, frame) in enumerate(_decoded(path)):
+        for index, (_, aspect, frame) in enumerate(decoded(path)):
             if index in wanted:
                 photos.append(Photo(f"frame_{len(photos):04d}.png",
-                                    _upright(frame, max_side, aspect)))
+                                    upright_frame(frame, max_side, aspect)))
             if len(photos) == len(wanted):
                 break
     except (av.error.FFmpegError, OSError, ValueError) as error:
@@ -209,7 +181,7 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
         raise UserError(f"there is no video {path}")
     try:
         with av.open(str(path)) as container:
-            stream = _film(container)
+            stream = film_of(container)
             if stream is None:
                 raise UserError(f"{path} has no film in it")
             rate = float(stream.average_rate or 30)
@@ -218,55 +190,9 @@ def video_frames(path: Path) -> tuple[float, Iterator[NDArray[np.uint8]]]:
 
     def frames() -> Iterator[NDArray[np.uint8]]:
         try:
-            for _, aspect, frame in _decoded(path):
-                yield np.ascontiguousarray(_upright(frame, 0, aspect))
+            for _, aspect, frame in decoded(path):
+                yield np.ascontiguousarray(upright_frame(frame, 0, aspect))
         except (av.error.FFmpegError, OSError, ValueError) as error:
             raise UserError(f"the video {path} can't be read to its end: {error}") from error
 
     return rate, frames()
-
-
-def _pixels(frame: Any, max_side: int) -> NDArray[np.uint8]:
-    """A decoded frame in sRGB, uint8 [H, W, 3]."""
-    space = coded_space(int(frame.color_primaries or _UNSPECIFIED),
-                        int(frame.color_trc or _UNSPECIFIED))
-    if space.curve not in ("pq", "hlg"):
-        if space.curve == "srgb":  # what says nothing has a film's curve
-            space = replace(space, curve="bt709")
-        # What says nothing is BT.709 from 720 lines on, as players take it, else BT.601.
-        unsaid = int(frame.colorspace) == _UNSPECIFIED and frame.format.name.startswith("yuv")
-        matrix = "ITU709" if unsaid and min(frame.width, frame.height) >= 720 else None
-        return from_space(np.asarray(frame.to_ndarray(format="rgb24", src_colorspace=matrix)),
-                          space)
-    ratio = min(1.0, max_side / max(frame.width, frame.height)) if max_side else 1.0
-    deep = frame.to_ndarray(format="rgb48le", width=max(1, round(ratio * frame.width)),
-                            height=max(1, round(ratio * frame.height)))
-    return from_space(deep, space)
-
-
-def _square(picture: NDArray[np.uint8], ratio: float) -> NDArray[np.uint8]:
-    """A picture [H, W, 3] with square pixels, from ones whose width over height is ``ratio``.
-
-    The shorter way is lengthened, so that nothing is lost.
-    """
-    if not 0.1 < ratio < 10 or abs(ratio - 1) < 1e-3:
-        return picture
-    height, width = picture.shape[:2]
-    size = ((round(width * ratio), height) if ratio > 1 else (width, round(height / ratio)))
-    return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS))
-
-
-def _upright(frame: Any, max_side: int, aspect: float) -> NDArray[np.uint8]:
-    """A decoded frame as uint8 [H, W, 3], turned upright and reduced."""
-    turns = round(getattr(frame, "rotation", 0) / 90) % 4
-    pixels = _square(_pixels(frame, max_side), aspect)
-    upright = np.ascontiguousarray(np.rot90(pixels, turns))
-    if not max_side or max(upright.shape[:2]) <= max_side:
-        return upright
-    picture = Image.fromarray(upright)
-    if max(picture.size) > max_side:
-        ratio = max_side / max(picture.size)
-        picture = picture.resize((max(1, round(picture.width * ratio)),
-                                  max(1, round(picture.height * ratio))),
-                                 Image.Resampling.LANCZOS)
-    return np.asarray(picture)

@@ -48,6 +48,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "make": ("make", "Make", "photos + painting -> coded light field, all stages"),
     "batch": ("make", "BatchCommand", "make many portraits from one jobs file, locally or on Ray"),
     "batch status": ("make", "BatchStatus", "how far a batch is"),
+    "inspect": ("inspection", "Inspect", "what files and folders are, and how they are read"),
     "capture-check": ("reconstruction", "CaptureCheck", "check photos before calibration"),
     "calibrate": ("reconstruction", "Calibrate", "photos -> capture (cameras, mattes, landmarks)"),
     "reconstruct": ("reconstruction", "Reconstruct", "capture -> radiance field"),

@@ -48,6 +48,8 @@ class CaptureCheck(Common):
                   f"a face in {figures['faces']}: {self.out}")
             print("\n".join(f"- {line}" for line in check.advice)
                   or "No problems found: these photos are suitable for a portrait.")
+            if check.notes:
+                print("\n".join(["", *check.notes]))
         return {**figures, "picture": str(self.out),
                 "seconds": {"check": time.perf_counter() - start}}
 

@@ -32,6 +32,8 @@ from ..color import linear_light
 from ..face import detect_landmarks, face_pose
 from ..files import write_image
 from ..progress import Progress
+from .inspection import FolderFacts, inspect
+from .inspection_text import left_out_lines, mixed_lines
 
 __all__ = ["PhotoCheck", "PhotoFacts", "check_photos", "problem_sheet"]
 
@@ -95,16 +97,20 @@ class PhotoCheck:
         Sentences: what to do. Empty where all is well.
     images
         Small copies for a contact sheet, uint8 [H, W, 3 or 4].
+    notes
+        What is left out of the folder and why, and in what its photos differ; no problem as such.
     """
 
     photos: list[PhotoFacts]
     gaps: list[tuple[float, float]] = field(default_factory=list)
     advice: list[str] = field(default_factory=list)
     images: list[NDArray[np.uint8]] = field(default_factory=list, repr=False)
+    notes: list[str] = field(default_factory=list)
 
     def figures(self) -> dict[str, Any]:
-        """As JSON: ``photos``, ``gaps``, ``advice`` and counts."""
+        """As JSON: ``photos``, ``gaps``, ``advice``, ``notes`` and counts."""
         return {"count": len(self.photos), "advice": self.advice, "gaps": self.gaps,
+                "notes": self.notes,
                 "faces": sum(one.yaw is not None for one in self.photos),
                 "useless": sum(bool(one.wrong) for one in self.photos),
                 "photos": [asdict(one) for one in self.photos]}
@@ -297,7 +303,16 @@ def check_photos(path: str | Path, progress: Progress | None = None) -> PhotoChe
     gaps = _gaps(facts)
     lenses = len({photo.lens for photo in photos})
     return PhotoCheck(facts, gaps, _advice(facts, gaps, faces, lenses),
-                      [photo.image for photo in photos])
+                      [photo.image for photo in photos], _notes(path))
+
+
+def _notes(path: Path) -> list[str]:
+    """What is to be said of a folder besides its photos' quality; nothing of a video."""
+    facts = inspect(path).facts
+    if not isinstance(facts, FolderFacts):
+        return []
+    return [*(f"Left out: {line}." for line in left_out_lines(facts)),
+            *(f"The photos differ in {line}." for line in mixed_lines(facts))]
 
 
 def problem_sheet(path: Path, marks: dict[str, str], out: Path, frames: int = 80) -> None:

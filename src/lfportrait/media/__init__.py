@@ -2,6 +2,7 @@
 
 `kinds` says what a file is, by its content; `folders` what a folder of pictures holds, in which
 order, and what is left out; `colors` what the numbers of a picture mean; `pictures` reads pictures;
-`damage` finds what decoders pass over; `masks` says what a mask is and where it lies; `depth` reads
-the depth that phones store. All readers of all stages use these, and nothing else.
+`damage` finds what decoders pass over; `headers` and `faults` look at files without decoding them;
+`masks` says what a mask is and where it lies; `depth` reads the depth that phones store. All
+readers of all stages use these, and nothing else.
 """

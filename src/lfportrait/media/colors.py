@@ -16,11 +16,12 @@ black or white.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import warnings
-from dataclasses import dataclass
-from typing import BinaryIO
+from dataclasses import dataclass, field, replace
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from PIL import Image, ImageOps
 from ..color import BT2020, SRGB, linear_light, primaries_to_srgb, srgb_values, tone_mapped
 
 __all__ = ["ColorSpace", "coded_space", "color_space", "from_space", "looks_premultiplied",
-           "premultiplied", "srgb", "srgb_from", "straight"]
+           "named_colors", "premultiplied", "srgb", "srgb_from", "straight"]
 
 _PROFILED = ("L", "RGB", "CMYK", "LAB")
 """Pillow's modes that LittleCMS converts."""
@@ -59,11 +60,14 @@ class ColorSpace:
         Chromaticities as in `lfportrait.color.SRGB`.
     curve
         ``"srgb"``, ``"bt709"``, ``"pq"``, ``"hlg"``, or an exponent as text ("2.2", "1" is linear).
+    source
+        What says so, for people; empty where nothing does.
     """
 
     name: str = "sRGB"
     primaries: tuple[float, ...] = SRGB
     curve: str = "srgb"
+    source: str = field(default="", compare=False)
 
     @property
     def is_srgb(self) -> bool:
@@ -139,18 +143,49 @@ def color_space(picture: Image.Image, stream: BinaryIO | None = None) -> ColorSp
     """
     nclx = picture.info.get("nclx_profile")
     if isinstance(nclx, dict):
-        return coded_space(int(nclx.get("color_primaries", 2)),
-                           int(nclx.get("transfer_characteristics", 2)))
+        space = coded_space(int(nclx.get("color_primaries", 2)),
+                            int(nclx.get("transfer_characteristics", 2)))
+        return replace(space, source="its nclx box")
     kind = picture.format
     if kind == "AVIF" and stream is not None:
         numbers = _colr_box(stream)
         if numbers is not None:
-            return coded_space(*numbers)
+            return replace(coded_space(*numbers), source="its nclx box")
     if kind == "PNG":
         found = _png_space(picture, stream)
         if found is not None:
             return found
-    return ColorSpace("Adobe RGB", _ADOBE, "2.19921875") if _notes_adobe(picture) else ColorSpace()
+    if _notes_adobe(picture):
+        return ColorSpace("Adobe RGB", _ADOBE, "2.19921875", "its EXIF")
+    return ColorSpace(source="its sRGB chunk" if kind == "PNG" and "srgb" in picture.info else "")
+
+
+def named_colors(picture: Image.Image, stream: BinaryIO | None = None) -> tuple[str, str]:
+    """By what a picture's numbers are read, and what says so, both for people.
+
+    Nothing is decoded. As `srgb` does: a profile that fits counts, but for high dynamic range.
+
+    Parameters
+    ----------
+    picture, stream
+        As in `color_space`.
+
+    Returns
+    -------
+    name, source
+        Such as "Display P3" and "its ICC profile"; ``source`` is empty where nothing says.
+    """
+    space, profile = color_space(picture, stream), picture.info.get("icc_profile")
+    if profile and not _coded(space):
+        # Only the mode counts: what is converted has eight bits a channel and no alpha.
+        mode = "L" if picture.mode.startswith(("I", "F", "LA")) and picture.mode != "LAB" else (
+            picture.mode if picture.mode in _PROFILED else "RGB")
+        found = _profile(mode, profile)
+        if found is not None:
+            return found[0] or "a nameless profile", "its ICC profile"
+        return "sRGB", "its ICC profile does not fit and is left out"
+    plain = space.is_srgb and not space.source and picture.mode in ("CMYK", "LAB")
+    return picture.mode if plain else space.name, space.source
 
 
 def _notes_adobe(picture: Image.Image) -> bool:
@@ -190,7 +225,7 @@ def _png_space(picture: Image.Image, stream: BinaryIO | None) -> ColorSpace | No
         head = _head(stream, 1 << 16)
         at = head.find(b"cICP", 8)
         if 0 < at < head.find(b"IDAT") and at + 6 <= len(head):
-            return coded_space(head[at + 4], head[at + 5])
+            return replace(coded_space(head[at + 4], head[at + 5]), source="its cICP chunk")
     if "srgb" in picture.info or picture.info.get("icc_profile"):
         return None
     gamma, points = picture.info.get("gamma"), picture.info.get("chromaticity")
@@ -209,7 +244,7 @@ def _png_space(picture: Image.Image, stream: BinaryIO | None) -> ColorSpace | No
         primaries_to_srgb(primaries)
     except np.linalg.LinAlgError:
         return None
-    return ColorSpace("by gAMA and cHRM", primaries, curve)
+    return ColorSpace("by gAMA and cHRM", primaries, curve, "its gAMA and cHRM chunks")
 
 
 def srgb(picture: Image.Image, stream: BinaryIO | None = None) -> Image.Image:
@@ -320,6 +355,29 @@ def _in_eight_bits(picture: Image.Image) -> Image.Image:
     return Image.fromarray(np.uint8(np.clip(values / most, 0.0, 1.0) * 255.0 + 0.5))
 
 
+def _profile(mode: str, profile: bytes) -> tuple[str, Any | None] | None:
+    """A profile's name, and how LittleCMS converts this mode by it to sRGB.
+
+    Returns
+    -------
+    name, transform
+        The transform is None where the profile is sRGB itself. None instead of both for a damaged
+        profile, or one of another kind of picture.
+    """
+    from PIL import ImageCms
+
+    try:
+        source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+        name = ImageCms.getProfileDescription(source).strip()
+        if "srgb" in name.lower():
+            return name, None
+        return name, ImageCms.buildTransform(
+            source, ImageCms.createProfile("sRGB"), mode, "RGB",
+            renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC)
+    except (ImageCms.PyCMSError, OSError, ValueError, TypeError):
+        return None
+
+
 def _by_profile(picture: Image.Image, profile: bytes | None) -> Image.Image:
     """The picture as RGB, by the profile if it has one that fits."""
     if picture.mode == "RGB" and not profile:
@@ -328,17 +386,12 @@ def _by_profile(picture: Image.Image, profile: bytes | None) -> Image.Image:
 
     if picture.mode not in _PROFILED:  # a palette's colors have the file's profile, too
         picture = picture.convert("RGB")
-    if profile:
-        try:
-            source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
-            if "srgb" not in ImageCms.getProfileDescription(source).lower():
-                changed = ImageCms.profileToProfile(
-                    picture, source, ImageCms.createProfile("sRGB"), outputMode="RGB",
-                    renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC)
-                if changed is not None:
-                    return changed
-        except (ImageCms.PyCMSError, OSError, ValueError, TypeError):
-            pass  # a damaged profile, or one of another kind of picture
+    named = _profile(picture.mode, profile) if profile else None
+    if named is not None and named[1] is not None:
+        with contextlib.suppress(ImageCms.PyCMSError, OSError, ValueError, TypeError):
+            changed = ImageCms.applyTransform(picture, named[1])
+            if changed is not None:
+                return changed
     if picture.mode == "LAB":
         lab = ImageCms.createProfile("LAB")
         found = ImageCms.profileToProfile(picture, lab, ImageCms.createProfile("sRGB"),

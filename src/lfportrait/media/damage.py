@@ -17,15 +17,16 @@ from __future__ import annotations
 import mmap
 import re
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 
 from .kinds import file_format
 
-__all__ = ["damage_of"]
+__all__ = ["damage_of", "scans_end"]
 
 _ZEROS, _ONES = 256, 64
 """Bytes of a run that is looked at."""
-_RUN = re.compile(rb"\0{%d,}|\xff{%d,}" % (_ZEROS, _ONES))
+_REST = re.compile(rb"\0+|\xff+")
 _LONG = re.compile(rb"\0{4096,}")
 _FRAMES = {0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF}
 _BASELINE = {0xC0, 0xC1}
@@ -85,15 +86,46 @@ def _in_jpeg(data: mmap.mmap) -> int | None:
             flat = not baseline or all(symbol == 0 for symbol in tables.values())
             # Two bits a block: one for the difference of means, one for "no details".
             most = blocks // 4 if flat else 0
-            for found in _RUN.finditer(data, at, end):
+            for first, last in _runs(data, at, end):
                 # Fill bytes before a marker are few.
-                ones = data[found.start()] == 0xFF
-                if ones or found.end() - found.start() > max(most, _ZEROS):
-                    return found.start()
+                if data[first] == 0xFF or last - first > max(most, _ZEROS):
+                    return first
             if end >= len(data):
                 return None
             at = end
     return None
+
+
+def _runs(data: mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int]]:
+    """Where long runs of zeros and of bytes 255 begin and end, in order.
+
+    Each is looked for as text: a pattern with both takes ten times as long.
+    """
+    runs = [bytes(_ZEROS), b"\xff" * _ONES]
+    places = [data.find(run, at, end) for run in runs]
+    while any(place >= 0 for place in places):
+        first = min(place for place in places if place >= 0)
+        whole = _REST.match(data, first, end)
+        last = first + 1 if whole is None else whole.end()
+        yield first, last
+        places = [data.find(run, last, end) if 0 <= place < last else place
+                  for run, place in zip(runs, places)]
+
+
+def scans_end(data: mmap.mmap) -> bool:
+    """Whether a JPEG has all its scans, and the mark of its end behind the last."""
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker == 0xD9:
+            return True
+        if marker == 0xFF:
+            at += 1
+            continue
+        at += 2 + struct.unpack(">H", data[at + 2:at + 4])[0]
+        if marker == 0xDA:
+            at = _end_of_scan(data, at)
+    return data[at:at + 2] == b"\xff\xd9"
 
 
 def _blocks(frame: bytes) -> int:

@@ -6,12 +6,12 @@ what Polycam and Record3D export, `datasets` LLFF and NSVF. All end in `assembly
 picture is, `orientation` decides.
 """
 
-from .assembly import Shot, Views, assemble, held_out_views, read_shots
-from .colmap import ColmapImage, lens_of, load_colmap, read_model
-from .detect import is_calibrated, load_views
+from .assembly import DataSet, Shot, Views, assemble, held_out_views, mask_of, read_shots
+from .colmap import ColmapImage, lens_of, read_model
+from .detect import find_views, is_calibrated, load_views
 from .orientation import turned_upright
-from .transforms import load_transforms, transform_files
+from .transforms import transform_files
 
-__all__ = ["ColmapImage", "Shot", "Views", "assemble", "held_out_views", "is_calibrated", "lens_of",
-           "load_colmap", "load_transforms", "load_views", "read_model", "read_shots",
+__all__ = ["ColmapImage", "DataSet", "Shot", "Views", "assemble", "find_views", "held_out_views",
+           "is_calibrated", "lens_of", "load_views", "mask_of", "read_model", "read_shots",
            "transform_files", "turned_upright"]

@@ -1,8 +1,9 @@
 """Last step of every reader: undistorted photos with cameras in the portrait frame.
 
-A reader finds a `Shot` for each photo in its own format: file, pose, lens. `read_shots` reads the
-pictures, turns them upright and gives them their masks; `assemble` takes the distortion out and
-makes `Views` of them, which are the first fields of a `Capture` in their order.
+A reader finds a `Shot` for each photo in its own format: file, pose, lens; all of them are a
+`DataSet`, of which no picture is read yet. `read_shots` reads the pictures, turns them upright and
+gives them their masks; `assemble` takes the distortion out and makes `Views` of them, which are the
+first fields of a `Capture` in their order.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from ..distortion import Lens, undistort
 from ..frame import looks_normalised, portrait_frame_from_cameras
 from .orientation import calibrated_turns, mask_for, noted_turns, turned_upright, turns_by_up
 
-__all__ = ["Shot", "Views", "assemble", "held_out_views", "read_shots"]
+__all__ = ["DataSet", "Shot", "Views", "assemble", "held_out_views", "mask_of", "read_shots"]
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,27 @@ class Shot:
     mask: Path | None = None
     test: bool | None = None
     up: NDArray[np.float64] | None = None
+
+
+class DataSet(NamedTuple):
+    """What a reader finds before a picture is read.
+
+    Attributes
+    ----------
+    format
+        The program or format, for people.
+    shots
+        In the order of the views.
+    source
+        The file or folder that lists them, for messages.
+    box
+        As in `assemble`.
+    """
+
+    format: str
+    shots: list[Shot]
+    source: Path
+    box: NDArray[np.float64] | None = None
 
 
 class Views(NamedTuple):
@@ -194,19 +216,16 @@ def assemble(poses: NDArray[np.float64], lenses: list[Lens],
     return Views(cameras, images, alphas if matted else None, names, held_out, frame, flat_depths)
 
 
-def read_shots(shots: list[Shot], source: Path, holdout: int,
-               box: NDArray[np.float64] | None = None) -> Views:
+def read_shots(found: DataSet, holdout: int) -> Views:
     """Views of a program's shots: pictures are read, turned upright and given their masks.
 
     A picture that can't be read is left out with a warning.
 
     Parameters
     ----------
-    shots
-        In the order of the views.
-    source
-        The file or folder that lists them, for messages.
-    holdout, box
+    found
+        Its shots.
+    holdout
         As in `assemble`; every ``holdout``-th view is held out unless all shots say whether they
         are.
 
@@ -216,6 +235,7 @@ def read_shots(shots: list[Shot], source: Path, holdout: int,
         If no picture can be read, a picture and its camera are of different shapes, or a pose or
         lens makes no sense.
     """
+    shots, source = found.shots, found.source
     poses, lenses, pictures, depths, kept = [], [], [], [], []
     finder = Finder()
     for shot, picture in zip(shots, read_images(shot.path for shot in shots)):
@@ -223,7 +243,7 @@ def read_shots(shots: list[Shot], source: Path, holdout: int,
             warnings.warn(f"{picture}; left out", stacklevel=3)
             continue
         noted = noted_turns(shot.path)
-        mask = None if picture.shape[2] == 4 else _mask_of(shot, finder)
+        mask = None if picture.shape[2] == 4 else mask_of(shot, finder)
         if mask is not None:
             picture = np.dstack([picture, mask_for(picture, mask, noted)])
         pose, lens, picture, turns = _upright(shot, picture, noted)
@@ -237,10 +257,11 @@ def read_shots(shots: list[Shot], source: Path, holdout: int,
         raise UserError(f"none of the photos named in {source} can be read")
     known = [shot.test for shot in kept if shot.test is not None]
     return assemble(np.array(poses), lenses, pictures, [shot.name for shot in kept],
-                    np.array(known) if len(known) == len(kept) else None, holdout, box, depths)
+                    np.array(known) if len(known) == len(kept) else None, holdout, found.box,
+                    depths)
 
 
-def _mask_of(shot: Shot, finder: Finder) -> Path | None:
+def mask_of(shot: Shot, finder: Finder) -> Path | None:
     """The file of a shot's mask: the one that is named for it, or the first in `Shot.masks`."""
     if shot.mask:
         found = finder.find(shot.mask.parent, shot.mask.name)

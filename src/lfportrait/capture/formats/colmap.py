@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from ...errors import UserError
 from ...media.folders import Finder
 from ..distortion import Lens
-from .assembly import Shot, Views, read_shots
+from .assembly import DataSet, Shot
 
-__all__ = ["ColmapImage", "lens_of", "load_colmap", "photo_count", "read_model"]
+__all__ = ["ColmapImage", "find_colmap", "lens_of", "photo_count", "read_model"]
 
 Float = NDArray[np.float64]
 
@@ -254,8 +254,8 @@ def photo_count(model: Path) -> int:
         return 0
 
 
-def load_colmap(model: Path, root: Path, holdout: int) -> Views:
-    """Read a COLMAP model with its photos as a capture.
+def find_colmap(model: Path, root: Path) -> DataSet:
+    """The shots of a COLMAP model.
 
     Masks, by COLMAP's custom ``masks/NAME.png`` for the photo ``NAME``, suffix included, become
     the photos' alpha.
@@ -266,8 +266,6 @@ def load_colmap(model: Path, root: Path, holdout: int) -> Views:
         Folder with the model's files.
     root
         Folder of the data set, where ``images`` is looked for first.
-    holdout
-        Every ``holdout``-th photo becomes a test view; 0 holds out none.
 
     Raises
     ------
@@ -277,8 +275,8 @@ def load_colmap(model: Path, root: Path, holdout: int) -> Views:
     lenses, images = read_model(model)
     finder = Finder()
     folder = _photo_folder(model, root, [image.name for image in images], finder)
-    return read_shots([_shot(image, lenses[image.camera], finder.find(folder, image.name)
-                             or folder / image.name, root) for image in images], model, holdout)
+    return DataSet("COLMAP", [_shot(image, lenses[image.camera], finder.find(folder, image.name)
+                             or folder / image.name, root) for image in images], model)
 
 
 def _shot(image: ColmapImage, lens: Lens, path: Path, root: Path) -> Shot:

@@ -12,10 +12,10 @@ from ...files import UNREADABLE_ARRAYS
 from ...media.folders import list_pictures, visible
 from ...media.pictures import open_picture
 from ..distortion import Lens
-from .assembly import Shot, Views, read_shots
+from .assembly import DataSet, Shot
 from .placed import warn_unmatched
 
-__all__ = ["load_llff", "load_nsvf", "nsvf_folders"]
+__all__ = ["find_llff", "find_nsvf", "nsvf_folders"]
 
 # Pixels along the longer side beyond which a reduced copy is preferred.
 _LARGEST_SIDE = 1600
@@ -53,8 +53,8 @@ def _llff_pictures(folder: Path, count: int) -> list[Path]:
     return best[1]
 
 
-def load_llff(folder: Path, holdout: int) -> Views:
-    """Read an LLFF data set.
+def find_llff(folder: Path, holdout: int) -> DataSet:
+    """The shots of an LLFF data set.
 
     ``poses_bounds.npy`` has 17 numbers a picture: a [3, 5] matrix whose columns are the camera's
     down, right and backward axes, its position, and (height, width, focal length); then the near
@@ -94,7 +94,7 @@ def load_llff(folder: Path, holdout: int) -> Views:
         lens = Lens(round(width), round(height), (focal, focal), (width / 2, height / 2))
         shots.append(Shot(file, file.name, pose, lens.resized, (lens.width, lens.height),
                           test=number % holdout == 0 if split else None))
-    return read_shots(shots, source, holdout)
+    return DataSet("LLFF", shots, source)
 
 
 def _nsvf_intrinsics(file: Path) -> NDArray[np.float64]:
@@ -130,20 +130,17 @@ def nsvf_folders(path: Path) -> tuple[Path, Path] | None:
     return (pictures[0], poses[0]) if pictures and poses else None
 
 
-def load_nsvf(folder: Path, holdout: int) -> Views:
-    """Read an NSVF data set.
+def find_nsvf(folder: Path) -> DataSet:
+    """The shots of an NSVF data set.
 
     Poses are camera-to-world with OpenCV axes, one text file a picture; the names' prefix says the
-    split: ``0_`` training, ``1_`` validation, ``2_`` test. Without such prefixes every
-    ``holdout``-th picture is a test view. ``bbox.txt``, if there is one, gives the subject's
-    position, for a world that is not normalised.
+    split: ``0_`` training, ``1_`` validation, ``2_`` test. ``bbox.txt``, if there is one, gives the
+    subject's position, for a world that is not normalised.
 
     Parameters
     ----------
     folder
         The data set.
-    holdout
-        See above; 0 holds out none.
 
     Raises
     ------
@@ -175,4 +172,4 @@ def load_nsvf(folder: Path, holdout: int) -> Views:
         shots.append(Shot(file, file.name, pose,
                           lambda width, height: Lens(width, height, (fx, fy), (cx, cy)),
                           test=not file.name.startswith("0_") if split else None))
-    return read_shots(shots, rgb, holdout, box)
+    return DataSet("NSVF", shots, rgb, box)

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import UserError
-from .assembly import Views
-from .colmap import load_colmap, photo_count
-from .datasets import load_llff, load_nsvf, nsvf_folders
-from .phones import load_polycam, load_record3d, polycam_folders, record3d_files
-from .programs import load_program, program_file
-from .transforms import load_transforms, transform_files
+from .assembly import DataSet, Views, read_shots
+from .colmap import find_colmap, photo_count
+from .datasets import find_llff, find_nsvf, nsvf_folders
+from .phones import find_polycam, find_record3d, polycam_folders, record3d_files
+from .programs import find_program, program_file
+from .transforms import find_transforms, transform_files
 
-__all__ = ["is_calibrated", "load_views"]
+__all__ = ["find_views", "is_calibrated", "load_views"]
 
 
 def _colmap_models(path: Path) -> list[Path]:
@@ -64,25 +64,43 @@ def load_views(path: Path, holdout: int) -> Views:
     UserError
         If ``path`` is no data set, or a damaged one.
     """
+    return read_shots(find_views(path, holdout), holdout)
+
+
+def find_views(path: Path, holdout: int = 0) -> DataSet:
+    """The shots of any calibrated data set; no picture is decoded.
+
+    Parameters
+    ----------
+    path
+        As in `Capture.load`.
+    holdout
+        Every ``holdout``-th picture becomes a test view where the format's custom says which.
+
+    Raises
+    ------
+    UserError
+        If ``path`` is no data set, or a damaged one.
+    """
     if not path.exists():
         raise UserError(f"there is no folder or file {path}; name the folder of a capture")
     files = transform_files(path)
     if files:
-        return load_transforms(files, holdout)
+        return find_transforms(files)
     models = _colmap_models(path) if path.is_dir() else []
     if models:
-        return load_colmap(_largest_model(models, path), path, holdout)
+        return find_colmap(_largest_model(models, path), path)
     if (path / "poses_bounds.npy").is_file():
-        return load_llff(path, holdout)
+        return find_llff(path, holdout)
     if nsvf_folders(path) is not None:
-        return load_nsvf(path, holdout)
+        return find_nsvf(path)
     if polycam_folders(path) is not None:
-        return load_polycam(path, holdout)
+        return find_polycam(path)
     if record3d_files(path) is not None:
-        return load_record3d(path, holdout)
+        return find_record3d(path)
     file = program_file(path)
     if file is not None:
-        return load_program(file, holdout)
+        return find_program(file)
     raise UserError(f"{path} is not a calibrated capture: it has no transforms.json, COLMAP model, "
                     "cameras.xml, .sfm, sfm_data.json, camera table (.csv), bundle.out, .nvm, "
                     "poses_bounds.npy, pose/ folder or export of Polycam or Record3D; run "

@@ -22,10 +22,10 @@ from ...errors import UserError
 from ...files import read_json
 from ...media.folders import list_pictures, visible
 from ..distortion import Lens
-from .assembly import Shot, Views, read_shots
+from .assembly import DataSet, Shot
 from .placed import resizable, warn_unmatched
 
-__all__ = ["load_polycam", "load_record3d", "polycam_folders", "record3d_files"]
+__all__ = ["find_polycam", "find_record3d", "polycam_folders", "record3d_files"]
 
 Float64 = NDArray[np.float64]
 
@@ -52,8 +52,8 @@ def _cameras(folder: Path) -> list[Path]:
     return [path for path in visible(folder) if path.suffix.lower() == ".json"]
 
 
-def load_polycam(path: Path, holdout: int) -> Views:
-    """Read a Polycam export.
+def find_polycam(path: Path) -> DataSet:
+    """The shots of a Polycam export.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def load_polycam(path: Path, holdout: int) -> Views:
         raise UserError(f"{pictures} has no picture with a file of its name in {cameras}")
     warn_unmatched({picture.stem for picture in listed},
                    {file.stem for file in _cameras(cameras)}, pictures, cameras)
-    return read_shots(shots, pictures, holdout)
+    return DataSet("Polycam", shots, pictures)
 
 
 def record3d_files(path: Path) -> tuple[Path, Path] | None:
@@ -96,8 +96,8 @@ def record3d_files(path: Path) -> tuple[Path, Path] | None:
     return None
 
 
-def load_record3d(path: Path, holdout: int) -> Views:
-    """Read a Record3D export.
+def find_record3d(path: Path) -> DataSet:
+    """The shots of a Record3D export.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def load_record3d(path: Path, holdout: int) -> Views:
         raise UserError(f"{folder} has no pictures 0.jpg, 1.jpg, ... for the poses in {file}")
     warn_unmatched({picture.stem.lstrip("0") or "0" for picture in pictures},
                    {str(number) for number in range(len(table))}, folder, file)
-    return read_shots(shots, folder, holdout)
+    return DataSet("Record3D", shots, folder)
 
 
 def _shot(picture: Path, pose: Float64, lens: Callable[[int, int], Lens],

@@ -22,17 +22,20 @@ import numpy as np
 from ...errors import UserError
 from ...media.folders import folders_below, is_junk, natural_key, visible
 from ...media.kinds import PHOTOS
-from .assembly import Shot, Views, read_shots
+from .assembly import DataSet, Shot
 from .graphs import is_graph, read_graph
 from .metashape import read_metashape
 from .placed import Placed
 from .tables import is_camera_table, read_bundler, read_camera_table, read_visualsfm
 
-__all__ = ["load_program", "program_file"]
+__all__ = ["find_program", "program_file"]
 
 _READERS: dict[str, Callable[[Path], list[Placed]]] = {
     ".xml": read_metashape, ".out": read_bundler, ".nvm": read_visualsfm,
     ".csv": read_camera_table, ".sfm": read_graph, ".json": read_graph}
+_NAMES = {".xml": "Metashape", ".out": "Bundler", ".nvm": "VisualSfM",
+          ".csv": "RealityCapture or a camera table", ".sfm": "Meshroom",
+          ".json": "Meshroom or OpenMVG"}
 _PATTERNS = ("cameras.xml", "bundle.out", "bundle/bundle.out", "*.nvm", "*.sfm", "*.json", "*.csv")
 
 
@@ -57,8 +60,8 @@ def _is_cameras(file: Path) -> bool:
     return suffix in _READERS
 
 
-def load_program(file: Path, holdout: int) -> Views:
-    """Read the cameras of a photogrammetry program with their photos as a capture.
+def find_program(file: Path) -> DataSet:
+    """The shots of a photogrammetry program's file.
 
     Raises
     ------
@@ -87,7 +90,7 @@ def load_program(file: Path, holdout: int) -> Views:
     views = [Shot(path, path.name if bases.count(path.name) == 1
                   else f"{path.parent.name}_{path.name}", shot.pose, shot.lens, shot.size,
                   (file.parent / "masks", path.parent.parent / "masks")) for shot, path in known]
-    return read_shots(views, file, holdout)
+    return DataSet(_NAMES[file.suffix.lower()], views, file)
 
 
 def _photos(folder: Path) -> dict[str, list[Path]]:

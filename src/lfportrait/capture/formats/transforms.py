@@ -15,11 +15,11 @@ from ...errors import UserError
 from ...files import read_json
 from ...media.folders import Finder, visible
 from ..distortion import Lens
-from .assembly import Shot, Views, read_shots
+from .assembly import DataSet, Shot
 from .graphs import is_graph
 from .placed import brown, fisheye
 
-__all__ = ["load_transforms", "transform_files"]
+__all__ = ["find_transforms", "transform_files"]
 
 _TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -162,8 +162,8 @@ def _split_of(data: dict[str, Any], name: str, file: Path, several: bool) -> boo
     return "train" not in file.stem if several else None
 
 
-def load_transforms(files: list[Path], holdout: int) -> Views:
-    """Read one or several ``transforms*.json`` (NeRF-Blender, instant-ngp, nerfstudio)."""
+def find_transforms(files: list[Path]) -> DataSet:
+    """The shots of one or several ``transforms*.json`` (NeRF-Blender, instant-ngp, nerfstudio)."""
     shots: list[Shot] = []
     finder = Finder()
     for file in files:
@@ -185,7 +185,9 @@ def load_transforms(files: list[Path], holdout: int) -> Views:
     if len({Path(shot.name).stem for shot in shots}) < len(shots):
         shots = [replace(shot, name=f"{index:04d}_{shot.name}")
                  for index, shot in enumerate(shots)]
-    return read_shots(shots, files[0], holdout)
+    own = isinstance(data, dict) and data.get("generator") == "lfportrait"
+    return DataSet("lfportrait capture" if own else "transforms.json (NeRF, nerfstudio)", shots,
+                   files[0])
 
 
 def _shot(file: Path, frame: Any, data: dict[str, Any], several: bool, finder: Finder,

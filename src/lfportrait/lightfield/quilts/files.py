@@ -121,7 +121,7 @@ def layout_of_file(path: Path, display: Display | None = None, *,
         first.columns, first.rows)]
     aspect = next((hint.aspect for hint in alike if hint.aspect), display.aspect if display else 0)
     _warn_of_contradiction(path, hints)
-    return QuiltLayout(first.columns, first.rows, aspect) if aspect else None
+    return QuiltLayout(first.columns, first.rows, aspect, first.place) if aspect else None
 
 
 def _warn_of_contradiction(path: Path, hints: list[QuiltHint]) -> None:

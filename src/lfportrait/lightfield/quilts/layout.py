@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ...errors import UserError
 from ..display import Display
@@ -115,12 +115,14 @@ class QuiltLayout:
     """Columns and rows of a quilt and the aspect (width over height) of its views.
 
     View 0, the leftmost, is the bottom left tile; views run to the right, then up. A quilt's file
-    name ends in ``_qsCOLSxROWSaASPECT``, e.g. ``portrait_qs8x6a0.75.png``.
+    name ends in ``_qsCOLSxROWSaASPECT``, e.g. ``portrait_qs8x6a0.75.png``. Where a file's layout is
+    said, ``place`` names it, for people.
     """
 
     columns: int
     rows: int
     aspect: float
+    place: str = field(default="", compare=False)
 
     @staticmethod
     def of_name(name: str, display: Display | None = None) -> QuiltLayout | None:
