@@ -33,7 +33,7 @@ def test_a_jpeg_that_is_empty_from_a_third_on(tmp_path, kind, fill, mode):
     for end in (b"", b"\xff\xd9"):
         path.write_bytes(data[:start] + fill * (len(data) - start - len(end)) + end)
         assert "gone from 3" in damage_of(path), (kind, fill, end)
-    with pytest.raises(UserError, match="damaged.*copy it again"):
+    with pytest.raises(UserError, match=r"damaged.*copy it again"):
         read_image(path)
 
 

@@ -10,6 +10,7 @@ from PIL import Image
 from lfportrait.capture import read_photos
 from lfportrait.errors import UserError
 from lfportrait.job.steps import source_files, source_key
+from lfportrait.lightfield import Display
 from lfportrait.lightfield.interlacing import read_views
 from lfportrait.media.folders import (
     Finder,
@@ -23,6 +24,9 @@ from lfportrait.media.folders import (
 JUNK = ["._X.jpg", "@eaDir/a.jpg", "__MACOSX/._a.jpg", "__MACOSX/a.jpg", ".thumbnails/a.jpg",
         "Thumbs.db", "desktop.ini", ".DS_Store", "@eaDir/a.jpg/SYNOPHOTO_THUMB_M.jpg",
         "$RECYCLE.BIN/b.jpg", ".Trashes/c.jpg"]
+
+PANEL = Display(90, 48, views=12, pitch=7.3, slant=0.15, offset=2.1, cone=50, distance=3,
+                quilt=(4, 3), quilt_size=(240, 96), name="small")
 
 
 def picture(path, seed=0, **options):
@@ -67,7 +71,7 @@ def test_numbers_count_as_numbers(tmp_path):
 def test_views_go_in_in_natural_order(tmp_path):
     for number in range(1, 13):
         Image.new("RGB", (8, 8), (20 * number, 0, 0)).save(tmp_path / f"view_{number}.png")
-    assert [int(view[0, 0, 0]) for view in read_views(tmp_path)[0]] == [
+    assert [int(view[0, 0, 0]) for view in read_views(tmp_path, PANEL)[0]] == [
         20 * number for number in range(1, 13)]
 
 
@@ -76,7 +80,7 @@ def test_equal_views_are_all_kept(tmp_path):
         Image.new("RGB", (8, 8), "white").save(tmp_path / f"frame_{number:04d}.jpg")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert len(read_views(tmp_path)[0]) == 6
+        assert len(read_views(tmp_path, PANEL)[0]) == 6
 
 
 def test_mixed_kinds_are_all_taken(tmp_path):

@@ -75,7 +75,7 @@ def test_folders_and_missing_files(tmp_path):
 
 def test_a_text_named_as_a_photo_is_named_as_no_picture(tmp_path):
     (tmp_path / "b.jpg").write_text("<html>not found</html>")
-    with pytest.raises(UserError, match="can't read the picture .*b.jpg") as told:
+    with pytest.raises(UserError, match=r"can't read the picture .*b\.jpg") as told:
         read_image(tmp_path / "b.jpg")
     assert "\n" not in str(told.value)
     (tmp_path / "a.jpg").write_bytes(encoded("jpeg"))

@@ -119,7 +119,7 @@ def test_a_photo_is_no_mask(tmp_path):
     image = np.random.default_rng(0).integers(20, 200, (*SHAPE, 3), np.uint8)
     for picture in (Image.fromarray(image), Image.fromarray(image // 2).convert("L")):
         picture.save(tmp_path / "m.png")
-        with pytest.raises(UserError, match="m.png is no mask") as told:
+        with pytest.raises(UserError, match=r"m\.png is no mask") as told:
             read_mask(tmp_path / "m.png")
         assert "\n" not in str(told.value) and "white" in str(told.value)
 
