@@ -37,7 +37,8 @@ def write(path: Path, images: list[np.ndarray], matrix: int, full: bool = False,
         stream.time_base = stream.codec_context.time_base = Fraction(1, 1000)
         if said:
             context = stream.codec_context
-            context.colorspace = context.color_primaries = matrix
+            # Primaries other than sRGB's would be converted; here the matrix alone counts.
+            context.colorspace, context.color_primaries = matrix, 1
             context.color_range = 2 if full else 1
         for number, image in enumerate(images):
             frame = av.VideoFrame(width, height, "yuv444p")
@@ -47,6 +48,7 @@ def write(path: Path, images: list[np.ndarray], matrix: int, full: bool = False,
                 plane.update(data.tobytes())
             if said:
                 frame.colorspace, frame.color_range = matrix, 2 if full else 1
+                frame.color_primaries = 1
             frame.pts, frame.time_base = (times or [33 * n for n in range(len(images))])[
                 number], Fraction(1, 1000)
             container.mux(stream.encode(frame))

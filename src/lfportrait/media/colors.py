@@ -46,6 +46,8 @@ _NAMES = {1: "BT.709", 4: "BT.470 M", 8: "film", 9: "BT.2020", 11: "DCI-P3", 12:
 _CURVES = {1: "bt709", 4: "2.2", 5: "2.8", 6: "bt709", 8: "1", 14: "bt709", 15: "bt709",
            16: "pq", 17: "2.6", 18: "hlg"}
 """By the number of H.273's transfers; others are taken for sRGB's."""
+_UNSAID = 2
+"""H.273's number of what a file does not say."""
 
 
 @dataclass(frozen=True)
@@ -141,16 +143,10 @@ def color_space(picture: Image.Image, stream: BinaryIO | None = None) -> ColorSp
     stream
         Its file, for what Pillow does not read.
     """
-    nclx = picture.info.get("nclx_profile")
-    if isinstance(nclx, dict):
-        space = coded_space(int(nclx.get("color_primaries", 2)),
-                            int(nclx.get("transfer_characteristics", 2)))
-        return replace(space, source="its nclx box")
+    numbers = _numbers(picture, stream)
+    if numbers is not None and numbers != (_UNSAID, _UNSAID):
+        return replace(coded_space(*numbers), source="its nclx box")
     kind = picture.format
-    if kind == "AVIF" and stream is not None:
-        numbers = _colr_box(stream)
-        if numbers is not None:
-            return replace(coded_space(*numbers), source="its nclx box")
     if kind == "PNG":
         found = _png_space(picture, stream)
         if found is not None:
@@ -186,6 +182,15 @@ def named_colors(picture: Image.Image, stream: BinaryIO | None = None) -> tuple[
         return "sRGB", "its ICC profile does not fit and is left out"
     plain = space.is_srgb and not space.source and picture.mode in ("CMYK", "LAB")
     return picture.mode if plain else space.name, space.source
+
+
+def _numbers(picture: Image.Image, stream: BinaryIO | None) -> tuple[int, int] | None:
+    """Primaries and transfer as HEIC and AVIF number them; None where there are none."""
+    nclx = picture.info.get("nclx_profile")
+    if isinstance(nclx, dict):
+        return (int(nclx.get("color_primaries", _UNSAID)),
+                int(nclx.get("transfer_characteristics", _UNSAID)))
+    return _colr_box(stream) if picture.format == "AVIF" and stream is not None else None
 
 
 def _notes_adobe(picture: Image.Image) -> bool:
@@ -302,14 +307,16 @@ def srgb_from(picture: Image.Image, profile: bytes | None, space: ColorSpace) ->
 def looks_premultiplied(picture: NDArray[np.uint8]) -> bool:
     """Whether the colors of a picture [H, W, 4] seem to be multiplied by its alpha.
 
-    Then none is larger than the alpha beside it. At the edges of a straight cut-out that happens
-    only to a black person, whom a division does not change.
+    Then none is larger than the alpha beside it, and at soft edges they fall with it. Those of a
+    straight cut-out do not, though a black person's are smaller than most alpha as well.
     """
     alpha = picture[..., 3]
     edge = (alpha > 8) & (alpha < 247)
-    if edge.sum() < 100:
+    values, colors = alpha[edge].astype(np.int32), picture[edge][:, :3].max(axis=1)
+    faint, dense = values < 96, values > 160
+    if min(faint.sum(), dense.sum()) < 20 or (colors > values + 2).any():
         return False
-    return bool((picture[edge][:, :3].max(axis=1) <= alpha[edge].astype(np.int32) + 2).all())
+    return bool(colors[faint].mean() < 0.7 * colors[dense].mean())
 
 
 def premultiplied(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -322,9 +329,9 @@ def premultiplied(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
 def straight(values: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8]:
     """A picture [H, W, 4] with its colors divided by alpha, uint8; black where nothing is."""
     colors = values.astype(np.float32)
-    alpha = np.clip(colors[..., 3:], 0, 255)
+    # A resampled alpha overshoots beside edges, as the colors do that it multiplies.
+    alpha = colors[..., 3:]
     colors[..., :3] *= np.where(alpha > 0.5, 255 / np.maximum(alpha, 0.5), 0)
-    colors[..., 3:] = alpha
     return np.asarray(np.clip(colors, 0, 255) + 0.5, np.uint8)
 
 

@@ -27,7 +27,8 @@ from ..files import own_output
 from .kinds import PHOTOS, RAW, UNREAD, VIDEOS, kind_of
 
 __all__ = ["RAW_PHOTOS", "Finder", "Listing", "files_below", "folders_below", "is_junk",
-           "list_pictures", "natural_key", "one_of_each", "same_name", "say_left_out", "visible"]
+           "list_pictures", "natural_key", "one_of_each", "same_name", "say_left_out", "stem_key",
+           "visible"]
 
 RAW_PHOTOS = "raw photos are not read"
 """The reason why raw photos are left out of a listing."""
@@ -125,8 +126,8 @@ def list_pictures(folder: Path, *, photos: bool = False) -> Listing:
             left.setdefault({"raw": RAW_PHOTOS, "video": "a video among pictures",
                              "unread": "of a kind that is not read"}[kind], []).append(path)
     # A raw photo beside its JPEG is what cameras write: nothing is lost.
-    developed = {_stem(path) for path in pictures}
-    raw = [path for path in left.pop(RAW_PHOTOS, []) if _stem(path) not in developed]
+    developed = {stem_key(path) for path in pictures}
+    raw = [path for path in left.pop(RAW_PHOTOS, []) if stem_key(path) not in developed]
     if raw:
         left[RAW_PHOTOS] = raw
     files, twins = one_of_each(pictures, copies=photos)
@@ -141,7 +142,8 @@ def _plain(path: Path) -> bool:
                       } and suffix not in PHOTOS | VIDEOS | RAW | UNREAD
 
 
-def _stem(path: Path) -> str:
+def stem_key(path: Path) -> str:
+    """A file's name without its ending, the same in any case and form of its accents."""
     return unicodedata.normalize("NFC", path.stem).casefold()
 
 
@@ -162,7 +164,7 @@ def one_of_each(files: Iterable[Path], *, copies: bool = True,
         Those that are taken, in their order; the others by the reason.
     """
     files = list(files)
-    stems = {_stem(path) for path in files}
+    stems = {stem_key(path) for path in files}
     common = Counter(path.suffix.lower() for path in files)
     left: dict[str, list[Path]] = {}
 
@@ -171,7 +173,7 @@ def one_of_each(files: Iterable[Path], *, copies: bool = True,
 
     kept: dict[str, Path] = {}
     for path in files:
-        stem = _stem(path)
+        stem = stem_key(path)
         if (whole := _original(stem)) is not None and whole in stems:
             leave(path, "edited copies of other photos")
             continue

@@ -73,7 +73,7 @@ def mask_values(picture: Image.Image, name: str) -> NDArray[np.uint8]:
     whole = np.asarray(picture.convert("RGBA"))
     alpha, colors = whole[..., 3], whole[..., :3]
     gray = colors.max(axis=2)
-    is_gray = bool((colors.min(axis=2) + 8 >= gray).all())
+    is_gray = bool((gray - colors.min(axis=2) <= 8).all())
     if alpha.min() < alpha.max():
         shown = gray[alpha > 0]
         two = is_gray and shown.min() < 32 and shown.max() > 223 and (

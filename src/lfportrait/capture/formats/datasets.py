@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...errors import UserError
 from ...files import UNREADABLE_ARRAYS
-from ...media.folders import list_pictures, visible
+from ...media.folders import list_pictures, stem_key, visible
 from ...media.pictures import open_picture
 from ..distortion import Lens
 from .assembly import DataSet, Shot
@@ -154,19 +154,18 @@ def find_nsvf(folder: Path) -> DataSet:
     fx, fy, cx, cy = _nsvf_intrinsics(folder / "intrinsics.txt")
     box = _nsvf_box(folder / "bbox.txt")
     pictures = _pictures(rgb)
-    files = [file for file in pictures if (pose_folder / f"{file.stem}.txt").is_file()]
+    poses = {stem_key(file): file for file in visible(pose_folder)
+             if file.suffix.lower() == ".txt"}
+    files = [file for file in pictures if stem_key(file) in poses]
     if not files:
         raise UserError(f"{rgb} has no picture with a file of its name in {pose_folder}")
-    warn_unmatched({file.stem for file in pictures},
-                   {file.stem for file in visible(pose_folder) if file.suffix == ".txt"},
-                   rgb, pose_folder)
+    warn_unmatched({stem_key(file) for file in pictures}, poses.keys(), rgb, pose_folder)
     prefixes = {file.name.split("_")[0] for file in files}
     split = prefixes <= {"0", "1", "2"} and len(prefixes) > 1
     shots = []
     for file in files:
         try:
-            pose = np.loadtxt(pose_folder / f"{file.stem}.txt",
-                              encoding="utf-8-sig").reshape(4, 4)
+            pose = np.loadtxt(poses[stem_key(file)], encoding="utf-8-sig").reshape(4, 4)
         except (OSError, ValueError) as error:
             raise UserError(f"the pose of {file.name} can't be read: {error}") from error
         shots.append(Shot(file, file.name, pose,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ...errors import UserError
 from ...files import read_json
-from ...media.folders import list_pictures, visible
+from ...media.folders import list_pictures, stem_key, visible
 from ..distortion import Lens
 from .assembly import DataSet, Shot
 from .placed import resizable, warn_unmatched
@@ -67,9 +67,10 @@ def find_polycam(path: Path) -> DataSet:
     pictures, cameras = folders
     shots = []
     listed = _pictures(pictures)
+    files = {stem_key(file): file for file in _cameras(cameras)}
     for picture in listed:
-        file = cameras / f"{picture.stem}.json"
-        if not file.is_file():
+        file = files.get(stem_key(picture))
+        if file is None:
             continue
         data = read_json(file)
         with _one_line(file):
@@ -82,8 +83,7 @@ def find_polycam(path: Path) -> DataSet:
         shots.append(_shot(picture, pose, lens, size))
     if not shots:
         raise UserError(f"{pictures} has no picture with a file of its name in {cameras}")
-    warn_unmatched({picture.stem for picture in listed},
-                   {file.stem for file in _cameras(cameras)}, pictures, cameras)
+    warn_unmatched({stem_key(picture) for picture in listed}, files.keys(), pictures, cameras)
     return DataSet("Polycam", shots, pictures)
 
 
