@@ -96,7 +96,7 @@ def _agreement(shown: Shown, question: str) -> dict[str, Any]:
     counts: dict[int, list[int]] = defaultdict(lambda: [0, 0])
     for _, trial in shown:
         counts[trial.pair][trial.winner(question) != min(trial.left, trial.right)] += 1
-    table = np.array(list(counts.values()), int).reshape(-1, 2)  # perhaps none
+    table = np.array(list(counts.values()))
     figures = {"kendall_u": kendall_agreement(table), "fleiss_kappa": fleiss_kappa(table),
                "krippendorff_alpha": krippendorff_alpha(table)}
     return {"question": question, "pairs": int((table.sum(axis=1) > 1).sum()),

@@ -110,6 +110,7 @@ def _one(file: Path) -> Answers:
     _need(bool(data["trials"]), "it holds no answers")
     trials = tuple(_trial(each, questions, number)
                    for number, each in enumerate(data["trials"], 1))
+    _need(not all(trial.repeat for trial in trials), "it holds repeated answers alone")
     return Answers(file, data["study"], data["person"], questions, trials)
 
 
