@@ -8,8 +8,10 @@ import pytest
 from PIL import Image
 
 from lfportrait.capture import read_photos
+from lfportrait.cli import dispatch
 from lfportrait.errors import UserError
-from lfportrait.job.steps import source_files, source_key
+from lfportrait.job.batch.jobs_file import load_jobs
+from lfportrait.job.steps import look_at, source_files, source_key
 from lfportrait.lightfield import Display
 from lfportrait.lightfield.interlacing import read_views
 from lfportrait.media.folders import (
@@ -163,6 +165,37 @@ def test_what_is_left_out_is_said_once(tmp_path):
     said = sorted(str(one.message) for one in told)
     assert len(said) == 3 and all("1 of" in one for one in said)
     assert not any("notes" in one for one in said)
+
+
+def test_a_command_says_once_what_it_leaves_out(tmp_path, capsys):
+    """Its stages read the same folder one after another."""
+    pictures(tmp_path, "a.jpg", "b.jpg", "c.jpg")
+    (tmp_path / "d.dng").write_bytes(b"II*\0" + bytes(50))
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        warnings.showwarning = dispatch._warner()
+        look_at(tmp_path)
+        read_photos(tmp_path)
+    assert capsys.readouterr().err.count("d.dng") == 1
+
+
+def test_photos_of_several_people_are_asked_about(tmp_path):
+    picture(tmp_path / "left" / "a.jpg", 1)
+    picture(tmp_path / "right" / "a.jpg", 1)
+    with pytest.raises(UserError, match=r"several folders \(left, right\)"):
+        read_photos(tmp_path)
+
+
+def test_a_batchs_pattern_takes_no_junk_for_people(tmp_path):
+    for number in (2, 10):
+        pictures(tmp_path / "people" / f"sitter_{number}", "a.jpg", "b.jpg", "c.jpg")
+    junk(tmp_path / "people")
+    style = picture(tmp_path / "style.png")
+    (tmp_path / "jobs.toml").write_text(
+        f"[[sitter]]\nphotos = \"people/*\"\n[[style]]\npainting = \"{style}\"\n"
+        "[[display]]\npanel = \"generic-4k\"\n")
+    jobs = load_jobs(tmp_path / "jobs.toml")
+    assert [sitter.source.name for sitter in jobs.sitters.values()] == ["sitter_2", "sitter_10"]
 
 
 def test_a_cameras_raw_photos_beside_their_developed_ones_need_no_word(tmp_path):

@@ -19,7 +19,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Container
+from collections.abc import Callable, Container
 from contextlib import suppress
 from typing import Any
 
@@ -153,9 +153,20 @@ def _execute(name: str, arguments: list[str]) -> int:
     return int(command.exit_code(figures))
 
 
-def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
-    """Print a warning on one line, without its place in the code."""
-    print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)
+def _warner() -> Callable[..., None]:
+    """What prints a command's warnings, each on one line, without its place in the code.
+
+    Stages that read the same folder find the same in it: it is said once.
+    """
+    said: set[str] = set()
+
+    def warn(message: Warning | str, *_: Any, **__: Any) -> None:
+        line = f"warning: {' '.join(str(message).split())}"
+        if line not in said:
+            said.add(line)
+            print(line, file=sys.stderr)
+
+    return warn
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -189,7 +200,7 @@ def main(arguments: list[str] | None = None) -> int:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             warnings.filterwarnings("always", category=UserWarning, module=r"lfportrait\w*\.")
-            warnings.showwarning = _warn
+            warnings.showwarning = _warner()
             return _execute(*found)
     except UserError as error:
         print(f"lfportrait: {' '.join(str(error).split())}", file=sys.stderr)
