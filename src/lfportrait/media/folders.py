@@ -27,7 +27,7 @@ from ..files import own_output
 from .kinds import PHOTOS, RAW, UNREAD, VIDEOS, kind_of
 
 __all__ = ["RAW_PHOTOS", "Finder", "Listing", "files_below", "folders_below", "is_junk",
-           "list_pictures", "natural_key", "one_of_each", "same_name", "say_left_out", "stem_key",
+           "list_pictures", "natural_key", "one_of_each", "say_left_out", "stem_key",
            "visible"]
 
 RAW_PHOTOS = "raw photos are not read"
@@ -233,11 +233,6 @@ def say_left_out(listing: Listing, place: Path, stacklevel: int = 2) -> None:
         hint = "; export them as JPEG or TIFF" if "not read" in reason else ""
         warnings.warn(f"{len(files)} of {place} left out ({reason}): {names}{more}{hint}",
                       stacklevel=stacklevel + 1)
-
-
-def same_name(first: str, second: str) -> bool:
-    """Whether two names differ in case or in the form of their accents alone."""
-    return _folded(first) == _folded(second)
 
 
 @functools.cache
