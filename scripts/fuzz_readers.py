@@ -39,9 +39,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=0, help="end after this time (0: never)")
     parser.add_argument("--input", type=int, help="only this one, with its traceback")
     options = parser.parse_args(arguments)
-    os.environ["LFPORTRAIT_OFFLINE"] = "1"
-    # What is read here are pictures of a few pixels: more threads would only take memory.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
     with tempfile.TemporaryDirectory() as folder:
         if options.input is not None:
             return _one(Path(folder), options.seed, options.input)
@@ -226,4 +223,7 @@ def _one(folder: Path, seed: int, number: int) -> int:
 
 
 if __name__ == "__main__":
+    os.environ["LFPORTRAIT_OFFLINE"] = "1"
+    # What is read here are pictures of a few pixels: more threads would only take memory.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     sys.exit(main())

@@ -39,9 +39,9 @@ def painting(tmp_path):
 
 def photos(folder, channels, suffix=".jpg"):
     folder.mkdir()
-    picture = np.full((20, 30, channels), 128, np.uint8)
     for number in range(3):
-        write_image(folder / f"{number}{suffix}", picture)
+        write_image(folder / f"{number}{suffix}",
+                    np.full((20, 30, channels), 128 + number, np.uint8))
     return folder
 
 

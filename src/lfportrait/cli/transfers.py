@@ -127,7 +127,7 @@ def transfer_folder(folder: Path, out: Path, exemplar: Exemplar, config: MethodC
     """
     if out.suffix:
         raise UserError(f"{folder} is a folder: name a folder with --out, not {out}")
-    listing = list_pictures(folder, photos=True)
+    listing = list_pictures(folder)
     say_left_out(listing, folder)
     pictures = [path for path in listing.files
                 if Path(path.stem).suffix not in (".mask", ".regions", ".landmarks", ".check")]
