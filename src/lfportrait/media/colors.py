@@ -105,16 +105,9 @@ def from_space(values: NDArray[np.uint8] | NDArray[np.uint16], space: ColorSpace
     codes = np.arange(int(most) + 1) / most
     light = _light(codes, space.curve).astype(np.float32)[values]
     light = light @ primaries_to_srgb(space.primaries).T.astype(np.float32)
-    steps = np.linspace(0.0, 1.0, 1 << 14)
-    shown = (_signal(steps, space.curve) * 255 + 0.5).astype(np.uint8)
-    # A table finer than eight bits wherever the curve is steepest is not enough near black.
-    dark = np.linspace(0.0, 1 / 64, 1 << 14)
-    shown_dark = (_signal(dark, space.curve) * 255 + 0.5).astype(np.uint8)
-    light = np.clip(light, 0.0, 1.0)
-    return np.where(light < 1 / 64,
-                    shown_dark[np.minimum(light * (64 * ((1 << 14) - 1)) + 0.5,
-                                          (1 << 14) - 1).astype(np.int32)],
-                    shown[(light * ((1 << 14) - 1) + 0.5).astype(np.int32)])
+    # Near black, where it is steepest, the curve rises by a twentieth of a level a step.
+    shown = (_signal(np.linspace(0.0, 1.0, 1 << 16), space.curve) * 255 + 0.5).astype(np.uint8)
+    return shown[(np.clip(light, 0.0, 1.0) * 65535 + 0.5).astype(np.uint16)]
 
 
 def _light(codes: NDArray[np.float64], curve: str) -> NDArray[np.float64]:

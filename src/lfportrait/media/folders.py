@@ -274,11 +274,10 @@ class Finder:
         place = folder / name
         if _is_file(place):
             return place
-        here = Path(name) if Path(name).is_absolute() else folder
-        parts = [] if Path(name).is_absolute() else list(PurePosixPath(name).parts)
+        if Path(name).is_absolute():
+            return None
+        here, parts = folder, PurePosixPath(name).parts
         for number, part in enumerate(parts):
-            if part == ".":
-                continue
             if part == "..":
                 here = here.parent
                 continue
