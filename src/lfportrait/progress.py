@@ -14,6 +14,10 @@ _SURE, _SECONDS = 0.02, 2.0
 """Part of the work, and seconds, that must be known of its speed before a time left is shown."""
 
 
+_NUMBER = re.compile(r"[,:]? \d")
+"""Ends the name of a step in a note: ``"refine 3 of 40: 0.8"``, ``"128^3, 1.2 M voxels"``."""
+
+
 class Progress:
     """A progress line for one stage, silent where it is not wanted.
 
@@ -47,6 +51,28 @@ class Progress:
         self._step = ""
         self._width = 0
         self._begun: tuple[float, float] | None = None
+        self._costs: dict[str, list[float]] = {}
+        self._now = "", self._start, time.process_time()
+
+    @property
+    def costs(self) -> dict[str, tuple[float, float]]:
+        """Seconds, and seconds on the cores, of each step so far, in the order they began.
+
+        A step is what a note says before its counts: its work comes after the note. What
+        comes before the first note is the step ``"start"``.
+        """
+        self._count("")
+        return {name: (round(wall, 3), round(cores, 3))
+                for name, (wall, cores) in self._costs.items() if wall >= 0.01}
+
+    def _count(self, note: str) -> None:
+        """Book the time since the last note on its step; ``note`` begins the next one."""
+        name, wall, cores = self._now
+        now = time.perf_counter(), time.process_time()
+        spent = self._costs.setdefault(name or "start", [0.0, 0.0])
+        spent[0] += now[0] - wall
+        spent[1] += now[1] - cores
+        self._now = _NUMBER.split(note)[0] or name, *now
 
     def step(self, note: str = "", count: int = 1) -> None:
         """Count ``count`` finished steps and show ``note`` behind the bar."""
@@ -55,6 +81,7 @@ class Progress:
     def update(self, done: int, note: str = "") -> None:
         """Set the number of finished steps and show ``note`` behind the bar."""
         self.done = done
+        self._count(note)
         if done > 0 and self._begun is None:
             # Compiling and reading come first and say nothing of the speed of the rest.
             self._begun = time.perf_counter(), done

@@ -101,9 +101,12 @@ def do_stage(task: Task, results: Path, folder: StageFolder, tools: Tools,
         if task.stage == "share":
             from .summary import share_job
 
-            return share_job(task, results, tools.painting(task), figures or {}, progress,
+            done = share_job(task, results, tools.painting(task), figures or {}, progress,
                              kept=tools.kept)
-        return _WORK[task.stage](task, results, folder, tools, progress)
+        else:
+            done = _WORK[task.stage](task, results, folder, tools, progress)
+        return {**done, "steps": {name: {"seconds": seconds, "core_seconds": cores}
+                                  for name, (seconds, cores) in progress.costs.items()}}
 
 
 def _capture(task: Task, results: Path, folder: StageFolder, tools: Tools,
