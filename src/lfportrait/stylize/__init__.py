@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .config import StylizeConfig
     from .methods import FieldMethod, FieldTask
     from .mixing import MixConfig, StyledField, load_styled
-    from .networks import load_network
+    from .networks import has_half_numbers, load_network
     from .notices import PARTED, mouth_opening
     from .on_skin import NearbyPainters, Painters, paint
     from .optimize import stylize, stylize_with_figures
@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from .skin_fit import row_labels
 
 __all__ = ["PARTED", "FieldMethod", "FieldTask", "MixConfig", "NearbyPainters", "Painters",
-           "StyledField", "StylizeConfig", "kept_skin", "load_network", "load_styled",
-           "mouth_opening", "paint", "rehearse", "row_labels", "stylize", "stylize_with_figures"]
+           "StyledField", "StylizeConfig", "has_half_numbers", "kept_skin", "load_network",
+           "load_styled", "mouth_opening", "paint", "rehearse", "row_labels", "stylize",
+           "stylize_with_figures"]
 
 __getattr__, __dir__ = attach(__name__, __file__)
 
