@@ -97,11 +97,15 @@ class Tables(Common):
 
 @dataclass
 class Bench(Common):
-    """Measure speed; methods are compared within one run."""
+    """Measure speed; methods are compared within one run.
+
+    `lfportrait bench job` makes whole portraits, each in a process of its own, and prints what each
+    cost as Markdown tables. Exit code 2: some jobs failed, the figures are those of all others.
+    """
 
     what: tyro.conf.Positional[Literal["encode", "print", "reconstruct", "transfer", "stylize",
-                                       "all"]]
-    """Stage to measure."""
+                                       "all", "job"]]
+    """Stage to measure; all: every stage; job: whole jobs."""
     field: Path | None = None
     """Field file to encode, print and render; by default the embedded head is reconstructed
     first."""
@@ -111,9 +115,38 @@ class Bench(Common):
     """Reconstruct with the default schedule (minutes) instead of a short one."""
     plot: Path | None = None
     """Write the reconstruction's PSNR over time as a picture to this file."""
+    captures: tuple[Path, ...] = ()
+    """Folders of photos, videos or data sets to make whole jobs of; by default the demo's head."""
+    style: str = "fauve"
+    """Exemplar of the whole jobs: a picture or a name from `lfportrait styles`."""
+    display: str = "generic-4k"
+    """Display of the whole jobs: a preset (`lfportrait display list`) or a file."""
+    repeat: int = 1
+    """Runs of each whole job; the one with the median time is reported."""
 
     def run(self) -> dict[str, Any]:
         """Measure and print."""
+        return self._jobs() if self.what == "job" else self._stages()
+
+    def exit_code(self, figures: dict[str, Any]) -> int:
+        """0; what failed is told here, when ``--json`` has the figures of all others."""
+        failed = figures.get("failed", {})
+        if failed:
+            raise UserError(f"{len(failed)} of {len(failed) + len(figures['jobs'])} jobs failed: "
+                            + "; ".join(f"{name}: {why}" for name, why in failed.items()))
+        return 0
+
+    def _jobs(self) -> dict[str, Any]:
+        from .bench import bench_jobs, job_tables
+
+        with self.progress("bench") as progress:
+            figures = bench_jobs(self.captures, style=self.style, display=self.display,
+                                 repeats=self.repeat, device=self.device, seed=self.seed,
+                                 progress=progress)
+        print(job_tables(figures))
+        return figures
+
+    def _stages(self) -> dict[str, Any]:
         from .bench import bench, transfer_table
 
         with self.progress("bench") as progress:

@@ -76,7 +76,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "display import": ("displays", "DisplayImport", "a display file from a calibration file"),
     "evaluate": (_LAB, "Evaluate", "metrics of a finished job or of two folders of pictures"),
     "evaluate tables": (_LAB, "Tables", "tables that compare methods, as in the paper"),
-    "bench": (_LAB, "Bench", "measure speed: encode, print, reconstruct, transfer, stylize or all"),
+    "bench": (_LAB, "Bench", "measure speed: of single stages, or of whole jobs"),
     "study": (_LAB, "Study", "make a user study page"),
     "study results": (_LAB, "StudyResults", "evaluate the answers"),
     "devices": ("adapters", "Devices", "list the GPUs, which of them is used, what is missing"),

@@ -1,6 +1,8 @@
-"""Speed benchmarks, with baselines and quality: encode, print, reconstruct, transfer, stylize."""
+"""Speed benchmarks, with baselines and quality: of single stages, and of whole jobs."""
 
 from .encode import bench_masks
+from .job_tables import job_tables
+from .jobs import bench_jobs
 from .print import bench_print
 from .run import BENCHES, bench, bench_encode, bench_reconstruct, bench_stylize
 from .transfer import METHODS, bench_transfer, transfer_table
@@ -10,10 +12,12 @@ __all__ = [
            "METHODS",
            "bench",
            "bench_encode",
+           "bench_jobs",
            "bench_masks",
            "bench_print",
            "bench_reconstruct",
            "bench_stylize",
            "bench_transfer",
+           "job_tables",
            "transfer_table",
 ]
