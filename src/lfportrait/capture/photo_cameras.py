@@ -181,11 +181,13 @@ def _reconstruct(photos: list[Photo], config: CalibrateConfig, progress: Progres
         registered[0] = 2
         if closer.seen_again(pycolmap, groups, start)[again].any():
             second = place_photos(pycolmap, closer, groups, start, report, announce)
-            placing = max(placing, second, key=lambda one: len(one.photos))
+            if len(second.photos) > len(placing.photos):
+                placing, scene = second, closer
     if placing.model is None:
         return {}, {}
     say("refining the cameras")
-    model = adjust(pycolmap, placing.model, config.camera_model)
+    model = adjust(pycolmap, placing.model, config.camera_model,
+                   lambda rough: scene.triangulated(pycolmap, placing.groups, rough))
     found = {}
     for index in placing.photos:
         image = model.images[index + 1]

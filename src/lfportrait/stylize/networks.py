@@ -183,6 +183,8 @@ def _normalised(network: FeatureNetwork, place: str = "cpu") -> FeatureNetwork:
 
 def has_half_numbers() -> bool:
     """Whether this processor multiplies bfloat16 (AVX-512 BF16, AMX), two numbers for one."""
+    if not torch.backends.cpu.get_cpu_capability().startswith("AVX512"):
+        return False  # torch was limited to less, where bfloat16 takes ten times as long
     # torch reports this under its own names; a version without them counts as a processor without.
     return any(getattr(torch.cpu, name, bool)()
                for name in ("_is_avx512_bf16_supported", "_is_amx_tile_supported"))

@@ -13,14 +13,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...lanes.threads import side_by_side
 from ..photos import Photo
-from .features import FEWEST, Features, Matches
+from .features import FEWEST, Features, Matches, enough
 
 __all__ = ["Scene", "lens_groups", "room_for", "sensor_turns"]
 
+_ROUGH = 8.0
+"""Pixels that a match may lie off a rough geometry: twice as many as COLMAP allows."""
 USUAL_FOCAL = 1.2
 """Focal length over the longer side where nothing is known: 43 mm on film."""
 
@@ -54,6 +58,15 @@ def lens_groups(photos: Sequence[Photo], turns: Sequence[int], shared: bool) -> 
         key = (width, height, photo.lens) if shared else index
         groups.append(seen.setdefault(key, len(seen)))
     return groups
+
+
+def _rough_inliers(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which matches [M] one fundamental matrix explains within a few pixels; always the same."""
+    try:
+        mask = cv2.findFundamentalMat(one, other, cv2.USAC_FAST, _ROUGH, 0.999, 500)[1]
+    except cv2.error:  # places that determine nothing: left to the full check
+        return np.ones(len(one), bool)
+    return np.zeros(len(one), bool) if mask is None else np.asarray(mask.ravel() > 0)
 
 
 @dataclass
@@ -104,6 +117,21 @@ class Scene:
             cameras.append(camera)
         return cameras
 
+    def _plausible(self) -> dict[tuple[int, int], Matches]:
+        """The matches that some epipolar geometry explains roughly, by pairs of photos.
+
+        OpenCV's estimator finds in half a millisecond that nothing explains most of a pair's
+        matches, for which COLMAP's takes up to thirty. What it leaves COLMAP checks in full.
+        """
+        pairs = list(self.matches.items())
+        rough = side_by_side(lambda item: _rough_inliers(*self._places(*item)), pairs)
+        return enough({pair: own[inside] for (pair, own), inside in zip(pairs, rough)})
+
+    def _places(self, pair: tuple[int, int], own: Matches) -> list[NDArray[np.float32]]:
+        """Where both photos of a pair have its matches, two times float32 [M, 2]."""
+        return [np.ascontiguousarray(self.features[number].places[own[:, side], :2])
+                for side, number in enumerate(pair)]
+
     def _check(self, pycolmap: Any, groups: Sequence[int], path: Path, model: str) -> None:
         """Write all to a new database and keep the matches that two cameras can explain."""
         with pycolmap.Database.open(path) as base:
@@ -121,7 +149,7 @@ class Scene:
                 frame.add_data_id(image.data_id)
                 base.write_frame(frame)
                 base.write_keypoints(image.image_id, own.places)
-            for (i, j), pairs in self.matches.items():
+            for (i, j), pairs in self._plausible().items():
                 base.write_matches(i + 1, j + 1, pairs)
         options = pycolmap.TwoViewGeometryOptions()
         options.ransac.random_seed = self.seed
@@ -156,6 +184,30 @@ class Scene:
             for camera in self._cameras(pycolmap, groups, model, focal):
                 base.update_camera(camera)
         return copy
+
+    def triangulated(self, pycolmap: Any, groups: Sequence[int], model: Any) -> Any:
+        """A reconstruction with its cameras, whose points are found once more from all matches.
+
+        Parameters
+        ----------
+        pycolmap
+            The module.
+        groups
+            Number of each photo's lens.
+        model
+            COLMAP's reconstruction, whose lenses are of one model.
+        """
+        options = pycolmap.IncrementalPipelineOptions()
+        for part in (options, options.mapper, options.triangulation):
+            part.random_seed = self.seed
+        options.num_threads = 1
+        options.ba_global_max_refinements = 1
+        options.ba_global_function_tolerance = 1e-5
+        database = self.database(pycolmap, groups, next(iter(model.cameras.values())).model.name)
+        folder = database.with_suffix(".points")
+        folder.mkdir()
+        return pycolmap.triangulate_points(pycolmap.Reconstruction(model), database, self.work,
+                                           folder, clear_points=True, options=options)
 
     def seen_again(self, pycolmap: Any, groups: Sequence[int], model: str) -> NDArray[np.int64]:
         """How many features of each photo have a checked match in some other, int64 [V].
