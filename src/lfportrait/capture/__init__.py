@@ -28,6 +28,7 @@ from .mattes import (
     consistent_mattes,
     matte_agreement,
     mattes_share,
+    refine_changes,
     refine_matte,
     views_share,
 )
@@ -51,8 +52,8 @@ __all__ = [
     "held_out_views", "is_calibrated", "is_video", "load_photos", "looks_normalised",
     "matte_agreement", "mattes_share", "photo_listing", "picture_facts", "picture_files",
     "place_by_head", "portrait_frame_from_cameras", "portrait_frame_from_landmarks",
-    "pose_corrections", "read_photos", "read_source", "read_video", "refine_matte",
-    "relative_sharpness", "some_depth", "undistort", "video_facts", "video_frames",
+    "pose_corrections", "read_photos", "read_source", "read_video", "refine_changes",
+    "refine_matte", "relative_sharpness", "some_depth", "undistort", "video_facts", "video_frames",
     "views_share", "without_drift",
 ]
 

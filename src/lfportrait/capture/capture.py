@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import UserError
 from ..files import fresh_folder, read_json, write_image, write_json
+from ..lanes.threads import side_by_side
 from ..measure import usable_cores
 from ..media.depth import DepthMap
 from ..media.pictures import read_image
@@ -134,10 +135,15 @@ class Capture:
 
     def _write(self, folder: Path) -> None:
         frames = []
-        for view, image in enumerate(self.images):
-            name = f"images/{Path(self.names[view]).stem}.png"
-            picture = image if self.alphas is None else np.dstack([image, self.alphas[view]])
-            write_image(folder / name, picture, compress_level=1)
+        names = [f"images/{Path(name).stem}.png" for name in self.names]
+
+        def write(view: int) -> None:
+            picture = (self.images[view] if self.alphas is None
+                       else np.dstack([self.images[view], self.alphas[view]]))
+            write_image(folder / names[view], picture, compress_level=1)
+
+        side_by_side(write, range(len(self)), most=4)
+        for view, name in enumerate(names):
             camera = self.cameras[view]
             frames.append({
                 "file_path": name, "w": int(camera.width[0]), "h": int(camera.height[0]),

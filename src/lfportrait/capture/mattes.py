@@ -22,11 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..lanes.threads import side_by_side
 from .camera import Camera
 from .capture import Capture
 from .kernels.voting import cover_views, vote_lattice
 
-__all__ = ["consistent_mattes", "matte_agreement", "refine_matte", "views_share"]
+__all__ = ["consistent_mattes", "matte_agreement", "refine_changes", "refine_matte",
+           "views_share"]
 
 Plane = NDArray[np.float32]
 
@@ -83,7 +85,8 @@ def _log_likelihood(image: NDArray[np.float32], weight: Plane, cell: int,
     return np.float32(-0.5) * distance, full(total)
 
 
-def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon: float) -> Plane:
+def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon: float,
+                  step: int = 1) -> Plane:
     """He et al. 2013, Eq. 19-21: ``plane`` as a locally linear function of ``image``'s colors.
 
     Parameters
@@ -96,23 +99,41 @@ def guided_filter(image: NDArray[np.float32], plane: Plane, radius: int, epsilon
         Half the window's side in pixels.
     epsilon
         Variance of color that counts as an edge.
+    step
+        Find the functions for each block of so many pixels a side and interpolate (He and Sun 2015,
+        "Fast Guided Filter").
     """
-    means = [_mean(image[..., c], radius) for c in range(3)]
-    level = _mean(plane, radius)
-    covariance = [_mean(image[..., i] * image[..., j], radius) - means[i] * means[j]
+    height, width = plane.shape
+    blocks, radius = (-(-width // step), -(-height // step)), max(1, radius // step)
+
+    def small(full: NDArray[Any]) -> Plane:
+        return full if step == 1 else np.asarray(
+            cv2.resize(full, blocks, interpolation=cv2.INTER_AREA), np.float32)
+
+    colors, level = [small(image[..., c]) for c in range(3)], small(plane)
+    slope, offset = _linear_functions(colors, level, radius, epsilon)
+    result = np.zeros_like(plane)
+    for channel, function in enumerate((*slope, offset)):
+        function = _mean(function, radius)
+        if step > 1:
+            function = np.asarray(cv2.resize(function, (width, height),
+                                             interpolation=cv2.INTER_LINEAR), np.float32)
+        result += function * image[..., channel] if channel < 3 else function
+    return result
+
+
+def _linear_functions(colors: list[Plane], plane: Plane, radius: int, epsilon: float,
+                      ) -> tuple[list[Plane], Plane]:
+    """Slopes by three colors and offset of the function of each window (Eq. 19, 20)."""
+    means, level = [_mean(color, radius) for color in colors], _mean(plane, radius)
+    covariance = [_mean(colors[i] * colors[j], radius) - means[i] * means[j]
                   + np.float32(epsilon if i == j else 0.0) for i, j in _PAIRS]
     inverse, _ = _invert(covariance)
-    cross = [_mean(image[..., c] * plane, radius) - means[c] * level for c in range(3)]
+    cross = [_mean(color * plane, radius) - mean * level for color, mean in zip(colors, means)]
     full = ((0, 1, 2), (1, 3, 4), (2, 4, 5))
     slope = [inverse[full[c][0]] * cross[0] + inverse[full[c][1]] * cross[1]
              + inverse[full[c][2]] * cross[2] for c in range(3)]
-    result = level.copy()
-    for channel in range(3):
-        result -= slope[channel] * means[channel]
-    result = _mean(result, radius)
-    for channel in range(3):
-        result += _mean(slope[channel], radius) * image[..., channel]
-    return result
+    return slope, level - sum(part * mean for part, mean in zip(slope, means))
 
 
 def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
@@ -158,11 +179,41 @@ def refine_matte(image: NDArray[np.uint8], soft: NDArray[np.floating[Any]],
         odds = np.where(known, np.clip(inside - outside, -12, 12), prior) + prior
     decided = np.where(band, 1 / (1 + np.exp(-np.clip(odds, -30, 30))), coarse > 0.5)
     decided = np.asarray(cv2.medianBlur(decided.astype(np.float32), 5 if calm else 3), np.float32)
-    matte = guided_filter(guide, decided, max(2, cell), 1e-4)
+    matte = guided_filter(guide, decided, max(2, cell), 1e-4, 2 if cell >= 4 else 1)
     # The filter leaves a faint veil on textures; a steeper slope removes it and keeps the edge.
     matte = np.clip((matte - 0.1) / 0.8, 0, 1)
-    wide = ndimage.binary_dilation(band, iterations=cell)
+    diamond = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    wide = cv2.dilate(band.astype(np.uint8), diamond, iterations=cell) > 0
     return np.where(wide, matte, decided).astype(np.float32)
+
+
+def refine_changes(image: NDArray[np.uint8], before: Plane, after: Plane) -> Plane:
+    """Lay a matte along the edges of its photo where it differs much from what it was.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3], sRGB.
+    before, after
+        float32 [H, W] in [0, 1]; both along the edges where they are equal.
+
+    Returns
+    -------
+    matte
+        float32 [H, W] in [0, 1].
+    """
+    cell = max(2, round(max(after.shape) / 256))
+    changed = np.abs(after - before) > 0.25
+    if not changed.any():
+        return after
+    near = cv2.dilate(changed.astype(np.uint8), np.ones((8 * cell + 1, 8 * cell + 1), np.uint8))
+    # Colors are compared within six cells, and bands are four wide.
+    rows, columns = (np.flatnonzero(near.any(axis)) for axis in (1, 0))
+    top, left = max(rows[0] - 12 * cell, 0), max(columns[0] - 12 * cell, 0)
+    box = np.s_[top:rows[-1] + 12 * cell, left:columns[-1] + 12 * cell]
+    result = after.copy()
+    result[box] = np.where(near[box] > 0, refine_matte(image[box], after[box], cell), after[box])
+    return result
 
 
 def _unsure_band(coarse: Plane, reach: int) -> NDArray[np.bool_]:
@@ -202,8 +253,7 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
     Every point of a lattice asks the views that have it in the picture. It is carved away when the
     background takes more than 6 % of all votes; what a view calls person must lie on the points
     that are left, and holes in it behind which the background takes less than 3 % are filled (but
-    one vote alone decides nothing). Where that changes a matte much, its outline is laid along the
-    photo again.
+    one vote alone decides nothing). What changes is not along the photo's edges (`refine_changes`).
 
     Parameters
     ----------
@@ -224,14 +274,7 @@ def consistent_mattes(capture: Capture, mattes: Sequence[NDArray[np.floating[Any
     if len(capture) < 6:
         return given
     votes = _Votes(capture.cameras, given, size)
-    result = []
-    for view, matte in enumerate(given):
-        mended = _mended(matte, votes.cover(view, votes.tolerance), votes.cover(view, votes.doubt),
-                         votes.factors[view])
-        if np.abs(mended - matte).max() > 0.5:
-            mended = refine_matte(capture.images[view], mended)
-        result.append(mended)
-    return result
+    return side_by_side(lambda view: _corrected(votes, view, given[view]), range(len(given)))
 
 
 def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]],
@@ -257,14 +300,14 @@ def matte_agreement(cameras: Camera, mattes: Sequence[NDArray[np.floating[Any]]]
     shown = views_share(cameras, 0.5 * votes.spacing * size, size // 4) > 0.25
     for axis in range(3):
         shown = np.repeat(shown, 4, axis)
-    votes.share = np.where(shown, votes.share, np.float32(0.0))
-    overlap = np.zeros(len(given))
-    for view in range(len(given)):
-        said, common = votes.small[view] > 0.5, _closed(votes.cover(view, votes.tolerance))
+    votes.kept &= shown
+
+    def overlap(view: int) -> float:
+        said, common = votes.small[view] > 0.5, _closed(votes.cover(view))
         either = (said | common).sum()
-        if either:
-            overlap[view] = (said & common).sum() / either
-    return overlap
+        return float((said & common).sum() / either) if either else 0.0
+
+    return np.array(side_by_side(overlap, range(len(given))))
 
 
 def views_share(cameras: Camera, reach: float, size: int) -> NDArray[np.float64]:
@@ -328,21 +371,24 @@ class _Votes:
         # Neighbouring views err alike; in scattered order an empty point is found out sooner.
         order = np.argsort((np.arange(len(mattes)) * 0.6180339887) % 1.0, kind="stable")
         # Whatever the number of views, one of them that errs alone is outvoted.
-        self.tolerance, self.doubt = (max(part, 1.5 / len(mattes)) for part in (0.06, 0.03))
-        self.share = vote_lattice(
+        tolerance, doubt = (max(part, 1.5 / len(mattes)) for part in (0.06, 0.03))
+        share = vote_lattice(
             self.rows[order], np.concatenate([self.small[view].ravel() for view in order]),
             np.array([self.small[view].shape for view in order]), self.first, self.spacing, size,
-            np.float32(self.tolerance))
+            np.float32(tolerance))
+        # The points that few views call background, and those of which hardly any does.
+        self.kept, self.certain = share > 1 - tolerance, share > 1 - doubt
 
-    def cover(self, view: int, against: float) -> NDArray[np.bool_]:
-        """The pixels of a view's small matte before points with at most so many votes against."""
-        return np.asarray(cover_views(self.rows[view], self.share > 1 - against, self.first,
-                                      self.spacing, *self.small[view].shape))
+    def cover(self, view: int, certain: bool = False) -> NDArray[np.bool_]:
+        """The pixels of a view's small matte before the points that are left, or certain."""
+        return np.asarray(cover_views(self.rows[view], self.certain if certain else self.kept,
+                                      self.first, self.spacing, *self.small[view].shape))
 
 
-def _mended(matte: Plane, allowed: NDArray[np.bool_], certain: NDArray[np.bool_],
-            factor: int) -> Plane:
-    """One view's matte without what is not allowed, its holes filled where that is certain."""
+def _corrected(votes: _Votes, view: int, matte: Plane) -> Plane:
+    """One view's matte without what the others deny, its holes filled where that is certain."""
+    factor = votes.factors[view]
+
     def full(mask: NDArray[np.bool_]) -> Plane:
         large = np.repeat(np.repeat(mask.astype(np.float32), factor, 0), factor, 1)
         smooth: Plane = ndimage.uniform_filter(
@@ -351,11 +397,13 @@ def _mended(matte: Plane, allowed: NDArray[np.bool_], certain: NDArray[np.bool_]
 
     cross = ndimage.generate_binary_structure(2, 2)
     # The lattice's points leave gaps between them; closing joins them, one more step is margin.
-    kept = full(ndimage.binary_dilation(_closed(allowed), cross))
-    result = matte * kept
+    result = matte * full(ndimage.binary_dilation(_closed(votes.cover(view)), cross))
     person = result > 0.5
     holes = ndimage.binary_fill_holes(person) & ~person
-    return np.clip(np.where(holes, np.maximum(result, full(_closed(certain))), result), 0, 1)
+    if holes.any():
+        certain = full(_closed(votes.cover(view, certain=True)))
+        result = np.where(holes, np.maximum(result, certain), result)
+    return np.clip(result, 0, 1)
 
 
 def _closed(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

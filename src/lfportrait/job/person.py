@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..capture import Capture, consistent_mattes, matte_agreement, refine_matte
+from ..capture import Capture, consistent_mattes, matte_agreement, refine_changes, refine_matte
+from ..lanes.threads import side_by_side
 from ..progress import Progress
 
 __all__ = ["cut_person", "rough_mattes"]
@@ -63,8 +63,8 @@ def cut_person(capture: Capture, progress: Progress | None = None,
                soft: list[Plane] | None = None) -> tuple[Capture, str]:
     """Cut the person out of every photo.
 
-    A network's mattes, sharpened along the photos' edges, made consistent over the views and freed
-    of what the photos' depth puts elsewhere, where they agree; where they do not, as with a
+    A network's mattes, made consistent over the views, freed of what the photos' depth puts
+    elsewhere and sharpened along the photos' edges, where they agree; where they do not, as with a
     sculpture, the object that the cameras look at, cut out by its geometry
     (`lfportrait.field.geometry.cutout`).
 
@@ -90,27 +90,20 @@ def cut_person(capture: Capture, progress: Progress | None = None,
     UserError
         If the network's weights are missing.
     """
-    from ..field.geometry import cut_out, trim
+    from ..field.geometry import cut_out
 
     if soft is None:
         soft = rough_mattes(capture, progress, network)
     # A few views leave too much of space undecided.
     agree = (matte_agreement(capture.cameras, soft) > _OVERLAP if len(capture) >= 6
              else np.ones(len(capture), bool))
-    # Two threads at the most: each photo's planes take a few hundred megabytes.
     mattes, how = None, "network"
     seen = np.mean([float(matte.mean()) for matte in soft]) > _NOBODY
     if seen and agree.mean() < _MOST:
         mattes = cut_out(capture, soft, progress)
         how = "geometry" if mattes is not None else how
     if mattes is None:
-        if progress is not None:
-            progress.update(0, "cutting out the person: edges")
-        with ThreadPoolExecutor(2) as workers:
-            refined = list(workers.map(refine_matte, capture.images, soft))
-        mattes = consistent_mattes(capture, refined)
-        if agree.mean() >= _MOST and len(capture.training()) >= 6:
-            mattes = trim(capture, mattes, progress)
+        mattes = _along_edges(capture, soft, agree.mean() >= _MOST, progress)
     # The network may see no person, or a different one in every photo, and neither texture nor
     # votes find an object.
     nobody = np.mean([float(matte.mean()) for matte in mattes]) <= 0.002
@@ -118,6 +111,28 @@ def cut_person(capture: Capture, progress: Progress | None = None,
         return capture, "none: no person was found, the room stays"
     alphas = [(np.clip(matte, 0, 1) * 255 + 0.5).astype(np.uint8) for matte in mattes]
     return replace(capture, alphas=alphas, figures={**capture.figures, "mattes": how}), how
+
+
+def _along_edges(capture: Capture, soft: list[Plane], sure: bool,
+                 progress: Progress | None) -> list[Plane]:
+    """A network's mattes along the photos' edges, where the views and their depth agree on them.
+
+    Where these change a matte much, it is laid along the edges once more.
+    """
+    from ..field.geometry import trim
+
+    if progress is not None:
+        progress.update(0, "cutting out the person: edges")
+    # Two at a time at the most: each photo's planes take a few hundred megabytes.
+    views = range(len(capture))
+    refined = side_by_side(lambda view: refine_matte(capture.images[view], soft[view]), views, 2)
+    if progress is not None:
+        progress.update(0, "cutting out the person: votes of the views")
+    agreed = consistent_mattes(capture, refined)
+    if sure and len(capture.training()) >= 6:
+        agreed = trim(capture, agreed, progress)
+    return side_by_side(lambda view: refine_changes(capture.images[view], refined[view],
+                                                    agreed[view]), views, 2)
 
 
 def _up_in_image(capture: Capture, view: int) -> NDArray[np.float64]:

@@ -108,12 +108,12 @@ def look_at(photos: Path) -> None:
                         "100 of a person who holds still")
 
 
-def write_field(capture: Path, target: Path, config: MakeConfig, seed: int,
+def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
                 progress: Progress | None, checkpoint: Path | None = None, *,
                 device: str = "auto") -> tuple[dict[str, Any], VoxelField]:
-    """Reconstruct the field of the capture in a folder; its figures, and the field as written."""
+    """Reconstruct the field of a capture; its figures, and the field as written."""
     settings = replace(config.reconstruct, seed=seed)
-    result, figures = reconstruct_with_figures(Capture.load(capture), settings, progress,
+    result, figures = reconstruct_with_figures(capture, settings, progress,
                                                checkpoint=checkpoint, device=device)
     result.save(target)
     return figures, result.as_read()

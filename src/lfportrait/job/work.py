@@ -129,9 +129,10 @@ def _capture(task: Task, results: Path, folder: StageFolder, tools: Tools,
 def _field(task: Task, results: Path, folder: StageFolder, tools: Tools,
            progress: Progress) -> dict[str, Any]:
     checkpoint = f"{task.record}.npz"
+    capture = tools.kept["capture"] = Capture.load(results / task.inputs["capture"])
     figures, tools.kept["field"] = write_field(
-        results / task.inputs["capture"], results / task.folder / task.outputs[0], task.config,
-        task.seed, progress, folder.scratch(checkpoint), device=tools.device)
+        capture, results / task.folder / task.outputs[0], task.config, task.seed, progress,
+        folder.scratch(checkpoint), device=tools.device)
     folder.remove_scratch(checkpoint)
     return figures
 
@@ -159,7 +160,7 @@ def _stylize(task: Task, results: Path, folder: StageFolder, tools: Tools,
     target, config = results / task.folder, task.config.stylize
     path = results / task.inputs["field"]
     real = tools.kept.get("field") or VoxelField.load(path)
-    capture = Capture.load(results / task.inputs["capture"])
+    capture = tools.kept.get("capture") or Capture.load(results / task.inputs["capture"])
     tools.kept.update(field=real, capture=capture)
     skin = None
     if config.on_skin:

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...capture import Capture, refine_matte
+from ...capture import Capture
+from ...lanes.threads import side_by_side
 from ...progress import Progress
 from .fused_depth import REACH, Solid, find_solid
 from .outlines import along_edges
@@ -93,7 +94,8 @@ def trim(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
     -------
     mattes
         V mattes, float32 [H, W] in [0, 1]. One that the object's outline does not resemble stays
-        as it is, and all do where the photos show no object.
+        as it is, and all do where the photos show no object. What changes is not along the
+        photo's edges (`lfportrait.capture.refine_changes`).
     """
     given = [np.asarray(matte, np.float32) for matte in mattes]
     solid = _solid(capture, given, progress)
@@ -106,14 +108,10 @@ def trim(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
         if (person & inside).sum() < _ALIKE * (person | inside).sum():
             return matte
         # Two and a half spacings, 6 mm on a head, are left to hair.
-        kept = matte * np.clip(5.5 - 2.0 * distance / solid.spacing, 0, 1)
-        if (matte - kept).max() > 0.5:
-            kept = refine_matte(capture.images[view], kept)
-        return kept
+        return np.asarray(matte * np.clip(5.5 - 2.0 * distance / solid.spacing, 0, 1))
 
-    distances = [_outlined(capture, view, solid) for view in range(len(capture))]
-    with ThreadPoolExecutor(2) as workers:
-        return list(workers.map(trimmed, range(len(capture)), distances))
+    return side_by_side(lambda view: trimmed(view, _outlined(capture, view, solid)),
+                        range(len(capture)), most=4)
 
 
 def _solid(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
