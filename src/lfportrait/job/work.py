@@ -26,6 +26,7 @@ from ..progress import Progress
 from ..share import sweep_cameras, sweep_frames, write_page, write_video
 from ..stages import StageFolder
 from ..stylize import kept_skin, load_styled
+from .first_look import FirstLook
 from .graph import STAGES, Task
 from .prepare import prepare_capture
 from .steps import write_code, write_field, write_styled
@@ -53,6 +54,8 @@ class Tools:
         Photos and painting that are in memory already, instead of the task's source.
     sheet
         Picture of the photos that were left out; by default in the task's folder.
+    look
+        The first look that is taken while a field is trained.
     kept
         What a job's stages have read and written, for those after them in the same process, as
         these would read it: ``capture``, ``field`` and ``styled``, the latter in the colors that
@@ -65,6 +68,7 @@ class Tools:
     capture: Capture | None = None
     exemplar: Exemplar | None = None
     sheet: Path | None = None
+    look: FirstLook | None = None
     kept: dict[str, Any] = field(default_factory=dict)
 
     @contextmanager
@@ -131,7 +135,8 @@ def _field(task: Task, results: Path, folder: StageFolder, tools: Tools,
     checkpoint = f"{task.record}.npz"
     figures, tools.kept["field"] = write_field(
         results / task.inputs["capture"], results / task.folder / task.outputs[0], task.config,
-        task.seed, progress, folder.scratch(checkpoint), device=tools.device)
+        task.seed, progress, folder.scratch(checkpoint), device=tools.device,
+        look=None if tools.look is None else functools.partial(tools.look.offer, progress))
     folder.remove_scratch(checkpoint)
     return figures
 
