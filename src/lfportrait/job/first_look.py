@@ -26,8 +26,8 @@ from typing import Any
 
 from ..capture import Capture
 from ..errors import UserError
-from ..example import Exemplar, Skin
-from ..field import VoxelField
+from ..example import Exemplar, Skin, known_ground
+from ..field import Backdrop, VoxelField, head_points
 from ..files import read_json, write_json
 from ..gpu import GpuLostError
 from ..lightfield import EncodeConfig
@@ -43,7 +43,7 @@ __all__ = ["FirstLook", "LookTaken", "PageLook", "painted_roughly"]
 PAGE = "portrait.html"
 KERNELS = "transfer", "stylize", "encode"
 """What of `Warmup` a look needs beside the training's own."""
-PIXELS = 192.0
+PIXELS = 256.0
 """Of the skin, per world unit, at most; a preview paints every second one."""
 SIZE = 2.0
 """Of the page in MB, at most."""
@@ -55,7 +55,7 @@ class LookTaken(Exception):
 
 def painted_roughly(field: VoxelField, capture: Capture, exemplar: Exemplar,
                     config: StylizeConfig) -> VoxelField:
-    """A field as a preview of its painting; as it is where it is not painted on its skin.
+    """A field as a preview of its painting with its ground; as it is if its skin isn't painted.
 
     Parameters
     ----------
@@ -70,7 +70,10 @@ def painted_roughly(field: VoxelField, capture: Capture, exemplar: Exemplar,
         return field
     rough = replace(config, preview=True, pixels=min(config.pixels, PIXELS))
     skin = Skin.of(field, capture.landmarks, capture.cameras, rough.pixels)
-    return stylize_with_figures(field, capture, exemplar, rough, device="cpu", skin=skin)[0]
+    styled, _ = stylize_with_figures(field, capture, exemplar, rough, device="cpu", skin=skin)
+    if config.ground:  # it is kept for the finished portrait
+        styled.backdrop = Backdrop(*known_ground(exemplar, seed=config.seed), head_points(field))
+    return styled
 
 
 class FirstLook(ABC):
@@ -79,7 +82,7 @@ class FirstLook(ABC):
     Parameters
     ----------
     exemplar, config
-        The painting, and the parameters of the painting.
+        The painting, or the name or file of one, and its parameters.
     begun
         When the job began, by `time.perf_counter`.
     only
@@ -95,7 +98,7 @@ class FirstLook(ABC):
         ``seconds`` from the job's begin to the look, of these ``cost_seconds`` for the look alone.
     """
 
-    def __init__(self, exemplar: Exemplar, config: StylizeConfig, begun: float, *,
+    def __init__(self, exemplar: Exemplar | str, config: StylizeConfig, begun: float, *,
                  only: bool = False) -> None:
         self.exemplar, self.config, self.begun, self.only = exemplar, config, begun, only
         self.warmup: Warmup | None = None
@@ -110,13 +113,9 @@ class FirstLook(ABC):
         """Note the `figures` of the look that was shown."""
         self.figures = {"seconds": round(seconds, 3), "cost_seconds": round(cost, 3)}
 
-    @property
-    def due(self) -> bool:
-        """Whether it would be taken now."""
-        return not self.over and (self.only or self.warmup is None or self.warmup.ready(KERNELS))
-
-    def offer(self, progress: Progress, capture: Capture, make: Callable[[], VoxelField]) -> None:
-        """Take the look if it is due.
+    def offer(self, progress: Progress, capture: Capture, make: Callable[[], VoxelField], *,
+              wait: bool = False) -> None:
+        """Take the look, unless it was taken or its kernels are not there.
 
         Parameters
         ----------
@@ -125,7 +124,9 @@ class FirstLook(ABC):
         capture
             Of the field.
         make
-            Gives the field; called only if it is due.
+            Gives the field; called only for the look.
+        wait
+            Wait for the kernels.
 
         Raises
         ------
@@ -134,17 +135,21 @@ class FirstLook(ABC):
         UserError
             If the job is to end with it and it can't be made.
         """
-        if not self.due:
+        if self.over:
             return
-        self.over = True
         if self.warmup is not None:
+            if not (wait or self.only or self.warmup.ready(KERNELS)):
+                return
             self.warmup.wait(KERNELS, progress)
+        self.over = True
         progress.update(progress.done, "first look")
         start = time.perf_counter()
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # what is to be said is said at the end
-                where = self.show(painted_roughly(make(), capture, self.exemplar, self.config))
+                exemplar = (self.exemplar if isinstance(self.exemplar, Exemplar)
+                            else Exemplar.load(self.exemplar))
+                where = self.show(painted_roughly(make(), capture, exemplar, self.config))
         except GpuLostError:
             raise  # the training goes on without it
         except Exception as error:  # a look must not end the job, whatever a rough field does to it

@@ -188,7 +188,7 @@ class _Job:
                 if look is not None and finished(task, self.out) is None:
                     if look.over and look.only:
                         continue
-                    if task.stage == "stylize" and look.due:
+                    if task.stage == "stylize" and not look.over:
                         self._look_at_finished()
                 self.stages.run(task.name, task.key, task.outputs, partial(self._done, task))
         except LookTaken:
@@ -198,12 +198,15 @@ class _Job:
         return run
 
     def _look_at_finished(self) -> None:
-        """Take the first look of the finished field: the painting is new, or kernels were late."""
+        """Take the first look of the finished field: the painting is new, or kernels were late.
+
+        The next stage waits for these kernels in any case.
+        """
         look, capture = self.tools.look, Capture.load(self.out / "capture")
         assert look is not None
         with compiling_progress("first look", enabled=not self.quiet) as progress:
             look.offer(progress, capture, lambda: self.tools.kept.get("field") or VoxelField.load(
-                self.out / "field.npz"))
+                self.out / "field.npz"), wait=True)
 
     def _done(self, task: Task) -> dict[str, Any]:
         figures = do_stage(task, self.out, self.stages, self.tools, self.stages.figures)

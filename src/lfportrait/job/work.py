@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
@@ -26,11 +26,13 @@ from ..progress import Progress
 from ..share import sweep_cameras, sweep_frames, write_page, write_video
 from ..stages import StageFolder
 from ..stylize import kept_skin, load_styled
-from .first_look import FirstLook
 from .graph import STAGES, Task
 from .prepare import prepare_capture
 from .steps import write_code, write_field, write_styled
 from .warmup import Warmup
+
+if TYPE_CHECKING:
+    from .first_look import FirstLook
 
 __all__ = ["Tools", "do_stage"]
 
