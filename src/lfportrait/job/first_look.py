@@ -105,6 +105,10 @@ class FirstLook(ABC):
         self.over = False
         self.figures: dict[str, float] = {}
 
+    def wanted(self) -> bool:
+        """Whether a look is wanted by now."""
+        return True
+
     @abstractmethod
     def show(self, portrait: VoxelField) -> str:
         """Show the look; where it is, for a line that people see, or nothing."""
@@ -135,7 +139,7 @@ class FirstLook(ABC):
         UserError
             If the job is to end with it and it can't be made.
         """
-        if self.over:
+        if self.over or not self.wanted():
             return
         if self.warmup is not None:
             if not (wait or self.only or self.warmup.ready(KERNELS)):

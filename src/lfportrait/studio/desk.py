@@ -213,7 +213,7 @@ class Desk:
                 "key": check_key(project), "count": len(project.files())})
         if job.kind == "head":
             project.need("photos")
-            return Order("head", **choices, style=self._chosen(project))
+            return Order("head", **choices)
         version = Versions(project).get(str(job.version))
         if job.kind == "export":
             panel = self.displays.get(job.order.get("display") or project.display)
@@ -227,13 +227,6 @@ class Desk:
                          more={**job.order, "version": version.id, "look": look})
         job.order["wanted"] = version.wanted()
         return self._fine(project, version, choices)
-
-    def _chosen(self, project: Project) -> str:
-        """A project's painting, for a first look at its head; nothing where it has none."""
-        style = project.settings().get("style")
-        with contextlib.suppress(Refusal, UserError):
-            return self.styles.get(style, project).source if style else ""
-        return ""
 
     def _fine(self, project: Project, version: Version, choices: dict[str, Any]) -> Order:
         project.need("capture", "field")
