@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,11 @@ from lfportrait.job.first_look import KERNELS, FirstLook, LookTaken, painted_rou
 from lfportrait.job.pipeline import make
 from lfportrait.progress import Progress
 from lfportrait.stylize import StyledField, StylizeConfig
-from tests.job.test_pipeline import CONFIG, FILES, PANEL
+from tests.job import test_pipeline
+from tests.job.test_pipeline import FILES, PANEL
 
+CONFIG = replace(test_pipeline.CONFIG, stylize=replace(test_pipeline.CONFIG.stylize, steps=0))
+"""Without refinement nothing imports torch."""
 LOOK = b"a first look"
 
 
