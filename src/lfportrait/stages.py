@@ -138,6 +138,10 @@ class StageFolder:
         self.figures[name] = read_json(record)["figures"]
         return self.figures[name]
 
+    def forget(self, name: str) -> None:
+        """Have a stage done again the next time, whatever its record says."""
+        (self.records / f"{name}.json").unlink(missing_ok=True)
+
     def scratch(self, name: str) -> Path:
         """A path inside the record folder for a stage's checkpoints."""
         return self.records / name

@@ -154,7 +154,8 @@ def test_killed_in_every_stage_it_ends_with_the_same_files(inputs, undisturbed, 
     assert "capture" in run["resumed"]
     left = [path.name for path in out.rglob(".*") if path.name != ".stages"]
     assert all(name.startswith((".sweep", ".field", ".styled", ".lightfield", ".capture",
-                                ".quilt", ".report", ".hero")) for name in left)
+                                ".quilt", ".report", ".hero", ".portrait", ".first-look"))
+               for name in left)
 
 
 def test_another_style_keeps_capture_and_field(undisturbed, inputs, tmp_path):

@@ -144,6 +144,16 @@ def negative(page, project, style):
     return found["id"]
 
 
+def test_a_job_that_makes_the_head_finds_the_painting_that_is_chosen(page, project, style):
+    def found():
+        return page.desk.projects.get(project).settings().get("painting")
+
+    page.do("PATCH", f"/api/projects/{project}", {"style": style})
+    assert found().endswith("paintings/Ken.png")
+    page.do("PATCH", f"/api/projects/{project}", {"style": None})
+    assert found() is None
+
+
 def test_previews_follow_landmarks_mixes_and_cameras(page, project, head, style, negative):
     path = f"/api/projects/{project}/preview"
 

@@ -35,7 +35,10 @@ KERNELS = ("photograph", "transfer", "reconstruct", "stylize", "encode")
 
 def _told(run: dict[str, Any], out: Path, quiet: bool) -> dict[str, Any]:
     """Say where the results are; return the figures."""
-    if not quiet:
+    if not quiet and "share" not in run["seconds"]:
+        print(f"{out / 'portrait.html'}: a first look; the same command without --quick goes on "
+              "from there")
+    elif not quiet:
         total = sum(run["seconds"][name] for name in run["seconds"] if name != "total")
         print(f"{out}: portrait.html, lightfield.png, report.html ({total:.0f} s in all)")
     return run
@@ -59,6 +62,12 @@ class Make(Common):
     """Display preset (`lfportrait display list`) or a display or calibration file."""
     offline: bool = False
     """Download nothing: missing networks are reported, or replaced by simpler methods."""
+    quick: bool = False
+    """End with the first look: a rough portrait.html. The same command without --quick goes on from
+    there."""
+    first_look: bool = True
+    """Write a rough portrait.html while the field is still being trained; the finished one replaces
+    it."""
     config: Annotated[MakeConfig, tyro.conf.arg(name="")] = option(default_factory=MakeConfig)
     """Parameters of the stages."""
 
@@ -70,7 +79,10 @@ class Make(Common):
         """Run the job."""
         config = replace(self.config, stylize=replace(self.config.stylize, parameters=self.given))
         run = make(self.photos, self.style, self.out, self.display, config,
-                   device=self.device, seed=self.seed, quiet=self.quiet, offline=self.offline)
+                   device=self.device, seed=self.seed, quiet=self.quiet, offline=self.offline,
+                   first_look=self.first_look, quick=self.quick)
+        if self.quick and not self.quiet and "share" in run["seconds"]:
+            print("the portrait is finished already")
         return _told(run, self.out, self.quiet)
 
 

@@ -15,6 +15,7 @@ learn the room. Steps are counted in rays, not in seconds, unless a time budget 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,9 @@ def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
 def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None = None,
                              progress: Progress | None = None, checkpoint: Path | None = None,
                              log: Path | None = None, measure_every: float = 0.0,
-                             device: str = "auto") -> tuple[VoxelField, dict[str, Any]]:
+                             device: str = "auto",
+                             look: Callable[[Callable[[], VoxelField]], None] | None = None,
+                             ) -> tuple[VoxelField, dict[str, Any]]:
     """Reconstruct a radiance field from a capture.
 
     Parameters
@@ -72,6 +75,11 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         Seconds between measurements on held-out views for the curves; 0 measures at the end alone.
     device
         Where to train: ``auto`` takes a real GPU, ``cpu``, ``gpu``, or ``gpu:NAME``.
+    look
+        Called when a coarse level is good enough to be looked at, and many times after that, each
+        time with what gives the field as if the training ended there; the training is the same
+        whether it is called for or not. It may raise an exception to end the reconstruction, which
+        goes on from the checkpoint the next time.
 
     Returns
     -------
@@ -100,7 +108,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     adapter = gpu_adapter(device)
     process = gpu_process(adapter) if adapter is not None else None
     try:
-        return _reconstruct(capture, config, progress, checkpoint, meter, process)
+        return _reconstruct(capture, config, progress, checkpoint, meter, process, look)
     finally:
         if events is not None:
             events.close()
@@ -108,20 +116,25 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
 
 def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress | None,
                  checkpoint: Path | None, meter: Meter | None, process: GpuProcess | None,
+                 look: Callable[[Callable[[], VoxelField]], None] | None,
                  ) -> tuple[VoxelField, dict[str, Any]]:
     """The same with parameters put in; the field and the figures."""
-    trainer = Trainer(capture, config, progress, checkpoint, meter, process)
+    trainer = Trainer(capture, config, progress, checkpoint, meter, process,
+                      None if look is None else lambda: look(lambda: _so_far(trainer)))
     trainer.restore()
     first_rays = trainer.rays_done
     start = time.perf_counter()
     if meter is not None:
         meter.start(first_rays)
+    trainer.offer()  # what an earlier run has trained
     while trainer.level < len(config.resolutions):
         trainer.run_level()
+        trainer.offer()
     if meter is not None and (not meter.points or meter.points[-1]["rays"] < trainer.rays_done):
         trainer.record()
     trainer.finish()
-    trained = meter.seconds if meter is not None else time.perf_counter() - start
+    trained = (meter.seconds if meter is not None
+               else time.perf_counter() - start - trainer.looked)
     field = trainer.field()
     begun = time.perf_counter()
     figures: dict[str, Any] = {
@@ -160,6 +173,14 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
     if progress is not None and "test" in figures:
         progress.update(progress.total, f"held-out views {figures['test']['psnr']:.2f} dB")
     return field, figures
+
+
+def _so_far(trainer: Trainer) -> VoxelField:
+    """The field as it would be if the training ended now."""
+    field, capture = trainer.field(trainer.cleaned()), trainer.capture
+    if capture.alphas is None or capture.landmarks is None:
+        return field
+    return _finished(field, trainer, capture.landmarks, trainer.config, {}, None)
 
 
 def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],

@@ -4,8 +4,9 @@
 twice, `prepare` makes captures of photos, `person` cuts the person out of those with a background,
 `summary` fills the report. `photo_check` looks at photos before any of that, `check_drawing` draws
 what it found; `style_check` and `style_drawing` do the same for a painting, `style_landmarks` keeps
-its landmarks. `inspection` tells what files are and how they will be read. `batch` is a room of its
-own: many jobs at once. Modules are imported when something of them is asked for.
+its landmarks. `inspection` tells what files are and how they will be read. `first_look` shows a
+portrait while its field is trained. `batch` is a room of its own: many jobs at once. Modules are
+imported when something of them is asked for.
 """
 
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from ..lazy import attach
 
 if TYPE_CHECKING:
     from .check_drawing import check_picture
+    from .first_look import FirstLook
     from .graph import (
         STAGES,
         Task,
@@ -42,12 +44,12 @@ if TYPE_CHECKING:
     from .warmup import Warmup
     from .work import Tools, do_stage
 
-__all__ = ["FULL", "QUICK", "STAGES", "Inspection", "MakeConfig", "PhotoCheck", "PhotoFacts",
-           "Scale", "Session", "StyleCheck", "Task", "Tools", "Warmup", "add_style", "capture_key",
-           "capture_of_face", "check_photos", "check_picture", "check_style", "chosen_face",
-           "code_key", "cut_person", "do_stage", "field_key", "find_face", "finished", "fitted",
-           "get_networks", "inspect", "inspection_lines", "look_at", "make", "painting_key",
-           "prepare_capture", "run_figures", "share_key", "source_key", "stage_key", "style_key",
-           "style_picture"]
+__all__ = ["FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MakeConfig", "PhotoCheck",
+           "PhotoFacts", "Scale", "Session", "StyleCheck", "Task", "Tools", "Warmup", "add_style",
+           "capture_key", "capture_of_face", "check_photos", "check_picture", "check_style",
+           "chosen_face", "code_key", "cut_person", "do_stage", "field_key", "find_face",
+           "finished", "fitted", "get_networks", "inspect", "inspection_lines", "look_at", "make",
+           "painting_key", "prepare_capture", "run_figures", "share_key", "source_key",
+           "stage_key", "style_key", "style_picture"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

@@ -19,27 +19,34 @@ share           all of them                     ``portrait.html``, ``sweep.mp4``
 from __future__ import annotations
 
 import sys
+import time
 import warnings
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from .. import models
+from ..cache import hash_of
 from ..capture import Capture
 from ..device import gpu_adapter, used_device
 from ..errors import UserError
 from ..example import Exemplar
+from ..field import VoxelField
 from ..files import write_json
+from ..lanes.compiling import compiling_progress
 from ..lightfield import Display
 from ..measure import machine, peak_memory_bytes
 from ..stages import StageFolder, check_writable
 from ..version import __version__
+from .first_look import LookTaken, PageLook
 from .graph import (
     Plan,
     Task,
     capture_key,
     code_key,
     field_key,
+    finished,
     share_key,
     style_key,
 )
@@ -54,8 +61,11 @@ __all__ = ["MakeConfig", "make", "run_figures"]
 def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
          display: str | Path | Display = "generic-4k", config: MakeConfig | None = None, *,
          device: str = "auto", seed: int = 0, quiet: bool = True, offline: bool = False,
-         warmup: Warmup | None = None) -> dict[str, Any]:
+         warmup: Warmup | None = None, first_look: bool = True, quick: bool = False,
+         ) -> dict[str, Any]:
     """Run the whole job.
+
+    While the field is trained, a first look is written as ``portrait.html`` (`first_look`).
 
     Parameters
     ----------
@@ -79,17 +89,23 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
         Download no networks: what is missing is an error, or done without and said so.
     warmup
         Kernels that are being compiled already (`Warmup`); by default the job begins that itself.
+    first_look
+        Write the first look; all other files are the same without it.
+    quick
+        End with the first look. The same call without this goes on from there.
 
     Returns
     -------
     run
-        The figures that ``run.json`` holds.
+        The figures that ``run.json`` holds; ``first_look`` has the seconds to the first look,
+        where there was one.
 
     Raises
     ------
     UserError
         If an input can't be used; nothing half-written is left.
     """
+    begun = time.perf_counter()
     config = config or MakeConfig()
     # Everything that can be wrong in the input is looked at before the first long stage starts.
     panel = display if isinstance(display, Display) else Display.resolve(display)
@@ -109,6 +125,8 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     config = fitted(config, [(panel, config.encode)])
     job = _Job(Path(out), photos, exemplar, panel, config, device, seed, quiet)
     with warmup or Warmup(("reconstruct", "transfer", "stylize", "encode")) as job.tools.warmup:
+        if first_look or quick:
+            job.look_early(begun, only=quick)
         return job.run()
 
 
@@ -141,6 +159,7 @@ class _Job:
     def __init__(self, out: Path, photos: Path | Capture, exemplar: Exemplar, display: Display,
                  config: MakeConfig, device: str, seed: int, quiet: bool) -> None:
         self.out, self.exemplar, self.display, self.quiet = out, exemplar, display, quiet
+        self.config, self.seed = config, seed
         self.plan = _plan(photos, exemplar, display, config, seed)
         self.stages = StageFolder(out, self._say)
         self.tools = Tools(shown=not quiet, device=device, exemplar=exemplar,
@@ -151,12 +170,43 @@ class _Job:
         if not self.quiet:
             print(line, file=sys.stderr)
 
+    def look_early(self, begun: float, *, only: bool) -> None:
+        """Take a first look as soon as that is possible; ``only``: and end the job with it."""
+        tasks, config = self.plan.tasks, self.config
+        look = PageLook(self.stages, hash_of(tasks["stylize"].key, config.page), self.exemplar,
+                        replace(config.stylize, seed=self.seed), config.page, config.encode, begun,
+                        only=only)
+        look.warmup = self.tools.warmup
+        # The finished page is no worse.
+        look.over = look.over or finished(tasks["share"], self.out) is not None
+        self.tools.look = look
+
     def run(self) -> dict[str, Any]:
-        for task in self.plan.tasks.values():
-            self.stages.run(task.name, task.key, task.outputs, partial(self._done, task))
+        look = self.tools.look
+        try:
+            for task in self.plan.tasks.values():
+                if look is not None and finished(task, self.out) is None:
+                    if look.over and look.only:
+                        continue
+                    if task.stage == "stylize" and not look.over:
+                        self._look_at_finished()
+                self.stages.run(task.name, task.key, task.outputs, partial(self._done, task))
+        except LookTaken:
+            pass
         run = self._figures()
         write_json(self.out / "run.json", run)
         return run
+
+    def _look_at_finished(self) -> None:
+        """Take the first look of the finished field: the painting is new, or kernels were late.
+
+        The next stage waits for these kernels in any case.
+        """
+        look, capture = self.tools.look, Capture.load(self.out / "capture")
+        assert look is not None
+        with compiling_progress("first look", enabled=not self.quiet) as progress:
+            look.offer(progress, capture, lambda: self.tools.kept.get("field") or VoxelField.load(
+                self.out / "field.npz"), wait=True)
 
     def _done(self, task: Task) -> dict[str, Any]:
         figures = do_stage(task, self.out, self.stages, self.tools, self.stages.figures)
@@ -174,8 +224,10 @@ class _Job:
                 "(report.html shows where); take photos from further left and right", stacklevel=2)
 
     def _figures(self) -> dict[str, Any]:
-        return run_figures(self.stages.figures, self.exemplar.name, self.display.name,
-                           self.stages.resumed)
+        run = run_figures(self.stages.figures, self.exemplar.name, self.display.name,
+                          self.stages.resumed)
+        look = self.tools.look
+        return {**run, "first_look": look.figures} if look is not None and look.figures else run
 
 
 def run_figures(figures: dict[str, dict[str, Any]], style: str, display: str,

@@ -7,9 +7,10 @@ stages there are, and their keys, is in `graph`; how a task of the graph is done
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,9 @@ from ..stylize import StylizeConfig
 
 __all__ = ["MakeConfig", "fitted", "look_at", "painting_key", "source_files",
            "source_key", "write_code", "write_field", "write_styled"]
+
+Look = Callable[[Capture, Callable[[], VoxelField]], None]
+"""Is offered a field that is trained in part: its capture, and what gives it."""
 
 
 @dataclass(frozen=True)
@@ -110,11 +114,16 @@ def look_at(photos: Path) -> None:
 
 def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
                 progress: Progress | None, checkpoint: Path | None = None, *,
-                device: str = "auto") -> tuple[dict[str, Any], VoxelField]:
-    """Reconstruct the field of a capture; its figures, and the field as written."""
+                device: str = "auto", look: Look | None = None,
+                ) -> tuple[dict[str, Any], VoxelField]:
+    """Reconstruct the field of a capture; its figures, and the field as written.
+
+    ``look`` is offered fields that are trained in part, with the capture.
+    """
     settings = replace(config.reconstruct, seed=seed)
-    result, figures = reconstruct_with_figures(capture, settings, progress,
-                                               checkpoint=checkpoint, device=device)
+    result, figures = reconstruct_with_figures(
+        capture, settings, progress, checkpoint=checkpoint, device=device,
+        look=None if look is None else partial(look, capture))
     result.save(target)
     return figures, result.as_read()
 

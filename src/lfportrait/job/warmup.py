@@ -206,6 +206,10 @@ class Warmup:
         process.wait()
         return False
 
+    def ready(self, names: Sequence[str]) -> bool:
+        """Whether the kernels of stages are compiled."""
+        return all(name not in self._done or self._done[name].is_set() for name in names)
+
     def wait(self, names: Sequence[str], progress: Progress | None = None) -> None:
         """Return when the kernels of stages are compiled; shows the state on ``progress``."""
         for name in names:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
@@ -30,6 +30,9 @@ from .graph import STAGES, Task
 from .prepare import prepare_capture
 from .steps import write_code, write_field, write_styled
 from .warmup import Warmup
+
+if TYPE_CHECKING:
+    from .first_look import FirstLook
 
 __all__ = ["Tools", "do_stage"]
 
@@ -53,6 +56,8 @@ class Tools:
         Photos and painting that are in memory already, instead of the task's source.
     sheet
         Picture of the photos that were left out; by default in the task's folder.
+    look
+        The first look that is taken while a field is trained.
     kept
         What a job's stages have read and written, for those after them in the same process, as
         these would read it: ``capture``, ``field`` and ``styled``, the latter in the colors that
@@ -65,6 +70,7 @@ class Tools:
     capture: Capture | None = None
     exemplar: Exemplar | None = None
     sheet: Path | None = None
+    look: FirstLook | None = None
     kept: dict[str, Any] = field(default_factory=dict)
 
     @contextmanager
@@ -132,7 +138,8 @@ def _field(task: Task, results: Path, folder: StageFolder, tools: Tools,
     capture = tools.kept["capture"] = Capture.load(results / task.inputs["capture"])
     figures, tools.kept["field"] = write_field(
         capture, results / task.folder / task.outputs[0], task.config, task.seed, progress,
-        folder.scratch(checkpoint), device=tools.device)
+        folder.scratch(checkpoint), device=tools.device,
+        look=None if tools.look is None else functools.partial(tools.look.offer, progress))
     folder.remove_scratch(checkpoint)
     return figures
 

@@ -70,6 +70,10 @@ class Meter:
         """Time since the start without the pauses."""
         return time.perf_counter() - self._start - self._paused
 
+    def skip(self, seconds: float) -> None:
+        """Do not count the last seconds: something else was done."""
+        self._paused += seconds
+
     def due(self) -> bool:
         """Whether it is time for a point; the first step makes one."""
         return not self.points or self.seconds - self.points[-1]["seconds"] >= self.every

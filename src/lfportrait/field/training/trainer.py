@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,9 @@ from .stepping import Steps
 __all__ = ["Trainer"]
 
 _SAVE_EVERY = 20.0  # seconds
+_SHOWN = 96
+"""Lattice points to two world units of a level that is good enough for a look; the last level but
+one is so in any case."""
 
 
 class Trainer:
@@ -51,13 +55,14 @@ class Trainer:
 
     def __init__(self, capture: Capture, config: ReconstructConfig,
                  progress: Progress | None = None, checkpoint: Path | None = None,
-                 meter: Meter | None = None, process: GpuProcess | None = None) -> None:
+                 meter: Meter | None = None, process: GpuProcess | None = None,
+                 look: Callable[[], None] | None = None) -> None:
         # The GPU's, until it is lost; None: the CPU.
         self.process = process
         if process is not None:
             prepare(process)
         self.original, self.capture, self.config, self.progress = capture, capture, config, progress
-        self.checkpoint, self.meter = checkpoint, meter
+        self.checkpoint, self.meter, self.look = checkpoint, meter, look
         self.views = capture.training()
         if len(self.views) < 3:
             raise UserError(f"{len(self.views)} training views are too few; give 20 or more photos")
@@ -92,6 +97,7 @@ class Trainer:
                           int(self.data.pixels[::997].sum()), self.workers)
         self.began = self._saved = time.perf_counter()
         self._save_took = 0.0
+        self.looked = 0.0  # seconds that looks took
 
     @property
     def scale(self) -> NDArray[np.float32]:
@@ -105,10 +111,10 @@ class Trainer:
 
     # -- state ------------------------------------------------------------------------------------
 
-    def field(self) -> VoxelField:
-        """The field as it is."""
+    def field(self, lattice: Lattice | None = None) -> VoxelField:
+        """The field as it is, or of a lattice that was made of its own."""
         self.sync()
-        lattice = self.lattice
+        lattice = self.lattice if lattice is None else lattice
         assert lattice is not None
         count = lattice.count
         sh = lattice.rows[:count, :3 * self.basis].reshape(count, 3, self.basis)
@@ -145,6 +151,20 @@ class Trainer:
         """Go on from a checkpoint of the same capture and parameters, if there is one."""
         if self.checkpoint is not None and self.checkpoint.is_file():
             read_checkpoint(self, self.checkpoint)
+
+    def offer(self) -> None:
+        """Let whoever wants a look have one, from a level on that is good enough for that."""
+        resolutions = self.config.resolutions
+        done = resolutions[:self.level]
+        if self.look is None or not done or len(done) == len(resolutions) or not (
+                done[-1] >= _SHOWN or len(done) == len(resolutions) - 1):
+            return
+        start = time.perf_counter()
+        self.look()
+        took = time.perf_counter() - start
+        self.looked += took
+        if self.meter is not None:
+            self.meter.skip(took)
 
     # -- levels -----------------------------------------------------------------------------------
 
@@ -269,10 +289,20 @@ class Trainer:
     def finish(self) -> None:
         """After the last level, remove points that no ray sees or mattes rule out, and floaters."""
         assert self.lattice is not None
-        lattice = self.lattice
         if self.average is not None:
-            self.average.put(lattice)
+            self.average.put(self.lattice)
             self.average = None  # as large as the lattice
+        self.lattice = self.cleaned()
+        if self.data.has_alpha and not np.allclose(self.gains, 1.0) and len(self.test_gains):
+            found = matte_gains(self.field(), self.capture, self.capture.testing(), least=0.0)
+            if found is not None:
+                self.test_gains = found
+
+    def cleaned(self) -> Lattice:
+        """The lattice without points that no ray sees or mattes rule out, and without floaters."""
+        self.sync()
+        lattice = self.lattice
+        assert lattice is not None
         keep = lattice.seen(self._largest_weights(), self.config.prune)
         if self.data.has_alpha:
             assert self.capture.alphas is not None
@@ -281,11 +311,7 @@ class Trainer:
                 keep, lattice.center, lattice.radius)
             keep &= ~wrong
             keep &= lattice.attached(loose, keep)
-        self.lattice = lattice.kept(keep)
-        if self.data.has_alpha and not np.allclose(self.gains, 1.0) and len(self.test_gains):
-            found = matte_gains(self.field(), self.capture, self.capture.testing(), least=0.0)
-            if found is not None:
-                self.test_gains = found
+        return lattice.kept(keep)
 
     def options(self) -> NDArray[np.float64]:
         """Options of the kernel: step, least density and so on."""
@@ -354,7 +380,7 @@ class Trainer:
                        config.importance)
 
     def tell(self, done: float) -> None:
-        """Report the progress to the progress line and the meter."""
+        """Report the progress to the progress line and the meter, and offer a look."""
         assert self.lattice is not None
         resolution = self.config.resolutions[self.level]
         error = float(self.recent[0] / max(self.recent[1], 1.0))
@@ -364,6 +390,8 @@ class Trainer:
                                  f"{resolution}^3, {self.lattice.count / 1e6:.2f} M voxels, "
                                  f"{-10 * np.log10(max(error, 1e-12)):.1f} dB")
             self.progress.show(self.field)
+        if self.step % 8 == 1:
+            self.offer()
         if self.meter is not None and self.meter.due():
             self.record()
 

@@ -101,8 +101,10 @@ def change(call: Call) -> dict[str, Any]:
     if "display" in data:
         found["display"] = call.desk.displays.get(text(data, "display")).id
     if "style" in data:
-        found["style"] = None if data["style"] is None else call.desk.styles.get(
-            text(data, "style"), project).id
+        style = None if data["style"] is None else call.desk.styles.get(
+            text(data, "style"), project)
+        # A job that makes the head looks here for what it may show.
+        found |= {"style": style and style.id, "painting": style and style.source}
     if "version" in data:
         found["version"] = None if data["version"] is None else Versions(project).get(
             text(data, "version")).id

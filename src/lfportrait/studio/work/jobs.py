@@ -97,16 +97,19 @@ def expected(*stages: tuple[str, str]) -> list[tuple[str, float]]:
 
 
 def _head(order: Order, teller: Teller) -> dict[str, Any]:
-    """Cameras, field and surface: all that previews need."""
+    """Cameras, field and surface: all that previews need; a first look at the chosen painting."""
     from ...capture import Capture
     from ...field import VoxelField
     from ...stylize import kept_skin
+    from .early import EarlyPicture
 
+    look = EarlyPicture(order, teller)
     teller.tell("stages", expected(("capture", "capture"), ("reconstruct", "field"),
                                    ("surface", "skin")))
     config = order.config()
     kernels = ("reconstruct", "transfer", "stylize", "encode")
     with Warmup(("photograph", *kernels) if order.demo else kernels) as warmup:
+        look.warmup = warmup
         if order.demo and not any(order.source.glob("transforms.json")):
             _photograph(order, teller, warmup)
         look_at(order.source)
@@ -124,7 +127,7 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
         do_task(order, teller, Task(
             "reconstruct", "field", where, ("field.npz",), field_key(capture, config), ("capture",),
             config, 0, inputs), "reconstruct", figures, warmup,
-            draw=lambda field: head_picture(field, 320, (turned(next(number)),)))
+            draw=lambda field: head_picture(field, 320, (turned(next(number)),)), look=look)
         with teller.stage("surface") as progress:
             warmup.wait(("transfer",), progress)
             progress.update(0, "the head's surface")
@@ -132,7 +135,8 @@ def _head(order: Order, teller: Teller) -> dict[str, Any]:
             picture = head_picture(field)
             teller.picture("reconstruct", picture)
             kept_skin(order.job / "field.npz", field, taken, config.stylize.pixels)
-            teller.picture("surface", picture)
+            if not look.figures:
+                teller.picture(look.STAGE, picture)
     return {"views": len(taken), "voxels": len(field.density)}
 
 

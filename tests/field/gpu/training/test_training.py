@@ -51,14 +51,15 @@ def process(gpu_child):
     return gpu_child
 
 
-def trained(process, config=CONFIG, checkpoint=None, capture=None):
+def trained(process, config=CONFIG, checkpoint=None, capture=None, look=None):
     """The trainer at its end, and what it said."""
     said = Said()
     trainer = Trainer(capture or ball_capture(count=12, size=28), config, said, checkpoint,
-                      process=process)
+                      process=process, look=look and (lambda: look(trainer)))
     trainer.restore()
     while trainer.level < len(config.resolutions):
         trainer.run_level()
+        trainer.offer()
     trainer.finish()
     return trainer, said.lines
 
@@ -83,6 +84,19 @@ def test_a_training_ends_where_the_cpus_does(process, on_cpu):
     assert on_gpu.rays_done == on_cpu.rays_done
     assert abs(on_gpu.lattice.count / on_cpu.lattice.count - 1) < 0.03
     assert not any("CPU" in line for line in lines)
+
+
+def test_looks_change_nothing(process):
+    seen = []
+
+    def look(trainer):
+        if len(seen) < 2:  # after the first level, and within the second
+            seen.append(trainer.field(trainer.cleaned()))
+
+    plain, looked = trained(process)[0].field(), trained(process, look=look)[0].field()
+    assert len(seen) == 2 and not np.array_equal(looked.density, seen[1].density)
+    for name in ("links", "density", "sh"):
+        assert np.array_equal(getattr(looked, name), getattr(plain, name)), name
 
 
 def test_a_room_is_trained_as_on_the_cpu(process):

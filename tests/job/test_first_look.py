@@ -1,0 +1,197 @@
+"""The first look: a page while the field is trained, which changes nothing else of the job."""
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from lfportrait.demo import demo_capture, demo_exemplar
+from lfportrait.errors import UserError
+from lfportrait.job import first_look, work
+from lfportrait.job.first_look import KERNELS, FirstLook, LookTaken, painted_roughly
+from lfportrait.job.pipeline import make
+from lfportrait.progress import Progress
+from lfportrait.stylize import StyledField, StylizeConfig
+from tests.job import test_pipeline
+from tests.job.test_pipeline import FILES, PANEL
+
+CONFIG = replace(test_pipeline.CONFIG, stylize=replace(test_pipeline.CONFIG.stylize, steps=0))
+"""Without refinement nothing imports torch."""
+LOOK = b"a first look"
+
+
+@pytest.fixture(scope="module")
+def capture():
+    return demo_capture(size=72, views=16)
+
+
+@pytest.fixture(scope="module")
+def painting():
+    return demo_exemplar(width=180, height=240)
+
+
+@pytest.fixture
+def job(capture, painting):
+    """Runs the job into a folder."""
+    def run(out, painting=painting, **how):
+        return make(capture, painting, out, PANEL, CONFIG, offline=True, device="cpu", **how)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def plain(capture, painting, tmp_path_factory):
+    """A finished job without a first look."""
+    out = tmp_path_factory.mktemp("plain") / "out"
+    run = make(capture, painting, out, PANEL, CONFIG, offline=True, device="cpu", first_look=False)
+    assert "first_look" not in run
+    return out
+
+
+@pytest.fixture
+def looks(monkeypatch):
+    """The fields that looks were taken of."""
+    found = []
+
+    def counted(field, *others):
+        found.append(field)
+        return painted_roughly(field, *others)
+
+    monkeypatch.setattr(first_look, "painted_roughly", counted)
+    return found
+
+
+def digests(out: Path) -> dict[str, str]:
+    return {name: hashlib.sha256((out / name).read_bytes()).hexdigest() for name in FILES}
+
+
+def test_the_page_is_there_before_the_painting_and_leaves_no_trace(job, plain, looks, tmp_path,
+                                                                   monkeypatch):
+    early = []
+
+    def watched(*given, **more):
+        early.append((tmp_path / "out/portrait.html").read_bytes())
+        return paint(*given, **more)
+
+    paint = work.write_styled
+    monkeypatch.setattr(work, "write_styled", watched)
+    run = job(tmp_path / "out")
+    assert LOOK in early[0] and b"data-stream" in early[0]
+    assert len(early[0]) < 2e6
+    assert digests(tmp_path / "out") == digests(plain)
+    assert run == json.loads((tmp_path / "out/run.json").read_text())
+    assert 0 < run["first_look"]["cost_seconds"] < run["first_look"]["seconds"]
+    assert set(run["seconds"]) == {"total", "capture", "reconstruct", "stylize", "encode", "share"}
+    assert len(looks) == 1 and max(looks[0].links.shape) < 48, "of the coarse level"
+
+
+def test_quick_ends_there_and_the_same_without_it_goes_on(job, plain, looks, tmp_path):
+    out = tmp_path / "out"
+    run = job(out, quick=True)
+    page = (out / "portrait.html").read_bytes()
+    assert LOOK in page and not (out / "field.npz").exists()
+    assert (out / ".stages/reconstruct.npz").is_file(), "the training goes on from here"
+    assert "reconstruct" not in run["seconds"] and run["first_look"]["seconds"] > 0
+
+    again = job(out, quick=True)
+    assert again["first_look"] == run["first_look"] and len(looks) == 1
+    assert (out / "portrait.html").read_bytes() == page
+
+    whole = job(out)
+    assert digests(out) == digests(plain)
+    assert whole["first_look"] == run["first_look"] and len(looks) == 1
+    finished = job(out, quick=True)
+    assert set(finished["seconds"]) == set(whole["seconds"])
+    assert digests(out) == digests(plain) and len(looks) == 1
+
+
+def test_a_page_that_is_missing_is_made_again(job, looks, tmp_path):
+    job(tmp_path, quick=True)
+    (tmp_path / "portrait.html").unlink()
+    job(tmp_path, quick=True)
+    assert LOOK in (tmp_path / "portrait.html").read_bytes() and len(looks) == 2
+
+
+def test_the_look_at_another_painting_is_not_taken_for_the_finished_page(job, plain, looks,
+                                                                         tmp_path):
+    out = tmp_path / "out"
+    job(out)
+    other = demo_exemplar("charcoal", width=180, height=240)
+    run = job(out, other, quick=True)
+    assert LOOK in (out / "portrait.html").read_bytes()
+    assert run["resumed"] == ["capture", "reconstruct"]
+    assert len(looks) == 2 and max(looks[1].links.shape) >= 40, "the finished field"
+    job(out, first_look=False)
+    assert digests(out) == digests(plain)
+
+
+@pytest.mark.parametrize("error", [UserError("the field shows no surface"), IndexError("7")])
+def test_a_look_that_fails_is_one_line(job, plain, tmp_path, monkeypatch, capsys, error):
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr(first_look, "painted_roughly", fail)
+    if isinstance(error, UserError):
+        with pytest.raises(UserError, match="no first look: the field shows no surface; leave out"):
+            job(tmp_path / "out", quick=True)
+    run = job(tmp_path / "out", quiet=False)
+    said = [line for line in capsys.readouterr().err.splitlines() if "first look: " in line]
+    kind = "" if isinstance(error, UserError) else "IndexError: "
+    assert said == [f"reconstruct: no first look: {kind}{error}"]
+    assert "first_look" not in run
+    assert digests(tmp_path / "out") == digests(plain)
+
+
+class Kernels:
+    """Kernels that are compiled when they are waited for."""
+
+    def __init__(self):
+        self.there = False
+
+    def ready(self, names):
+        assert names == KERNELS
+        return self.there
+
+    def wait(self, names, progress=None):
+        self.there = True
+
+
+class Shown(FirstLook):
+    """A look that is kept."""
+
+    def show(self, portrait):
+        self.portrait = portrait
+        return ""
+
+
+def test_it_waits_for_kernels_only_if_it_is_all_that_is_wanted(capture, painting):
+    def offered(look, **how):
+        made = []
+        try:
+            look.offer(Progress("", enabled=False), capture, lambda: made.append(1) or field, **how)
+        except LookTaken:
+            assert look.only
+        return bool(made)
+
+    from lfportrait.job.specimens import ball_field
+
+    field, paper = ball_field(1), StylizeConfig(method="paper")
+    look = Shown(painting, paper, 0.0)
+    look.warmup = Kernels()
+    assert not offered(look) and not look.over
+    look.warmup.there = True
+    assert offered(look) and look.over and not offered(look)
+    assert look.portrait is field, "what is not painted on the skin is shown as it is"
+    for how, only in (({"wait": True}, False), ({}, True)):
+        look = Shown(painting, paper, 0.0, only=only)
+        look.warmup = Kernels()
+        assert offered(look, **how) and look.figures
+
+
+def test_a_rough_field_is_painted_with_its_ground(job, capture, painting, looks, tmp_path):
+    job(tmp_path, quick=True)
+    styled = painted_roughly(looks[0], capture, painting, CONFIG.stylize)
+    assert isinstance(styled, StyledField) and styled.styles == ("fauve",)
+    assert styled.backdrop is not None
