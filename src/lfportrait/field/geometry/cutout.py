@@ -31,6 +31,7 @@ __all__ = ["cut_out", "trim"]
 Plane = NDArray[np.float32]
 
 _OUTLINE = 384  # height or width in which outlines are drawn
+_FEW = 48  # photos whose depth is enough to see what lies far from the object
 _ALIKE = 0.75  # overlap with the outline from which a matte is thought to show the same
 
 
@@ -98,7 +99,7 @@ def trim(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
         photo's edges (`lfportrait.capture.refine_changes`).
     """
     given = [np.asarray(matte, np.float32) for matte in mattes]
-    solid = _solid(capture, given, progress)
+    solid = _solid(capture, given, progress, _FEW)
     if solid is None:
         return given
 
@@ -115,9 +116,11 @@ def trim(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
 
 
 def _solid(capture: Capture, mattes: Sequence[NDArray[np.floating[Any]]],
-           progress: Progress | None) -> Solid | None:
-    """The object as the training photos show it."""
+           progress: Progress | None, most: int | None = None) -> Solid | None:
+    """The object as the training photos show it, or ``most`` of them spread evenly."""
     views = capture.training()
+    if most is not None and len(views) > most:
+        views = views[np.linspace(0, len(views) - 1, most).astype(int)]
     if progress is not None:
         progress.update(0, "cutting out the object: depth")
     maps = sweep_depth(capture, views, REACH)
