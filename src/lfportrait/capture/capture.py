@@ -137,7 +137,7 @@ class Capture:
         for view, image in enumerate(self.images):
             name = f"images/{Path(self.names[view]).stem}.png"
             picture = image if self.alphas is None else np.dstack([image, self.alphas[view]])
-            write_image(folder / name, picture, compress_level=1)
+            write_image(folder / name, picture, fast=True)
             camera = self.cameras[view]
             frames.append({
                 "file_path": name, "w": int(camera.width[0]), "h": int(camera.height[0]),

@@ -10,7 +10,6 @@ from ..errors import UserError
 from ..example import Skin
 from ..example.skin import load_skin, save_skin, skin_key
 from ..field import VoxelField
-from .chart_lattice import lattice_arrays
 from .config import check_pixels
 
 __all__ = ["kept_skin"]
@@ -51,9 +50,8 @@ def kept_skin(path: Path, field: VoxelField, capture: Capture,
     skin = load_skin(beside, key)
     if skin is None:
         skin = Skin.of(field, capture.landmarks, capture.cameras, pixels)
-        lattice = lattice_arrays(field, skin)
         with suppress(OSError, UserError):
-            save_skin(skin, beside, key, **lattice)
+            save_skin(skin, beside, key)
         # A file keeps rounded numbers: this run continues with the numbers that the next one reads.
         skin = load_skin(beside, key) or skin
     return skin
