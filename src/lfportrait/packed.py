@@ -2,8 +2,8 @@
 
 Neighbours in a list of measured numbers are alike. Their differences (of a float's bits, too, which
 order floats as their values do) are small: high bytes are nearly all zero, and low bytes are noise,
-which zlib stores as it is. The first bytes of all numbers are deflated together, then the second
-ones, ..., with runs and Huffman's code alone. A hundred megabytes take a second, and less to read.
+which stay as they are. The first bytes of all numbers are deflated together, then the second ones,
+and so on, with runs and Huffman's code alone. A hundred megabytes take a second, and less to read.
 """
 
 from __future__ import annotations
@@ -17,7 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["pack", "unpack"]
+__all__ = ["check", "pack", "unpack"]
+
+MOST = 0.75
+"""A plane of bytes that is not deflated to less than this share is stored as it is."""
+_WORD = 4
+"""Bytes of the header's length and of the sum over all."""
+_BARE = -zlib.MAX_WBITS
+"""zlib's name for a stream without a sum of its own."""
 
 Bytes = NDArray[np.uint8]
 Words = NDArray[np.unsignedinteger[Any]]
@@ -44,7 +51,15 @@ def pack(values: NDArray[Any], order: int = 1) -> Bytes:
         planes += map(_deflated, row.view(np.uint8).reshape(len(row), row.itemsize).T)
     head = json.dumps({"dtype": values.dtype.str, "shape": values.shape, "order": order,
                        "planes": [len(plane) for plane in planes]}).encode()
-    return np.frombuffer(b"".join([len(head).to_bytes(4, "little"), head, *planes]), np.uint8)
+    data = b"".join([len(head).to_bytes(_WORD, "little"), head, *planes])
+    return np.frombuffer(data + zlib.crc32(data).to_bytes(_WORD, "little"), np.uint8)
+
+
+def check(data: Bytes) -> None:
+    """Raise `ValueError` if packed bytes are damaged: for an array that is unpacked later."""
+    wanted = int.from_bytes(data[-_WORD:].tobytes(), "little")
+    if len(data) < 2 * _WORD or zlib.crc32(data[:-_WORD].data) != wanted:
+        raise ValueError("a packed array is damaged")
 
 
 def unpack(data: Bytes) -> NDArray[Any]:
@@ -52,19 +67,18 @@ def unpack(data: Bytes) -> NDArray[Any]:
 
     Raises
     ------
-    UNREADABLE_ARRAYS
-        If the bytes are damaged (`lfportrait.files`).
+    ValueError
+        If the bytes are damaged.
     """
     data = np.ascontiguousarray(data, np.uint8)
-    begin = 4 + int.from_bytes(data[:4].tobytes(), "little")
-    head = json.loads(data[4:begin].tobytes())
+    check(data)
+    begin = _WORD + int.from_bytes(data[:_WORD].tobytes(), "little")
+    head = json.loads(data[_WORD:begin].tobytes())
     dtype, shape = np.dtype(head["dtype"]), tuple(head["shape"])
     columns = np.empty(*_form(dtype, shape))
     ends = begin + np.cumsum([0, *head["planes"]])
     pieces = [data[since:until] for since, until in itertools.pairwise(ends)]
     size = columns.itemsize
-    if len(pieces) != size * len(columns):
-        raise ValueError("a packed array lacks some of its bytes")
     for n, row in enumerate(columns):
         planes = row.view(np.uint8).reshape(len(row), size)
         for k, piece in enumerate(pieces[n * size:(n + 1) * size]):
@@ -104,17 +118,19 @@ def _unfold(row: Words) -> None:
     """Undo `_folded`, in place."""
     signs = row & row.dtype.type(1)
     row >>= row.dtype.type(1)
-    row ^= np.negative(signs)
+    row ^= np.negative(signs, out=signs)
 
 
 def _deflated(plane: Bytes) -> bytes:
-    packer = zlib.compressobj(1, zlib.DEFLATED, zlib.MAX_WBITS, 9, zlib.Z_RLE)
-    return packer.compress(np.ascontiguousarray(plane).data) + packer.flush()
+    """A plane of bytes in fewer, or as it is."""
+    packer = zlib.compressobj(1, zlib.DEFLATED, _BARE, 9, zlib.Z_RLE)
+    whole = plane.tobytes()
+    data = packer.compress(whole) + packer.flush()
+    return data if len(data) < MOST * len(whole) else whole
 
 
 def _inflated(piece: Bytes, count: int) -> Bytes:
     """A plane of ``count`` bytes."""
-    plane = np.frombuffer(zlib.decompress(piece.data, bufsize=max(count, 1)), np.uint8)
-    if len(plane) != count:
-        raise ValueError("a packed array is cut off")
-    return plane
+    if len(piece) == count:
+        return piece
+    return np.frombuffer(zlib.decompress(piece.data, _BARE, count), np.uint8)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lfportrait.example.skin import load_skin, save_skin, skin_key
+from lfportrait.example.skin import as_stored, load_skin, save_skin, skin_key
 from lfportrait.files import map_arrays, write_mappable
 
 SHARES = ("tone", "detail", "appearance", "contours", "hair", "clothes", "ears", "seen")
@@ -35,11 +35,20 @@ def test_so_is_its_atlas(skin, path):
     found, wanted = load_skin(path, skin_key("field", 1)).atlas, skin.atlas
     for name in ("owner", "depth", "boxes", "points"):
         assert np.array_equal(getattr(found, name), getattr(wanted, name), equal_nan=True), name
-    assert found.shown.dtype == np.uint8 and found.owner.dtype == np.int32
-    assert np.array_equal(found.shown, np.uint8(wanted.color * 255 + 0.5))
+    assert found.owner.dtype == np.int32 and found.color.dtype == np.float32
+    assert np.abs(found.color - wanted.color).max() < 0.501 / 255
     assert np.array_equal(found.shape.normals, wanted.shape.normals)
     assert np.array_equal(found.shape.low, wanted.shape.low)
     assert found.cameras.pose.tobytes() == wanted.cameras.pose.tobytes()
+
+
+def test_it_is_that_with_which_its_first_run_goes_on(skin, path):
+    key = skin_key("field", 1)
+    first, again = as_stored(skin, key), load_skin(path, key)
+    for name in ("index", "flat", "rows", "outwards", *SHARES):
+        assert getattr(first, name).tobytes() == getattr(again, name).tobytes(), name
+    assert first.kept.keys() == again.kept.keys() and first.kept["key"] == again.kept["key"]
+    assert np.array_equal(first.atlas.color, again.atlas.color)
 
 
 def test_nothing_is_lost_from_file_to_file(path, tmp_path):
@@ -68,9 +77,10 @@ def test_a_skin_of_something_else_or_in_pieces_is_not_used(skin, path, tmp_path)
     for place in (5000, len(whole) // 3, len(whole) // 2):
         path.write_bytes(whole[:place])
         assert load_skin(path, key) is None
-    half = len(whole) // 2
-    path.write_bytes(whole[:half] + bytes([whole[half] ^ 1]) + whole[half + 1:])
-    assert load_skin(path, key) is None
+    colors = whole.index(b"colors.npy") + 2000
+    for place in (colors, len(whole) // 2):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1:])
+        assert load_skin(path, key) is None
 
 
 def test_a_file_of_another_form_is_not_used(path):

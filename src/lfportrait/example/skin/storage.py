@@ -7,6 +7,7 @@ follows from these in hundredths of a second is left out, and made again when th
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Hashable
 from dataclasses import replace
 from pathlib import Path
@@ -19,12 +20,12 @@ from ...cache import key_of
 from ...capture import Camera
 from ...files import UNREADABLE_ARRAYS, atomic_write, map_arrays, write_mappable
 from ...lanes.threads import side_by_side
-from ...packed import pack, unpack
+from ...packed import check, pack, unpack
 from ..surface_guide import HeadPlane
 from .charts import Atlas, Shape
 from .sitter import Skin
 
-__all__ = ["load_skin", "save_skin", "skin_key"]
+__all__ = ["as_stored", "load_skin", "save_skin", "skin_key"]
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -34,15 +35,23 @@ _CAMERAS = ("pose", "focal", "center", "width", "height")
 _ORDERS = {"labels": 0, **dict.fromkeys(("depths", "rows", *_SHARES), 2)}
 """What is not packed as first differences: most labels are 0 or 255, and what is smooth has small
 second ones."""
-_PIECE = 1 << 15
-"""Places that are unwrapped at a time: what is computed of them stays in a core's cache."""
-_PACKED = ("solid", "depths", "lit", "colors", "known", "owners", "normals", "labels", "rows",
+_PACKED = ("colors", "depths", "owners", "labels", "rows", "solid", "known", "lit", "normals",
            "outwards", *_SHARES)
+_COLORS = ("size", "lit", "colors")
+_PLAIN = ("boxes", "low", "cell", "landmarks", "pixels", "regions", *_CAMERAS, *_COLORS)
 
 
 def skin_key(*made_of: Any) -> str:
     """What a skin and the form of its file depend on, as a short text."""
     return key_of("example.skin.storage", *made_of)
+
+
+def as_stored(skin: Skin, key: str) -> Skin:
+    """A skin as it comes back from its file: with rounded numbers, and the key in its ``kept``."""
+    atlas = replace(skin.atlas, shown=np.asarray(skin.atlas.color * 255 + 0.5, np.uint8))
+    shares = {name: value.astype(np.float16).astype(np.float32) for name in _SHARES
+              if (value := getattr(skin, name)) is not None}
+    return replace(skin, atlas=atlas, kept={"key": key, "labels": skin.labels}, **shares)
 
 
 def save_skin(skin: Skin, path: Path, key: str) -> None:
@@ -66,21 +75,16 @@ def save_skin(skin: Skin, path: Path, key: str) -> None:
 
 def _pictures(atlas: Atlas) -> Arrays:
     """The pixels of an atlas that hold something, and where they are."""
-    color = np.asarray(atlas.shown if atlas.shown.dtype == np.uint8 else atlas.color * 255 + 0.5,
-                       np.uint8)
-    solid, known = np.isfinite(atlas.depth), atlas.owner >= 0
-    lit = np.asarray(color.any(axis=-1))
+    color = np.asarray(atlas.color * 255 + 0.5, np.uint8)
+    solid, lit, known = np.isfinite(atlas.depth), np.any(color, axis=2), atlas.owner >= 0
     colors = color[lit]
     colors[:, ::2] -= colors[:, 1:2]  # what is left of red and blue is small
-    return {"solid": solid, "depths": atlas.depth[solid], "lit": lit, "colors": colors,
-            "known": known, "owners": atlas.owner[known]}
+    return {"depths": atlas.depth[solid], "owners": atlas.owner[known], "colors": colors,
+            "solid": solid, "known": known, "lit": lit}
 
 
 def load_skin(path: Path, key: str) -> Skin | None:
-    """The skin in a file; None if there is none, or it was made of something else.
-
-    The key is in the skin's ``kept``.
-    """
+    """The skin in a file; None if there is none, or it was made of something else."""
     try:
         arrays = map_arrays(path)
         return _skin_of(arrays, key) if str(arrays["key"]) == key else None
@@ -92,26 +96,20 @@ def _skin_of(arrays: Arrays, key: str) -> Skin:
     """The skin that a file's arrays describe."""
     found = dict(zip(_READ, side_by_side(lambda read: read(arrays), list(_READ.values()))))
     # Copies: the file is not held open.
-    plain = {name: np.array(arrays[name]) for name in ("boxes", "low", "landmarks", *_CAMERAS)}
-    shape = Shape(found["normals"], plain["low"], float(arrays["cell"]))
+    plain = {name: np.array(arrays[name]) for name in _PLAIN}
+    shape = Shape(found["normals"], plain["low"], float(plain["cell"]))
+    for name in ("lit", "colors"):  # unpacked later, as a preview has no use for them
+        check(plain[name])
     atlas = Atlas(Camera(*(plain[name] for name in _CAMERAS)), plain["boxes"], found["depth"],
-                  found["color"], found["owner"], shape)
-    plane, index = HeadPlane(plain["landmarks"]), np.flatnonzero(atlas.own).astype(np.int32)
+                  functools.partial(_color, {name: plain[name] for name in _COLORS}),
+                  found["owner"], shape)
     # Regions are asked for by every painting.
     kept: dict[Hashable, Any] = {
-        "key": key, "labels": (found["labels"], tuple(arrays["regions"].tolist()))}
-    return Skin(atlas, plane, float(arrays["pixels"]), index, _unwrapped(plane, atlas, index),
+        "key": key, "labels": (found["labels"], tuple(plain["regions"].tolist()))}
+    return Skin(atlas, HeadPlane(plain["landmarks"]), float(plain["pixels"]),
+                np.flatnonzero(atlas.own).astype(np.int32),
                 **{name: found[name] for name in _SHARES}, outwards=found["outwards"],
                 rows=found["rows"], kept=kept)
-
-
-def _unwrapped(plane: HeadPlane, atlas: Atlas, index: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Unwrapped places [N, 2] of pixels of the atlas."""
-    # Of a copy: the points of all pixels, which the atlas would keep, are a hundred MB.
-    points = replace(atlas).points.reshape(-1, 3)
-    parts = side_by_side(lambda part: plane.unwrap(points[part]).astype(np.float32),
-                         [index[since:since + _PIECE] for since in range(0, len(index), _PIECE)])
-    return np.concatenate([np.empty((0, 2), np.float32), *parts])
 
 
 def _picture(arrays: Arrays, where: str, values: NDArray[Any], empty: float) -> NDArray[Any]:
@@ -150,6 +148,6 @@ def _list(name: str) -> Callable[[Arrays], NDArray[Any] | None]:
 
 
 _READ: dict[str, Callable[[Arrays], Any]] = {
-    "color": _color, "depth": _depth, "owner": _owner,
+    "depth": _depth, "owner": _owner,
     **{name: _list(name) for name in ("rows", "labels", "normals", "outwards", *_SHARES)}}
-"""What reads each part of a skin; what takes longest comes first."""
+"""What reads each part of a skin that is always needed; what takes longest comes first."""
