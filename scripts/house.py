@@ -25,8 +25,8 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
 """In order: a stage imports only stages before it, and the ground floor."""
 GROUND = ("browsing", "cache", "color", "containers", "device", "download", "errors", "files",
           "gpu", "graphics", "health", "labels", "lanes", "lazy", "leftovers", "locks", "measure",
-          "media", "metrics", "models", "plugins", "png", "progress", "renamed", "sources",
-          "stages", "states", "temporary", "version")
+          "media", "metrics", "models", "packed", "plugins", "png", "progress", "renamed",
+          "sources", "stages", "states", "temporary", "version")
 """Carries all stages and knows none."""
 ROOMS = ("metrics", "baselines", "bench", "study", "tables", "commands")
 """Of the laboratory, in order: a room imports only rooms before it, and the product."""

@@ -282,7 +282,7 @@ def field(folder):
 
 def skin(folder):
     found = Skin.of(head_field(24), HEAD_LANDMARKS, pixels=20.0, networks=False)
-    save_skin(found, folder / "f.skin.npz", "key", more=np.ones(3))
+    save_skin(found, folder / "f.skin.npz", "key")
 
 
 def read_skin(folder):

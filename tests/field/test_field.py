@@ -113,7 +113,18 @@ def test_a_file_is_little_more_than_its_voxels(tmp_path, save):
     assert (tmp_path / "f.npz").stat().st_size < voxels + 0.3 * field.links.nbytes
     with zipfile.ZipFile(tmp_path / "f.npz") as archive:
         deflated = {entry.filename for entry in archive.infolist() if entry.compress_type}
-        assert deflated == {"links.npy", "background_links.npy"}
+        assert deflated == {"links.npy", "background_links.npy", "density_data.npy", "sh_data.npy"}
+
+
+def test_colors_that_are_the_same_from_all_sides_take_little_room(tmp_path):
+    field = shell_field(24)
+    sh = np.random.default_rng(0).random((len(field.density), 3, 9), np.float32)
+    sh[::2, :, 1:] = 0.0
+    save_field(field.with_sh(sh), tmp_path / "f.npz")
+    with zipfile.ZipFile(tmp_path / "f.npz") as archive:
+        assert archive.getinfo("sh_data.npy").compress_size < 0.65 * 2 * sh.size
+    with np.load(tmp_path / "f.npz") as found:
+        assert np.array_equal(found["sh_data"], np.float16(sh).reshape(len(sh), -1))
 
 
 @pytest.mark.parametrize("threads", [1, 2])

@@ -303,7 +303,8 @@ def test_others_read_the_mix_alone(styled, tmp_path):
     assert np.array_equal(theirs.sh, plain.sh[:, :, 0])
     with zipfile.ZipFile(path) as archive:
         deflated = {entry.filename for entry in archive.infolist() if entry.compress_type}
-        assert deflated == {"links.npy", "labels.npy"}
+        assert deflated == {f"{name}.npy" for name in (
+            "links", "density_data", "sh_data", "labels", "painted", "photo")}
     with np.load(path, allow_pickle=False) as data:
         assert {"radius", "center", "links", "density_data", "sh_data", "basis_type",
                 "frame"} < {*data.files}
@@ -364,5 +365,5 @@ def test_further_arrays_stand_beside_a_fields_own(tmp_path):
     save_field(field, tmp_path / "f.npz", deflated=("more",), more=np.zeros(1000), other=np.ones(3))
     with zipfile.ZipFile(tmp_path / "f.npz") as archive:
         deflated = {entry.filename for entry in archive.infolist() if entry.compress_type}
-        assert deflated == {"links.npy", "more.npy"}
+        assert deflated == {"links.npy", "density_data.npy", "sh_data.npy", "more.npy"}
     assert np.array_equal(VoxelField.load(tmp_path / "f.npz").sh, field.sh)

@@ -8,6 +8,7 @@ import pytest
 from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import Exemplar, Skin, SkinPainter
+from lfportrait.example.skin import save_skin
 from lfportrait.job.specimens import ball_capture
 from lfportrait.stylize import (
     Painters,
@@ -188,6 +189,16 @@ def test_a_skin_is_kept_beside_its_field(head, capture, tmp_path, monkeypatch):
     monkeypatch.undo()
     with pytest.raises(UserError, match="landmarks"):
         kept_skin(path, head, replace(capture, landmarks=None), 60.0)
+
+
+def test_an_older_file_is_made_again(head, capture, tmp_path):
+    path, beside = tmp_path / "field.npz", tmp_path / "field.skin.npz"
+    head.save(path)
+    skin = kept_skin(path, head, capture, 60.0)
+    fresh = beside.read_bytes()
+    save_skin(skin, beside, "the key of other code")
+    assert np.array_equal(kept_skin(path, head, capture, 60.0).rows, skin.rows, equal_nan=True)
+    assert beside.read_bytes() == fresh
 
 
 def test_a_skin_that_cannot_be_written_is_computed_each_time(head, capture, tmp_path):

@@ -13,8 +13,8 @@ from lfportrait.stylize import StyledField
 from lfportrait.stylize.chart_lattice import (
     MARGIN,
     SOLID,
+    ChartLattice,
     chart_lattice,
-    lattice_arrays,
 )
 from lfportrait.stylize.fit import ColorModel
 from lfportrait.stylize.mixing.texels import mixed_texels
@@ -100,17 +100,23 @@ def test_maps_of_previews_are_kept_for_the_same_density(looked_up, painting):
     assert chart_lattice(looked_up, skin, 1) is not chart_lattice(looked_up, skin, 1)
 
 
-def test_maps_of_previews_come_back_from_a_file(looked_up, painting):
-    arrays = lattice_arrays(looked_up, painting.skin)
-    skin = replace(painting.skin, kept=dict(arrays))
+def test_maps_of_previews_come_back_from_the_cache(looked_up, painting, kept, monkeypatch):
+    """Those of a skin from a file, which knows what it was made of."""
     picture = np.ascontiguousarray(painting.color[::2, ::2])
     colors = np.asarray(C0 * looked_up.sh[:, :, 0] + 0.5, np.float32)
-    made, read = (chart_lattice(looked_up, one, 2) for one in (painting.skin, skin))
-    assert skin.kept.keys() == {"lattices"}
-    assert read is not made and np.array_equal(read.near, made.near)
+    made = chart_lattice(looked_up, replace(painting.skin, kept={}), 2)
+    assert not (kept / "lattices").exists()
+    first = chart_lattice(looked_up, replace(painting.skin, kept={"key": "head"}), 2)
+    monkeypatch.setattr(ChartLattice, "arrays", None)  # nothing is written again
+    skin = replace(painting.skin, kept={"key": "head"})
+    read = chart_lattice(looked_up, skin, 2)
+    assert read is not first and np.array_equal(read.near, made.near)
+    assert np.array_equal(read.left_out(picture, colors), first.left_out(picture, colors))
     assert np.abs(read.left_out(picture, colors) - made.left_out(picture, colors)).max() < 2e-3
-    thinner = replace(looked_up, density=looked_up.density * 0.5)
-    assert chart_lattice(thinner, skin, 2) is not read
+    for other, key in ((looked_up, "another"),
+                       (replace(looked_up, density=looked_up.density * 0.5), "head")):
+        with pytest.raises(TypeError):
+            chart_lattice(other, replace(painting.skin, kept={"key": key}), 2)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, -70.0, 150.0])

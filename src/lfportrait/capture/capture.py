@@ -140,7 +140,7 @@ class Capture:
         def write(view: int) -> None:
             picture = (self.images[view] if self.alphas is None
                        else np.dstack([self.images[view], self.alphas[view]]))
-            write_image(folder / names[view], picture, compress_level=1)
+            write_image(folder / names[view], picture, fast=True)
 
         side_by_side(write, range(len(self)), most=4)
         for view, name in enumerate(names):

@@ -140,9 +140,9 @@ class Stylize(Common):
                 coming = aside.submit(VoxelField.load, self.field)
                 exemplars = [Exemplar.load(style) for style in self.style]
                 capture = capture_of_face(self.capture)
+                skin = (kept_skin(self.field, coming.result, capture, self.config.pixels)
+                        if self.config.on_skin and capture.landmarks is not None else None)
                 field = coming.result()
-            skin = (kept_skin(self.field, field, capture, self.config.pixels)
-                    if self.config.on_skin and capture.landmarks is not None else None)
             config = replace(self.config, seed=self.seed, parameters=self.given)
             styled, figures = stylize_with_figures(field, capture, exemplars, config, progress,
                                                    device=self.device, dump=self.dump, skin=skin)

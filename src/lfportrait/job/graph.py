@@ -68,11 +68,11 @@ class Stage:
 
 STAGES = {
     "capture": Stage("capture", ("job.prepare",), Need(2.0, 300 * _MB, 7 * _MB)),
-    "field": Stage("reconstruct", ("field.reconstruction",), Need(68.0, 1200 * _MB, 67 * _MB),
+    "field": Stage("reconstruct", ("field.reconstruction",), Need(68.0, 1200 * _MB, 54 * _MB),
                    ("reconstruct",)),
-    "skin": Stage("surface", ("example.skin.sitter",), Need(12.0, 1100 * _MB, 87 * _MB),
+    "skin": Stage("surface", ("example.skin.storage",), Need(12.0, 1100 * _MB, 17 * _MB),
                   ("transfer",)),
-    "stylize": Stage("stylize", ("stylize.optimize",), Need(39.0, 2100 * _MB, 26 * _MB),
+    "stylize": Stage("stylize", ("stylize.optimize",), Need(39.0, 2100 * _MB, 27 * _MB),
                      ("transfer", "stylize")),
     "encode": Stage("encode", ("lightfield.coding",), Need(12.0, 1600 * _MB, 6 * _MB),
                     ("encode",)),

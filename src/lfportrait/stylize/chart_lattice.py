@@ -2,7 +2,8 @@
 
 With the density frozen a chart is linear in the lattice's colors. The weights are found once for a
 skin and a resolution; what the colors of any painting show is a product with them. Those of a
-preview are kept with the skin, and in its file.
+preview are kept with the skin, and in the user's cache: they take more room than a job's other
+files, and only previews of the same head need them again.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cache import kept_arrays, key_of
 from ..example import Skin
 from ..field import SampleWeights, VoxelField
 from .kernels.linear import gather_colors
 from .skin_fit import chart_camera, chart_pixels
 
-__all__ = ["PREVIEW", "ChartLattice", "chart_lattice", "lattice_arrays"]
+__all__ = ["PREVIEW", "ChartLattice", "chart_lattice"]
 
 Float32 = NDArray[np.float32]
 
@@ -28,6 +30,8 @@ PREVIEW = 2
 """Pixels of the skin per painted pixel in a preview."""
 MARGIN = 12
 """Pixels kept around what a chart owns, so that cells at a border find theirs in either chart."""
+HEADS = 4
+"""So many heads' maps for previews, 50 MB each, stay in the user's cache."""
 SOLID = 0.9
 """Where a chart's own view is clearer than this, nothing is known of the surface's color."""
 
@@ -112,14 +116,13 @@ class ChartLattice:
 def chart_lattice(field: VoxelField, skin: Skin, step: int) -> ChartLattice:
     """The maps of a field's colors to every ``step``-th pixel of its skin's charts.
 
-    Those of previews are kept with the skin, which may have brought their arrays in its file.
+    Those of previews are kept with the skin; if that comes from a file, in the user's cache, too.
     """
     if step == 1:
         return ChartLattice(field, skin, step)
     kept = _kept(skin)
     if step not in kept or kept[step].density is not field.density:
-        brought = step == PREVIEW and all(name in skin.kept for name in _ARRAYS)
-        arrays = {name: skin.kept.pop(name) for name in _ARRAYS} if brought else None
+        arrays = _cached_arrays(field, skin) if step == PREVIEW and "key" in skin.kept else None
         kept[step] = ChartLattice(field, skin, step, arrays)
     return kept[step]
 
@@ -129,9 +132,11 @@ def _kept(skin: Skin) -> dict[int, ChartLattice]:
     return skin.once("lattices", dict[int, ChartLattice])
 
 
-def lattice_arrays(field: VoxelField, skin: Skin) -> dict[str, NDArray[Any]]:
-    """What a preview's `chart_lattice` is made of, for the skin's file."""
-    return chart_lattice(field, skin, PREVIEW).arrays()
+def _cached_arrays(field: VoxelField, skin: Skin) -> dict[str, NDArray[Any]]:
+    """What a preview's `chart_lattice` is made of."""
+    key = key_of("stylize.chart_lattice", skin.kept["key"], field.density)
+    return kept_arrays("lattices", key, lambda: ChartLattice(field, skin, PREVIEW).arrays(),
+                       most=HEADS)
 
 
 def _place(skin: Skin, n: int, step: int) -> tuple[slice, slice]:
@@ -153,13 +158,14 @@ def _read_maps(places: list[tuple[slice, slice]], arrays: Mapping[str, NDArray[A
     counts, rows, values = (arrays[name] for name in _ARRAYS)
     ends = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
     values = values.astype(np.float32)
-    # An empty pixel's sum would be its successor's first value.
-    alpha = np.where(counts > 0, np.add.reduceat(np.append(values, 0), ends[:-1]), 0)
+    alpha = np.zeros(len(counts), np.float32)
+    filled = counts > 0  # an empty pixel's sum would be its successor's first value
+    alpha[filled] = np.add.reduceat(values, ends[:-1][filled])
     maps, since = [], 0
     for there in places:
         until = since + (there[0].stop - there[0].start) * (there[1].stop - there[1].start)
         part = slice(ends[since], ends[until])
         maps.append((there, SampleWeights(ends[since:until + 1] - ends[since], rows[part],
-                                          values[part], alpha[since:until].astype(np.float32))))
+                                          values[part], alpha[since:until])))
         since = until
     return maps

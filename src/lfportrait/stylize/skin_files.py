@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 from ..capture import Capture
 from ..errors import UserError
 from ..example import Skin
-from ..example.skin import load_skin, save_skin, skin_key
+from ..example.skin import as_stored, load_skin, save_skin, skin_key
 from ..field import VoxelField
-from .chart_lattice import lattice_arrays
 from .config import check_pixels
 
 __all__ = ["kept_skin"]
 
 
-def kept_skin(path: Path, field: VoxelField, capture: Capture,
+def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture: Capture,
               pixels: float) -> Skin:
     """The skin of the field that was read from ``path``.
 
@@ -28,8 +28,10 @@ def kept_skin(path: Path, field: VoxelField, capture: Capture,
     ----------
     path
         The field's file.
-    field, capture
-        The field and its capture with landmarks.
+    field
+        The field, or what gives it: it is needed only where there is no skin yet.
+    capture
+        Its capture, with landmarks.
     pixels
         Pixels per world unit.
 
@@ -50,10 +52,9 @@ def kept_skin(path: Path, field: VoxelField, capture: Capture,
     beside = path.with_suffix(".skin.npz")
     skin = load_skin(beside, key)
     if skin is None:
-        skin = Skin.of(field, capture.landmarks, capture.cameras, pixels)
-        lattice = lattice_arrays(field, skin)
-        with suppress(OSError, UserError):
-            save_skin(skin, beside, key, **lattice)
+        whole = field if isinstance(field, VoxelField) else field()
         # A file keeps rounded numbers: this run continues with the numbers that the next one reads.
-        skin = load_skin(beside, key) or skin
+        skin = as_stored(Skin.of(whole, capture.landmarks, capture.cameras, pixels), key)
+        with suppress(OSError, UserError):
+            save_skin(skin, beside, key)
     return skin

@@ -73,12 +73,13 @@ def row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
 def _row_labels(skin: Skin) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
     labels, names = skin.labels
     owner = skin.atlas.owner
-    known = np.isfinite(skin.rows[:, 0])
-    pixel = skin.rows[known].astype(np.int64)
+    known = np.flatnonzero(np.isfinite(skin.rows[:, 0]))
+    pixel = skin.rows[known].astype(np.int32)
     slot = skin.slots_of(owner[np.clip(pixel[:, 1], 0, owner.shape[0] - 1),
                                np.clip(pixel[:, 0], 0, owner.shape[1] - 1)])
     out = np.zeros((len(skin.rows), len(names)), np.uint8)
-    out[known] = np.where((slot >= 0)[:, None], labels[slot], 0)
+    # The last one stands for none, -1.
+    out[known] = np.take(np.concatenate([labels, np.zeros_like(labels[:1])]), slot, axis=0)
     return out, names
 
 

@@ -129,9 +129,11 @@ def _commands(captures: Sequence[Path]) -> dict[str, list[str]]:
     """
     if not captures:
         return {_DEMO: ["demo"]}
-    counts = Counter(path.name for path in captures)
-    return {(path.name if path.name and counts[path.name] == 1 else str(path)):
-            ["make", str(path)] for path in captures}
+    # A data set's pictures often lie in a folder of this name.
+    names = [path.parent.name if path.name == "images" else path.name for path in captures]
+    counts = Counter(names)
+    return {(name if name and counts[name] == 1 else str(path)): ["make", str(path)]
+            for name, path in zip(names, captures)}
 
 
 def _made(words: Sequence[str], run: Callable[[Sequence[str]], Ended]) -> dict[str, Any]:

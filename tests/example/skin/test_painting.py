@@ -101,19 +101,27 @@ def test_the_same_seed_gives_the_same_bytes(painter, skin, preview):
     assert preview.color.tobytes() == again.color.tobytes() != other.color.tobytes()
 
 
+def at_places(skin, flat, **lists):
+    """A skin with other lists, whose pixels lie unwrapped at ``flat`` [N, 2]."""
+    moved = replace(skin, **lists)
+    vars(moved)["flat"] = flat  # instead of where its atlas has them
+    return moved
+
+
 def test_the_guide_comes_around_a_bare_nape_to_the_throat(skin):
     plane, half = skin.plane, np.pi * skin.plane.radius
     angle = np.linspace(-1, 1, 401)
     flat = np.stack([angle * half, np.full(401, 0.9 * plane.height)], axis=1).astype(np.float32)
-    bare = replace(skin, flat=flat, hair=np.zeros(401, np.float32))
+    bare = at_places(skin, flat, hair=np.zeros(401, np.float32))
     found = _meeting_behind(bare)
     front = np.abs(angle) < NAPE
     assert np.array_equal(found[front], flat[front])
     # Both ends meet, without a jump on the way.
     assert np.allclose(found[[0, -1]], [0, THROAT * plane.height], atol=1e-4)
     assert np.linalg.norm(np.diff(found, axis=0), axis=1).max() < 0.06 * half
-    assert np.array_equal(_meeting_behind(replace(bare, hair=np.ones(401, np.float32))), flat)
-    above = replace(bare, flat=flat * np.float32([1, -1]))
+    hairy = at_places(skin, flat, hair=np.ones(401, np.float32))
+    assert np.array_equal(_meeting_behind(hairy), flat)
+    above = at_places(bare, flat * np.float32([1, -1]))
     assert np.array_equal(_meeting_behind(above), above.flat)
 
 

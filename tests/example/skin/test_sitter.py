@@ -9,7 +9,7 @@ from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import face_size
 from lfportrait.example.guides.appearance import grey, skin_distance
-from lfportrait.example.skin import Skin, load_skin, save_skin, skin_key
+from lfportrait.example.skin import Skin
 from lfportrait.example.skin.sitter import _clothes, _told_apart
 from tests.example.skin.conftest import PIXELS
 from tests.portraits import HEAD_LANDMARKS
@@ -57,37 +57,6 @@ def test_regions_are_told_by_landmarks_and_by_the_sitter(skin, points):
         assert chosen.sum() > 10 and (named[chosen] == name).mean() > 0.9, name
     # Behind them there are none.
     assert not np.isin(named[z < 0], ("brows", "eyes", "nose", "lips")).any()
-
-
-def test_a_skin_that_is_read_again_is_the_same(skin, tmp_path):
-    path = tmp_path / "skin.npz"
-    save_skin(skin, path, skin_key("field", 1))
-    again = load_skin(path, skin_key("field", 1))
-    assert again is not None and again.pixels == skin.pixels
-    assert load_skin(tmp_path / "bald.npz", "key") is None
-    save_skin(replace(skin, hair=None), tmp_path / "bald.npz", "key")
-    bald = load_skin(tmp_path / "bald.npz", "key")
-    assert bald is not None and bald.hair is None
-    for name in ("index", "flat", "rows", "outwards"):
-        assert np.array_equal(getattr(again, name), getattr(skin, name), equal_nan=True)
-    for name in ("tone", "detail", "appearance", "contours", "hair", "clothes", "ears", "seen"):
-        assert getattr(again, name).dtype == np.float32
-        assert np.allclose(getattr(again, name), getattr(skin, name), atol=1e-3)
-    assert np.array_equal(again.atlas.owner, skin.atlas.owner)
-    assert np.array_equal(again.atlas.depth, skin.atlas.depth)
-    assert np.allclose(again.atlas.points, skin.atlas.points, atol=1e-5, equal_nan=True)
-    assert np.abs(again.atlas.color - skin.atlas.color).max() < 0.003
-    assert np.array_equal(again.atlas.shape.normals, skin.atlas.shape.normals)
-    assert np.array_equal(again.slots, skin.slots)
-
-
-def test_a_skin_of_something_else_or_in_pieces_is_not_used(skin, tmp_path):
-    path = tmp_path / "skin.npz"
-    assert load_skin(path, "key") is None
-    save_skin(skin, path, "key")
-    assert load_skin(path, "another") is None
-    path.write_bytes(path.read_bytes()[:5000])
-    assert load_skin(path, "key") is None
 
 
 def test_detail_is_strong_where_colors_change(skin, points):

@@ -9,7 +9,8 @@ from .charts import Atlas, draw_atlas
 from .painting import Painting, SkinConfig, SkinPainter
 from .rehearsal import rehearse_painting
 from .sitter import PIXELS, Skin, face_pixels
-from .storage import load_skin, save_skin, skin_key
+from .storage import as_stored, load_skin, save_skin, skin_key
 
-__all__ = ["PIXELS", "Atlas", "Painting", "Skin", "SkinConfig", "SkinPainter", "canvas_of",
-           "draw_atlas", "face_pixels", "load_skin", "rehearse_painting", "save_skin", "skin_key"]
+__all__ = ["PIXELS", "Atlas", "Painting", "Skin", "SkinConfig", "SkinPainter", "as_stored",
+           "canvas_of", "draw_atlas", "face_pixels", "load_skin", "rehearse_painting", "save_skin",
+           "skin_key"]

@@ -19,7 +19,7 @@ __all__ = ["Canvas", "canvas_of"]
 
 Float32 = NDArray[np.float32]
 
-_LISTS = ("index", "flat", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
+_LISTS = ("index", "tone", "detail", "appearance", "contours", "hair", "clothes", "ears",
           "seen", "outwards")
 
 

@@ -11,6 +11,7 @@ margin in which they show what their neighbours own.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,7 +96,8 @@ class Atlas:
     depth
         float32 [H, W], along the chart's axis; infinite where there is no surface.
     shown
-        [H, W, 3], the head as it is, sRGB: float32 in [0, 1], or uint8.
+        [H, W, 3], the head as it is, sRGB: float32 in [0, 1], or uint8; or what gives it, where
+        it is in a file and not read yet.
     owner
         int32 [H, W]: flat index of the pixel that owns the surface point here, itself where it
         does; beside the surface, within `MARGIN`, that of a near one, else -1.
@@ -106,16 +108,17 @@ class Atlas:
     cameras: Camera
     boxes: NDArray[np.int64]
     depth: Float32
-    shown: Float32 | NDArray[np.uint8]
+    shown: Float32 | NDArray[np.uint8] | Callable[[], NDArray[np.uint8]]
     owner: NDArray[np.int32]
     shape: Shape
 
     @functools.cached_property
     def color(self) -> Float32:
         """The head as it is, float32 [H, W, 3], sRGB in [0, 1]."""
-        if self.shown.dtype == np.uint8:
-            return np.asarray(self.shown.astype(np.float32) / np.float32(255))
-        return np.asarray(self.shown, np.float32)
+        shown = self.shown() if callable(self.shown) else self.shown
+        if shown.dtype == np.uint8:
+            return np.asarray(shown.astype(np.float32) / np.float32(255))
+        return np.asarray(shown, np.float32)
 
     @functools.cached_property
     def points(self) -> Float32:

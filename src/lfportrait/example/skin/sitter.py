@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from typing import Any, TypeVar
 
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ...capture import Camera
 from ...field import VoxelField
 from ...labels import SURFACE_LABELS
+from ...lanes.threads import side_by_side
 from ..exemplar import face_size
 from ..guides.appearance import grey, skin_distance
 from ..guides.blurs import broad_blur
@@ -64,6 +65,10 @@ OTHER = 2.3
 """A crown of hair is further than this from the face's colors, in standard deviations."""
 
 
+_PIECE = 1 << 15
+"""Places that are unwrapped at a time: what is computed of them stays in a core's cache."""
+
+
 @dataclass(frozen=True)
 class Skin:
     """The visible surface of one head: an atlas, and lists over the N pixels that own a point.
@@ -78,8 +83,6 @@ class Skin:
         Pixels of the charts per world unit.
     index
         int32 [N], flat index in the atlas of each owning pixel.
-    flat
-        float32 [N, 2], unwrapped places, world units.
     tone, detail, appearance
         float32 [N]: luma blurred (`BLUR`); what that leaves out; the same without the photo's
         grain.
@@ -106,7 +109,6 @@ class Skin:
     plane: HeadPlane
     pixels: float
     index: NDArray[np.int32]
-    flat: Float32
     tone: Float32
     detail: Float32
     appearance: Float32
@@ -161,9 +163,18 @@ class Skin:
                 hair = hair_by_relief(plane, flat, contours, seen, ears)
         depth = (plane.origin[1] - points[:, 1]) / plane.height
         clothes = _clothes(plane, colors, points, flat, seen, depth, hair)
-        return Skin(atlas, plane, pixels, index, flat, tone, detail, appearance,
+        return Skin(atlas, plane, pixels, index, tone, detail, appearance,
                     contours * seen, hair, clothes, ears, seen,
                     normals[:, 2] > -0.2, _row_places(field, atlas))
+
+    @functools.cached_property
+    def flat(self) -> Float32:
+        """Unwrapped places, float32 [N, 2], world units."""
+        # Of a copy: the points of all pixels, which the atlas would keep, are a hundred MB.
+        points = replace(self.atlas).points.reshape(-1, 3)
+        parts = [self.index[since:since + _PIECE] for since in range(0, len(self.index), _PIECE)]
+        return np.concatenate([np.empty((0, 2), np.float32), *side_by_side(
+            lambda part: self.plane.unwrap(points[part]).astype(np.float32), parts)])
 
     @functools.cached_property
     def slots(self) -> NDArray[np.int32]:

@@ -292,7 +292,7 @@ class StyledField(VoxelField):
             if len(self.styles) > 1 or not np.array_equal(self.painted_texels[0],
                                                           self.texture.texels):
                 more["painted_texels"] = self.painted_texels
-        save_field(self, path, deflated=("labels", *more), **more,
+        save_field(self, path, deflated=("labels", "painted", "photo", *more), **more,
                    style_names=np.array(self.styles, np.str_),
                    painted=_bytes(self.painted), photo=_bytes(self.photo), labels=self.labels,
                    region_names=np.array(self.regions, np.str_),
