@@ -11,7 +11,8 @@ from lfportrait.progress import Progress
 @pytest.fixture(autouse=True)
 def no_time(monkeypatch):
     """Between two notes no time passes, however slow this machine is."""
-    monkeypatch.setattr("lfportrait.progress.time", SimpleNamespace(perf_counter=lambda: 5.0))
+    monkeypatch.setattr("lfportrait.progress.time", SimpleNamespace(
+        perf_counter=lambda: 5.0, process_time=float))
 
 
 class Terminal(io.StringIO):
@@ -41,7 +42,7 @@ def test_the_time_left_is_that_of_the_work_not_of_what_came_before_it(monkeypatc
     """Twenty seconds of compiling, then a percent a second."""
     clock = SimpleNamespace(now=0.0)
     monkeypatch.setattr("lfportrait.progress.time",
-                        SimpleNamespace(perf_counter=lambda: clock.now))
+                        SimpleNamespace(perf_counter=lambda: clock.now, process_time=float))
     stream = io.StringIO()
     progress = Progress("stage", total=100, stream=stream)
     for done, clock.now in ((0, 12.0), (1, 22.0), (2, 33.0), (50, 71.0), (75, 96.0)):

@@ -66,7 +66,8 @@ class Refinement:
 
     def _tensor(self, picture: NDArray[np.float32]) -> torch.Tensor:
         """A picture [h, w, 3] as the networks take it, [1, 3, h, w], on their device."""
-        return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None].to(
+        # A copy lies where torch aligns it: the last digits of sums depend on that.
+        return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None].clone().to(
             self.device.place)
 
     @staticmethod
@@ -95,7 +96,9 @@ class Refinement:
         if id(view) not in self._wanted:
             with torch.no_grad():
                 self._wanted[id(view)] = stacked(self.style(wanted))[:, inside].T
-        found = stacked(self.content(_reduced(image)))
+        small = _reduced(image)
+        shared = self.content is self.style and small is image
+        found = features if shared else stacked(self.content(small))
         inside_content = _inside(view, found)
         return {
             "style": nearest_neighbour_loss(features[:, inside].T, self._wanted[id(view)],
