@@ -88,17 +88,16 @@ class Refinement:
     def _terms(self, view: StyleView, image: torch.Tensor) -> dict[str, torch.Tensor]:
         """The losses of one render [1, 3, h, w]."""
         wanted, content = self._tensor(view.example), self._tensor(view.content)
+        shared = self.content is self.style  # its features serve both terms, at the full size
         content_features = self.constants.content(
             view, f"{self.names['content']} on {self.device.place}",
-            lambda: stacked(self.content(_reduced(content))))
+            lambda: stacked(self.content(content if shared else _reduced(content))))
         features = stacked(self.style(image))
         inside = _inside(view, features)
         if id(view) not in self._wanted:
             with torch.no_grad():
                 self._wanted[id(view)] = stacked(self.style(wanted))[:, inside].T
-        small = _reduced(image)
-        shared = self.content is self.style and small is image
-        found = features if shared else stacked(self.content(small))
+        found = features if shared else stacked(self.content(_reduced(image)))
         inside_content = _inside(view, found)
         return {
             "style": nearest_neighbour_loss(features[:, inside].T, self._wanted[id(view)],
