@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from lfportrait.capture import Camera, Capture, consistent_mattes, refine_matte
 from lfportrait.capture.kernels.voting import cover_views, vote_lattice
-from lfportrait.capture.mattes import guided_filter
+from lfportrait.capture.mattes import guided_filter, refine_changes
 from tests.reference import voting
 
 
@@ -135,3 +135,18 @@ def test_few_views_are_left_alone() -> None:
                   np.zeros(4, bool))
     mattes = [np.random.default_rng(0).uniform(0, 1, (120, 160)) for _ in range(4)]
     assert np.allclose(consistent_mattes(few, mattes), mattes, atol=1e-6)
+
+
+def test_only_what_changed_is_laid_along_the_edges():
+    mask = head_mask()
+    sharp = np.float32(mask)
+    photo = photo_of(mask)
+    assert refine_changes(photo, sharp, sharp) is sharp
+    changed = sharp.copy()
+    rows, columns = np.nonzero(mask)
+    edge = rows.argmin()  # a bite out of the crown
+    changed[rows[edge]:rows[edge] + 6, columns[edge] - 6:columns[edge] + 6] = 0.0
+    result = refine_changes(photo, sharp, changed)
+    assert result.shape == mask.shape and result.min() >= 0 and result.max() <= 1
+    assert np.array_equal(result[rows[edge] + 60:], changed[rows[edge] + 60:])
+    assert np.abs(result - sharp).mean() < np.abs(changed - sharp).mean()

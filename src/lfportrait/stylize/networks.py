@@ -19,10 +19,12 @@ computes where it was loaded to, the CPU or a GPU; its pictures must lie there, 
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 
+import numba
 import torch
 from safetensors.torch import load
 from torch.nn import functional
@@ -38,8 +40,22 @@ FeatureNetwork = Callable[[torch.Tensor], list[torch.Tensor]]
 
 Weights = dict[str, torch.Tensor]
 
-# Torch does not know how little time a container gets.
-torch.set_num_threads(min(torch.get_num_threads(), usable_cores()))
+
+
+def _use_threads() -> None:
+    """As many threads as OpenMP was given, and no more than usable cores.
+
+    Numba shares torch's OpenMP, and sets the number to its own when it loads its threads. Sums
+    depend on the number in their last digits, and must not on which of the two is loaded first.
+    """
+    numba.get_num_threads()  # loads them
+    asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
+    # Torch does not know how little time a container gets.
+    torch.set_num_threads(min(max(1, int(asked)) if asked.isdigit() else usable_cores(),
+                              usable_cores()))
+
+
+_use_threads()
 
 _MEAN = torch.tensor([0.485, 0.456, 0.406])[None, :, None, None]
 _STD = torch.tensor([0.229, 0.224, 0.225])[None, :, None, None]

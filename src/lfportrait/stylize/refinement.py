@@ -66,8 +66,7 @@ class Refinement:
 
     def _tensor(self, picture: NDArray[np.float32]) -> torch.Tensor:
         """A picture [h, w, 3] as the networks take it, [1, 3, h, w], on their device."""
-        # A copy lies where torch aligns it: the last digits of sums depend on that.
-        return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None].clone().to(
+        return torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))[None].to(
             self.device.place)
 
     @staticmethod
@@ -137,7 +136,7 @@ class Refinement:
         return {"losses": losses, "gradient_norms": norms, "scales": dict(self.scale)}
 
     def run(self, progress: Progress | None) -> dict[str, Any]:
-        """Take the steps; returns losses and gradient norms before and after.
+        """Take the steps; returns losses before and after, and gradient norms before.
 
         Where a GPU is lost, or its memory is too small, all of them are taken on the CPU.
         """

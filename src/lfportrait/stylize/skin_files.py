@@ -53,10 +53,8 @@ def kept_skin(path: Path, field: VoxelField | Callable[[], VoxelField], capture:
     skin = load_skin(beside, key)
     if skin is None:
         whole = field if isinstance(field, VoxelField) else field()
-        made = Skin.of(whole, capture.landmarks, capture.cameras, pixels)
+        # A file keeps rounded numbers: this run continues with the numbers that the next one reads.
+        skin = as_stored(Skin.of(whole, capture.landmarks, capture.cameras, pixels), key)
         with suppress(OSError, UserError):
-            save_skin(made, beside, key)
-        # A file keeps rounded numbers, in arrays of its own layout, on which the last digits of
-        # sums depend: this run goes on with what the next one reads.
-        skin = load_skin(beside, key) or as_stored(made, key)
+            save_skin(skin, beside, key)
     return skin

@@ -185,6 +185,19 @@ class Scene:
                 base.update_camera(camera)
         return copy
 
+    def steady_options(self, pycolmap: Any) -> Any:
+        """Options of COLMAP's incremental mapping with which it does the same every time.
+
+        Its adjustments end where an iteration lessens the errors by no more than a hundred
+        thousandth: by COLMAP's own bound, 0, they take all of their iterations.
+        """
+        options = pycolmap.IncrementalPipelineOptions()
+        for part in (options, options.mapper, options.triangulation):
+            part.random_seed = self.seed
+        options.num_threads = 1
+        options.ba_global_function_tolerance = options.ba_local_function_tolerance = 1e-5
+        return options
+
     def triangulated(self, pycolmap: Any, groups: Sequence[int], model: Any) -> Any:
         """A reconstruction with its cameras, whose points are found once more from all matches.
 
@@ -197,12 +210,8 @@ class Scene:
         model
             COLMAP's reconstruction, whose lenses are of one model.
         """
-        options = pycolmap.IncrementalPipelineOptions()
-        for part in (options, options.mapper, options.triangulation):
-            part.random_seed = self.seed
-        options.num_threads = 1
+        options = self.steady_options(pycolmap)
         options.ba_global_max_refinements = 1
-        options.ba_global_function_tolerance = 1e-5
         database = self.database(pycolmap, groups, next(iter(model.cameras.values())).model.name)
         folder = database.with_suffix(".points")
         folder.mkdir()

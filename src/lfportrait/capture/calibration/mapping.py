@@ -32,9 +32,8 @@ at once may be laid out wrongly so that each still fits a few matches."""
 _MOST, _IN_VAIN = 0.7, 2
 """Where this part of the photos is placed, so many tries in a row that place no more are the last:
 of 66 photos of a shiny head 52 were placed in 210 s, and five more ways brought none in 300 s."""
-_SETTLED, _GROWN = 1e-5, 1.3
-"""An adjustment ends where an iteration lessens the errors by no more than this part of them; all
-cameras are adjusted whenever the model has grown by this factor."""
+_GROWN = 1.3
+"""All cameras are adjusted whenever the model has grown by this factor."""
 _FOCALS = (0.75, 2.4, 3.8)
 """Focal lengths over the longer side that are tried besides the usual one: 27, 86, 137 mm."""
 
@@ -102,16 +101,12 @@ class _Mapper:
     def one_by_one(self, how: str, groups: Sequence[int], focal: float | None = None,
                    weak: bool = False, start: Placing | None = None) -> Placing:
         """From a pair on, photo after photo; or from a model on."""
-        options = self.pycolmap.IncrementalPipelineOptions()
-        for part in (options, options.mapper, options.triangulation):
-            part.random_seed = self.scene.seed
-        options.num_threads = 1
+        options = self.scene.steady_options(self.pycolmap)
         options.min_model_size = 3  # COLMAP drops models of fewer than 10 photos
         options.max_num_models = 6
         options.extract_colors = False
         # The last adjustment refines all cameras; here they need to be good enough for the next
-        # photo. COLMAP's own bounds take twice as long for the same cameras in the end.
-        options.ba_global_function_tolerance = options.ba_local_function_tolerance = _SETTLED
+        # photo.
         options.ba_global_max_refinements, options.ba_local_max_refinements = 2, 1
         options.ba_global_frames_ratio = options.ba_global_points_ratio = _GROWN
         if self.lens_known:

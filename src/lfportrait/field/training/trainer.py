@@ -45,8 +45,8 @@ from .stepping import Steps
 __all__ = ["Trainer"]
 
 _SAVE_EVERY = 60.0
-"""Seconds after which the state is written: what is lost at most if a training is interrupted. A
-whole training of 30 s spent 4 on writing it every 20 s and after each level."""
+"""Seconds after which the state is written, which takes one or two: what is lost at most if a
+training is interrupted."""
 _SHOWN = 96
 """Lattice points to two world units of a level that is good enough for a look; the last level but
 one is so in any case."""
