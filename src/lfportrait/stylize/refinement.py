@@ -115,22 +115,24 @@ class Refinement:
         return {"fit": 1.0, "content": 0.1 * config.alpha / 0.001,
                 "style": 0.5 * config.beta / 0.005, "laplacian": 0.5 * config.gamma / 10.0}
 
-    def _gradients(self, view: StyleView) -> tuple[dict[str, float], dict[str, float],
-                                                   dict[str, torch.Tensor]]:
-        """Losses, gradient norms and image gradients of each term for the colors as they are."""
+    @property
+    def probe(self) -> StyleView:
+        """The view by which terms are weighed, and losses are measured before and after."""
+        return self.views[len(self.views) // 2]
+
+    def _gradients(self, view: StyleView) -> tuple[dict[str, float], dict[str, float]]:
+        """Losses of each term, and norms of their image gradients, for the colors as they are."""
         image = self._tensor(self.model.picture(view)).requires_grad_(True)
-        losses, norms, gradients = {}, {}, {}
+        losses, norms = {}, {}
         terms = self._terms(view, image)
         for name, loss in terms.items():
             gradient, = torch.autograd.grad(loss, image, retain_graph=True)
-            losses[name], gradients[name] = float(loss.detach()), gradient
-            norms[name] = float(gradient.norm())
-        return losses, norms, gradients
+            losses[name], norms[name] = float(loss.detach()), float(gradient.norm())
+        return losses, norms
 
     def _calibrate(self) -> dict[str, Any]:
         """Scale each term so that its gradient has its share of the norm of a flat unit step."""
-        probe = self.views[len(self.views) // 2]
-        losses, norms, _ = self._gradients(probe)
+        losses, norms = self._gradients(self.probe)
         self.scale = {name: share / max(norms[name], 1e-12)
                       for name, share in self._shares().items() if name in norms}
         return {"losses": losses, "gradient_norms": norms, "scales": dict(self.scale)}
@@ -164,7 +166,6 @@ class Refinement:
         gradient = np.zeros((3, len(model.colors)), np.float32)
         generator = np.random.Generator(np.random.Philox(key=[config.seed, 1]))
         order: list[int] = []
-        losses: dict[str, float] = {}
         for step in range(config.refinements):
             if not order:
                 order = list(generator.permutation(len(self.views)))
@@ -176,14 +177,16 @@ class Refinement:
             slope, = torch.autograd.grad(loss, image)
             picture = slope[0].permute(1, 2, 0).cpu().numpy() * view.trusted[..., None]
             model.pulled_back(view, np.ascontiguousarray(picture), gradient)
-            losses = {name: float(value.detach()) for name, value in terms.items()}
             rate = config.rate * 0.1 ** (step / max(1, config.refinements))
             adam_step(model.colors, gradient, mean, square, np.float32(rate), step + 1)
             if progress is not None:
                 progress.update(progress.done + 1, f"refine {step + 1} of {config.refinements}: "
-                                f"style {losses['style']:.4f}")
+                                f"style {float(terms['style'].detach()):.4f}")
+        with torch.no_grad():
+            after = self._terms(self.probe, self._tensor(model.picture(self.probe)))
         return {"networks": self.names, "device": device_name(self.device),
-                "steps": config.refinements, "before": before, "after": {"losses": losses}}
+                "steps": config.refinements, "before": before,
+                "after": {"losses": {name: float(loss) for name, loss in after.items()}}}
 
 
 def _failing(error: RuntimeError) -> str:
