@@ -61,6 +61,10 @@ _COMPILE = 0.86
 """Core-seconds to compile a function."""
 _KNOWN = 5.0
 """Seconds of the table that count as measured from the first."""
+_FORGET = 20.0
+"""Seconds after which a step counts half for what this machine is like now."""
+_ODD = 2.0
+"""How many times slower than those before it a step may seem."""
 _MOST = 8.0
 """How many times slower, or faster, than the table a machine may be."""
 
@@ -108,6 +112,7 @@ class _Step:
     usual: float
     span: tuple[float, float] = (0.0, 1.0)  # of the stage's count; none of it: not counted
     spent: float = 0.0
+    seen: float = 0.0  # when it was last done
     first: float = -1.0  # share at the first note
     share: float = 0.0
     over: bool = False
@@ -191,7 +196,7 @@ class TimeLeft:
         """Book the time since the last call on the step that is being done."""
         now = time.perf_counter()
         self._now.spent += now - self._clock
-        self._clock = now
+        self._now.seen = self._clock = now
 
     def left(self) -> float | None:
         """Seconds that the job will still take; None in its first seconds."""
@@ -209,14 +214,23 @@ class TimeLeft:
         return 1.0 - self._warmup.left / self._functions
 
     def _pace(self) -> float:
-        """What steps have taken over what they were to take."""
-        took = _KNOWN + self._compile.spent
-        usual = _KNOWN + self._compile.usual * self._compiled()
-        for step in self._steps:
+        """What steps have taken over what they were to take; the latest ones count most."""
+        whole = self._ratio(1.0, np.inf)
+        return float(np.clip(self._ratio(whole, _FORGET), 1.0 / _MOST, _MOST))
+
+    def _ratio(self, before: float, forget: float) -> float:
+        """The same where it was ``before`` at first and steps count half after some seconds."""
+        took, usual = _KNOWN * before, _KNOWN
+        for step in (self._compile, *self._steps):
+            pace = took / usual
             done = 1.0 if step.over else max(step.share - max(step.first, 0.0), 0.0)
-            if step.spent and (done or step.spent > step.usual * took / usual):
-                took, usual = took + step.spent, usual + step.usual * (done or 1.0)
-        return float(np.clip(took / usual, 1.0 / _MOST, _MOST))
+            if step.spent and (done or step.spent > step.usual * pace):
+                weight = 0.5 ** ((self._clock - step.seen) / forget)
+                expected = weight * step.usual * (done or 1.0)
+                # One step that is far off says more of itself than of the machine.
+                took += min(weight * step.spent, _ODD * pace * expected)
+                usual += expected
+        return took / usual
 
 
 def _planned(config: MakeConfig, source: Source, look: bool, cores: int) -> list[_Step]:
