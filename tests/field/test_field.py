@@ -411,7 +411,8 @@ def test_a_ball_without_mattes_is_reconstructed_on_white():
     assert figures["test"]["psnr"] > 24
 
 
-def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path):
+def test_the_same_seed_gives_the_same_bytes_and_a_resumed_run_does_too(tmp_path, monkeypatch):
+    monkeypatch.setattr("lfportrait.field.training.trainer._SAVE_EVERY", 0.0)
     capture = ball_capture(count=8, size=32)
     config = ReconstructConfig(resolutions=(16, 24), rays=(0.03, 0.05), batch=(2048,), sh_degree=0)
     first, _ = reconstruct_with_figures(capture, config)

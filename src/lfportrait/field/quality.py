@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,32 +20,41 @@ _TOGETHER = 8_000_000
 
 def held_out_quality(field: VoxelField, capture: Capture, background: float = 1.0,
                      gains: NDArray[np.float64] | None = None,
-                     some: NDArray[np.int64] | None = None) -> dict[str, float]:
+                     some: NDArray[np.int64] | None = None,
+                     others: Mapping[str, tuple[Capture, NDArray[np.float64] | None]] | None = None,
+                     ) -> dict[str, float]:
     """Mean PSNR (dB) and SSIM of the held-out views, composited on ``background``.
 
     Renders are multiplied by ``gains`` [V, 3], the photos' exposures, before they are compared.
-    ``some`` are numbers of held-out views, from 0; by default all count.
+    ``some`` are numbers of held-out views, from 0; by default all count. ``others`` are the same
+    views with other mattes or exposures: their PSNR comes by their names.
     """
     tests = capture.testing()
     # Layouts are built on first use: not by several threads.
     _ = field.bricks.rows
 
-    def scores(index: int) -> tuple[float, float]:
-        """PSNR and SSIM of one view."""
+    variants = {"psnr": (capture, gains), **(others or {})}
+
+    def scores(index: int) -> list[float]:
+        """PSNR of one view in all variants, and SSIM in the first."""
         view = int(tests[index])
         shot = field.render(capture.cameras, view, background=background)
-        image = shot.color
-        if gains is not None:
-            gain = gains[index].astype(np.float32)
-            # Behind a person with a matte stands the same grey whatever the exposure.
-            behind = background * (1.0 - shot.alpha[..., None]) if capture.alphas is not None else 0
-            image = (image - behind) * gain + behind
-        image = np.clip(image, 0, 1)
-        truth = capture.image_float(view, background)
-        return psnr(image, truth), ssim(image, truth)
+        found: list[float] = []
+        for photos, factors in variants.values():
+            image = shot.color
+            if factors is not None:
+                gain = factors[index].astype(np.float32)
+                # Behind a person with a matte stands the same grey whatever the exposure.
+                behind = (background * (1.0 - shot.alpha[..., None])
+                          if photos.alphas is not None else 0)
+                image = (image - behind) * gain + behind
+            pair = np.clip(image, 0, 1), photos.image_float(view, background)
+            found += [psnr(*pair)] if found else [ssim(*pair), psnr(*pair)]
+        return found
 
     numbers = range(len(tests)) if some is None else [int(one) for one in some]
     largest = int((capture.cameras.width * capture.cameras.height).max())
     found = side_by_side(scores, numbers, max(1, _TOGETHER // largest))
     means = np.mean(found, axis=0)
-    return {"psnr": float(means[0]), "ssim": float(means[1]), "views": len(found)}
+    return {"ssim": float(means[0]), "views": len(found),
+            **dict(zip(variants, map(float, means[1:])))}

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -66,7 +67,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     progress
         Progress line.
     checkpoint
-        File that the state is written to every 20 seconds; a run that finds one there goes on
+        File that the state is written to once a minute; a run that finds one there goes on
         from it to the same field.
     log
         Folder for the curves (PSNR so far, loss, rays a second, lattice points against rays), in a
@@ -145,34 +146,48 @@ def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress
         "peak_memory_bytes": peak_memory_bytes()}
     if trainer.poses is not None:
         figures["cameras"] = trainer.poses.figures()
-    if len(capture.testing()):
-        tested = trainer.capture
-        if trainer.poses is not None:
-            tested = trainer.poses.tested(field, trainer.capture, trainer.test_gains)
-        figures["test"] = held_out_quality(field, tested, config.background, trainer.test_gains)
-        if trainer.poses is not None:
-            plain = held_out_quality(field, replace(tested, cameras=capture.cameras),
-                                     config.background, trainer.test_gains)
-            figures["test"]["psnr_at_given_cameras"] = plain["psnr"]
-        if not np.allclose(trainer.test_gains, 1.0):
-            plain = held_out_quality(field, tested, config.background)
-            figures["test"]["psnr_without_exposure"] = plain["psnr"]
-        if trainer.laid is not None:
-            plain = held_out_quality(field, replace(tested, alphas=capture.alphas),
-                                     config.background, trainer.test_gains)
-            figures["test"]["psnr_at_given_mattes"] = plain["psnr"]
+    # Closing a head keeps one core busy: the views are tested beside it.
+    with ThreadPoolExecutor(1) as beside:
+        testing = beside.submit(_tested, field, trainer, capture)
+        finished = field
+        if capture.alphas is not None and capture.landmarks is not None:
+            finished = _finished(field, trainer, capture.landmarks, config, figures, progress)
+        test = testing.result()
+    if test:
+        figures["test"] = test
         if meter is not None:
-            meter.finish(trainer.rays_done, trained, figures["test"]["psnr"])
+            meter.finish(trainer.rays_done, trained, test["psnr"])
+        if finished is not field:
+            test["psnr_finished"] = held_out_quality(
+                finished, trainer.capture, config.background, trainer.test_gains)["psnr"]
     if meter is not None and meter.measure_every > 0:
         figures["curve"] = meter.points
         figures["train"]["casting"] = casting_figures(trainer)
     figures["seconds"] = {"train": round(trained, 3),
                           "test": round(time.perf_counter() - begun, 3)}
-    if capture.alphas is not None and capture.landmarks is not None:
-        field = _finished(field, trainer, capture.landmarks, config, figures, progress)
+    field = finished
     if progress is not None and "test" in figures:
         progress.update(progress.total, f"held-out views {figures['test']['psnr']:.2f} dB")
     return field, figures
+
+
+def _tested(field: VoxelField, trainer: Trainer, capture: Capture) -> dict[str, float]:
+    """How the held-out views of a trained field look; empty if there are none."""
+    if not len(capture.testing()):
+        return {}
+    background, gains, tested = trainer.config.background, trainer.test_gains, trainer.capture
+    if trainer.poses is not None:
+        tested = trainer.poses.tested(field, trainer.capture, gains)
+    others: dict[str, tuple[Capture, NDArray[np.float64] | None]] = {}
+    if not np.allclose(gains, 1.0):
+        others["psnr_without_exposure"] = tested, None
+    if trainer.laid is not None:
+        others["psnr_at_given_mattes"] = replace(tested, alphas=capture.alphas), gains
+    figures = held_out_quality(field, tested, background, gains, others=others)
+    if trainer.poses is not None:
+        plain = held_out_quality(field, replace(tested, cameras=capture.cameras), background, gains)
+        figures["psnr_at_given_cameras"] = plain["psnr"]
+    return figures
 
 
 def _so_far(trainer: Trainer) -> VoxelField:
@@ -206,9 +221,6 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
         figures["trimmed"] = {"voxels": count - len(field.density),
                               "height": round(cut.height, 4)}
     figures["voxels"] = len(field.density)
-    if "test" in figures:
-        figures["test"]["psnr_finished"] = held_out_quality(
-            field, capture, config.background, trainer.test_gains)["psnr"]
     return field
 
 

@@ -50,7 +50,7 @@ class StylizeConfig:
     relaxation: float = 0.35
     """On the skin: relaxation factor of each iteration's update, 0 to 1."""
     steps: int = -1
-    """Refinement steps, one view each; 0: fit only; -1: 7 on the skin, 90 in views."""
+    """Refinement steps, one view each; 0: fit only; -1: 3 on the skin, 90 in views."""
     learning_rate: float = -1.0
     """Adam's step in color units at the start; it falls to a tenth; -1: 0.001 on the skin, 0.02 in
     views."""
@@ -161,7 +161,7 @@ class StylizeConfig:
     @property
     def refinements(self) -> int:
         """Refinement steps."""
-        return self.steps if self.steps >= 0 else (7 if self.on_skin else 90)
+        return self.steps if self.steps >= 0 else (3 if self.on_skin else 90)
 
     @property
     def rate(self) -> float:

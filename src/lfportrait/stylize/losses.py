@@ -9,6 +9,10 @@ __all__ = ["content_loss", "laplacian", "laplacian_loss", "nearest_neighbour_los
            "total_variation"]
 
 
+_CHANNELS, _MANY = 256, 1 << 20
+"""Channels in which neighbours are searched, where there are more pairs than so many."""
+
+
 def stacked(maps: list[torch.Tensor]) -> torch.Tensor:
     """Feature maps of several strides as one [C, h, w] at the finest of them."""
     size = maps[0].shape[-2:]
@@ -50,9 +54,25 @@ def nearest_neighbour_loss(features: torch.Tensor, style: torch.Tensor, *,
     style_unit = functional.normalize(style, dim=1, eps=1e-6)
     with torch.no_grad():
         numbers = torch.bfloat16 if half else unit.dtype
-        asked, known = unit.to(numbers), style_unit.to(numbers).T
+        asked, known = _sketched(unit, style_unit)
+        asked, known = asked.to(numbers), known.to(numbers).T
         nearest = torch.cat([(part @ known).argmax(dim=1) for part in asked.split(chunk)])
     return (1.0 - (unit * style_unit[nearest]).sum(dim=1)).mean()
+
+
+def _sketched(unit: torch.Tensor, other: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Features [N, C] and [M, C] with fewer channels and nearly the same products.
+
+    Random signs keep products within a few parts in ten of 1 / sqrt(channels) (Achlioptas 2003,
+    "Database-friendly random projections"). The search for neighbours takes most of the loss's
+    time, and of two that are about as near either will do.
+    """
+    if unit.shape[1] <= 2 * _CHANNELS or unit.shape[0] * other.shape[0] < _MANY:
+        return unit, other
+    generator = torch.Generator().manual_seed(0)
+    signs = torch.randint(0, 2, (unit.shape[1], _CHANNELS), generator=generator)
+    signs = (2 * signs - 1).to(unit)
+    return unit @ signs, other @ signs
 
 
 def laplacian(image: torch.Tensor, pool: int = 1) -> torch.Tensor:

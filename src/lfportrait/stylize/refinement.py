@@ -28,6 +28,10 @@ from .views import StyleView
 __all__ = ["Constants", "Refinement"]
 
 
+_LARGE = 224
+"""Pixels from which on a picture is reduced for the content: the networks' own size."""
+
+
 class Refinement:
     """The losses' steps over the views.
 
@@ -85,13 +89,13 @@ class Refinement:
         wanted, content = self._tensor(view.example), self._tensor(view.content)
         content_features = self.constants.content(
             view, f"{self.names['content']} on {self.device.place}",
-            lambda: stacked(self.content(content)))
+            lambda: stacked(self.content(_reduced(content))))
         features = stacked(self.style(image))
         inside = _inside(view, features)
         if id(view) not in self._wanted:
             with torch.no_grad():
                 self._wanted[id(view)] = stacked(self.style(wanted))[:, inside].T
-        found = stacked(self.content(image)) if self.content is not self.style else features
+        found = stacked(self.content(_reduced(image)))
         inside_content = _inside(view, found)
         return {
             "style": nearest_neighbour_loss(features[:, inside].T, self._wanted[id(view)],
@@ -159,6 +163,7 @@ class Refinement:
         gradient = np.zeros((3, len(model.colors)), np.float32)
         generator = np.random.Generator(np.random.Philox(key=[config.seed, 1]))
         order: list[int] = []
+        losses: dict[str, float] = {}
         for step in range(config.refinements):
             if not order:
                 order = list(generator.permutation(len(self.views)))
@@ -170,15 +175,14 @@ class Refinement:
             slope, = torch.autograd.grad(loss, image)
             picture = slope[0].permute(1, 2, 0).cpu().numpy() * view.trusted[..., None]
             model.pulled_back(view, np.ascontiguousarray(picture), gradient)
+            losses = {name: float(value.detach()) for name, value in terms.items()}
             rate = config.rate * 0.1 ** (step / max(1, config.refinements))
             adam_step(model.colors, gradient, mean, square, np.float32(rate), step + 1)
             if progress is not None:
                 progress.update(progress.done + 1, f"refine {step + 1} of {config.refinements}: "
-                                f"style {float(terms['style'].detach()):.4f}")
-        after, norms, _ = self._gradients(self.views[len(self.views) // 2])
+                                f"style {losses['style']:.4f}")
         return {"networks": self.names, "device": device_name(self.device),
-                "steps": config.refinements, "before": before,
-                "after": {"losses": after, "gradient_norms": norms}}
+                "steps": config.refinements, "before": before, "after": {"losses": losses}}
 
 
 def _failing(error: RuntimeError) -> str:
@@ -207,6 +211,15 @@ class Constants:
             with torch.no_grad():
                 self._known[key] = compute()
         return self._known[key]
+
+
+def _reduced(picture: torch.Tensor) -> torch.Tensor:
+    """What the content is compared in: a picture [1, 3, h, w] at half its size, if it is large.
+
+    The content is where things are, and the network that finds it takes half of a step.
+    """
+    return torch.nn.functional.avg_pool2d(picture, 2) if min(picture.shape[-2:]) >= _LARGE else (
+        picture)
 
 
 def _inside(view: StyleView, features: torch.Tensor) -> torch.Tensor:

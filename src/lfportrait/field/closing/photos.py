@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...capture import Capture
+from ...lanes.threads import side_by_side
 from ..geometry.chart import Chart
 from ..grid import VoxelField
 
@@ -46,10 +45,10 @@ class Photos:
             alpha, depth = field.depth(self.cameras, view)
             self._depths.append(np.where(alpha > 0.5, depth, np.inf))
         # Next to an outline the surface goes back steeply, and then there is none.
-        self._first = [ndimage.minimum_filter(depth, 3) for depth in self._depths]
-        self._last = [ndimage.maximum_filter(depth, 3) for depth in self._depths]
-        self._matter = [ndimage.maximum_filter(np.where(np.isfinite(depth), depth, -np.inf), 3)
-                        for depth in self._depths]
+        self._first, self._last, self._matter = zip(*side_by_side(
+            lambda depth: (ndimage.minimum_filter(depth, 3), ndimage.maximum_filter(depth, 3),
+                           ndimage.maximum_filter(np.where(np.isfinite(depth), depth, -np.inf), 3)),
+            self._depths))
 
     def seen(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
              ) -> NDArray[np.int32]:
@@ -63,19 +62,21 @@ class Photos:
         return votes
 
     def each(self, points: Float64, outwards: Float64 | None = None, least: float = 0.0,
-             ) -> Iterator[Bools]:
+             ) -> list[Bools]:
         """For each view, which of the points it sees, bool [N] (`seen`)."""
-        for view, shown, place, depth in self._shown(points):
-            sees = ((depth > self._first[view][place] - 2.5 * self.voxel)
-                    & (depth < self._matter[view][place] + 2.5 * self.voxel))
+        def sees(view: int) -> Bools:
+            shown, place, depth = self._shown(view, points)
             found = np.zeros(len(points), bool)
-            found[shown] = sees
+            found[shown] = ((depth > self._first[view][place] - 2.5 * self.voxel)
+                            & (depth < self._matter[view][place] + 2.5 * self.voxel))
             if outwards is not None:
                 near = np.flatnonzero(found)
                 away = self.cameras.position[view] - points[near]
                 away /= np.linalg.norm(away, axis=1, keepdims=True)
                 found[near] = (away * outwards[near]).sum(axis=1) > least
-            yield found
+            return found
+
+        return side_by_side(sees, range(len(self._depths)))
 
     def past(self, points: Float64, nearly: bool = True) -> Bools:
         """Whether views see past points [N, 3], bool [N].
@@ -83,21 +84,27 @@ class Photos:
         Of 20 views or more two must: one may have a notch. ``nearly``: also where they see past
         their pixels' neighbours.
         """
+        last = self._last if nearly else self._depths
+
+        def sees(view: int) -> Bools:
+            shown, place, depth = self._shown(view, points)
+            found = np.zeros(len(points), bool)
+            found[shown] = depth < last[view][place] - 0.75 * self.voxel
+            return found
+
         found = np.zeros(len(points), np.int32)
-        for view, shown, place, depth in self._shown(points):
-            last = self._last if nearly else self._depths
-            found[shown] += depth < last[view][place] - 0.75 * self.voxel
+        for past in side_by_side(sees, range(len(self._depths))):
+            found += past
         return found >= min(2, self.enough)
 
-    def _shown(self, points: Float64,
-               ) -> Iterator[tuple[int, Bools, tuple[NDArray[np.int64], ...], Float64]]:
-        """For each view: its number, which points it shows, their (row, column) and depths."""
-        for view, picture in enumerate(self._depths):
-            pixels, depth = (part[0] for part in self.cameras[view].project(points))
-            column, row = np.floor(pixels).astype(np.int64).T
-            shown = ((depth > 0) & (row >= 0) & (column >= 0) & (row < picture.shape[0])
-                     & (column < picture.shape[1]))
-            yield view, shown, (row[shown], column[shown]), depth[shown]
+    def _shown(self, view: int, points: Float64,
+               ) -> tuple[Bools, tuple[NDArray[np.int64], ...], Float64]:
+        """Which points a view shows, their (row, column) and depths."""
+        height, width = self._depths[view].shape
+        pixels, depth = (part[0] for part in self.cameras[view].project(points))
+        column, row = np.floor(pixels).astype(np.int64).T
+        shown = (depth > 0) & (row >= 0) & (column >= 0) & (row < height) & (column < width)
+        return shown, (row[shown], column[shown]), depth[shown]
 
 
 def behind_what_is_seen(chart: Chart, distance: Float64, asked: Bools, photos: Photos,

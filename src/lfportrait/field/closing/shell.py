@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from ...lanes.threads import side_by_side
 from ..geometry.chart import Chart, normals_of
 from ..geometry.plate import smoothed
 from ..grid import VoxelField
@@ -178,8 +179,8 @@ def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None,
                  for f in (np.min, np.max))
     size = np.array(field.links.shape[::-1])
     low, high = np.clip(low, 0, size - 1), np.clip(high + 1, 1, size)
-    found = [(np.empty((0, 3), np.int64), np.empty(0), np.empty((2, 0)))]
-    for k in range(low[2], high[2]):  # slab by slab: the box may hold a hundred million
+
+    def slab(k: int) -> tuple[NDArray[np.int64], Float64, Float64]:
         j, i = np.nonzero(field.links[k, low[1]:high[1], low[0]:high[0]] < 0)
         cells = np.stack([i + low[0], j + low[1], np.full(len(i), k)], axis=1)
         points = _points(field, cells)
@@ -187,7 +188,11 @@ def _new_cells(field: VoxelField, shell: Shell, cut: Cut | None,
         new = (deep > -2) & (deep < SHELL)
         if cut is not None:
             new &= cut.above(points) > -2 * voxel
-        found.append((cells[new], deep[new], places[:, new]))
+        return cells[new], deep[new], places[:, new]
+
+    # Slab by slab: the box may hold a hundred million.
+    found = [(np.empty((0, 3), np.int64), np.empty(0), np.empty((2, 0))),
+             *side_by_side(slab, range(low[2], high[2]))]
     return (np.concatenate([part[0] for part in found]),
             np.concatenate([part[1] for part in found]),
             np.concatenate([part[2] for part in found], axis=1))
