@@ -11,7 +11,8 @@ from lfportrait.progress import Progress
 @pytest.fixture(autouse=True)
 def no_time(monkeypatch):
     """Between two notes no time passes, however slow this machine is."""
-    monkeypatch.setattr("lfportrait.progress.time", SimpleNamespace(perf_counter=lambda: 5.0))
+    monkeypatch.setattr("lfportrait.progress.time", SimpleNamespace(
+        perf_counter=lambda: 5.0, process_time=lambda: 5.0))
 
 
 class Terminal(io.StringIO):
@@ -41,7 +42,8 @@ def test_the_time_left_is_that_of_the_work_not_of_what_came_before_it(monkeypatc
     """Twenty seconds of compiling, then a percent a second."""
     clock = SimpleNamespace(now=0.0)
     monkeypatch.setattr("lfportrait.progress.time",
-                        SimpleNamespace(perf_counter=lambda: clock.now))
+                        SimpleNamespace(
+        perf_counter=lambda: clock.now, process_time=lambda: clock.now))
     stream = io.StringIO()
     progress = Progress("stage", total=100, stream=stream)
     for done, clock.now in ((0, 12.0), (1, 22.0), (2, 33.0), (50, 71.0), (75, 96.0)):
@@ -49,3 +51,24 @@ def test_the_time_left_is_that_of_the_work_not_of_what_came_before_it(monkeypatc
     written = stream.getvalue().splitlines()
     assert "left" not in written[0] and "left" not in written[1]
     assert "50 s left" in written[3] and "25 s left" in written[4]
+
+
+def test_the_time_left_of_the_whole_job_is_shown_where_it_is_known():
+    heard = []
+
+    class Job:
+        def at(self, stage, note, share=None):
+            heard.append((stage, note, share))
+
+        def left(self):
+            return 99.6
+
+    stream = Terminal()
+    progress = Progress("stage", stream=stream, outlook=Job())
+    progress.update(0, "pair 3 of 12")
+    progress.update(0, "edges")
+    assert "stage: 0 s, 100 s left in all  pair 3 of 12" in stream.getvalue()
+    assert heard == [("stage", "start", None), ("stage", "pair 3 of 12", 0.25),
+                     ("stage", "edges", None)]
+    progress.close()
+    assert stream.getvalue().rstrip().endswith("stage: 0.0 s")

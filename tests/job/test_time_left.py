@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from lfportrait.job.steps import MakeConfig
-from lfportrait.job.time_left import Source, TimeLeft
+from lfportrait.job.time_left import TimeLeft
+from lfportrait.job.usual_steps import Source
 from lfportrait.progress import Progress
 
 RECORDED = json.loads((Path(__file__).parent / "recorded_steps.json").read_text("utf-8"))
@@ -65,6 +66,53 @@ def right(points):
     return sum(late) / len(late)
 
 
+@pytest.mark.parametrize("slower", [1.0, 3.0])
 @pytest.mark.parametrize("name", RECORDED)
-def test_from_the_tenth_second_on_it_is_right_within_a_third(name, clock):
-    assert right(played(RECORDED[name], clock)) >= 0.85
+def test_from_the_tenth_second_on_it_is_right_within_a_third(name, slower, clock):
+    """Also on a machine that is three times as slow, which it must learn."""
+    assert right(played(RECORDED[name], clock, lambda second: slower)) >= 0.85
+
+
+PHOTOS = Source(64, 0.5, placed=False, matted=False)
+
+
+def test_a_part_that_was_done_before_takes_no_time(clock):
+    whole, rest = (TimeLeft(MakeConfig(), PHOTOS, cores=2) for _ in range(2))
+    rest.skip("capture")
+    clock.now = 6.0
+    assert 20.0 < rest.left() < whole.left() - 20.0
+
+
+def test_a_job_that_ends_with_the_first_look_is_shorter(clock):
+    short = TimeLeft(MakeConfig(), PHOTOS, only=True, cores=2)
+    whole = TimeLeft(MakeConfig(), PHOTOS, cores=2)
+    clock.now = 6.0
+    assert 10.0 < short.left() < whole.left() - 30.0
+
+
+def test_what_is_compiled_beside_counts_until_it_is_there(clock):
+    """A hundred functions, which take two cores 43 seconds."""
+    warmup, told = SimpleNamespace(left=100), []
+    left = TimeLeft(MakeConfig(), PHOTOS, warmup=warmup, cores=2)
+    for clock.now, warmup.left in ((6.0, 86), (26.0, 40), (43.0, 0)):
+        left.at("capture", "compiling kernels, once: some")
+        told.append(left.left())
+    assert told[0] - told[1] == pytest.approx(20.0, abs=5.0)
+    assert told[1] - told[2] == pytest.approx(17.0, abs=5.0)
+
+
+def test_nothing_is_said_at_first_and_little_is_left_at_the_end(clock):
+    left = TimeLeft(MakeConfig(), PHOTOS, cores=2)
+    assert left.left() is None
+    clock.now = 10.0
+    left.at("share", "report")
+    left.at("share", "a step that nobody knows")
+    assert left.left() < 1.0
+
+
+def test_the_facts_of_photos_are_those_of_the_first(tmp_path):
+    from PIL import Image
+
+    for number in range(4):
+        Image.new("RGB", (400, 200), (number, 0, 0)).save(tmp_path / f"{number}.png")
+    assert Source.of(tmp_path, MakeConfig()) == (4, 0.08, False, False, False)

@@ -41,7 +41,8 @@ if TYPE_CHECKING:
     from .style_check import StyleCheck, check_style, chosen_face
     from .style_drawing import style_picture
     from .style_landmarks import add_style
-    from .time_left import DRAWING, Source, TimeLeft
+    from .time_left import TimeLeft
+    from .usual_steps import DRAWING, Source
     from .warmup import Warmup
     from .work import Tools, do_stage
 

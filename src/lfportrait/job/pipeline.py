@@ -53,7 +53,8 @@ from .graph import (
 )
 from .networks import get_networks
 from .steps import MakeConfig, fitted, look_at, painting_key, source_key
-from .time_left import Source, TimeLeft
+from .time_left import TimeLeft
+from .usual_steps import Source
 from .warmup import Warmup
 from .work import Tools, do_stage
 

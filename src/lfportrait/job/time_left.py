@@ -1,64 +1,26 @@
 """The time that a job will still take, from what its steps usually cost.
 
 Each stage shows a few steps on its progress line, and how long one takes can't be told from the
-ones before it. So there is a table of what each step costs, measured on one machine, by what it
-depends on: the number of photos, their pixels, the rays of the training. The steps that are still
-to come are added up by it. That this machine is another one, or has other work, is learnt from the
-steps that are done: all that is to come is scaled by what they took over what they were to take.
-Kernels that are being compiled beside count as a step of their own.
+ones before it. So there is a table of what each step usually costs (`usual_steps`). The steps that
+are still to come are added up by it. That this machine is another one, or has other work, is learnt
+from the steps that are done: all that is to come is scaled by what they took over what they were to
+take. Kernels that are being compiled beside count as a step of their own.
 """
 
 from __future__ import annotations
 
 import time
-import warnings
-from dataclasses import dataclass
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from ..capture import Capture, data_set_facts, is_calibrated, is_video, picture_facts, picture_files
 from ..measure import usable_cores
 from .steps import MakeConfig
+from .usual_steps import COMPILE, Source, Step, usual_steps
 from .warmup import Warmup
 
-__all__ = ["DRAWING", "Source", "TimeLeft"]
+__all__ = ["TimeLeft"]
 
-DRAWING = "render the modelled head"
-"""The line under which the demo's head is drawn."""
 _COMPILING = "compiling kernels"
-_COSTS = {
-    DRAWING: {"picture": ("megapixels drawn", 0.1, 0.9), "": ("drawings", 1.0, 0.0)},
-    "capture": {
-        "start": ("megapixels placed", 0.065, 0.035),
-        "reading photos": ("megapixels", 0.017, 0.008),
-        "features in photo": ("megapixels", 0.022, 0.136),
-        "comparing photos": ("pairs", 0.00026, 0.0013),
-        "comparing photos in full: pair": ("photos", 0.0053, 0.024),
-        "checking matches": ("photos", 0.007, 0.108), "placing photo": ("photos", 0.09, 0.0),
-        "refining the cameras": ("photos", 0.073, 0.0),
-        "looking for the face": ("searches", 1.4, 0.0),
-        "cutting out the person": ("photos to cut", 0.01, 0.0),
-        "checking whether the head moved": ("photos to cut", 0.018, 0.072),
-        "cutting out the person: edges": ("megapixels to cut", 0.004, 0.069),
-        "cutting out the person: votes of the views": ("megapixels to cut", 0.012, 0.18),
-        "cutting out the object: depth": ("megapixels to cut", 0.04, 0.36)},
-    "reconstruct": {},
-    "stylize": {
-        "start": ("once", 3.5, 3.0), "paint after": ("paintings", 3.3, 15.4),
-        "refine": ("refinements", 0.25, 3.15), "": ("once", 1.5, 0.0)},
-    "encode": {"start": ("once", 0.4, 2.0)},
-    "share": {"page, sweep and report": ("once", 0.6, 8.0), "report": ("once", 0.2, 0.0)},
-}
-"""Cost of each step by the stage's title and what its notes begin with: what it grows with
-(`_amounts`), seconds of one core and core-seconds of all cores a unit of it. A step without a name
-begins where the counts of the one before end."""
-_TRAINING = {"start": (0.6, 0.6), "surface": (7.0, 9.0), "rays": (0.6, 3.4), "finer": (2.0, 4.0),
-             "look": (4.0, 12.0), "end": (5.0, 9.0), "sides": (3.0, 4.0), "test": (0.6, 0.0)}
-"""The same of the training; of a million rays at 256 points. Only narrow arcs have a surface."""
-_COMPILE = 0.86
-"""Core-seconds to compile a function."""
 _KNOWN = 5.0
 """Seconds of the table that count as measured from the first."""
 _FORGET = 20.0
@@ -67,65 +29,6 @@ _ODD = 2.0
 """How many times slower than those before it a step may seem."""
 _MOST = 8.0
 """How many times slower, or faster, than the table a machine may be."""
-
-
-class Source(NamedTuple):
-    """What is known of photos before they are read: ``megapixels`` are those of one photo."""
-
-    photos: int
-    megapixels: float
-    placed: bool = True
-    matted: bool = True
-    drawn: bool = False
-
-    @classmethod
-    def of(cls, photos: Path | Capture, config: MakeConfig) -> Source:
-        """The facts of photos, of a video or of a calibrated data set, by the first picture."""
-        if isinstance(photos, Capture):
-            camera = photos.cameras
-            return cls(len(photos), camera.width * camera.height / 1e6,
-                       matted=photos.alphas is not None)
-        side, placed, masks = config.calibrate.max_side or np.inf, is_calibrated(photos), 0
-        if not placed and is_video(photos):
-            return cls(config.calibrate.video_frames, 1.0, False, False)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            if placed:
-                facts = data_set_facts(photos)
-                pictures, masks, side = facts.pictures, facts.masks, np.inf
-                count = len(pictures)
-            else:
-                files = picture_files(photos, say=False)
-                pictures, count = [picture_facts(files[0])], len(files)
-        first = pictures[0] if pictures and not pictures[0].fault else None
-        width, height = first.stored if first is not None else (1000, 1000)
-        size = width * height * min(1.0, side / max(width, height, 1)) ** 2 / 1e6
-        return cls(count, size, placed, masks > 0 or (first is not None and "A" in first.mode))
-
-
-@dataclass
-class _Step:
-    """One step: the seconds that it is to take, and what is known of it so far."""
-
-    stage: str
-    name: str
-    usual: float
-    span: tuple[float, float] = (0.0, 1.0)  # of the stage's count; none of it: not counted
-    spent: float = 0.0
-    seen: float = 0.0  # when it was last done
-    first: float = -1.0  # share at the first note
-    share: float = 0.0
-    over: bool = False
-
-    def left(self, pace: float) -> float:
-        """Seconds to go: by the table, and more and more by its own counts."""
-        if self.over:
-            return 0.0
-        if self.first < 0.0 or self.share <= self.first:
-            return max(pace * self.usual * (1.0 - self.share) - self.spent, 0.1 * self.spent)
-        known = (self.share - self.first) / (1.0 - self.first)
-        return (1.0 - self.share) * ((1.0 - known) * pace * self.usual
-                                     + self.spent / (1.0 - self.first))
 
 
 class TimeLeft:
@@ -149,11 +52,11 @@ class TimeLeft:
                  only: bool = False, warmup: Warmup | None = None, cores: int = 0) -> None:
         self._cores = min(cores or usable_cores(), 8)
         self._warmup, self._functions = warmup, 0 if warmup is None else warmup.left
-        self._steps = _planned(config, source, look or only, self._cores)
+        self._steps = usual_steps(config, source, look or only, self._cores)
         if only:
             names = [step.name for step in self._steps]
             del self._steps[names.index("first look") + 1:]
-        self._compile = _Step("", _COMPILING, _COMPILE / self._cores * self._functions)
+        self._compile = Step("", _COMPILING, COMPILE / self._cores * self._functions)
         self._now = self._steps[0]
         self._clock = self._begun = time.perf_counter()
 
@@ -231,53 +134,3 @@ class TimeLeft:
                 took += min(weight * step.spent, _ODD * pace * expected)
                 usual += expected
         return took / usual
-
-
-def _planned(config: MakeConfig, source: Source, look: bool, cores: int) -> list[_Step]:
-    """The steps of a job in their order."""
-    amounts, steps = _amounts(config, source), []
-    for stage, costs in _COSTS.items():
-        if not costs:
-            steps += _trained(stage, config, source, look, cores)
-        steps += [_Step(stage, name, amounts[unit] * (alone + shared / cores))
-                  for name, (unit, alone, shared) in costs.items() if amounts[unit]]
-    return steps
-
-
-def _amounts(config: MakeConfig, source: Source) -> dict[str, float]:
-    """What steps grow with; 0: there is no such step."""
-    style, count, size = config.stylize, source.photos, source.photos * source.megapixels
-    placing, cut = not source.placed, not (source.matted or config.keep_background)
-    return {
-        "once": 1, "megapixels drawn": source.drawn * size,
-        "drawings": source.drawn, "megapixels placed": source.placed * size,
-        "megapixels": placing * size, "photos": placing * count,
-        "pairs": placing * count * (count - 1) / 2, "searches": placing,
-        "photos to cut": cut * count, "megapixels to cut": cut * size,
-        "paintings": 0.4 + 0.6 * (style.pixels / 384.0) ** 2 if style.on_skin else 4.0,
-        "refinements": (0.3 if style.content_network == "embedded" else 1.0) * style.refinements}
-
-
-def _trained(stage: str, config: MakeConfig, source: Source, look: bool, cores: int,
-             ) -> list[_Step]:
-    """The levels of the training, and what comes before, between and after them."""
-    cost = {name: alone + shared / cores for name, (alone, shared) in _TRAINING.items()}
-    narrow = not source.placed  # as hand-held photos mostly are
-    # A head fills six tenths of a picture.
-    plan = config.reconstruct.resolved(config.keep_background and not source.matted, 4.0,
-                                       0.0033 / max(source.megapixels, 0.01) ** 0.5, narrow)
-    levels, training = plan.resolutions, plan.training_seconds(True, True)
-    steps = [_Step(stage, "start", cost["start"] + narrow * cost["surface"], (0.0, 0.0))]
-    before, last = 0.0, len(levels) - 1
-    shown = next((level for level in range(last) if levels[level] >= 96), last - 1)
-    for level, (points, share) in enumerate(zip(levels, plan.shares())):
-        seconds = (training * share if plan.time_budget > 0
-                   else plan.rays[level] * cost["rays"] * max(0.5, points / 256))
-        steps.append(_Step(stage, f"{points}^3", seconds, (before, before + share)))
-        before += share
-        if level == shown and look:
-            steps.append(_Step(stage, "first look", cost["look"], (0.0, 0.0)))
-        elif level < last:
-            steps.append(_Step(stage, "", cost["finer"] * (points / 128) ** 2))
-    return [*steps, _Step(stage, "", cost["end"] + narrow * cost["sides"]),
-            _Step(stage, "held-out views", cost["test"], (0.0, 0.0))]
