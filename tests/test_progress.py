@@ -50,3 +50,24 @@ def test_the_time_left_is_that_of_the_work_not_of_what_came_before_it(monkeypatc
     written = stream.getvalue().splitlines()
     assert "left" not in written[0] and "left" not in written[1]
     assert "50 s left" in written[3] and "25 s left" in written[4]
+
+
+def test_the_time_left_of_the_whole_job_is_shown_where_it_is_known():
+    heard = []
+
+    class Job:
+        def at(self, stage, note, share=None):
+            heard.append((stage, note, share))
+
+        def left(self):
+            return 99.6
+
+    stream = Terminal()
+    progress = Progress("stage", stream=stream, outlook=Job())
+    progress.update(0, "pair 3 of 12")
+    progress.update(0, "edges")
+    assert "stage: 0 s, 100 s left in all  pair 3 of 12" in stream.getvalue()
+    assert heard == [("stage", "start", None), ("stage", "pair 3 of 12", 0.25),
+                     ("stage", "edges", None)]
+    progress.close()
+    assert stream.getvalue().rstrip().endswith("stage: 0.0 s")

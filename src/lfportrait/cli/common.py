@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar
 import tyro
 
 from ..plugins import offered
-from ..progress import Progress
+from ..progress import Outlook, Progress
 from ..renamed import NEW_NAMES, new_words
 from .short_help import all_options, print_short_help
 
@@ -41,11 +41,12 @@ class Common:
     json: Path | None = None
     """Write the figures of the run (times, sizes, metrics) to this file."""
 
-    def progress(self, title: str, total: int = 0) -> AbstractContextManager[Progress]:
+    def progress(self, title: str, total: int = 0, outlook: Outlook | None = None,
+                 ) -> AbstractContextManager[Progress]:
         """A progress line, silent with ``--quiet``; it also shows the compilation of kernels."""
         from ..lanes.compiling import compiling_progress
 
-        return compiling_progress(title, total, not self.quiet)
+        return compiling_progress(title, total, not self.quiet, outlook)
 
     def run(self) -> dict[str, Any]:
         """Do it.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from dataclasses import dataclass, replace
 from dataclasses import field as option
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Annotated, Any, ClassVar
 import tyro
 
 from ..errors import UserError
-from ..job import FULL, QUICK, MakeConfig, Warmup, make
+from ..job import DRAWING, FULL, QUICK, MakeConfig, Source, TimeLeft, Warmup, make
 from ..job.batch import (
     BatchConfig,
     BatchTable,
@@ -33,14 +34,14 @@ KERNELS = ("photograph", "transfer", "reconstruct", "stylize", "encode")
 """What the demo compiles, the longest early; photographs are what it needs first."""
 
 
-def _told(run: dict[str, Any], out: Path, quiet: bool) -> dict[str, Any]:
-    """Say where the results are; return the figures."""
+def _told(run: dict[str, Any], out: Path, quiet: bool, begun: float) -> dict[str, Any]:
+    """Say where the results are, and the seconds since the command began; return the figures."""
     if not quiet and "share" not in run["seconds"]:
         print(f"{out / 'portrait.html'}: a first look; the same command without --quick goes on "
               "from there")
     elif not quiet:
-        total = sum(run["seconds"][name] for name in run["seconds"] if name != "total")
-        print(f"{out}: portrait.html, lightfield.png, report.html ({total:.0f} s in all)")
+        print(f"{out}: portrait.html, lightfield.png, report.html "
+              f"({time.perf_counter() - begun:.0f} s in all)")
     return run
 
 
@@ -77,13 +78,14 @@ class Make(Common):
 
     def run(self) -> dict[str, Any]:
         """Run the job."""
+        begun = time.perf_counter()
         config = replace(self.config, stylize=replace(self.config.stylize, parameters=self.given))
         run = make(self.photos, self.style, self.out, self.display, config,
                    device=self.device, seed=self.seed, quiet=self.quiet, offline=self.offline,
                    first_look=self.first_look, quick=self.quick)
         if self.quick and not self.quiet and "share" in run["seconds"]:
             print("the portrait is finished already")
-        return _told(run, self.out, self.quiet)
+        return _told(run, self.out, self.quiet, begun)
 
 
 @dataclass
@@ -110,17 +112,21 @@ class Demo(Common):
         """Photograph the modelled head and run the main job on the pictures."""
         from ..demo import demo_capture, demo_exemplar
 
+        begun = time.perf_counter()
         scale = QUICK if self.quick else FULL
         size, views = self.size or scale.size, self.views or scale.views
         with Warmup(KERNELS) as warmup:
-            with self.progress("render the modelled head", views) as progress:
+            outlook = TimeLeft(scale.config, Source(views, size ** 2 / 1e6, drawn=True),
+                               warmup=warmup)
+            with self.progress(DRAWING, views, outlook) as progress:
                 warmup.wait(("photograph",), progress)
                 capture = demo_capture(size=size, views=views, progress=progress)
             style = self.style or demo_exemplar(width=scale.exemplar * 3 // 4,
                                                 height=scale.exemplar)
             run = make(capture, style, self.out, self.display or scale.display, scale.config,
-                       device=self.device, seed=self.seed, quiet=self.quiet, warmup=warmup)
-        return _told(run, self.out, self.quiet)
+                       device=self.device, seed=self.seed, quiet=self.quiet, warmup=warmup,
+                       outlook=outlook)
+        return _told(run, self.out, self.quiet, begun)
 
 
 @dataclass

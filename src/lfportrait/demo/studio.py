@@ -154,7 +154,7 @@ def demo_capture(size: int = 384, views: int = 60, model: HeadModel = SITTER,
         images.append(np.ascontiguousarray(picture.image[..., :3]))
         alphas.append(np.ascontiguousarray(picture.image[..., 3]))
         if progress is not None:
-            progress.step()
+            progress.step(f"picture {view + 1} of {views}")
     held_out = np.arange(views) % 8 == 4
     names = [f"view_{view:03d}" for view in range(views)]
     return Capture(cameras, images, alphas, names, held_out, np.eye(4), landmarks(model))

@@ -5,8 +5,8 @@ twice, `prepare` makes captures of photos, `person` cuts the person out of those
 `summary` fills the report. `photo_check` looks at photos before any of that, `check_drawing` draws
 what it found; `style_check` and `style_drawing` do the same for a painting, `style_landmarks` keeps
 its landmarks. `inspection` tells what files are and how they will be read. `first_look` shows a
-portrait while its field is trained. `batch` is a room of its own: many jobs at once. Modules are
-imported when something of them is asked for.
+portrait while its field is trained, `time_left` knows how long a job will still take. `batch` is a
+room of its own: many jobs at once. Modules are imported when something of them is asked for.
 """
 
 from typing import TYPE_CHECKING
@@ -41,15 +41,17 @@ if TYPE_CHECKING:
     from .style_check import StyleCheck, check_style, chosen_face
     from .style_drawing import style_picture
     from .style_landmarks import add_style
+    from .time_left import TimeLeft
+    from .usual_steps import DRAWING, Source
     from .warmup import Warmup
     from .work import Tools, do_stage
 
-__all__ = ["FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MakeConfig", "PhotoCheck",
-           "PhotoFacts", "Scale", "Session", "StyleCheck", "Task", "Tools", "Warmup", "add_style",
-           "capture_key", "capture_of_face", "check_photos", "check_picture", "check_style",
-           "chosen_face", "code_key", "cut_person", "do_stage", "field_key", "find_face",
-           "finished", "fitted", "get_networks", "inspect", "inspection_lines", "look_at", "make",
-           "painting_key", "prepare_capture", "run_figures", "share_key", "source_key",
-           "stage_key", "style_key", "style_picture"]
+__all__ = ["DRAWING", "FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MakeConfig",
+           "PhotoCheck", "PhotoFacts", "Scale", "Session", "Source", "StyleCheck", "Task",
+           "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
+           "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",
+           "do_stage", "field_key", "find_face", "finished", "fitted", "get_networks", "inspect",
+           "inspection_lines", "look_at", "make", "painting_key", "prepare_capture", "run_figures",
+           "share_key", "source_key", "stage_key", "style_key", "style_picture"]
 
 __getattr__, __dir__ = attach(__name__, __file__)

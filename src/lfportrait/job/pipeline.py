@@ -41,6 +41,7 @@ from ..stages import StageFolder, check_writable
 from ..version import __version__
 from .first_look import LookTaken, PageLook
 from .graph import (
+    STAGES,
     Plan,
     Task,
     capture_key,
@@ -52,6 +53,8 @@ from .graph import (
 )
 from .networks import get_networks
 from .steps import MakeConfig, fitted, look_at, painting_key, source_key
+from .time_left import TimeLeft
+from .usual_steps import Source
 from .warmup import Warmup
 from .work import Tools, do_stage
 
@@ -62,7 +65,7 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
          display: str | Path | Display = "generic-4k", config: MakeConfig | None = None, *,
          device: str = "auto", seed: int = 0, quiet: bool = True, offline: bool = False,
          warmup: Warmup | None = None, first_look: bool = True, quick: bool = False,
-         ) -> dict[str, Any]:
+         outlook: TimeLeft | None = None) -> dict[str, Any]:
     """Run the whole job.
 
     While the field is trained, a first look is written as ``portrait.html`` (`first_look`).
@@ -93,6 +96,8 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
         Write the first look; all other files are the same without it.
     quick
         End with the first look. The same call without this goes on from there.
+    outlook
+        Knows the time that is left; by default the job makes its own.
 
     Returns
     -------
@@ -125,6 +130,10 @@ def make(photos: Path | Capture, style: str | Path | Exemplar, out: Path,
     config = fitted(config, [(panel, config.encode)])
     job = _Job(Path(out), photos, exemplar, panel, config, device, seed, quiet)
     with warmup or Warmup(("reconstruct", "transfer", "stylize", "encode")) as job.tools.warmup:
+        if not quiet:
+            job.look_ahead(outlook or TimeLeft(config, Source.of(photos, config),
+                                               look=first_look, only=quick,
+                                               warmup=job.tools.warmup))
         if first_look or quick:
             job.look_early(begun, only=quick)
         return job.run()
@@ -169,6 +178,13 @@ class _Job:
     def _say(self, line: str) -> None:
         if not self.quiet:
             print(line, file=sys.stderr)
+
+    def look_ahead(self, outlook: TimeLeft) -> None:
+        """Show the time that is left of what is not done yet."""
+        for task in self.plan.tasks.values():
+            if finished(task, self.out) is not None:
+                outlook.skip(STAGES[task.stage].title)
+        self.tools.outlook = outlook
 
     def look_early(self, begun: float, *, only: bool) -> None:
         """Take a first look as soon as that is possible; ``only``: and end the job with it."""

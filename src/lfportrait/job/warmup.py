@@ -210,6 +210,11 @@ class Warmup:
         """Whether the kernels of stages are compiled."""
         return all(name not in self._done or self._done[name].is_set() for name in names)
 
+    @property
+    def left(self) -> int:
+        """Functions that are still to be compiled, about."""
+        return 0 if self.ready(tuple(self._done)) else max(1, self.total - self.compiled)
+
     def wait(self, names: Sequence[str], progress: Progress | None = None) -> None:
         """Return when the kernels of stages are compiled; shows the state on ``progress``."""
         for name in names:

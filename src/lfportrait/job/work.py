@@ -22,7 +22,7 @@ from ..example.skin import load_skin, save_skin
 from ..field import VoxelField
 from ..files import write_image
 from ..lanes.compiling import compiling_progress
-from ..progress import Progress
+from ..progress import Outlook, Progress
 from ..share import sweep_cameras, sweep_frames, write_page, write_video
 from ..stages import StageFolder
 from ..stylize import kept_skin, load_styled
@@ -58,6 +58,8 @@ class Tools:
         Picture of the photos that were left out; by default in the task's folder.
     look
         The first look that is taken while a field is trained.
+    outlook
+        Knows the time that is left of the whole job.
     kept
         What a job's stages have read and written, for those after them in the same process, as
         these would read it: ``capture``, ``field`` and ``styled``, the latter in the colors that
@@ -71,14 +73,18 @@ class Tools:
     exemplar: Exemplar | None = None
     sheet: Path | None = None
     look: FirstLook | None = None
+    outlook: Outlook | None = None
     kept: dict[str, Any] = field(default_factory=dict)
 
     @contextmanager
     def progress(self, stage: str) -> Iterator[Progress]:
         """A stage's progress line, once its kernels are there."""
-        with compiling_progress(STAGES[stage].title, enabled=self.shown) as progress:
+        with compiling_progress(STAGES[stage].title, enabled=self.shown,
+                                outlook=self.outlook) as progress:
             if self.warmup is not None:
                 self.warmup.wait(STAGES[stage].kernels, progress)
+            if self.outlook is not None:
+                self.outlook.at(STAGES[stage].title, "start")
             yield progress
 
     def painting(self, task: Task) -> Exemplar:

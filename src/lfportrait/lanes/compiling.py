@@ -9,7 +9,7 @@ from typing import Any
 
 from numba.core import event
 
-from ..progress import Progress
+from ..progress import Outlook, Progress
 from .vectors import LANES
 
 __all__ = ["cache_folder", "compiling_progress", "watched_compilations"]
@@ -51,12 +51,13 @@ def watched_compilations(heard: Callable[[str], None]) -> Iterator[None]:
 
 
 @contextmanager
-def compiling_progress(title: str, total: int = 0, enabled: bool = True) -> Iterator[Progress]:
+def compiling_progress(title: str, total: int = 0, enabled: bool = True,
+                       outlook: Outlook | None = None) -> Iterator[Progress]:
     """A progress line that also shows the compilation of kernels, which takes seconds.
 
     Parameters
     ----------
-    title, total, enabled
+    title, total, enabled, outlook
         As for `Progress`.
     """
     count = 0
@@ -66,5 +67,5 @@ def compiling_progress(title: str, total: int = 0, enabled: bool = True) -> Iter
         count += 1
         progress.update(progress.done, f"compiling kernels, once: {count}")
 
-    with Progress(title, total, enabled) as progress, watched_compilations(heard):
+    with Progress(title, total, enabled, outlook=outlook) as progress, watched_compilations(heard):
         yield progress
