@@ -9,19 +9,42 @@ keeps them; it makes none of its own.
 Besides a function's own code Numba compiles two entrances to it, one for Python and one for C, each
 with all that the function calls. Nobody takes the second one, and only a `kernel` has the first.
 
+A `woven` function is a lean one whose machine code is put into each of its callers, wherever it is
+called: no call is left. Numba can do the same with a function's source (``inline="always"``), but then
+checks, types and translates it again in each place: several times the work, for the same machine
+code. That is for functions that are called in one place, or that need the types of one caller.
+
 In all of them divisions by zero give infinity or NaN, as in NumPy.
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from typing import Any
 
 import numba
+from numba.core.typing import arraydecl
+from numba.core.typing.templates import infer_global
 
 from .cache_keys import shared_files
 
-__all__ = ["kernel", "lean", "lean_kernel"]
+__all__ = ["kernel", "lean", "lean_kernel", "woven"]
+
+
+def _asked_first(function: Callable[..., Any], meaning: Any) -> None:
+    """Have Numba ask for one meaning of an operator before all others.
+
+    Numba asks one after the other what a[i] means: for strings, lists, records and dozens more,
+    arrays last. It asks what is made for one kind of processor before what is general.
+    """
+    infer_global(function)(type(meaning.__name__, (meaning,), {"metadata": {"target": "cpu"}}))
+
+
+# Numba's types leave its own meanings out.
+_meanings: Any = arraydecl
+_asked_first(operator.getitem, _meanings.GetItemBuffer)
+_asked_first(operator.setitem, _meanings.SetItemBuffer)
 
 
 def _compiler(**options: Any) -> Callable[..., Any]:
@@ -52,6 +75,11 @@ def lean(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     compiled._insert = lambda *_, **__: None
     compiled._compile_for_args = _refuse
     return compiled
+
+
+def woven(function: Callable[..., Any]) -> Any:
+    """Compile a function that makes no arrays, once, into each place of kernels that calls it."""
+    return lean(function, forceinline=True)
 
 
 def _refuse(*_: Any, **__: Any) -> None:
