@@ -51,7 +51,7 @@ def flattened(position, appearance, anchor, weights, words, style_appearance, st
             words.reshape(-1), style_appearance.reshape(-1), style_words.reshape(-1))
 
 
-@woven
+@numba.njit(cache=True, inline="always")
 def _error(gx, gy, a, x, y, inside, place, look, weight_label, low, high, style_width,
            style_appearance, style_words):
     """Guide error between target pixels and the exemplar at the places (x, y), where ``inside``."""
