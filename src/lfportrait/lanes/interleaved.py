@@ -7,7 +7,6 @@ as much.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
@@ -15,6 +14,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .cache_keys import identified
+from .decorators import woven
 from .vectors import LANES, F, I
 
 __all__ = ["gather_neighbours", "gather_pairs", "gather_signed", "load_ints", "load_pairs",
@@ -209,7 +209,7 @@ def store_triples(typing, array, start, one, two, three):
     return types.none(array, start, one, two, three), code
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def pairs(array, n):
     """The pairs n .. n + 15 of a flat array; past its end the last one."""
     if 2 * n + 32 <= array.size:
@@ -218,7 +218,7 @@ def pairs(array, n):
     return gather_signed(array, pair), gather_signed(array, pair + np.int32(1))
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def singles(array, n):
     """The elements n .. n + 15 of a flat array; past its end the last one."""
     if n + 16 <= array.size:

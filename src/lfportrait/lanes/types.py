@@ -99,6 +99,10 @@ def _operator(function: Callable[..., Any], result: Callable[[Lanes], Lanes],
 
     @infer_global(function)
     class Template(AbstractTemplate):
+        # Numba asks for meanings that are made for one kind of processor before the general ones,
+        # of which an operator has dozens.
+        metadata = {"target": "cpu"}  # noqa: RUF012
+
         def generic(self, args, kws):
             kind = kind_of(args)
             if len(args) != count or kind not in allowed:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import kernel, lean, lean_kernel
+from ...lanes.decorators import kernel, lean_kernel, woven
 from ...lanes.threads import shared
 
 __all__ = ["blur_difference", "count_values", "fold_points", "map_values", "mls_points",
@@ -143,7 +143,7 @@ def _mirrored(index, length):
     return index
 
 
-@lean(fastmath=True)
+@woven(fastmath=True)
 def _accumulate_rows(image, y, taps, row):
     """Sum the rows about ``y`` of ``image`` [H, W], weighted by ``taps``, with a mirrored margin.
 
@@ -193,7 +193,7 @@ def blur_difference(since, until, image, fine, coarse, out):
         _add_columns(second, coarse, np.float32(-1), line)
 
 
-@lean(fastmath=True)
+@woven(fastmath=True)
 def _add_columns(row, taps, sign, line):
     """Convolve ``row`` [W + 2 r] with symmetric taps and add the result to ``line`` [W]."""
     width, radius = line.shape[0], taps.shape[0] // 2

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import kernel, lean_kernel
+from ...lanes.decorators import kernel, lean_kernel, woven
 from ...lanes.interleaved import gather_signed, pairs, singles, store_pairs
 from ...lanes.threads import shared
 from ...lanes.vectors import LANES
@@ -41,7 +41,7 @@ def _place(n, factor, count):
     return block, min(max(share - np.float32(block), np.float32(0)), np.float32(1))
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def _places(first, factor, count):
     """`_place` of the pixels first .. first + 15."""
     zero, half, one = np.float32(0), np.float32(0.5), np.float32(1)
@@ -50,7 +50,7 @@ def _places(first, factor, count):
     return block, _minimum(_maximum(share - _floats(block), zero), one)
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def _between(line, i, right, fx):
     """Values of ``line`` between the blocks ``i`` and ``right``."""
     left = gather_signed(line, i)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import lean_kernel
+from ...lanes.decorators import lean_kernel, woven
 from ...lanes.interleaved import gather_pairs, gather_signed, pairs, prefetch, singles
 from ...lanes.threads import shared
 from ...lanes.vectors import LANES, round_even
@@ -37,7 +37,7 @@ def _word_difference(one, two):
     return total
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def label_difference(low, high, style_words, other):
     """Sum of the differences of the eight labels of pixels of target and exemplar."""
     style_low, style_high = gather_pairs(style_words, other)
@@ -61,7 +61,7 @@ def _error(gx, gy, a, x, y, inside, place, look, weight_label, low, high, style_
             + weight_label * label_difference(low, high, style_words, other))
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def ask(style_looks, style_words, width, height, x, y):
     """Ask for the exemplar's pixel at the place (x, y), if it lies inside."""
     if 0 <= x < width and 0 <= y < height:

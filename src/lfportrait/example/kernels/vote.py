@@ -12,7 +12,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ...lanes.decorators import lean_kernel
+from ...lanes.decorators import lean_kernel, woven
 from ...lanes.interleaved import gather_neighbours, gather_signed, load_pairs, pairs, store_triples
 from ...lanes.threads import share_out, shared
 from ...lanes.vectors import LANES
@@ -38,7 +38,7 @@ def pack(since, until, picture, out):
             out[y, x] = word
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def _beside(anchors, n, ax, ay, reach):
     """Whether the anchors of the pixels n .. n + 15 lie near (ax, ay), lane by lane.
 
@@ -51,7 +51,7 @@ def _beside(anchors, n, ax, ay, reach):
     return _absolute(ax - bx) + _absolute(ay - by) < reach
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def _votes(x, z, xs, zs):
     """How many of the nine shifts ``xs``, ``zs`` are (x, z), lane by lane."""
     one, zero = _floats(np.float32(1)), np.float32(0)
@@ -66,7 +66,7 @@ def _votes(x, z, xs, zs):
     return first + other + _where((xs[8] == x) & (zs[8] == z), one, zero)
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def _stand(x, z, xs, zs, anchors, n, ax, ay, reach, known, most, own_x, own_z):
     """The winner so far, or (x, z) of the pixels n .. n + 15 where it has more votes."""
     votes = _votes(x, z, xs, zs)
@@ -189,7 +189,7 @@ def _channels(word):
             _floats(word & bits))
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def _sample(colors, height, width, x, y, exact):
     """Color of the packed picture at the continuous places (x, y), clamped inside, 0 to 1020."""
     zero, half = np.float32(0), np.float32(0.5)
@@ -214,7 +214,7 @@ def _sample(colors, height, width, x, y, exact):
     return ar + fy * (cr - ar), ag + fy * (cg - ag), ab + fy * (cb - ab)
 
 
-@numba.njit(cache=True, inline="always")
+@woven
 def _counted(x, z, voters, own_x, own_z, votes):
     """Count (x, z) where it is the shift counted here, or none is yet; and who is left."""
     mine = voters & ((votes == np.float32(0)) | ((x == own_x) & (z == own_z)))

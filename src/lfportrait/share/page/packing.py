@@ -134,6 +134,8 @@ class Packed:
 def code_values(filled: NDArray[np.bool_], values: NDArray[np.uint8],
                 tolerance: NDArray[np.uint8]) -> tuple[bytes, NDArray[np.uint8]]:
     """Values [N, C] as a deflated stream, and as they are read back; see `code_rows`."""
+    # One column of a larger array, or one in another order, would have a kernel of its own.
+    values = np.ascontiguousarray(values)
     residual = np.empty(values.shape[::-1], np.uint8)
     decoded = np.empty_like(values)
     code_rows(filled, values, tolerance, residual, decoded)
