@@ -412,8 +412,8 @@ def outline_errors(picture: Picture, places: Float64, view: View,
 
 
 def outline_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: Float64,
-                     ) -> NDArray[np.int64]:
-    """The vertices on the outline of a head in a photo, besides the neck's."""
+                     neck: bool = False) -> NDArray[np.int64]:
+    """The vertices on the outline of a head in a photo; the neck's only if asked for."""
     local = view.to_camera(vertices)
     turned = normals @ view.rotation.T
     facing = np.abs((turned * local).sum(axis=1)) / np.linalg.norm(local, axis=1)
@@ -428,8 +428,10 @@ def outline_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: F
     away = cv2.distanceTransform(cover, cv2.DIST_L2, 3)
     column, row = np.rint(small).astype(int).T
     on = away[np.clip(row, 0, size[1] - 1), np.clip(column, 0, size[0] - 1)] <= 2.0
-    neck = vertices[:, 1] < vertices[prior.landmarks[8], 1] + 0.005
-    return np.flatnonzero(on & (facing < 0.35) & (prior.part != EYES) & ~neck)
+    lowest = vertices[prior.landmarks[8], 1] + 0.005
+    if neck:
+        lowest = vertices[:, 1].min() + 0.012
+    return np.flatnonzero(on & (facing < 0.35) & (prior.part != EYES) & (vertices[:, 1] > lowest))
 
 
 def _outward(corners: NDArray[np.int32]) -> NDArray[np.int32]:
