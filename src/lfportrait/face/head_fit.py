@@ -38,6 +38,9 @@ NOISE = 0.02
 """Deviation of a landmark in the picture, over the distance of the outer corners of the eyes."""
 JAW = 2.0
 """The jaw's landmarks are so many times less exact."""
+VAGUE = {tuple(range(17, 27)): 3.0, (27, 28, 29): 4.0}
+"""How many times less exact landmarks are along the face: brows, whose edges people see unlike,
+and the bridge, which has no marks."""
 HUBER = 2.0
 """Deviations from which on an error counts linearly."""
 EXPRESSION = 0.35
@@ -247,6 +250,7 @@ class _Solver:
     """The state of one fit: Gauss-Newton over all photos at once."""
 
     def __init__(self, prior: HeadPrior, pictures: list[Picture], distance: float | None) -> None:
+        pictures = [replace(one, landmarks=prior.vertices_seen(one.landmarks)) for one in pictures]
         self.prior, self.pictures, self.distance = prior, pictures, distance
         self.identity = np.zeros(len(prior.identity))
         self.cost = np.inf
@@ -338,7 +342,7 @@ class _Solver:
         inner = np.repeat(self.prior.landmarks[17:], 2)
         chosen = np.concatenate([self.jaw[index], inner])
         along = np.concatenate([_across_jaw(picture.landmarks) / JAW,
-                                np.tile(np.eye(2), (51, 1))]) / noise
+                                _inner_axes(picture.landmarks)]) / noise
         points = vertices[chosen]
         away = view.project(points) - picture.landmarks[np.r_[0:17, np.repeat(np.arange(17, 68), 2)]]
         return (*self._rows(index, chosen, points, along), (away * along).sum(axis=1))
@@ -449,6 +453,16 @@ def _across_jaw(landmarks: Float64) -> Float64:
     outward = line - landmarks[27:36].mean(axis=0)
     across *= np.where((across * outward).sum(axis=1) < 0, -1.0, 1.0)[:, None]
     return np.asarray(across, np.float64)
+
+
+def _inner_axes(landmarks: Float64) -> Float64:
+    """Directions [102, 2] in which the inner landmarks are compared, shorter where inexact."""
+    across = landmarks[45] - landmarks[36]
+    across = across / np.linalg.norm(across)
+    axes = np.tile(np.stack([across, [-across[1], across[0]]]), (51, 1, 1))
+    for numbers, inexact in VAGUE.items():
+        axes[np.array(numbers) - 17, 1] /= inexact
+    return axes.reshape(102, 2)
 
 
 def _first_view(prior: HeadPrior, picture: Picture, distance: float | None) -> View:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from ...field import VoxelField
-from .solid import Solid
+from .solid import HEAD, Solid
 
 __all__ = ["Shell", "shell_of"]
 
+Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 OUTSIDE, INSIDE = 2.0, 4.0
 """Voxels before and behind the surface that are kept."""
 COARSE = 4
 """Voxels to a step of the lattice that the surface is looked for on."""
+CLOSE = 2.5
+"""Voxels from the surface up to which distances are exact."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
 REACH = np.array([1.35, 1.45, 1.15])
@@ -48,34 +52,34 @@ class Shell:
         self.voxel = voxel
         step = COARSE * voxel
         half = np.ceil(REACH / step).astype(int)
-        axes = [(np.arange(2 * count + 1) - count) * step for count in half]
-        coarse, _ = _on_lattice(solid, axes, step)
-        box = np.argwhere(np.abs(coarse) < 2 * step)
-        low = np.maximum(box.min(axis=0) - 1, 0)
-        high = np.minimum(box.max(axis=0) + 1, np.array(coarse.shape) - 1)
-        coarse = coarse[tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))]
-        first = np.array([axis[a] for axis, a in zip(axes, low[::-1], strict=True)])
-        self._fill(solid, coarse, first)
+        first, distance = _coarse(solid, half, step)
+        first, distance = _cropped(first, distance, step)
+        self._fill(solid, *_finer(solid, first, distance, step))
 
-    def _fill(self, solid: Solid, coarse: Float64, first: Float64) -> None:
-        """The fine lattice over a coarse one [z, y, x] whose first point is ``first``."""
+    def _fill(self, solid: Solid, first: Float64, middle: Float32) -> None:
+        """The fine lattice over one [z, y, x] of twice its step whose first point is ``first``."""
         voxel = self.voxel
-        size = (np.array(coarse.shape) - 1) * COARSE + 1
-        limit = (INSIDE + 2.5) * voxel
-        band = np.zeros(size, bool)
-        # Trilinear distances are off by a fraction of a coarse step near edges alone.
-        rough = _enlarged(coarse, size)
-        band = (rough > -limit) & (rough < (OUTSIDE + 2.5) * voxel)
-        z, y, x = np.nonzero(band)
+        rough = _doubled(middle)
+        size = np.array(rough.shape)
+        z, y, x = np.nonzero((rough > -(INSIDE + 2) * voxel) & (rough < (OUTSIDE + 2) * voxel))
         points = first + voxel * np.stack([x, y, z], axis=1)
-        away, owner = solid.distance(points, 3 * COARSE * voxel)
-        rough[z, y, x] = np.clip(away, -limit, limit)
+        away = rough[z, y, x].astype(np.float64)
+        # The surface itself exactly, what lies around it between the coarser lattice's points.
+        close = np.abs(away) < CLOSE * voxel
+        away[close], owner = solid.distance(points[close], 2 * CLOSE * voxel)
+        away[close] = np.clip(away[close], -2 * CLOSE * voxel, 2 * CLOSE * voxel)
+        rough[z, y, x] = away
         kept = (away > -INSIDE * voxel) & (away < OUTSIDE * voxel)
-        self.normals = _gradients(rough, z[kept], y[kept], x[kept])
+        owners = np.full(len(z), HEAD, np.uint8)
+        owners[close] = owner
+        far = kept & ~close
+        if far.any():
+            owners[far] = owner[cKDTree(points[close]).query(points[far], workers=-1)[1]]
         z, y, x = z[kept], y[kept], x[kept]
+        self.normals = _gradients(rough, z, y, x)
         self.links = np.full(size, -1, np.int32)
         self.links[z, y, x] = np.arange(len(z), dtype=np.int32)
-        self.points, self.away, self.owner = points[kept], away[kept], owner[kept]
+        self.points, self.away, self.owner = points[kept], away[kept], owners[kept]
         extent = size[::-1] * voxel
         self.center = first - 0.5 * voxel + 0.5 * extent
         self.radius = 0.5 * extent
@@ -92,35 +96,63 @@ class Shell:
         return VoxelField(self.links, density.astype(np.float32), sh, self.center, self.radius)
 
 
-def _on_lattice(solid: Solid, axes: list[Float64], step: float) -> tuple[Float64, None]:
-    """Signed distances [z, y, x] on a lattice, clipped at some steps from the surface."""
-    x, y, z = axes
-    grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).transpose(2, 1, 0, 3)
-    points = grid.reshape(-1, 3)
-    found, _ = solid.distance(points, 3 * step)
-    out = np.clip(np.where(np.isfinite(found), found, 3 * step), -3 * step, 3 * step)
+def _coarse(solid: Solid, half: NDArray[np.int64], step: float) -> tuple[Float64, Float32]:
+    """First point of a coarse lattice, and signed distances [z, y, x], clipped at three steps."""
+    axes = [(np.arange(2 * count + 1) - count) * step for count in half]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).transpose(2, 1, 0, 3)
     shape = grid.shape[:3]
-    out = out.reshape(shape)
+    near = np.zeros(shape, bool)
+    cell = np.rint(solid.head.points / step).astype(np.int64) + half
+    cell = np.clip(cell, 0, 2 * half)
+    near[cell[:, 2], cell[:, 1], cell[:, 0]] = True
+    near = ndimage.binary_dilation(near, np.ones((3, 3, 3)), iterations=2)
+    found, _ = solid.distance(grid.reshape(-1, 3), 3 * step, near.ravel())
+    out = np.clip(found, -3 * step, 3 * step).reshape(shape)
     # Deep within the head no sample is near: all that free space does not reach is inside.
     free, _ = ndimage.label(out > 0)
-    out[(out > 0) & (free != free[0, 0, 0])] = -3 * step
-    return out, None
+    out[(out > 0) & (free != free[0, -1, 0])] = -3 * step
+    return np.array([axis[0] for axis in axes]), out.astype(np.float32)
 
 
-def _enlarged(coarse: Float64, size: NDArray[np.int64]) -> Float64:
-    """A lattice [z, y, x] between its points, at ``size`` points."""
-    out = coarse.astype(np.float32)
+def _cropped(first: Float64, distance: Float32, step: float) -> tuple[Float64, Float32]:
+    """The part of a lattice that holds the surface."""
+    box = np.argwhere(np.abs(distance) < 2 * step)
+    low = np.maximum(box.min(axis=0) - 1, 0)
+    high = np.minimum(box.max(axis=0) + 2, np.array(distance.shape))
+    part = distance[tuple(slice(a, b) for a, b in zip(low, high, strict=True))]
+    return first + step * low[::-1], np.ascontiguousarray(part)
+
+
+def _finer(solid: Solid, first: Float64, distance: Float32, step: float,
+           ) -> tuple[Float64, Float32]:
+    """The same with half the step, exact near the surface."""
+    out = _doubled(distance)
+    z, y, x = np.nonzero(np.abs(out) < 1.75 * step)
+    points = first + 0.5 * step * np.stack([x, y, z], axis=1)
+    found, _ = solid.distance(points, 2 * step)
+    old = out[z, y, x]
+    out[z, y, x] = np.where(np.isfinite(found), np.clip(found, -3 * step, 3 * step), old)
+    return first, out
+
+
+def _doubled(coarse: Float32) -> Float32:
+    """A lattice [z, y, x] with the points between its points."""
+    out = coarse
     for axis in range(3):
-        count = int(size[axis])
-        place = np.arange(count) / COARSE
-        low = np.minimum(place.astype(int), coarse.shape[axis] - 2)
-        share = (place - low).astype(np.float32)
-        share = share.reshape([-1 if k == axis else 1 for k in range(3)])
-        out = np.take(out, low, axis) * (1 - share) + np.take(out, low + 1, axis) * share
+        low, high = (np.take(out, np.arange(out.shape[axis] - 1) + k, axis) for k in (0, 1))
+        shape = list(out.shape)
+        shape[axis] = 2 * shape[axis] - 1
+        wide = np.empty(shape, np.float32)
+        even = [slice(None)] * 3
+        even[axis] = slice(0, None, 2)
+        wide[tuple(even)] = out
+        even[axis] = slice(1, None, 2)
+        wide[tuple(even)] = 0.5 * (low + high)
+        out = wide
     return out
 
 
-def _gradients(distance: Float64, z: NDArray[np.int64], y: NDArray[np.int64],
+def _gradients(distance: Float32, z: NDArray[np.int64], y: NDArray[np.int64],
                x: NDArray[np.int64]) -> Float64:
     """Unit gradients [N, 3] (x, y, z) of a lattice at some of its points, smoothed a little."""
     parts = []

@@ -18,8 +18,8 @@ __all__ = ["MeshSamples", "depth_maps"]
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-STEP = 0.006
-"""Distance of samples, portrait units (1.2 mm)."""
+STEP = 0.010
+"""Distance of samples, portrait units (2 mm)."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,7 @@ class MeshSamples:
         normal = np.concatenate(directions)
         normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
         at = np.concatenate(places)
-        return MeshSamples(at, normal, cKDTree(at, leafsize=12, balanced_tree=False,
-                                               compact_nodes=False), np.concatenate(found))
+        return MeshSamples(at, normal, cKDTree(at), np.concatenate(found))
 
     def distance(self, points: Float64, reach: float) -> Float64:
         """Signed distances [N] of points [N, 3], positive outside; ``reach`` or more: far outside.

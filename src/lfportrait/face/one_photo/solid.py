@@ -37,6 +37,8 @@ NAPE = -0.36
 """Height at which hair ends behind."""
 NECK_TOP, NECK_END = -0.086, -0.099
 """Heights of the model (metres) between which its neck goes over into the body's."""
+NECK_OVERLAP = 0.05
+"""How far the body goes up into the model's neck, portrait units."""
 SOFT_NECK, SOFT_HAIR = 0.03, 0.008
 """Widths of the joints, portrait units."""
 LOWEST = -1.35
@@ -103,18 +105,24 @@ class Solid:
     neck: Float64
     lowest: float
 
-    def distance(self, points: Float64, reach: float) -> tuple[Float64, NDArray[np.uint8]]:
+    def distance(self, points: Float64, reach: float, near: Bools | None = None,
+                 ) -> tuple[Float64, NDArray[np.uint8]]:
         """Signed distances of points [N, 3], positive outside, and what is nearest, uint8 [N].
 
-        Head distances of ``reach`` or more are infinite.
+        Distances from the head of ``reach`` or more are infinite, as those of points that are not
+        ``near``, bool [N].
         """
-        head = np.maximum(self.head.distance(points, reach),
-                          self.neck[3] - points @ self.neck[:3])
+        head = np.full(len(points), np.inf)
+        asked = np.ones(len(points), bool) if near is None else near
+        head[asked] = np.maximum(self.head.distance(points[asked], reach),
+                                 self.neck[3] - points[asked] @ self.neck[:3])
         owner = np.full(len(points), HEAD, np.uint8)
         out = head
         places, depth = self.parts.places(points)
         if self.body is not None:
-            body = self.body.distance(self.parts, places, depth)
+            # It goes on into the neck, up to a plane.
+            body = np.maximum(self.body.distance(self.parts, places, depth),
+                              points @ self.neck[:3] - self.neck[3] - NECK_OVERLAP)
             owner[body < out] = BODY
             out = _joined(out, body, SOFT_NECK)
         if self.hair is not None:
@@ -175,24 +183,26 @@ def _filled(values: Float64, sigma: float) -> Float64:
     return np.asarray(result)
 
 
-def _outside(squares: Float64, inside: NDArray[np.floating], domain: Bools) -> Float64:
-    """Squares continued beyond their domain: negative, as steep as within."""
-    row, column = np.mgrid[:squares.shape[0], :squares.shape[1]].astype(np.float32)
+def _outside(squares: Float64, parts: Parts, domain: Bools, dip: float) -> Float64:
+    """Squares continued beyond their domain, so that their slopes stay those of a surface.
+
+    Outside of the person they are negative, as steep as within: those of the place's mirror image
+    across the outline. Elsewhere the half thickness goes on, less by ``dip`` times the way.
+    """
     distance, nearest = ndimage.distance_transform_edt(~domain, return_indices=True)
-    # The mirror image of a place, across the edge of the domain.
-    toward = nearest - np.stack([row, column])
-    length = np.maximum(distance, 1e-9)
-    edge = np.where(inside > -0.5 * distance - 2, np.maximum(-inside, 0), distance - 0.5)
-    edge = np.where(np.abs(edge - distance) < 1.5, edge, distance - 0.5)
-    across = np.minimum(2 * edge, 24.0)
-    mirrored = cv2.remap(squares.astype(np.float32),
-                         (column + toward[1] / length * across).astype(np.float32),
-                         (row + toward[0] / length * across).astype(np.float32),
-                         cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float64)
-    far = distance > 12
-    out = np.where(domain, squares, -mirrored)
-    return np.where(far & ~domain, np.minimum(out, -1e-3), np.where(domain, out, np.minimum(
-        out, -1e-7)))
+    thick = np.sqrt(np.maximum(squares, 0))[tuple(nearest)] - dip * distance * parts.cell
+    out = np.where(domain, squares, np.sign(thick) * thick ** 2)
+    row, column = np.mgrid[:squares.shape[0], :squares.shape[1]].astype(np.float32)
+    outline = parts.inside
+    down, across = np.gradient(outline)
+    length = np.maximum(np.hypot(down, across), 0.3)
+    way = np.minimum(-2 * outline, 40.0)
+    mirrored = cv2.remap(out.astype(np.float32), (column + across / length * way).astype(np.float32),
+                         (row + down / length * way).astype(np.float32), cv2.INTER_LINEAR,
+                         borderMode=cv2.BORDER_REPLICATE)
+    beyond = ~domain & (outline <= 0)
+    out[beyond] = np.minimum(-np.abs(mirrored[beyond]), -1e-7)
+    return np.asarray(out, np.float64)
 
 
 def _hair(parts: Parts, near: Float64, far: Float64) -> Piece:
@@ -215,7 +225,7 @@ def _hair(parts: Parts, near: Float64, far: Float64) -> Piece:
     deep = np.where(skull, np.maximum(far - middle, 0) + rim * CLEAR, 0.0)
     deep *= np.clip(parts.inside * cell / CLEAR, 0, 1)
     back = inflated(behind, parts.inside, cell, source=4.0, least=np.nan_to_num(deep) ** 2)
-    return Piece(_outside(front, parts.inside, hair), _outside(back, parts.inside, behind), middle)
+    return Piece(_outside(front, parts, hair, 1.0), _outside(back, parts, behind, 1.0), middle)
 
 
 def _behind(parts: Parts, hair: Bools, skull: Bools) -> Bools:
@@ -263,7 +273,7 @@ def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], plane: Flo
         q = inflated(domain, inside, cell, source=2.0, given=given, free=person & ~domain)
         thick = np.sqrt(np.maximum(q, 0))
         q = (thick * (1 + (thick / CHEST) ** 4) ** -0.25) ** 2
-        squares.append(_outside(q, parts.inside, domain))
+        squares.append(_outside(q, parts, domain, 0.0))
     return Piece(squares[0], squares[1], middles)
 
 

@@ -44,7 +44,7 @@ def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) ->
     local = view.to_camera(vertices)
     seen = view.project(vertices)
     inner = prior.landmarks[17:]
-    from_, by = [seen[inner]], [picture.landmarks[17:] - seen[inner]]
+    from_, by = [seen[inner]], [prior.vertices_seen(picture.landmarks)[17:] - seen[inner]]
     if picture.inside is not None:
         normals = with_normals(vertices, prior.triangles)
         rim = outline_vertices(view, prior, vertices, normals, neck=True)
