@@ -45,7 +45,7 @@ HUBER = 2.0
 """Deviations from which on an error counts linearly."""
 EXPRESSION = 0.35
 """Deviation of the expressions."""
-OUTLINE = 0.015
+OUTLINE = 0.03
 """Deviation of the matte's outline, over the distance of the eyes."""
 ROUNDS = 14
 MOST_DEVIATIONS = 3.0
@@ -378,8 +378,8 @@ class _Solver:
         # Hair may be thicker, but the skull lies within it.
         free = (hair > 0.5) & (away > 0)
         rim, away, slope = rim[~free], away[~free], slope[~free]
-        # Neighbours err alike: all together count as some thirty.
-        noise = OUTLINE * picture.eyes * np.sqrt(max(len(rim) / 30.0, 1.0))
+        # Neighbours err alike: all together count as some ten.
+        noise = OUTLINE * picture.eyes * np.sqrt(max(len(rim) / 10.0, 1.0))
         along = slope / noise
         return (*self._rows(index, rim, vertices[rim], along), away / noise)
 

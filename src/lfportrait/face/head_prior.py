@@ -34,19 +34,22 @@ NECK = -0.105
 """Height in metres, from the landmarks' level of ICT-FaceKit, below which its bust is left out:
 shoulders differ too much from person to person, and from pose to pose."""
 _LEAN = {
-    0: (-2.4, -3.8), 1: (-3.0, -8.6), 2: (-2.5, -4.4), 3: (-3.6, -9.8), 4: (-5.7, -10.2),
-    5: (-5.1, -6.1), 6: (-4.0, -1.0), 7: (-2.6, 3.6), 8: (0.0, 3.3), 17: (-2.5, 1.6),
-    18: (-2.9, -1.9), 19: (-0.7, -2.8), 20: (-1.8, -1.9), 21: (-1.6, 0.8), 27: (0.0, -1.4),
-    28: (0.0, -0.1), 29: (0.0, 1.7), 30: (0.0, 2.1), 31: (0.5, -4.0), 32: (-1.2, -1.6),
-    33: (0.0, -1.4), 36: (-2.4, -1.3), 37: (1.1, -1.3), 38: (-0.2, -0.6), 39: (0.0, -2.5),
-    40: (-0.9, 0.6), 41: (0.5, 0.5), 48: (-1.9, -0.3), 49: (-0.8, 0.5), 50: (0.6, -2.1),
-    51: (0.0, -1.1), 55: (-0.8, 1.4), 56: (-2.6, 1.9), 57: (0.0, 2.0), 60: (-2.9, -0.3),
-    61: (3.3, -1.4), 62: (0.0, -1.7), 65: (-4.1, 0.0), 66: (0.0, 0.0),
+    0: (-2.4, -3.8, 0.0), 1: (-3.0, -8.6, 0.0), 2: (-2.5, -4.4, 0.0), 3: (-3.6, -9.8, 0.0),
+    4: (-5.7, -10.2, 0.0), 5: (-5.1, -6.1, 0.0), 6: (-4.0, -1.0, 0.0), 7: (-2.6, 3.6, 0.0),
+    8: (0.0, 3.3, 0.0), 17: (-2.5, 1.6, 0.3), 18: (-2.9, -1.9, -1.5), 19: (-0.7, -2.8, -3.1),
+    20: (-1.8, -1.9, -4.3), 21: (-1.6, 0.8, -3.6), 27: (0.0, -1.4, -1.8), 28: (0.0, -0.1, -0.4),
+    29: (0.0, 1.7, 2.2), 30: (0.0, 2.1, -2.5), 31: (0.5, -4.0, 3.8), 32: (-1.2, -1.6, 1.4),
+    33: (0.0, -1.4, 1.7), 36: (-2.4, -1.3, 1.6), 37: (1.1, -1.3, 0.0), 38: (-0.2, -0.6, -1.3),
+    39: (0.0, -2.5, 1.8), 40: (-0.9, 0.6, 0.3), 41: (0.5, 0.5, 0.6), 48: (-1.9, -0.3, -1.6),
+    49: (-0.8, 0.5, -3.0), 50: (0.6, -2.1, -0.8), 51: (0.0, -1.1, -0.6), 55: (-0.8, 1.4, -2.4),
+    56: (-2.6, 1.9, -0.9), 57: (0.0, 2.0, -0.8), 60: (-2.9, -0.3, -1.6), 61: (3.3, -1.4, 1.5),
+    62: (0.0, -1.7, 1.7), 65: (-4.1, 0.0, 2.0), 66: (0.0, 0.0, 1.6),
 }
 """Where detectors put landmarks, from where ICT-FaceKit's vertices for them are, in hundredths of
-the distance of the outer corners of the eyes along their line and across (down); of one of each
-pair. Medians over 16 random heads of that model, drawn with brows, lips and irises and detected.
-Uncorrected, a nose's tip seen 2 mm too low tilts the whole head by five degrees.
+the distance of the outer corners of the eyes: along their line, across (down), and in depth (out of
+the face), as triangulated from several sides, where a landmark slides over the surface. Of one of
+each pair. Medians over 16 random heads of that model (6 for depth), drawn with brows, lips and
+irises. Uncorrected, a nose's tip seen 2 mm too low tilts the whole head by five degrees.
 """
 _USED = ("browDown_L", "browDown_R", "browInnerUp_L", "browInnerUp_R", "browOuterUp_L",
          "browOuterUp_R", "cheekPuff_L", "cheekPuff_R", "eyeBlink_L", "eyeBlink_R", "eyeWide_L",
@@ -80,8 +83,8 @@ class HeadPrior:
     expressions
         Their names.
     lean
-        float64 [68, 2] or None: how far detectors put landmarks from these vertices, over the
-        distance of the outer corners of the eyes, along their line and across (down).
+        float64 [68, 3] or None: how far detectors put landmarks from these vertices, over the
+        distance of the outer corners of the eyes, along their line, across (down), and outwards.
     """
 
     name: str
@@ -94,13 +97,9 @@ class HeadPrior:
     expressions: tuple[str, ...]
     lean: Float64 | None = None
 
-    def detected(self, landmarks: Float64) -> Float64:
-        """Where detectors that see the vertices of landmarks at [68, 2] pixels put these."""
-        return landmarks if self.lean is None else landmarks + _turned(self.lean, landmarks)
-
     def vertices_seen(self, landmarks: Float64) -> Float64:
         """Where the vertices lie whose landmarks detectors put at [68, 2] pixels."""
-        return landmarks if self.lean is None else landmarks - _turned(self.lean, landmarks)
+        return landmarks if self.lean is None else landmarks - _turned(self.lean[:, :2], landmarks)
 
     def shape(self, identity: Float64, expression: Float64) -> Float64:
         """Vertices float64 [N, 3] for coefficients [K] in deviations and [M] from 0 to 1.
@@ -122,11 +121,11 @@ def _turned(lean: Float64, landmarks: Float64) -> Float64:
 
 
 def _lean() -> Float64:
-    """`_LEAN` of all landmarks, [68, 2], as shares."""
-    out = np.zeros((68, 2))
-    for number, (along, across) in _LEAN.items():
-        out[MIRRORED[number]] = -along, across
-        out[number] = along, across
+    """`_LEAN` of all landmarks, [68, 3], as shares."""
+    out = np.zeros((68, 3))
+    for number, (along, across, outwards) in _LEAN.items():
+        out[MIRRORED[number]] = -along, across, outwards
+        out[number] = along, across, outwards
     return 0.01 * out
 
 

@@ -129,8 +129,11 @@ def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
     """The capture of fitted photos; the world is the first one's head."""
     base = fit.views[0]
     vertices = warped(fit.prior, base, fit.vertices(0), seen[0].picture)
-    # Landmarks lie where detectors see them, at the depth of the head there.
+    # Landmarks lie where detectors see them, and as deep as they would be triangulated.
     points = vertices[fit.prior.landmarks].copy()
+    if fit.prior.lean is not None:
+        eyes = float(np.linalg.norm(points[45] - points[36]))
+        points[:, 2] += eyes * fit.prior.lean[:, 2] * base.rotation[2, 2]
     points[:, :2] = (seen[0].picture.landmarks - base.center) / base.focal * points[:, 2:]
     poses = []
     for view in fit.views:
