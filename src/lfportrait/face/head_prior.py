@@ -30,7 +30,7 @@ FACE, HEAD, SOCKETS, EYES = range(4)
 """Parts of a head's vertices: face; skull, ears and neck; eye sockets; eyeballs."""
 IDENTITIES = 48
 """Modes of identity that are used: four fifths of the variance of ICT-FaceKit's heads."""
-NECK = -0.105
+NECK = -0.115
 """Height in metres, from the landmarks' level of ICT-FaceKit, below which its bust is left out:
 shoulders differ too much from person to person, and from pose to pose."""
 _LEAN = {
@@ -71,7 +71,8 @@ class HeadPrior:
     mean
         float32 [N, 3].
     triangles
-        int32 [T, 3], a closed surface; seen from outside, vertices run counter-clockwise.
+        int32 [T, 3], a surface that is open at the neck alone; seen from outside, vertices run
+        counter-clockwise.
     part
         uint8 [N]: `FACE`, `HEAD`, `SOCKETS`, `EYES`.
     landmarks
@@ -190,14 +191,15 @@ def _without_bust(head: HeadPrior, lowest: float) -> HeadPrior:
 
 
 def _closed(head: HeadPrior) -> HeadPrior:
-    """The head with a fan over each hole: the mouth's, which lies a little deeper, the neck's."""
+    """The head with a fan over the mouth, which lies a little deeper; the neck stays open."""
     mean, part = head.mean, head.part
     identity, expression, fans = head.identity, head.expression, []
     for loop in _holes(head.triangles):
+        if mean[loop, 1].mean() < NECK + 0.02:
+            continue
         middle = len(mean)
         mean = np.concatenate([mean, mean[loop].mean(axis=0, keepdims=True)])
-        if mean[middle, 1] > NECK + 0.02:
-            mean[middle, 2] -= 0.008  # teeth lie behind the lips
+        mean[middle, 2] -= 0.008  # teeth lie behind the lips
         part = np.append(part, part[loop[0]])
         identity, expression = (
             np.concatenate([modes, modes[:, loop].mean(axis=1, keepdims=True)], axis=1)

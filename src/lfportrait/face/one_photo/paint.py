@@ -25,8 +25,8 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-LEAST, FULL = 0.30, 0.62
-"""Cosines of incidence: below the first (72 degrees) a photo says nothing, from the second on
+LEAST, FULL = 0.25, 0.45
+"""Cosines of incidence: below the first (75 degrees) a photo says nothing, from the second on
 all."""
 CELL = 0.03
 """Of the finest lattice that colors are spread on, portrait units."""
