@@ -30,9 +30,9 @@ SMALLEST = 150.0
 """Pixels of a face's width, ear to ear, that it must have."""
 FACE_WIDTH = 0.145
 """Metres."""
-DISTANCES = (0.35, 0.5, 0.7, 1.0, 1.5)
+DISTANCES = (0.45, 0.6, 0.8, 1.05, 1.4)
 """Metres between camera and face that are tried where no focal length is noted."""
-LIKELY, SPREAD = 0.8, 0.25
+LIKELY, SPREAD = 0.8, 0.15
 """The likeliest distance, and the deviation of its logarithm."""
 NOISE = 0.02
 """Deviation of a landmark in the picture, over the distance of the outer corners of the eyes."""
@@ -45,14 +45,16 @@ HUBER = 2.0
 """Deviations from which on an error counts linearly."""
 EXPRESSION = 0.35
 """Deviation of the expressions."""
-OUTLINE = 0.03
+OUTLINE = 0.01
 """Deviation of the matte's outline, over the distance of the eyes."""
 ROUNDS = 14
 MOST_DEVIATIONS = 3.0
 """No coefficient of identity goes further."""
 WORST = 0.09
-"""Root mean square of the inner landmarks' errors, over the distance of the outer corners of the
-eyes, above which the head fits no face."""
+"""Root mean square of the inner landmarks' errors, over the distance of the eyes' outer corners,
+above which the head fits no face."""
+VAGUE_HAIR = 4.0
+"""Where hair is the outline, it says so many times less of the skull."""
 HAIR = 0.008
 """Metres that hair is thick at least where it is the outline."""
 _FLIP = np.diag([1.0, -1.0, -1.0])
@@ -190,8 +192,8 @@ def check_faces(faces: list[Float64], name: str) -> Float64:
         If there is none or more than one of that size, or it is too small.
     """
     if not faces:
-        raise UserError(f"no face was found in {name}; a portrait needs a photo that shows the face "
-                        "from the front, upright and in focus")
+        raise UserError(f"no face was found in {name}; a portrait needs a photo that shows the "
+                        "face from the front, upright and in focus")
     sizes = [float(np.linalg.norm(face[16] - face[0])) for face in faces]
     others = sum(size > 0.4 * sizes[0] for size in sizes)
     if others > 1:
@@ -237,14 +239,13 @@ def fit_head(prior: HeadPrior, pictures: list[Picture], names: list[str] | None 
 def _check_fit(fit: HeadFit, pictures: list[Picture], names: list[str]) -> None:
     """Refuse what can't be a face seen from the front."""
     for view, picture, pixels, name in zip(fit.views, pictures, fit.pixels, names, strict=True):
+        if pixels > WORST * picture.eyes:
+            raise UserError(f"what was found in {name} fits no face: landmarks are off by "
+                            f"{pixels:.0f} pixels; is it covered, or cut off?")
         turned = abs(view.angles["yaw"])
         if turned > MOST_TURNED and len(pictures) == 1:
             raise UserError(f"the face in {name} is turned by {turned:.0f} degrees; with one photo "
                             f"it may be {MOST_TURNED:.0f} at most")
-        if pixels > WORST * picture.eyes:
-            raise UserError(f"what was found in {name} fits no face: landmarks are off by "
-                            f"{pixels:.0f} pixels; is it covered, or cut off?")
-
 
 class _Solver:
     """The state of one fit: Gauss-Newton over all photos at once."""
@@ -344,7 +345,8 @@ class _Solver:
         along = np.concatenate([_across_jaw(picture.landmarks) / JAW,
                                 _inner_axes(picture.landmarks)]) / noise
         points = vertices[chosen]
-        away = view.project(points) - picture.landmarks[np.r_[0:17, np.repeat(np.arange(17, 68), 2)]]
+        numbers = np.r_[0:17, np.repeat(np.arange(17, 68), 2)]
+        away = view.project(points) - picture.landmarks[numbers]
         return (*self._rows(index, chosen, points, along), (away * along).sum(axis=1))
 
     def _slide_jaw(self, index: int, vertices: Float64, normals: Float64) -> None:
@@ -377,10 +379,11 @@ class _Solver:
         rim, away, slope, hair = rim[good], away[good], slope[good], hair[good]
         # Hair may be thicker, but the skull lies within it.
         free = (hair > 0.5) & (away > 0)
-        rim, away, slope = rim[~free], away[~free], slope[~free]
+        rim, away, slope, hair = rim[~free], away[~free], slope[~free], hair[~free]
         # Neighbours err alike: all together count as some ten.
         noise = OUTLINE * picture.eyes * np.sqrt(max(len(rim) / 10.0, 1.0))
-        along = slope / noise
+        noise = noise * np.where(hair > 0.5, VAGUE_HAIR, 1.0)
+        along = slope / noise[:, None]
         return (*self._rows(index, rim, vertices[rim], along), away / noise)
 
 
@@ -435,7 +438,8 @@ def outline_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: F
     lowest = vertices[prior.landmarks[8], 1] + 0.005
     if neck:
         lowest = vertices[:, 1].min() + 0.012
-    return np.flatnonzero(on & (facing < 0.35) & (prior.part != EYES) & (vertices[:, 1] > lowest))
+    shown = on & (facing < 0.35) & (prior.part != EYES)
+    return np.flatnonzero(shown & (vertices[:, 1] > lowest))
 
 
 def _outward(corners: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -18,7 +18,6 @@ import numpy as np
 
 from ..cache import hash_of
 from ..capture import CalibrateConfig, Capture
-from ..errors import UserError
 from ..example import Exemplar, Skin
 from ..face import is_portrait, portrait_field
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures

@@ -19,7 +19,7 @@ OUTSIDE, INSIDE = 2.0, 4.0
 """Voxels before and behind the surface that are kept."""
 COARSE = 4
 """Voxels to a step of the lattice that the surface is looked for on."""
-CLOSE = 2.5
+CLOSE = 3.5
 """Voxels from the surface up to which distances are exact."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the surface; at most twice that."""
@@ -70,6 +70,10 @@ class Shell:
         away[close] = np.clip(away[close], -2 * CLOSE * voxel, 2 * CLOSE * voxel)
         rough[z, y, x] = away
         kept = (away > -INSIDE * voxel) & (away < OUTSIDE * voxel)
+        # Beside matter a point has a color, even where distances jump.
+        matter = np.zeros(size, bool)
+        matter[z, y, x] = (away < 0) & kept
+        kept |= ndimage.binary_dilation(matter, np.ones((3, 3, 3)))[z, y, x] & (away > 0)
         owners = np.full(len(z), HEAD, np.uint8)
         owners[close] = owner
         far = kept & ~close

@@ -171,7 +171,7 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
     soft[:, :pad] *= fall
     soft[:, -pad:] *= fall[::-1]
     inside = cv2.GaussianBlur(signed_distance(soft), (0, 0), 1.0)
-    wide = Camera(small.pose, small.focal, small.center + [pad, 0], np.array(width + 2 * pad),
+    wide = Camera(small.pose, small.focal, small.center + np.array([pad, 0]), np.array(width + 2 * pad),
                   np.array(height + pad))
     cell = float(distance / small.focal[0, 0])
     return Parts(wide, cell, np.asarray(inside, np.float32), (curls > 0.5) & (inside > 0),

@@ -87,9 +87,9 @@ def portrait_capture(photos: list[Photo], progress: Progress | None = None,
     if progress is not None:
         angles = fit.views[0].angles
         progress.say(
-            f"a head ({fit.prior.name}) fits {len(seen)} photo{'s' * (len(seen) > 1)}: landmarks to "
-            f"{fit.pixels[0]:.1f} pixels, turned by {angles['yaw']:.0f} degrees; it can be looked "
-            f"at over {PORTRAIT_CONE:.0f} degrees in all, further out it is guessed")
+            f"{fit.prior.name} fits {len(seen)} photo{'s' * (len(seen) > 1)}: landmarks to "
+            f"{fit.pixels[0]:.1f} pixels, the face turned by {angles['yaw']:.0f} degrees; it can "
+            f"be looked at over {PORTRAIT_CONE:.0f} degrees in all, further out it is guessed")
     return capture, figures
 
 

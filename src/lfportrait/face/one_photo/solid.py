@@ -230,7 +230,7 @@ def _hair(parts: Parts, near: Float64, far: Float64) -> Piece:
 
 def _behind(parts: Parts, hair: Bools, skull: Bools) -> Bools:
     """Where hair covers the back of the head: down to the nape, and between long strands."""
-    height, width = hair.shape
+    height = hair.shape[0]
     rows = np.arange(height)
     middle = parts.camera.center[0, 0]
     # The height of each row at the head's depth, by the camera.
