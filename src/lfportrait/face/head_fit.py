@@ -45,7 +45,7 @@ HUBER = 2.0
 """Deviations from which on an error counts linearly."""
 EXPRESSION = 0.35
 """Deviation of the expressions."""
-OUTLINE = 0.01
+OUTLINE = 0.008
 """Deviation of the matte's outline, over the distance of the eyes."""
 ROUNDS = 14
 MOST_DEVIATIONS = 3.0
@@ -60,7 +60,7 @@ HAIR = 0.008
 _FLIP = np.diag([1.0, -1.0, -1.0])
 """From a head to a camera that looks at it from the front."""
 _WATCHED = 0.15
-"""Outlines further from the matte's than this, over the eyes' distance, belong to something else."""
+"""Outlines further from the matte's than this, over the eyes' distance, are of something else."""
 
 
 @dataclass(frozen=True)
@@ -377,11 +377,12 @@ class _Solver:
         away, slope, hair = outline_errors(picture, places, view)
         good = np.abs(away) < _WATCHED * picture.eyes
         rim, away, slope, hair = rim[good], away[good], slope[good], hair[good]
+        count = len(rim)
         # Hair may be thicker, but the skull lies within it.
         free = (hair > 0.5) & (away > 0)
         rim, away, slope, hair = rim[~free], away[~free], slope[~free], hair[~free]
         # Neighbours err alike: all together count as some ten.
-        noise = OUTLINE * picture.eyes * np.sqrt(max(len(rim) / 10.0, 1.0))
+        noise = OUTLINE * picture.eyes * np.sqrt(max(count / 10.0, 1.0))
         noise = noise * np.where(hair > 0.5, VAGUE_HAIR, 1.0)
         along = slope / noise[:, None]
         return (*self._rows(index, rim, vertices[rim], along), away / noise)

@@ -8,7 +8,8 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from ...field import VoxelField
-from .solid import HEAD, Solid
+from ...measure import usable_cores
+from .solid import Solid
 
 __all__ = ["Shell", "shell_of"]
 
@@ -69,21 +70,25 @@ class Shell:
         away[close], owner = solid.distance(points[close], 2 * CLOSE * voxel)
         away[close] = np.clip(away[close], -2 * CLOSE * voxel, 2 * CLOSE * voxel)
         rough[z, y, x] = away
-        kept = (away > -INSIDE * voxel) & (away < OUTSIDE * voxel)
-        # Beside matter a point has a color, even where distances jump.
-        matter = np.zeros(size, bool)
-        matter[z, y, x] = (away < 0) & kept
-        kept |= ndimage.binary_dilation(matter, np.ones((3, 3, 3)))[z, y, x] & (away > 0)
-        owners = np.full(len(z), HEAD, np.uint8)
-        owners[close] = owner
-        far = kept & ~close
-        if far.any():
-            owners[far] = owner[cKDTree(points[close]).query(points[far], workers=-1)[1]]
-        z, y, x = z[kept], y[kept], x[kept]
-        self.normals = _gradients(rough, z, y, x)
+        # Where distances jump the shell is closed all the same.
+        inside = rough < 0
+        box = np.ones((3, 3, 3), bool)
+        mask = ndimage.binary_dilation(inside, box) & ~ndimage.binary_erosion(inside, box, 2)
+        mask |= (rough > -INSIDE * voxel) & (rough < OUTSIDE * voxel)
+        exact = np.full(size, -1, np.int16)
+        exact[z[close], y[close], x[close]] = owner
+        z, y, x = np.nonzero(mask)
         self.links = np.full(size, -1, np.int32)
         self.links[z, y, x] = np.arange(len(z), dtype=np.int32)
-        self.points, self.away, self.owner = points[kept], away[kept], owners[kept]
+        self.normals = _gradients(rough, z, y, x)
+        self.points = first + voxel * np.stack([x, y, z], axis=1)
+        self.away = np.clip(rough[z, y, x], -INSIDE * voxel, OUTSIDE * voxel).astype(np.float64)
+        owners = exact[z, y, x]
+        far = owners < 0
+        if far.any():
+            found = cKDTree(points[close]).query(self.points[far], workers=usable_cores())[1]
+            owners[far] = owner[found]
+        self.owner = owners.astype(np.uint8)
         extent = size[::-1] * voxel
         self.center = first - 0.5 * voxel + 0.5 * extent
         self.radius = 0.5 * extent

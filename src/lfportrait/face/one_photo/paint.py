@@ -86,12 +86,12 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
                                  / float(np.linalg.norm(shot.camera.position[0]))))
         small = shot.camera.scaled(factor)
         alpha, depth = bare.depth(small, 0)
-        depth = _nearest(np.where(alpha > 0.5, depth, np.inf))
-        color, weight = shot.look(points, normals, depth, shell.voxel)
+        near = _nearest(np.where(alpha > 0.5, depth, np.inf))
+        color, weight = shot.look(points, normals, near, shell.voxel)
         total += weight[:, None] * color
         weights += weight
         best = np.maximum(best, weight)
-        color, weight = shot.look(points * mirror, normals * mirror, depth, shell.voxel)
+        color, weight = shot.look(points * mirror, normals * mirror, near, shell.voxel)
         spread += weight[:, None] * color
         known += weight
     photo = total / np.maximum(weights, 1e-9)[:, None]

@@ -68,7 +68,8 @@ class Parts:
         out = [cv2.remap(np.asarray(values, np.float32), part[1][:, None], part[0][:, None],
                          cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0]
                for part in np.split(padded, padded.shape[1] // rows, axis=1)] if count else []
-        return np.concatenate(out)[:count] if out else np.zeros(0, np.float32)
+        whole = np.concatenate(out)[:count] if out else np.zeros(0)
+        return np.asarray(whole, np.float32)
 
 
 def signed_distance(matte: NDArray[np.floating]) -> Float32:
@@ -98,7 +99,7 @@ def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDAr
     mask = ((hair > 0.5) & (matte > 0.5)).astype(np.uint8)
     radius = max(1, round(0.02 * width))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc)
+    mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc), np.uint8)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
     for one in range(1, count):
         if stats[one, cv2.CC_STAT_AREA] < 0.01 * width ** 2:
@@ -163,16 +164,16 @@ def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.float
     width, height = int(small.width[0]), int(small.height[0])
     size = (width, height)
     pad = round(MARGIN * width)
-    soft, curls = (cv2.copyMakeBorder(
+    soft, curls = (np.asarray(cv2.copyMakeBorder(
         cv2.resize(np.asarray(one, np.float32), size, interpolation=cv2.INTER_AREA),
-        0, pad, pad, pad, cv2.BORDER_REPLICATE) for one in (matte, hair))
+        0, pad, pad, pad, cv2.BORDER_REPLICATE), np.float32) for one in (matte, hair))
     # What goes on beyond the sides ends there, round.
-    fall = np.clip(np.arange(pad) / max(0.6 * pad, 1), 0, 1)
+    fall = np.clip(np.arange(pad) / max(0.6 * pad, 1), 0, 1).astype(np.float32)
     soft[:, :pad] *= fall
     soft[:, -pad:] *= fall[::-1]
     inside = cv2.GaussianBlur(signed_distance(soft), (0, 0), 1.0)
-    wide = Camera(small.pose, small.focal, small.center + np.array([pad, 0]), np.array(width + 2 * pad),
-                  np.array(height + pad))
+    wide = Camera(small.pose, small.focal, small.center + np.array([pad, 0]),
+                  np.array(width + 2 * pad), np.array(height + pad))
     cell = float(distance / small.focal[0, 0])
     return Parts(wide, cell, np.asarray(inside, np.float32), (curls > 0.5) & (inside > 0),
                  float(height))

@@ -104,7 +104,7 @@ class _Seen:
         if alpha is not None and alpha.min() < 255:
             share = alpha[..., None].astype(np.float32) / 255
             shown = np.rint(self.image * share + _GROUND * (1 - share)).astype(np.uint8)
-            self.matte = share[..., 0]
+            self.matte: Float32 = share[..., 0]
             self.given = True
         else:
             self.matte = refine_matte(shown, person_matte(shown))

@@ -48,7 +48,9 @@ class MeshSamples:
         corners = points[triangles]
         sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
         steps = np.clip(np.ceil(sides / STEP), 1, 12).astype(int)
-        places, directions, found = [], [], []
+        places: list[Float64] = []
+        directions: list[Float64] = []
+        found = []
         for count in np.unique(steps):
             weights = _barycentric(int(count))
             chosen = triangles[steps == count]

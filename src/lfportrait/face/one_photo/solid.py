@@ -35,7 +35,7 @@ CHEST = 0.10 / METRES
 """Half the thickness of a body at most."""
 NAPE = -0.36
 """Height at which hair ends behind."""
-NECK_TOP, NECK_END = -0.086, -0.099
+NECK_TOP, NECK_END = -0.082, -0.091
 """Heights of the model (metres) between which its neck goes over into the body's."""
 NECK_OVERLAP = 0.05
 """How far the body goes up into the model's neck, portrait units."""
@@ -197,9 +197,9 @@ def _outside(squares: Float64, parts: Parts, domain: Bools, dip: float) -> Float
     down, across = np.gradient(outline)
     length = np.maximum(np.hypot(down, across), 0.3)
     way = np.minimum(-2 * outline, 40.0)
-    mirrored = cv2.remap(out.astype(np.float32), (column + across / length * way).astype(np.float32),
-                         (row + down / length * way).astype(np.float32), cv2.INTER_LINEAR,
-                         borderMode=cv2.BORDER_REPLICATE)
+    x, y = column + across / length * way, row + down / length * way
+    mirrored = cv2.remap(out.astype(np.float32), x.astype(np.float32), y.astype(np.float32),
+                         cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     beyond = ~domain & (outline <= 0)
     out[beyond] = np.minimum(-np.abs(mirrored[beyond]), -1e-7)
     return np.asarray(out, np.float64)
@@ -208,7 +208,7 @@ def _outside(squares: Float64, parts: Parts, domain: Bools, dip: float) -> Float
 def _hair(parts: Parts, near: Float64, far: Float64) -> Piece:
     """Hair as a piece: in front what the photo shows, behind the back of the head."""
     cell = parts.cell
-    middle = _filled(cv2.GaussianBlur(_filled(0.5 * (near + far), 6.0), (0, 0), 8.0), 8.0)
+    middle = np.asarray(cv2.GaussianBlur(_filled(0.5 * (near + far), 6.0), (0, 0), 8.0), np.float64)
     person, skull = parts.inside > 0, np.isfinite(near)
     hair = parts.hair & person
     # At the hairline it begins on the skin; further in it lies clear of the skull.

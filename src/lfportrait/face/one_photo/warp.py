@@ -74,10 +74,10 @@ def warped(prior: HeadPrior, view: View, vertices: Float64, picture: Picture) ->
     return out
 
 
-def _spread(points: Float64, most: int) -> Float64:
+def _spread(points: Float64, most: int) -> NDArray[np.int64]:
     """Indices of up to ``most`` of points [N, 2], evenly spread: one a cell of a grid."""
     if len(points) <= most:
-        return np.arange(len(points))
+        return np.arange(len(points), dtype=np.int64)
     size = float(np.ptp(points, axis=0).sum()) * 2 / most
     cells = np.floor(points / max(size, 1e-9)).astype(np.int64)
-    return np.unique(cells, axis=0, return_index=True)[1]
+    return np.asarray(np.unique(cells, axis=0, return_index=True)[1], np.int64)
