@@ -17,7 +17,7 @@ from ...capture import Camera
 from ...field import C0
 from .lattice import Shell
 from .parts import Parts
-from .solid import HAIR
+from .solid import HAIR, HEAD
 
 __all__ = ["Shot", "painted"]
 
@@ -32,6 +32,8 @@ CELL = 0.03
 """Of the finest lattice that colors are spread on, portrait units."""
 UPWARDS = 1.8
 """Colors come from the sides rather than from above or below."""
+TEMPLES, HIDDEN = 0.06, 0.05
+"""Height of the upper ends of the ears; how little a photo shows of what counts as unseen."""
 MIRRORED = 0.25
 """Weight of what the other side shows."""
 
@@ -97,6 +99,8 @@ def painted(shell: Shell, shots: list[Shot]) -> NDArray[np.float32]:
     photo = total / np.maximum(weights, 1e-9)[:, None]
     other = spread / np.maximum(known, 1e-9)[:, None]
     hair = shell.owner == HAIR
+    if hair.any():  # above the ears what no photo shows has hair, too
+        hair |= (shell.owner == HEAD) & (best < HIDDEN) & (points[:, 1] > TEMPLES)
     fill = np.empty_like(photo)
     for part in (hair, ~hair):
         if part.any():
