@@ -25,7 +25,7 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
 """In order: a stage imports only stages before it, and the ground floor."""
 GROUND = ("browsing", "cache", "color", "containers", "device", "download", "errors", "files",
           "gpu", "graphics", "health", "labels", "lanes", "lazy", "leftovers", "locks", "measure",
-          "media", "metrics", "models", "packed", "plugins", "png", "progress", "renamed",
+          "media", "metrics", "models", "packed", "plugins", "png", "progress",
           "sources", "stages", "states", "temporary", "version")
 """Carries all stages and knows none."""
 ROOMS = ("metrics", "baselines", "bench", "study", "tables", "commands")

@@ -13,19 +13,12 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-__all__ = ["all_options", "print_short_help"]
+__all__ = ["print_short_help"]
 
 _MOST = 16
 """A command with no more options than this shows all of them."""
 _OPTION = re.compile(r"^│ (?:-\w, )?--[\w.-]+")
 _NAME = re.compile(r"--([\w.-]+)")
-
-
-def all_options(command: type, plain: bool = False) -> list[str]:
-    """The options of a class, ``--like.this``, with their negations; ``plain``: without dashes."""
-    found = [name for line in _help(command, "").splitlines() if _OPTION.match(line)
-             for name in _NAME.findall(line.strip("│ ").split("  ")[0])]
-    return found if plain else [f"--{name}" for name in found]
 
 
 def _help(command: type, program: str) -> str:
