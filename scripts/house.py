@@ -24,7 +24,7 @@ STAGES = ("capture", "field", "face", "example", "stylize", "lightfield", "share
           "job", "studio", "cli")
 """In order: a stage imports only stages before it, and the ground floor."""
 GROUND = ("browsing", "cache", "color", "containers", "device", "download", "errors", "files",
-          "gpu", "graphics", "health", "labels", "lanes", "leftovers", "locks", "measure",
+          "gpu", "graphics", "health", "labels", "lanes", "leftovers", "measure",
           "media", "metrics", "models", "packed", "plugins", "png", "progress",
           "stages", "states", "temporary", "version")
 """Carries all stages and knows none."""
