@@ -6,11 +6,10 @@ from .guides.position import position_guide
 from .guides.regions import Regions, find_regions
 from .guides.scalp import photo_regions
 from .lids import Lids, asked_lids, closed_words, eye_opening, eye_openings, shut_eyes
-from .methods import Method, MethodConfig, PhotoMethod, paint, photo_method, prepare
+from .methods import Method, MethodConfig, PhotoMethod, Sitting, paint, photo_method, prepare
 from .painter.ground import GroundConfig, known_ground
 from .painter.picture_materials import painted_shares
 from .patches import PatchConfig
-from .providers import Sitting, provided_styles
 from .region_styles import mix_regions
 from .skin import Atlas, Painting, Skin, SkinConfig, SkinPainter, draw_atlas
 from .styleblit import BlitConfig, Synthesis, synthesise
@@ -74,7 +73,6 @@ __all__ = [
     "photo_regions",
     "position_guide",
     "prepare",
-    "provided_styles",
     "shut_eyes",
     "spectacles",
     "suited",

@@ -17,8 +17,8 @@ from ..face import FacePose
 from ..labels import BY_HAND
 from ..media.masks import read_mask
 from ..media.pictures import read_image
+from ..plugins import provided_styles
 from .guides.regions import Regions, find_regions
-from .providers import provided_styles
 
 __all__ = ["Exemplar", "face_size"]
 
