@@ -116,7 +116,8 @@ def _code_files(root: Path) -> list[Path]:
 def _tree_hash(root: Path) -> str:
     """Hash of a package's files, read again only where one has another state."""
     files = _code_files(root)
-    kept = user_cache("code") / hash_of(root, [(file, file_state(file)) for file in files])
+    state = hash_of(root, [(file, file_state(file)) for file in files])
+    kept = user_cache("code") / f"{state}.txt"
     with suppress(OSError, ValueError):
         found = kept.read_text(encoding="ascii")
         if len(found) == _DIGITS:  # else it is damaged
@@ -126,7 +127,7 @@ def _tree_hash(root: Path) -> str:
     with suppress(OSError, UserError):
         with atomic_write(kept) as stream:
             stream.write(found.encode())
-        _drop_oldest(kept.parent, "*", _INSTALLATIONS)
+        _drop_oldest(kept.parent, "*.txt", _INSTALLATIONS)
     return found
 
 
