@@ -17,6 +17,7 @@ import tyro
 
 __all__ = ["print_short_help"]
 
+_HIDDEN: Any = tyro.conf.Suppress
 _MOST = 16
 """A command with no more options than this shows all of them."""
 
@@ -60,7 +61,7 @@ def _below(name: str) -> str:
 def _options(kind: Any, prefix: str = "") -> Iterator[str]:
     """The names of a class's options, of those of its entries, too."""
     for _, hint, name, inner in _entries(kind, prefix):
-        if tyro.conf.Suppress[int].__metadata__[0] in getattr(hint, "__metadata__", ()):
+        if _HIDDEN[int].__metadata__[0] in getattr(hint, "__metadata__", ()):
             continue
         if inner is not None:
             yield from _options(inner, _below(name))
@@ -82,7 +83,7 @@ def _with(kind: Any, usual: set[str], prefix: str = "", values: Any = None) -> A
                             dataclasses.field(default_factory=shown)))
         elif name not in usual or values is not None:
             entries.append((
-                field.name, hint if name in usual else tyro.conf.Suppress[hint],
+                field.name, hint if name in usual else _HIDDEN[hint],
                 dataclasses.field(default_factory=factory) if values is not None else field))
     return make_dataclass(kind.__name__, entries, bases=(kind,),
                           frozen=kind.__dataclass_params__.frozen,
