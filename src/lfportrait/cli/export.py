@@ -9,16 +9,18 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
+from ..capture import capture_formats
 from ..errors import UserError
-from ..field import VoxelField
 from ..lightfield import EncodeConfig
 from ..share import (
     ExportConfig,
+    ExportContext,
     FrameConfig,
+    NoParameters,
     PageConfig,
-    export_field,
-    export_frame,
-    kind_of,
+    export_of,
+    exports,
+    own_exports,
     serve_page,
     write_page,
 )
@@ -26,7 +28,14 @@ from ..stylize import load_styled
 from ..temporary import temporary_folder
 from .common import Common
 
-__all__ = ["Export", "View"]
+__all__ = ["Export", "Formats", "View"]
+
+_OURS = ExportConfig, PageConfig, FrameConfig, NoParameters
+"""Parameters that stand among the command's options without the name of a kind before them."""
+
+
+_NAMES = ", ".join(f"{kind.mark}{kind.written[0]} ({kind.title})" for kind in own_exports()
+                   if kind.command == "export" and kind.claim(Path(f"x{kind.mark}{kind.written[0]}")))
 
 
 @dataclass
@@ -34,17 +43,12 @@ class Export(Common):
     """Export a field as a page, a 3D file, or a picture or video for a frame.
 
     3D files: points, a textured mesh, Gaussian splats, a checkpoint. For frames: quilts, packages,
-    stereo pairs, color and depth, anaglyphs, flat videos.
+    stereo pairs, color and depth, anaglyphs, flat videos. `lfportrait formats` lists all.
     """
 
     field: tyro.conf.Positional[Path]
     """Field file (.npz)."""
-    out: Path
-    """File: .html (a self-contained page), .ply (points, a mesh or splats), .glb (a mesh or
-    splats), .usdz, .obj (a mesh), .spz, .sog (splats), .npz (svox2 checkpoint); a .ply or .glb
-    whose name contains "splat" holds Gaussian splats. For frames: .hop (Looking Glass Studio), .mp4
-    (flat video); a picture's name says what it holds: NAME_qs8x6a0.75.webp (quilt), NAME_2x1.jpg
-    (stereo pair), NAME_rgbd.png, NAME_anaglyph.png."""
+    out: Annotated[Path, tyro.conf.arg(help=f"File; its name says what it holds: {_NAMES}.")]
     usual: ClassVar[tuple[str, ...]] = (
         "kind", "title", "artist", "date", "display", "pixels", "eye-distance", "backdrop",
         "frames", "sway", "media-player")
@@ -57,53 +61,46 @@ class Export(Common):
     encode: EncodeConfig = option(default_factory=EncodeConfig)
     """Placement of the head for frames; ground of frames and pages."""
 
+    @classmethod
+    def sections(cls) -> dict[str, type]:
+        """The parameters of kinds that have their own."""
+        return {one.name: one.parameters for one in exports().values()
+                if one.command == "export" and one.parameters not in _OURS}
+
     def run(self) -> dict[str, Any]:
         """Convert and write."""
-        if kind_of(self.out) is not None:
-            return self._for_a_frame()
-        with self.progress("export", 100) as progress:
-            progress.update(0, self.out.name)
-            if self.out.suffix.lower() in (".html", ".htm"):
-                return self._written(write_page(load_styled(self.field), self.out, self.page,
-                                                self.encode))
-            figures = export_field(
-                VoxelField.load(self.field), self.out, self.config,
-                lambda share, text: progress.update(int(100 * share), text))
-        if not self.quiet:
-            counts = ", ".join(f"{figures[name]:,} {name}" for name in figures
-                               if name not in ("bytes", "psnr"))
-            near = f", {figures['psnr']:.1f} dB to the field" if "psnr" in figures else ""
-            print(f"{self.out}: {counts}{near}, {figures['bytes'] / 1e6:.1f} MB")
-        return figures
-
-    def _for_a_frame(self) -> dict[str, Any]:
-        """Write a quilt, a pair, a video; say what it is."""
+        export = export_of(self.out, self.config.kind)
+        given = (self.config, self.page, self.frame, *self.given)
+        parameters = next((one for one in given if type(one) is export.parameters), None)
         with self.progress("export") as progress:
             progress.update(0, self.out.name)
-
-            def step(number: int, count: int) -> None:
-                progress.update(number, f"frame {number + 1} of {count}")
-
-            figures = export_frame(VoxelField.load(self.field), self.out, self.frame, self.encode,
-                                   step=step)
+            figures = export.make(load_styled(self.field), self.out, parameters,
+                                  ExportContext(self.encode, progress=progress))
         if not self.quiet:
-            far, near = figures.get("parallax_percent", (0, 0))
-            said = [f"{figures['size'][0]} x {figures['size'][1]}",
-                    *([f"{figures['views']} views for {figures['display']}"]
-                      if "views" in figures else []),
-                    *([f"{figures['frames']} frames, {figures['codec']}"]
-                      if "frames" in figures else []),
-                    *([f"parallax {near:g} % of the width in front, {-far:g} % behind"]
-                      if "parallax_percent" in figures else [])]
-            print(f"{figures['out']}: {', '.join(said)}, {figures['bytes'] / 1e6:.1f} MB")
-        return figures
-
-    def _written(self, figures: dict[str, Any]) -> dict[str, Any]:
-        """Say what a page holds; return the figures."""
-        if not self.quiet:
-            print(f"{self.out}: {figures['rows']:,} voxels, {', '.join(figures['sets'])}, "
+            print(f"{figures['out']}: {', '.join(export.facts(figures))}, "
                   f"{figures['bytes'] / 1e6:.1f} MB")
         return figures
+
+
+@dataclass
+class Formats(Common):
+    """List what portraits are exported as, and which captures of other programs are read."""
+
+    def run(self) -> dict[str, Any]:
+        """Look and print."""
+        kinds = [{**one.entry(), "command": one.command, "contents": one.kind,
+                  "suffixes": one.written} for one in exports().values()]
+        captures = [{"name": one.name, "files": one.files, "writes": one.writes}
+                    for one in capture_formats().values()]
+        print("exports")
+        for one, kind in zip(kinds, exports().values()):
+            by = "" if kind.command == "export" else f" (lfportrait {kind.command})"
+            ends = " ".join(f"{kind.mark}{end}" for end in kind.written[:4])
+            print(f"  {one['kind']:<12}{ends:<44}{kind.purpose}{by}")
+        print("captures")
+        for capture in captures:
+            print(f"  {capture['name']:<44}{capture['files']}")
+        return {"exports": kinds, "captures": captures}
 
 
 @dataclass

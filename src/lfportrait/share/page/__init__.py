@@ -6,9 +6,16 @@ the field, `budget` keeps to the size that is asked for, `poster` is the picture
 docs/portrait-page.md for what the page does. `recolored` gives a page that is open other colors.
 """
 
-from .assembly import page_script, write_page
-from .config import PageConfig
-from .recolored import OpenPage, recolored
-from .serving import serve_page
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .assembly import page_script, write_page
+    from .config import PageConfig
+    from .recolored import OpenPage, recolored
+    from .serving import serve_page
 
 __all__ = ["OpenPage", "PageConfig", "page_script", "recolored", "serve_page", "write_page"]
+
+__getattr__, __dir__ = attach(__name__, __file__)
