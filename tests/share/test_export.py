@@ -15,7 +15,7 @@ from lfportrait.field.background import Background
 from lfportrait.field.kernels.march import lattice_of_world
 from lfportrait.field.kernels.surface import depth_from_outside, seen_colors
 from lfportrait.field.surface import field_mesh, field_points
-from lfportrait.share.export import ExportConfig, export_field
+from lfportrait.share import ExportConfig, export_field
 from tests.fields import shell_field
 from tests.reference.raycast import sh_basis, trilinear
 from tests.reference.svox2 import Checkpoint

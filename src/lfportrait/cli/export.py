@@ -34,8 +34,9 @@ _OURS = ExportConfig, PageConfig, FrameConfig, NoParameters
 """Parameters that stand among the command's options without the name of a kind before them."""
 
 
-_NAMES = ", ".join(f"{kind.mark}{kind.written[0]} ({kind.title})" for kind in own_exports()
-                   if kind.command == "export" and kind.claim(Path(f"x{kind.mark}{kind.written[0]}")))
+_NAMES = ", ".join(f"{name} ({kind.title})" for kind in own_exports()
+                   for name in (f"{kind.mark}{kind.written[0]}",)
+                   if kind.command == "export" and kind.claim(Path(f"x{name}")))
 
 
 @dataclass

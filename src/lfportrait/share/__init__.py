@@ -33,8 +33,9 @@ if TYPE_CHECKING:
 __all__ = ["QUILTS", "SECONDS", "DrivePlan", "Export", "ExportConfig", "ExportContext",
            "FrameConfig", "NoParameters", "OpenPage", "Option", "PageConfig", "Picture",
            "QuiltName", "Report", "Section", "SequenceConfig", "Table", "each_frame",
-           "export_field", "export_of", "exports", "fill_drive", "orbit_cameras", "own_exports", "page_script",
-           "path_cameras", "recolored", "serve_page", "sweep_cameras", "sweep_degrees",
+           "export_field", "export_of", "exports", "fill_drive", "orbit_cameras", "own_exports",
+           "page_script", "path_cameras", "recolored", "serve_page", "sweep_cameras",
+           "sweep_degrees",
            "sweep_frames", "sweep_ground", "write_page", "write_quilt", "write_report",
            "write_sequence", "write_video"]
 

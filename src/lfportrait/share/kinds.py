@@ -139,8 +139,8 @@ class Print(_Own):
     ending, suffixes, megabytes = ".tiff", (".tiff", ".tif", ".png"), 160
     options = (Option("lpi", "Lenses per inch, as the lens sheet says", 60.0, 10, 200),
                Option("dpi", "Dots per inch of the printer", 720.0, 100, 4800),
-               Option("size", "Of the paper: 8x10in, 200x250mm, a4 or a4-landscape; 8x10in if it is "
-                      "empty", ""))
+               Option("size", "Of the paper: 8x10in, 200x250mm, a4 or a4-landscape; 8x10in if it "
+                      "is empty", ""))
     writer = "writers:write_lenticular"
 
 

@@ -62,7 +62,7 @@ def write_mesh(field: VoxelField, path: Path, config: ExportConfig,
     if smooth is None:
         smooth = _SEEN_SMOOTH if painted else 1.5
     mesh = field_mesh(field, level, config.surface, smooth, config.least_piece)
-    figures, paths = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
+    figures = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
     if painted:
         context.tell(0.4, "texture")
         textured = meshes.bake_texture(field, mesh)

@@ -14,7 +14,14 @@ from ..measure import free_disk_bytes
 from .answers import Refusal, truth
 from .displays import Displays
 from .events import Events
-from .exports import checked_options, checked_placement, forget_unfinished, keep, kind_of, quality_of
+from .exports import (
+    checked_options,
+    checked_placement,
+    forget_unfinished,
+    keep,
+    kind_of,
+    quality_of,
+)
 from .job_state import JobState
 from .jobs import Jobs
 from .mixes import mix_arguments

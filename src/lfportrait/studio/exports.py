@@ -7,7 +7,6 @@ import re
 import shutil
 import time
 from collections.abc import Sequence
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,8 @@ __all__ = ["checked_options", "checked_placement", "entries", "find", "forget_un
            "kind_of", "kinds", "quality_of", "remove", "target"]
 
 
+_BOUND = 1e9
+"""Of numbers that have none."""
 _PLACEMENT = {"size": (0.05, 4.0), "shift_x": (-4.0, 4.0), "shift_y": (-4.0, 4.0),
               "focus": (-4.0, 4.0), "depth_scale": (0.01, 4.0), "turn": (-180.0, 180.0),
               "ground_depth": (0.0, 20.0), "background": (0.0, 1.0), "shadow": (0.0, 1.0),
@@ -81,10 +82,10 @@ def _checked(option: Option, data: dict[str, Any]) -> Any:
         return truth(data, name, default)
     if isinstance(default, str):
         return text(data, name, default)
-    low, high = (-inf if option.min is None else option.min,
-                 inf if option.max is None else option.max)
+    low = -_BOUND if option.min is None else option.min
+    high = _BOUND if option.max is None else option.max
     if isinstance(default, int):
-        return whole(data, name, low, high, default)
+        return whole(data, name, round(low), round(high), default)
     return number(data, name, low, high, default)
 
 
