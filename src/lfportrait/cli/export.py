@@ -89,19 +89,19 @@ class Formats(Common):
 
     def run(self) -> dict[str, Any]:
         """Look and print."""
-        kinds = [{**one.entry(), "command": one.command, "contents": one.kind,
-                  "suffixes": one.written} for one in exports().values()]
-        captures = [{"name": one.name, "files": one.files, "writes": one.writes}
-                    for one in capture_formats().values()]
-        print("exports")
-        for one, kind in zip(kinds, exports().values()):
-            by = "" if kind.command == "export" else f" (lfportrait {kind.command})"
-            ends = " ".join(f"{kind.mark}{end}" for end in kind.written[:4])
-            print(f"  {one['kind']:<12}{ends:<44}{kind.purpose}{by}")
-        print("captures")
-        for capture in captures:
-            print(f"  {capture['name']:<44}{capture['files']}")
-        return {"exports": kinds, "captures": captures}
+        kinds, captures = exports().values(), capture_formats().values()
+        rows = [(one.name, f"{one.mark}{' '.join(one.written)}", f"{one.title}: {one.purpose}" + (
+            "" if one.command == "export" else f" (lfportrait {one.command})")) for one in kinds]
+        wide = [max(len(row[column]) for row in rows) for column in (0, 1)]
+        print("exports", *(f"  {name:<{wide[0]}}  {ends:<{wide[1]}}  {text}"
+                           for name, ends, text in rows), sep="\n")
+        wide[0] = max(len(one.name) for one in captures)
+        print("captures", *(f"  {one.name:<{wide[0]}}  {one.files}{' (written, too)' * one.writes}"
+                            for one in captures), sep="\n")
+        return {"exports": [{**one.entry(), "command": one.command, "contents": one.kind,
+                             "suffixes": one.written} for one in kinds],
+                "captures": [{"name": one.name, "files": one.files, "writes": one.writes}
+                             for one in captures]}
 
 
 @dataclass
