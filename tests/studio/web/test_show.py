@@ -158,8 +158,9 @@ def kept(opened, *jobs):
 
 def test_files_say_what_they_are_of_and_can_go_on(opened):
     drafted(opened)
+    kinds = opened.ask("GET", "/api/projects/anna/exports")["kinds"]
     opened.page.route("**/api/projects/anna/exports", lambda route: route.fulfill(json={
-        "kinds": [], "exports": [{
+        "kinds": kinds, "exports": [{
             "id": "x", "name": "Anna.png", "kind": "coded", "version": "v-try", "size_bytes": 2e6,
             "created": 1.0, "fine": False, "file": "/x", "path": "/exports/Anna.png"}]}))
     opened.go("show/anna/files")
