@@ -59,20 +59,8 @@ def offered(group: str) -> dict[str, Any]:
 def gathered(group: str, base: type[Kind], own: Iterable[type[Kind]]) -> dict[str, Kind]:
     """A registry: an instance of each of our own classes and of those of a group, by its name.
 
-    Parameters
-    ----------
-    group
-        The group of entry points.
-    base
-        What all classes stand above.
-    own
-        Our own.
-
-    Returns
-    -------
-    registry
-        Ours first. A class of another package that can't be used, or whose name there is already,
-        is left out with a warning.
+    A class of another package that can't be used, as it does not stand above ``base``, or whose
+    name there is already, is left out with a warning.
     """
     found = {one.name: one for one in (kind() for kind in own)}
     for name, kind in offered(group).items():
@@ -92,12 +80,7 @@ def gathered(group: str, base: type[Kind], own: Iterable[type[Kind]]) -> dict[st
 
 @contextmanager
 def blamed(thing: object) -> Iterator[None]:
-    """What fails in another package becomes one line that names it; our own faults stay ours.
-
-    Parameters
-    ----------
-    thing
-        The instance whose code runs.
+    """Whatever fails in another package's ``thing`` becomes one line; our own faults stay ours.
 
     Raises
     ------

@@ -28,20 +28,9 @@ class NoParameters:
 
 @dataclass(frozen=True)
 class Option:
-    """A parameter that the studio asks for.
+    """A parameter that the studio asks for: a field of `Export.parameters`, and a line beside it.
 
-    Attributes
-    ----------
-    name
-        Of the field in `Export.parameters`.
-    note
-        One line beside it.
-    default
-        A bool, whole number, number or text; an empty text stands for the field's own default.
-    min, max
-        Of a number.
-    choices
-        Of a text.
+    ``min`` and ``max`` bound a number, ``choices`` a text; an empty text leaves the default.
     """
 
     name: str
@@ -61,14 +50,8 @@ class Option:
 class ExportContext:
     """What an export has beside its own parameters.
 
-    Attributes
-    ----------
-    encode
-        Placement of the head on a panel, and the ground behind it.
-    display
-        The panel, a preset's name or a display file; empty: none is named.
-    progress
-        Where it says how far it is.
+    Placement and ground of the head; the panel (a preset's name or a display file, empty: none is
+    named); and where it says how far it is.
     """
 
     encode: EncodeConfig = option(default_factory=EncodeConfig)
@@ -92,22 +75,18 @@ class Export(ABC):
     Attributes
     ----------
     name
-        Its short name, one among all kinds.
+        Short, one among all kinds.
     title, purpose
         For people, in English; one line each.
-    ending
-        What the studio puts behind a name that was chosen, such as ``.glb`` or ``_2x1.jpg``.
-    suffixes
-        Suffixes that it can be written with; by default that of ``ending``.
+    ending, suffixes
+        What the studio puts behind a name (``.glb``, ``_2x1.jpg``); suffixes that it can be written
+        with, by default that of ``ending``.
     mark
         How a name's stem must end to ask for this kind; empty: its suffix is enough.
     contents
-        What ``--kind`` calls it; by default its name. Several kinds may be one content in several
-        formats.
-    parameters
-        A frozen data class; on the command line its fields are ``--NAME.FIELD``.
-    options
-        The parameters that the studio asks for.
+        What ``--kind`` calls it, by default its name; several kinds may be one in several formats.
+    parameters, options
+        A frozen data class, whose fields are ``--NAME.FIELD``; those that the studio asks for.
     megabytes
         A file of a head of 64 photos takes about; 0: nobody knows.
     group
@@ -136,18 +115,14 @@ class Export(ABC):
     @abstractmethod
     def write(self, field: VoxelField, path: Path, parameters: Any,
               context: ExportContext) -> dict[str, Any]:
-        """Write the file.
+        """Write the file, which appears under its name when it is whole.
 
         Parameters
         ----------
         field
             The field; a `StyledField` where the file holds one.
-        path
-            The file. It appears under this name when it is whole (`lfportrait.files.atomic_path`).
-        parameters
-            An instance of ``parameters``.
-        context
-            What else there is.
+        path, parameters, context
+            The file; an instance of ``parameters``; what else there is.
 
         Returns
         -------

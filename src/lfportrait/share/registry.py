@@ -34,14 +34,7 @@ def own_exports() -> list[Export]:
 
 
 def export_of(path: Path, kind: str = "auto") -> Export:
-    """The kind of export that a file's name asks for.
-
-    Parameters
-    ----------
-    path
-        The file.
-    kind
-        What it is to hold (`Export.contents`), or ``auto``.
+    """The kind of export that a file's name asks for, or of ``kind`` (`Export.contents`).
 
     Raises
     ------
@@ -82,10 +75,8 @@ def export_field(field: VoxelField, path: Path, parameters: Any = None,
 
     Parameters
     ----------
-    field
-        The field.
-    path
-        The file (`lfportrait formats` lists the names).
+    field, path
+        The field and the file (`lfportrait formats` lists the names).
     parameters
         `ExportConfig`, whose ``kind`` may say what a 3D file is to hold; `FrameConfig`,
         `PageConfig`, or what another kind has.
@@ -96,14 +87,12 @@ def export_field(field: VoxelField, path: Path, parameters: Any = None,
     -------
     figures
         ``kind``, ``bytes`` of the file with those beside it, ``out``, and what belongs to the kind:
-        ``points``, ``vertices`` and ``faces``, ``splats`` and their ``psnr`` to the field's views,
-        ``voxels``; ``size``, ``views``, ``display``, ``parallax_percent``, ``frames``, ``codec``.
+        ``points``, ``faces``, ``splats`` and their ``psnr``, ``views``, ``parallax_percent``.
 
     Raises
     ------
     UserError
-        If the name asks for nothing known, does not go with the parameters, or nothing is to be
-        written.
+        If the name asks for nothing known, or the parameters do not go with it.
     """
     export = export_of(path, parameters.kind if isinstance(parameters, ExportConfig) else "auto")
     if parameters is not None and not isinstance(parameters, export.parameters):
