@@ -12,7 +12,10 @@ does this one (``lfportrait_eval``):
 * group ``lfportrait.styles``: functions of no argument that give ``{name: function}``, where the
   latter makes the exemplar of that name;
 * group ``lfportrait.sittings``: functions ``(count, height, seed)`` that give photos with landmarks
-  to train a network on.
+  to train a network on;
+* group ``lfportrait.exports``: kinds of files that a portrait is exported as
+  (`lfportrait.share.Export`);
+* group ``lfportrait.formats``: formats of captures (`lfportrait.capture.CaptureFormat`).
 
 This package offers its own painted exemplars and modelled heads in the same way.
 
@@ -23,9 +26,10 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +37,23 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from .errors import UserError
 
-__all__ = ["Choice", "Sitting", "chosen", "offered", "provided_sittings", "provided_styles"]
+__all__ = ["Choice", "Sitting", "blamed", "chosen", "gathered", "offered", "provided_sittings",
+           "provided_styles"]
 
 Sitting = tuple[NDArray[np.uint8], NDArray[np.float64]]
 """A photo, uint8 [H, W, 3], and its landmarks [68, 2]."""
+
+
+class Registered(Protocol):
+    """What a registry holds."""
+
+    name: ClassVar[str]
+
+    def check(self) -> None:
+        """Complain of a class that can't be used."""
+
+
+Kind = TypeVar("Kind", bound=Registered)
 
 
 @functools.cache
@@ -46,9 +63,54 @@ def offered(group: str) -> dict[str, Any]:
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         try:
             found[entry.name] = entry.load()
-        except (ImportError, AttributeError) as error:
+        except Exception as error:  # whatever it does while it is imported
             warnings.warn(f"{entry.name} ({entry.value}) is left out: {error}", stacklevel=2)
     return found
+
+
+def gathered(group: str, base: type[Kind], own: Iterable[type[Kind]]) -> dict[str, Kind]:
+    """A registry: an instance of each of our own classes and of those of a group, by its name.
+
+    A class of another package that can't be used, as it does not stand above ``base``, or whose
+    name there is already, is left out with a warning.
+    """
+    found = {one.name: one for one in (kind() for kind in own)}
+    for name, kind in offered(group).items():
+        try:
+            if not (isinstance(kind, type) and issubclass(kind, base)):
+                raise TypeError(f"it is no class above {base.__name__}")
+            one = kind()
+            one.check()
+            if one.name in found:
+                raise ValueError(f"there is {one.name} already")
+        except Exception as error:
+            warnings.warn(f"{name} ({group}) is left out: {_line(error)}", stacklevel=2)
+        else:
+            found[one.name] = one
+    return found
+
+
+@contextmanager
+def blamed(thing: object) -> Iterator[None]:
+    """Whatever fails in another package's ``thing`` becomes one line; our own faults stay ours.
+
+    Raises
+    ------
+    UserError
+        In place of any other exception.
+    """
+    package = type(thing).__module__.partition(".")[0]
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, UserError) or package == __name__.partition(".")[0]:
+            raise
+        raise UserError(f"{type(thing).__name__} of the package {package} failed: "
+                        f"{type(error).__name__}: {_line(error)}") from error
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())
 
 
 def chosen(group: str, name: str, own: tuple[str, ...] = ()) -> Any:

@@ -6,7 +6,15 @@ from .contact_sheet import BAD, FAIR, GOOD, INK, PAPER, contact_sheet, font
 from .data_set_facts import DataSetFacts, data_set_facts
 from .depths import some_depth
 from .distortion import Lens, undistort
-from .formats import held_out_views, is_calibrated
+from .formats import (
+    CaptureFormat,
+    DataSet,
+    Shot,
+    Views,
+    capture_formats,
+    held_out_views,
+    is_calibrated,
+)
 from .frame import (
     focus_point,
     looks_normalised,
@@ -34,8 +42,10 @@ from .video_facts import VideoFacts, video_facts
 
 __all__ = [
     "BAD", "FAIR", "GOOD", "INK", "PAPER", "USUAL_FOCAL", "CalibrateConfig", "Camera",
-    "Capture", "DataSetFacts", "DepthFacts", "HeadMotion", "LatePictures", "Lens", "Photo",
-    "PhotosError", "PictureFacts", "VideoFacts", "calibrate", "consistent_mattes",
+    "Capture", "CaptureFormat", "DataSet", "DataSetFacts", "DepthFacts", "HeadMotion",
+    "LatePictures", "Lens", "Photo",
+    "PhotosError", "PictureFacts", "Shot", "VideoFacts", "Views", "calibrate",
+    "capture_formats", "consistent_mattes",
     "contact_sheet", "data_set_facts", "fineness", "focus_point", "follow_head", "font",
     "held_out_views", "is_calibrated", "is_video", "load_photos", "looks_normalised",
     "matte_agreement", "mattes_share", "photo_listing", "picture_facts", "picture_files",

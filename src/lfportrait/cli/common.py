@@ -40,6 +40,12 @@ class Common:
     json: Path | None = None
     """Write the figures of the run (times, sizes, metrics) to this file."""
 
+    @classmethod
+    def sections(cls) -> dict[str, type]:
+        """Parameters that are options, too, by what stands before their names: of its `groups`."""
+        return {f"{prefix}{name}": method.parameters for prefix, group in cls.groups.items()
+                for name, method in offered(group).items()}
+
     def progress(self, title: str, total: int = 0, outlook: Outlook | None = None,
                  ) -> AbstractContextManager[Progress]:
         """A progress line, silent with ``--quiet``; it also shows the compilation of kernels."""
@@ -68,8 +74,8 @@ def parsed(command: type[Common], arguments: Sequence[str], program: str) -> Com
     Parameters
     ----------
     command
-        Its class. Each method of its `groups` adds the fields of its parameters as options,
-        ``--NAME.FIELD``; what differs from the defaults is `given`.
+        Its class. Each of its `sections` adds its fields as options, ``--NAME.FIELD``; what
+        differs from the defaults is `given`.
     arguments
         The words after the command's name.
     program
@@ -79,8 +85,7 @@ def parsed(command: type[Common], arguments: Sequence[str], program: str) -> Com
         print_short_help(command, program)
         raise SystemExit(0)
     arguments = ["--help" if word == "--help-all" else word for word in arguments]
-    kinds = {f"{prefix}{name}": method.parameters for prefix, group in command.groups.items()
-             for name, method in offered(group).items()}
+    kinds = command.sections()
     places = {f"given_{number}": kind for number, kind in enumerate(kinds.values())}
     if not kinds:
         return tyro.cli(command, args=arguments, prog=program)

@@ -61,6 +61,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "styles check": ("styles", "StylesCheck", "a page about a painting before it is used"),
     "render": ("reconstruction", "Render", "field -> pictures or a video"),
     "export": ("export", "Export", "field -> page, 3D file, quilt, stereo pair, flat video"),
+    "formats": ("export", "Formats", "list the formats of exports and captures"),
     "view": ("export", "View", "show a field in the browser"),
     "encode": ("coding", "Encode", "field -> coded light-field picture for a display"),
     "print": ("prints", "Print", "field -> lenticular print, one ray per printed pixel"),
