@@ -24,13 +24,12 @@ from ..metrics.consistency import Comparison, consistency
 from ..metrics.crops import spread_crops
 from ..metrics.features import feature_distance, frechet_distance, kernel_distance
 from ..metrics.inception import inception_features
-from ..metrics.likeness import contour_correlation, identity
+from ..metrics.likeness import contour_correlation, face_region, identity
 from ..metrics.patches import PatchIndex
 from ..metrics.perceptual import LPIPS_NETWORKS, lpips
 from ..metrics.regions import MARGIN, RowLabels, exemplar_regions
 from ..metrics.repeats import Repeat, over_exemplar, strongest_repeat
 from ..metrics.sharpness import gradient_energy
-from ..metrics.transfer_quality import face_region
 from .painting import Views, real_views
 from .sitters import SHOWN, Sitter, landmarks_in
 
