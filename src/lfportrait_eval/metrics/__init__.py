@@ -9,10 +9,10 @@ from .consistency import consistency, pair_error, view_pairs, warp
 from .features import (
     feature_distance,
     frechet_distance,
+    inception_features,
     kernel_distance,
     style_distance,
 )
-from .inception import inception_features
 from .job import evaluate_field, evaluate_job, landmarks_kept, without_nan
 from .likeness import contour_correlation, identity, landmark_error
 from .patches import PatchIndex, patch_fidelity
