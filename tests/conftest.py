@@ -103,8 +103,8 @@ def adapter():
 def gpu_children(adapter):
     """Gives a process of a device, the same one to several tests: its start takes a second.
 
-    Drivers in software do not live long, so that each twelfth use gets a new process, as does one
-    after a loss.
+    Drivers in software do not live long, so that each thirtieth use gets a new process, as does one
+    after a loss. A new one compiles its shaders, for seconds.
     """
     from lfportrait.gpu import GpuProcess
 
@@ -112,7 +112,7 @@ def gpu_children(adapter):
 
     def child():
         uses[0] += 1
-        if uses[0] % 12 == 0 or kept[0].starts > 1:
+        if uses[0] % 30 == 0 or kept[0].starts > 1:
             kept[0].close()
             kept[0] = GpuProcess(adapter)
         return kept[0]

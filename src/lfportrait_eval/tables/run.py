@@ -30,10 +30,9 @@ from lfportrait.version import __version__
 
 from .config import TablesConfig
 from .documents import write_documents
-from .figures import Target, agreement, measure, missing_networks
+from .figures import Target, agreement, measure, missing_networks, photo_agreement
 from .methods import METHODS, field_config, own_parameters, view_config
 from .painting import Views, paint_views, real_views
-from .photos import photo_agreement
 from .sitters import SHOWN, Opener, Sitter, Source, field_of, linked
 from .speed import speed_tables
 from .summary import Cell

@@ -25,8 +25,7 @@ from lfportrait_eval.bench import (
     bench_transfer,
     transfer_table,
 )
-from lfportrait_eval.bench.floor import machine_rates, training_floor
-from lfportrait_eval.bench.plot import line_plot
+from lfportrait_eval.bench.run import line_plot, machine_rates, training_floor
 from tests.fields import shell_field
 from tests.share.test_video import ball
 
