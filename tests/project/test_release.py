@@ -38,7 +38,8 @@ def test_the_citation_names_the_paper_of_the_project_s_link():
 def test_the_workflow_tests_the_versions_that_the_package_promises():
     jobs = yaml.safe_load((ROOT / ".github/workflows/tests.yml").read_text("utf-8"))["jobs"]
     matrix = jobs["tests"]["strategy"]["matrix"]
-    promised = [kind.rpartition(" ")[2] for kind in PROJECT["classifiers"] if "Python :: 3." in kind]
+    promised = [kind.rpartition(" ")[2] for kind in PROJECT["classifiers"]
+                if "Python :: 3." in kind]
     assert matrix["python"] == promised
     assert PROJECT["requires-python"] == f">={promised[0]}"
     assert [system.partition("-")[0] for system in matrix["system"]] == [
