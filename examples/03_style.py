@@ -34,9 +34,10 @@ def main(out: Path = Path("example-out"), size: int = 384) -> None:
     print(own.styles, own.regions)
 
     cameras = lf.orbit_cameras(12, size, own)
-    rows = np.arange(size) * len(poster) // size
-    seen = [poster[np.ix_(rows, rows)] / 255, own.render(cameras, 11).color,
-            mixture.render(cameras, 1).color]
+    height, width = tone.shape
+    columns = np.arange(size) * width // size
+    seen = [poster[np.ix_((height - width) // 2 + columns, columns)] / 255,
+            own.render(cameras, 11).color, mixture.render(cameras, 1).color]
     lf.write_image(out / "style.png", np.concatenate(seen, axis=1))
 
 

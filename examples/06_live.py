@@ -29,9 +29,11 @@ def main(out: Path = Path("example-out"), width: int = 640, height: int = 480,
             print(error)
         return
 
-    # Events of a viewer, and the pictures before which they happen: space stops the gentle sway.
-    left, pause = ({"event_type": "key_down", "key": key} for key in ("ArrowLeft", " "))
-    script = {0: [pause], 1: [left] * 5, 2: [left] * 5}
+    # Events of a viewer, and the pictures before which they happen: space stops the gentle sway,
+    # each arrow turns the head by five degrees.
+    pause, turn = {"event_type": "char", "data": " "}, {"event_type": "key_down",
+                                                        "key": "ArrowRight"}
+    script = {0: [pause], 1: [turn] * 5, 2: [turn] * 5}
     window = lf.OffscreenWindow((width, height), script, frames=3, exact=True)
     # "gpu" is the best card, or a slow program in its place (Mesa's llvmpipe).
     figures = lf.show_field(styled, display, lf.EncodeConfig(background=1.0, ground="white"),

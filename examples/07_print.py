@@ -26,7 +26,7 @@ def main(out: Path = Path("example-out"), size: str = "100x140mm", dpi: float = 
     print(f"{figures['width']} x {figures['height']} pixels in {figures['seconds']['page']} s")
 
     # Under the lenses, without ink and paper: eyes at shares of the viewing angle.
-    view = lf.SheetView.of(styled, sheet, lf.EncodeConfig(compose=True), 480)
+    view = lf.SheetView.of(styled, sheet, height=480)
     left, right = view.picture(-0.3), view.picture(0.3)
     page = lf.read_image(out / "print.png")[..., :3]
     top, side = (page.shape[0] - len(left)) // 2, (page.shape[1] - left.shape[1]) // 2

@@ -3,7 +3,7 @@
 Key concepts: a jobs file, `batch`, its results. Writes jobs.toml, results/index.html with all
 portraits, and batch.png. Run it twice: the second time there is nothing to do.
 
-Run: python examples/01_portrait.py && python examples/09_batch.py
+Run: python examples/01_portrait.py && python examples/03_style.py && python examples/09_batch.py
 """
 
 from pathlib import Path
@@ -13,8 +13,6 @@ import numpy as np
 import lfportrait as lf
 
 JOBS = """
-[defaults]
-sweep_size = {size}
 [defaults.reconstruct]           # any parameter of `lfportrait make`
 resolutions = {levels}
 rays = [{rays}, {rays}]
@@ -26,10 +24,11 @@ name = "demo"
 capture = "capture"
 
 [[style]]
-painting = "fauve"               # a picture's file, or a name from `lfportrait styles`
+painting = "poster.png"          # a picture's file, or a name from `lfportrait styles`
 [[style]]
-painting = "charcoal"
-stylize.strength = 0.8           # for this style only
+name = "half"
+painting = "poster.png"
+stylize.strength = 0.5           # for this style only
 
 [[display]]
 panel = "mine.toml"              # a file, or a name from `lfportrait display list`
@@ -40,8 +39,7 @@ def main(out: Path = Path("example-out"), size: int = 384, levels: tuple[int, in
          rays: float = 2.0, pixels: float = 256.0, width: int = 960, height: int = 720) -> None:
     lf.Display(width, height, views=48, pitch=9.4, slant=0.17, name="mine").save(out / "mine.toml")
     jobs = out / "jobs.toml"
-    jobs.write_text(JOBS.format(size=size, levels=list(levels), rays=rays, pixels=pixels),
-                    encoding="utf-8")
+    jobs.write_text(JOBS.format(levels=list(levels), rays=rays, pixels=pixels), encoding="utf-8")
 
     # Capture, field and skin are made once for both styles. On many machines: `lfportrait batch
     # jobs.toml --on ray`. One portrait alone: lf.make("photos/", "painting.png", out).

@@ -20,7 +20,8 @@ def main(out: Path = Path("example-out"), size: int = 256, steps: int = 60) -> N
     field = lf.VoxelField.load(out / "field.npz")
     cameras = lf.orbit_cameras(12, size, field)
     view = field.sample_weights(cameras, 0)
-    matrix = torch.sparse_csr_tensor(view.indptr, view.rows, view.weights,
+    places = np.stack([np.repeat(np.arange(size * size), np.diff(view.indptr)), view.rows])
+    matrix = torch.sparse_coo_tensor(torch.from_numpy(places), torch.from_numpy(view.weights),
                                      (size * size, len(field.density)))
 
     def picture(colors: torch.Tensor) -> torch.Tensor:

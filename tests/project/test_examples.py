@@ -87,6 +87,8 @@ def test_an_example_draws_what_its_page_shows(name, first, request):
                         "sys.argv[1])['main'](pathlib.Path(sys.argv[2]), 96, 64)",
                         ROOT / "examples" / f"{name}.py", first], check=True)
     elif name != "01_portrait":
+        if "03_style.py" in EXAMPLES[NAMES.index(name)].run and not (first / "poster.png").exists():
+            run("03_style", first)
         run(name, first)
     size, others = WRITTEN[name]
     image = lf.read_image(first / EXAMPLES[NAMES.index(name)].picture)
