@@ -24,7 +24,7 @@ def main(out: Path = Path("example-out"), size: int = 384, views: int = 60, pane
     # `lf.calibrate("folder")` finds the cameras of photos as they come from a phone.
     capture = lf.demo_capture(size, views)
     field = lf.reconstruct(capture, config)
-    styled = lf.stylize(field, capture, lf.Exemplar.load("impression"), painting)
+    styled = lf.stylize(field, capture, lf.Exemplar.load("fauve"), painting)
     image = lf.encode(styled, lf.Display.resolve(panel))
     lf.write_image(out / "lightfield.png", image)
     lf.write_page(styled, out / "portrait.html", lf.PageConfig(title="In ten lines"))

@@ -24,7 +24,7 @@ def main(out: Path = Path("example-out")) -> None:
     photo = np.uint8(255 * capture.image_float(front))
     points = capture.cameras.project(capture.landmarks)[0][front]
 
-    exemplar = lf.Exemplar.load("impression")
+    exemplar = lf.Exemplar.load("fauve")
     result = lf.transfer(photo, exemplar, landmarks=points, mask=matte)
     print({step: f"{seconds * 1000:.0f} ms" for step, seconds in result.seconds.items()})
 

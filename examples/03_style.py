@@ -17,7 +17,7 @@ import lfportrait as lf
 def main(out: Path = Path("example-out"), size: int = 384) -> None:
     # Any picture with one face is a style; here one is made, a poster in four inks. Landmarks lie
     # beside it, one "x y" a line, or are detected.
-    model = lf.Exemplar.load("impression")
+    model = lf.Exemplar.load("fauve")
     tone = model.image.mean(axis=2)
     inks = np.uint8([[24, 32, 66], [178, 58, 72], [244, 162, 97], [252, 236, 206]])
     poster = inks[np.digitize(tone, np.quantile(tone, [0.25, 0.5, 0.75]))]

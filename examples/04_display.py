@@ -29,10 +29,10 @@ def main(out: Path = Path("example-out"), width: int = 960, height: int = 720) -
     mask = lf.ViewMask.build(display)
     coded = lf.encode(styled, display, config, mask=mask)
 
-    # Eyes lie on a level line at the viewing distance, in half panel heights.
-    eyes = display.eyes()
-    seen = [lf.simulate(coded, display, (float(eye),), crosstalk=0.3)
-            for eye in (eyes[0], eyes[len(eyes) // 2], eyes[-1])]
+    # Eyes lie on a level line at the viewing distance, in half panel heights. At the cone's edges
+    # they would see two pictures at once, as on a real panel: these are a quarter away from there.
+    eyes = display.eyes()[[display.views // 4, display.views // 2, -display.views // 4]]
+    seen = [lf.simulate(coded, display, (float(eye),), crosstalk=0.3) for eye in eyes]
     lf.write_image(out / "display.png", np.concatenate(
         [np.concatenate(seen[:2], axis=1),
          np.concatenate([seen[2], coded / np.float32(255)], axis=1)], axis=0))

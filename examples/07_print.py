@@ -14,11 +14,13 @@ import numpy as np
 import lfportrait as lf
 
 
-def main(out: Path = Path("example-out"), size: str = "100x140mm", dpi: float = 720.0) -> None:
+def main(out: Path = Path("example-out"), size: str = "125x140mm", dpi: float = 720.0) -> None:
     styled = lf.StyledField.load(out / "styled.npz")
 
     # The lens sheet's exact pitch comes from a test page: `lfportrait print --pitch-test`.
-    sheet = lf.PrintSheet.of(lf.PrintConfig(lpi=60.12, dpi=dpi, size=size))
+    # The head is so large and so low that its bust ends below the paper's edge.
+    sheet = lf.PrintSheet.of(lf.PrintConfig(lpi=60.12, dpi=dpi, size=size, head=0.97,
+                                            shift_y=-0.12))
     print(sheet.summary())
 
     # One ray for each printed pixel, written in bands: a poster takes no more memory than a card.

@@ -22,7 +22,7 @@ def main(out: Path = Path("example-out"), size: int = 256, steps: int = 60) -> N
     view = field.sample_weights(cameras, 0)
     places = np.stack([np.repeat(np.arange(size * size), np.diff(view.indptr)), view.rows])
     matrix = torch.sparse_coo_tensor(torch.from_numpy(places), torch.from_numpy(view.weights),
-                                     (size * size, len(field.density)))
+                                     (size * size, len(field.density)), check_invariants=True)
 
     def picture(colors: torch.Tensor) -> torch.Tensor:
         """The view [3, H, W] on white, of colors [N, 3]."""
@@ -35,7 +35,7 @@ def main(out: Path = Path("example-out"), size: int = 256, steps: int = 60) -> N
     def features(image: torch.Tensor) -> torch.Tensor:
         return torch.cat(network(image[None]), dim=1)[0]  # [C, h, w]
 
-    exemplar = lf.Exemplar.load("impression").image
+    exemplar = lf.Exemplar.load("fauve").image
     painting = torch.from_numpy(exemplar[::2, ::2] / np.float32(255)).permute(2, 0, 1)
     photo = torch.from_numpy(np.clip(field.sh[:, :, 0] * 0.2820948 + 0.5, 0, 1))
     with torch.no_grad():
