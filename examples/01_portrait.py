@@ -2,7 +2,8 @@
 
 Key concepts: `Capture` (photos, cameras, mattes, landmarks), `reconstruct`, `Exemplar` (a
 painting), `stylize`, `Display`, `encode`, `write_page`. Writes lightfield.png, to be shown on the
-panel pixel for pixel, portrait.html for any browser, and the files that the other examples read.
+panel pixel for pixel, portrait.html for any browser, the files that the other examples read, and
+portrait.png: the photographed field, then the painted one from the right, the front and the left.
 
 Run: python examples/01_portrait.py
 """

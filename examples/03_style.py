@@ -14,7 +14,8 @@ import numpy as np
 import lfportrait as lf
 
 
-def main(out: Path = Path("example-out"), size: int = 384) -> None:
+def main(out: Path = Path("example-out"), size: int = 384,
+         painting: lf.StylizeConfig | None = None) -> None:
     # Any picture with one face is a style; here one is made, a poster in four inks. Landmarks lie
     # beside it, one "x y" a line, or are detected.
     model = lf.Exemplar.load("fauve")
@@ -26,7 +27,7 @@ def main(out: Path = Path("example-out"), size: int = 384) -> None:
 
     # A session reads the head once. A preview is what `lf.stylize` begins with; it has no fit, no
     # refinement and half the resolution.
-    session = lf.Session(out / "field.npz", out / "capture")
+    session = lf.Session(out / "field.npz", out / "capture", painting)
     own = session.preview_all([out / "poster.png", "charcoal"])
 
     # The mixture is made without training: hair of the other style, a little of the photo's light.

@@ -18,6 +18,8 @@ resolutions = {levels}
 rays = [{rays}, {rays}]
 [defaults.stylize]
 pixels = {pixels}
+content_network = "embedded"     # the small one that the package brings
+style_network = "embedded"
 
 [[sitter]]                       # photos = "monday/*" makes a sitter of each folder and video
 name = "demo"
