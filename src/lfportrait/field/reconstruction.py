@@ -46,7 +46,27 @@ __all__ = ["ReconstructConfig", "reconstruct", "reconstruct_with_figures"]
 def reconstruct(capture: Capture, config: ReconstructConfig | None = None,
                 progress: Progress | None = None, checkpoint: Path | None = None,
                 device: str = "auto") -> VoxelField:
-    """Reconstruct a radiance field from a capture: `reconstruct_with_figures`' field alone."""
+    """Reconstruct a radiance field from a capture: the field of `reconstruct_with_figures`.
+
+    Parameters
+    ----------
+    capture
+        Views with their cameras in the portrait frame; held-out views are left out.
+    config
+        Parameters.
+    progress
+        Progress line.
+    checkpoint
+        File that the state is written to; a run that finds one there goes on from it to the same
+        field.
+    device
+        Where to train: ``auto`` takes a real GPU, ``cpu``, ``gpu``, or ``gpu:NAME``.
+
+    Raises
+    ------
+    UserError
+        If the capture or a parameter can't be used.
+    """
     return reconstruct_with_figures(capture, config, progress, checkpoint, device=device)[0]
 
 

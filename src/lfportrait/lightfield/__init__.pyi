@@ -26,13 +26,15 @@ from .patterns import pattern
 from .placement import EncodeConfig, Placement
 from .quilt import quilt_of
 from .quilts import QuiltHint, QuiltLayout, layout_for, layout_of_file, quilt_part
+from .renderers import Renderer, encode_views
 from .simulation import simulate
 from .views import eight_bit, render_views
 
 __all__ = ["DepthReport", "Display", "EncodeConfig", "Ground", "InterlaceConfig", "Placement",
-           "QuiltHint", "QuiltLayout", "ViewMask", "assemble_quilt", "backdrop_of",
+           "QuiltHint", "QuiltLayout", "Renderer", "ViewMask", "assemble_quilt", "backdrop_of",
            "code_on_device", "composed", "customary_views", "deinterlace", "depth_budget",
-           "each_view", "eight_bit", "encode", "encode_rows", "encode_with_figures", "ground_of",
-           "interlace", "layout_for", "layout_of_file", "lossless", "pattern", "quilt_of",
-           "quilt_part", "quilt_tiles", "read_coded", "read_views", "render_view", "render_views",
-           "simulate", "view_camera", "world_ground", "write_coded"]
+           "each_view", "eight_bit", "encode", "encode_rows", "encode_views",
+           "encode_with_figures", "ground_of", "interlace", "layout_for", "layout_of_file",
+           "lossless", "pattern", "quilt_of", "quilt_part", "quilt_tiles", "read_coded",
+           "read_views", "render_view", "render_views", "simulate", "view_camera", "world_ground",
+           "write_coded"]

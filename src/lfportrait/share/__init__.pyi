@@ -1,4 +1,4 @@
-from .config import ExportConfig
+from .config import ExportConfig, SplatConfig
 from .exporter import Export, ExportContext, NoParameters, Option
 from .frames import (
     QUILTS,
@@ -25,7 +25,7 @@ from .video import write_video
 
 __all__ = ["QUILTS", "SECONDS", "DrivePlan", "Export", "ExportConfig", "ExportContext",
            "FrameConfig", "NoParameters", "OpenPage", "Option", "PageConfig", "Picture",
-           "QuiltName", "Report", "Section", "SequenceConfig", "Table", "each_frame",
+           "QuiltName", "Report", "Section", "SequenceConfig", "SplatConfig", "Table", "each_frame",
            "export_field", "export_of", "exports", "fill_drive", "orbit_cameras", "own_exports",
            "page_script", "path_cameras", "recolored", "serve_page", "sweep_cameras",
            "sweep_degrees", "sweep_frames", "sweep_ground", "write_page", "write_quilt",
