@@ -1,4 +1,4 @@
-"""Methods and commands of installed packages, found by their entry points.
+"""What installed packages bring, found by their entry points: commands, methods, exemplars, photos.
 
 A package names what it brings under ``[project.entry-points]`` in its ``pyproject.toml``, and so
 does this one (``lfportrait_eval``):
@@ -8,7 +8,13 @@ does this one (``lfportrait_eval``):
 * group ``lfportrait.transfer_methods``: methods that paint a photo
   (`lfportrait.example.PhotoMethod`);
 * group ``lfportrait.field_methods``: methods that color a field
-  (`lfportrait.stylize.FieldMethod`).
+  (`lfportrait.stylize.FieldMethod`);
+* group ``lfportrait.styles``: functions of no argument that give ``{name: function}``, where the
+  latter makes the exemplar of that name;
+* group ``lfportrait.sittings``: functions ``(count, height, seed)`` that give photos with landmarks
+  to train a network on.
+
+This package offers its own painted exemplars and modelled heads in the same way.
 
 Reading the entry points takes 20 to 50 ms: what is asked for by its own name never does.
 """
@@ -17,14 +23,20 @@ from __future__ import annotations
 
 import functools
 import warnings
+from collections.abc import Callable
 from importlib.metadata import entry_points
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from tyro.constructors import PrimitiveConstructorSpec
 
 from .errors import UserError
 
-__all__ = ["Choice", "chosen", "offered"]
+__all__ = ["Choice", "Sitting", "chosen", "offered", "provided_sittings", "provided_styles"]
+
+Sitting = tuple[NDArray[np.uint8], NDArray[np.float64]]
+"""A photo, uint8 [H, W, 3], and its landmarks [68, 2]."""
 
 
 @functools.cache
@@ -52,6 +64,36 @@ def chosen(group: str, name: str, own: tuple[str, ...] = ()) -> Any:
         raise UserError(f"there is no method {name!r}; the installed ones are "
                         f"{', '.join((*own, *found))}")
     return found[name]
+
+
+def provided_styles() -> dict[str, Callable[[], Any]]:
+    """The installed exemplars: for each name what makes its `lfportrait.example.Exemplar`."""
+    return {name: make for makers in offered("lfportrait.styles").values()
+            for name, make in makers().items()}
+
+
+def provided_sittings(count: int, height: int, seed: int) -> list[Sitting]:
+    """Photos with landmarks from installed packages.
+
+    Parameters
+    ----------
+    count
+        Number of photos.
+    height
+        Of a photo in pixels.
+    seed
+        Of all choices.
+
+    Raises
+    ------
+    UserError
+        If nobody offers any.
+    """
+    for make in offered("lfportrait.sittings").values():
+        found: list[Sitting] = make(count, height, seed)
+        return found
+    raise UserError("there are no photos to train on; give a folder with portraits, or install the "
+                    "package (`pip install lfportrait`) instead of running it from its sources")
 
 
 class Choice(PrimitiveConstructorSpec[str]):

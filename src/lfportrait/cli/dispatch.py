@@ -93,7 +93,8 @@ def _usage() -> str:
     width = max(map(len, shown))
     lines = [f"lfportrait {__version__}: a stylised 3D portrait for a light-field display, "
              "from photos and one painting", "",
-             "usage: lfportrait COMMAND ...        (lfportrait COMMAND --help for its options)", ""]
+             "usage: lfportrait COMMAND ...        (lfportrait COMMAND --help for its options,",
+             "                                      --help-all for all of them)", ""]
     lines += [f"  {name:<{width}}  {text}" for name, text in shown.items()]
     lines += ["", "Start with:  lfportrait demo --out demo-out"]
     return "\n".join(lines)

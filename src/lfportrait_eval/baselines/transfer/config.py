@@ -11,7 +11,6 @@ import tyro
 from numpy.typing import NDArray
 
 from lfportrait.files import write_image
-from lfportrait.renamed import accepts_old_names
 
 __all__ = ["FaceBlitConfig", "FaceStyleConfig", "NetworkConfig", "Painted"]
 
@@ -41,7 +40,6 @@ class FaceBlitConfig:
     """Side in pixels of the box that softens the mask of the face."""
 
 
-@accepts_old_names
 @dataclass(frozen=True)
 class FaceStyleConfig:
     """Guided patch synthesis after FaceStyle."""
