@@ -33,7 +33,9 @@ def test_light_commands_load_nothing_slow(words):
 
 PACKAGES = ("lfportrait", "lfportrait.capture", "lfportrait.cli", "lfportrait.demo",
             "lfportrait.example", "lfportrait.field", "lfportrait.job", "lfportrait.lightfield",
-            "lfportrait.studio", "lfportrait.stylize", "lfportrait_eval.baselines.transfer")
+            "lfportrait.lightfield.prints", "lfportrait.share", "lfportrait.share.frames",
+            "lfportrait.share.page", "lfportrait.studio", "lfportrait.stylize",
+            "lfportrait_eval.baselines.transfer")
 """Those with a stub, which says where their names are."""
 
 

@@ -53,8 +53,8 @@ class Make(Common):
     """
 
     photos: tyro.conf.Positional[Path]
-    """Folder of photos, a video, or a calibrated data set (transforms.json, COLMAP,
-    Metashape, RealityCapture, Meshroom, Polycam, Record3D and others)."""
+    """Folder of photos, a video, or a data set with cameras (COLMAP, transforms.json and others:
+    `lfportrait formats`)."""
     style: str
     """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
     out: Path
@@ -62,13 +62,11 @@ class Make(Common):
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
     offline: bool = False
-    """Download nothing: missing networks are reported, or replaced by simpler methods."""
+    """Download nothing: a missing network is reported, or does without."""
     quick: bool = False
-    """End with the first look: a rough portrait.html. The same command without --quick goes on from
-    there."""
+    """End with the first look; the same command without --quick goes on from there."""
     first_look: bool = True
-    """Write a rough portrait.html while the field is still being trained; the finished one replaces
-    it."""
+    """Write a rough portrait.html while the field is being trained."""
     config: Annotated[MakeConfig, tyro.conf.arg(name="")] = option(default_factory=MakeConfig)
     """Parameters of the stages."""
 
