@@ -19,7 +19,7 @@ from lfportrait.progress import Progress
 
 def main(out: Path = Path("example-out"), size: int = 256, views: int = 40,
          rays: tuple[float, float] = (1.0, 3.0)) -> None:
-    # The package brings a modelled head; Capture.load("folder") reads your own calibrated photos,
+    # The package brings photos of a head; Capture.load("folder") reads your own calibrated photos,
     # and lfportrait.capture.calibrate finds the cameras of photos that have none.
     capture = demo_capture(size=size, views=views)
 

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from lfportrait.capture import Camera
-from lfportrait.demo import SITTER, demo_exemplar, landmarks, photograph
+from lfportrait.demo import demo_exemplar, demo_photo
 from lfportrait.example import Transfer
 from lfportrait.files import write_image
 
@@ -22,11 +21,9 @@ def main(out: Path = Path("example-out"), size: int = 512) -> None:
     exemplar = demo_exemplar()
 
     # A photo of the embedded head. Of your own photos, face.detect_landmarks finds the landmarks.
-    camera = Camera.arc(np.array([10.0]), distance=4.4, width=size, height=size, focal=1.9 * size)
-    shot = photograph(SITTER, camera).image
+    shot, points = demo_photo(size)
     alpha = shot[..., 3:] / 255.0
     photo = np.uint8(shot[..., :3] * alpha + 230 * (1 - alpha))
-    points = camera.project(landmarks(SITTER))[0][0]
 
     # The look-up table (Eq. 6) is made here, once per painting ...
     transfer = Transfer(exemplar)

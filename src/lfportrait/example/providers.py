@@ -1,7 +1,7 @@
 """Exemplars and training photos of later packages, found through entry points.
 
 A package names what it offers under ``[project.entry-points]`` in its ``pyproject.toml``; this one
-offers its own painted exemplars and modelled heads in the same way:
+offers its own painted exemplars and portraits of modelled people in the same way:
 
 * group ``lfportrait.styles``: functions of no argument that give ``{name: function}``, where the
   latter makes the exemplar of that name;

@@ -6,7 +6,8 @@ from math import sqrt
 
 import numpy as np
 
-from ...lanes.decorators import kernel
+from lfportrait.lanes.decorators import kernel
+
 from .head import bone_distance, face_distance, surfaces
 
 __all__ = ["drop", "silhouette"]

@@ -16,17 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..capture import Camera
-from ..errors import UserError
-from ..example import Exemplar
+from lfportrait.capture import Camera
+from lfportrait.errors import UserError
+from lfportrait.example import Exemplar
+
 from .head_model import HeadModel
 from .kernels.brush import lay, plan, trace
 from .palette import charcoal_tone, fauve_colors, impression_colors
 from .people import PAINTED, landmarks
 from .studio import Picture, photograph
-from .styles import demo_styles
 
-__all__ = ["demo_exemplar", "exemplar_camera"]
+__all__ = ["STYLES", "exemplar_camera", "painted_exemplar"]
 
 Image = NDArray[np.float32]
 
@@ -76,14 +76,14 @@ def exemplar_camera(width: int, height: int, turn: float = 0.0) -> Camera:
     return Camera.look_at(eye, np.array([0.0, 0.06, 0.0]), width=width, height=height, focal=focal)
 
 
-def demo_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: int = 5,
+def painted_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: int = 5,
                   turn: float = 0.0) -> Exemplar:
     """A painted portrait with its 68 landmarks.
 
     Parameters
     ----------
     name
-        One of `lfportrait.demo.demo_styles`; empty = the first.
+        One of `STYLES`; empty = the first.
     width, height
         Size of the picture in pixels.
     seed
@@ -101,7 +101,7 @@ def demo_exemplar(name: str = "", width: int = 768, height: int = 1024, seed: in
     UserError
         If there is no such style.
     """
-    names = demo_styles()
+    names = list(_STYLES)
     name = name or names[0]
     if name not in names:
         raise UserError(f"no built-in style {name!r}; there are: {', '.join(names)}")
@@ -287,3 +287,5 @@ def _scatter(density: Image, pitch: float, rng: np.random.Generator) -> Image:
 
 _STYLES: dict[str, Callable[[_Sitting, np.random.Generator], Image]] = {
     "fauve": _paint_fauve, "charcoal": _paint_charcoal, "impression": _paint_impression}
+STYLES = tuple(_STYLES)
+"""Names of the styles, the first is the default."""

@@ -11,7 +11,8 @@ from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
-from ...lanes.decorators import lean
+from lfportrait.lanes.decorators import lean
+
 from .implicit import bump, carve, ellipsoid, noise, smooth_step, uniform, union
 
 __all__ = ["curls", "hair_coordinates", "hair_cover", "hair_distance"]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from math import atan2, sqrt
 
-from ...lanes.decorators import lean
+from lfportrait.lanes.decorators import lean
+
 from .implicit import capsule, carve, ellipsoid, noise, smooth_step, union
 
 __all__ = ["beard_distance"]

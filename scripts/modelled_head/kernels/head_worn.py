@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from math import sqrt
 
-from ...lanes.decorators import lean_kernel
+from lfportrait.lanes.decorators import lean_kernel
+
 from .implicit import capsule
 
 __all__ = ["worn_distance"]

@@ -13,7 +13,8 @@ from math import exp, sqrt
 
 import numpy as np
 
-from ...lanes.decorators import kernel, lean
+from lfportrait.lanes.decorators import kernel, lean
+
 from .implicit import noise
 
 __all__ = ["lay", "plan", "trace"]

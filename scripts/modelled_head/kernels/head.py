@@ -8,7 +8,7 @@ its own material: skin, hair, cloth, eyeballs and what is worn. Distances are ap
 bound up to a factor of about 0.7 near folds), exact in sign. The world is the portrait frame: +y
 up, +z out of the face; one unit is about 17 cm.
 
-The parameters ``m`` are one `lfportrait.demo.HeadModel`.
+The parameters ``m`` are one `modelled_head.HeadModel`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from math import sqrt
 
 import numpy as np
 
-from ...lanes.decorators import lean, lean_kernel
+from lfportrait.lanes.decorators import lean, lean_kernel
+
 from .head_beard import beard_distance
 from .head_hair import hair_distance
 from .head_worn import worn_distance

@@ -14,14 +14,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..capture import Camera, Capture
-from ..measure import usable_cores
-from ..progress import Progress
+from lfportrait.capture import Camera, Capture
+from lfportrait.measure import usable_cores
+
 from .head_model import HeadModel
 from .kernels.head_render import bake, render
 from .people import SITTER, landmarks
 
-__all__ = ["Picture", "demo_cameras", "demo_capture", "photograph"]
+__all__ = ["Picture", "photograph", "studio_cameras", "studio_capture"]
 
 _BAND = 16
 _GRID = 257
@@ -100,8 +100,8 @@ def photograph(model: HeadModel, cameras: Camera, view: int = 0) -> Picture:
     return Picture(image, aux[..., :3], aux[..., 3].astype(np.int8), aux[..., 4])
 
 
-def demo_cameras(size: int, views: int) -> Camera:
-    """Cameras of the embedded capture: four arcs about the head, from below to far above.
+def studio_cameras(size: int, views: int) -> Camera:
+    """Cameras of the demo's photos: four arcs about the head, from below to far above.
 
     Parameters
     ----------
@@ -127,9 +127,8 @@ def demo_cameras(size: int, views: int) -> Camera:
     return Camera.concatenate(batches)
 
 
-def demo_capture(size: int = 384, views: int = 60, model: HeadModel = SITTER,
-                 progress: Progress | None = None) -> Capture:
-    """The embedded capture: a modelled head photographed from known cameras in soft light.
+def studio_capture(size: int = 384, views: int = 60, model: HeadModel = SITTER) -> Capture:
+    """A modelled head photographed from known cameras in soft light.
 
     Parameters
     ----------
@@ -139,22 +138,18 @@ def demo_capture(size: int = 384, views: int = 60, model: HeadModel = SITTER,
         Number of cameras; every 8th is held out.
     model
         Who is photographed.
-    progress
-        Updated after every picture.
 
     Returns
     -------
     capture
         With straight alpha and the 68 landmarks; its frame is the portrait frame (identity).
     """
-    cameras = demo_cameras(size, views)
+    cameras = studio_cameras(size, views)
     images, alphas = [], []
     for view in range(views):
         picture = photograph(model, cameras, view)
         images.append(np.ascontiguousarray(picture.image[..., :3]))
         alphas.append(np.ascontiguousarray(picture.image[..., 3]))
-        if progress is not None:
-            progress.step(f"picture {view + 1} of {views}")
     held_out = np.arange(views) % 8 == 4
     names = [f"view_{view:03d}" for view in range(views)]
     return Capture(cameras, images, alphas, names, held_out, np.eye(4), landmarks(model))

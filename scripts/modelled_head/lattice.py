@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..capture import Camera
-from ..field import C0, VoxelField
+from lfportrait.capture import Camera
+from lfportrait.field import C0, VoxelField
+
 from .head_model import HeadModel
 from .people import SITTER
-from .studio import EXTENT, Picture, demo_cameras, distances, photograph
+from .studio import EXTENT, Picture, distances, photograph, studio_cameras
 
 __all__ = ["head_field"]
 
@@ -38,7 +39,7 @@ def head_field(model: HeadModel = SITTER, step: int = 2, cameras: Camera | None 
     step
         The lattice has every ``step``-th point of the 257 of the baked distances, a divisor of 256.
     cameras
-        Where it is photographed from for its colors, by default 12 of the embedded capture's.
+        Where it is photographed from for its colors, by default 12 of the demo's.
 
     Returns
     -------
@@ -57,7 +58,7 @@ def head_field(model: HeadModel = SITTER, step: int = 2, cameras: Camera | None 
     points = np.argwhere(filled)[:, ::-1] * cell - EXTENT
     on = points - grid[filled][:, None] * normals
     density = (_OPAQUE * np.clip(0.5 - away[filled], 0, 1)).astype(np.float32)
-    color = _colors(model, on, normals, 2 * cell, cameras or demo_cameras(224, 12))
+    color = _colors(model, on, normals, 2 * cell, cameras or studio_cameras(224, 12))
     return VoxelField(links, density, ((color - 0.5) / C0)[:, :, None].astype(np.float32),
                       np.zeros(3), np.full(3, count * cell / 2))
 

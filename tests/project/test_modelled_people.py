@@ -7,8 +7,8 @@ import pytest
 from scipy import ndimage
 
 from lfportrait.capture import Camera
-from lfportrait.demo import PAINTED, PEOPLE, SITTER, demo_exemplar, landmarks, painting, photograph
-from lfportrait.demo.kernels.head_worn import worn_distance
+from modelled_head import PAINTED, PEOPLE, SITTER, landmarks, painted_exemplar, painting, photograph
+from modelled_head.kernels.head_worn import worn_distance
 from tests.reference import head_hair as reference
 
 ROUND = Camera.arc(np.array([0.0, 40.0, -40.0, 150.0]), distance=4.4, width=112, height=112,
@@ -130,8 +130,8 @@ def test_painter_takes_spectacles(style, monkeypatch):
     model = PEOPLE["spectacles"]
     bare = model._replace(spectacles=0.0)
     monkeypatch.setattr(painting, "PAINTED", model)
-    dressed = demo_exemplar(style, 120, 160)
+    dressed = painted_exemplar(style, 120, 160)
     monkeypatch.setattr(painting, "PAINTED", bare)
-    difference = np.abs(dressed.image.astype(int) - demo_exemplar(style, 120, 160).image).sum(-1)
+    difference = np.abs(dressed.image.astype(int) - painted_exemplar(style, 120, 160).image).sum(-1)
     worn = photograph(model, painting.exemplar_camera(120, 160)).surface == 4
     assert difference[worn].mean() > 40

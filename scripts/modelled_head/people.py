@@ -1,4 +1,4 @@
-"""The people of the embedded data: one for the capture, one for the painted exemplars, and more."""
+"""The people: one for the demo's photos, one for its paintings, and more."""
 
 from __future__ import annotations
 

@@ -14,7 +14,8 @@ from math import sqrt
 
 import numpy as np
 
-from ...lanes.decorators import kernel, lean
+from lfportrait.lanes.decorators import kernel, lean
+
 from .head import scene, surfaces
 from .head_skin import cloth_albedo, eye_albedo, hair_albedo, hair_tangent, skin_albedo
 from .head_worn import worn_distance

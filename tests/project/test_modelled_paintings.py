@@ -4,35 +4,35 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from lfportrait.demo import (
+from lfportrait.errors import UserError
+from modelled_head import (
     PAINTED,
-    demo_exemplar,
-    demo_styles,
+    STYLES,
     exemplar_camera,
+    painted_exemplar,
     painting,
     photograph,
 )
-from lfportrait.demo.kernels.brush import lay, plan, trace
-from lfportrait.errors import UserError
+from modelled_head.kernels.brush import lay, plan, trace
 from tests.reference import brush as reference
 
 SIZE = (192, 256)
 
 
-@pytest.fixture(scope="module", params=demo_styles())
+@pytest.fixture(scope="module", params=STYLES)
 def exemplar(request):
-    return demo_exemplar(request.param, *SIZE)
+    return painted_exemplar(request.param, *SIZE)
 
 
 def test_what_styles_share_is_left_as_it_was():
     """The sitter is photographed once for all of them."""
-    for name in demo_styles():
+    for name in STYLES:
         painting._sitting.cache_clear()
-        alone = demo_exemplar(name, 96, 128)
-        for other in demo_styles():
-            shown = demo_exemplar(other, 96, 128)
+        alone = painted_exemplar(name, 96, 128)
+        for other in STYLES:
+            shown = painted_exemplar(other, 96, 128)
             shown.landmarks[:], shown.mask[:] = 0, 0
-        after = demo_exemplar(name, 96, 128)
+        after = painted_exemplar(name, 96, 128)
         assert np.array_equal(after.image, alone.image)
         assert np.array_equal(after.landmarks, alone.landmarks)
         assert np.array_equal(after.mask, alone.mask)
@@ -101,9 +101,9 @@ def test_exemplar_is_complete(exemplar):
 
 
 def test_exemplar_is_deterministic(exemplar):
-    again = demo_exemplar(exemplar.name, *SIZE)
+    again = painted_exemplar(exemplar.name, *SIZE)
     assert again.image.tobytes() == exemplar.image.tobytes()
-    other = demo_exemplar(exemplar.name, *SIZE, seed=6)
+    other = painted_exemplar(exemplar.name, *SIZE, seed=6)
     assert other.image.tobytes() != exemplar.image.tobytes()
     np.testing.assert_array_equal(other.landmarks, exemplar.landmarks)
 
@@ -124,7 +124,7 @@ def test_exemplar_is_painted(exemplar):
 
 
 def test_fauve_palette_is_strong():
-    image = demo_exemplar("fauve", *SIZE).image.astype(float)
+    image = painted_exemplar("fauve", *SIZE).image.astype(float)
     photo = photograph(PAINTED, exemplar_camera(*SIZE)).image
     inside = photo[..., 3] == 255
 
@@ -138,4 +138,4 @@ def test_fauve_palette_is_strong():
 
 def test_unknown_style_is_told_plainly():
     with pytest.raises(UserError, match="fauve, charcoal, impression"):
-        demo_exemplar("cubist")
+        painted_exemplar("cubist")
