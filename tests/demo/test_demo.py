@@ -16,7 +16,6 @@ from lfportrait.demo import (
     embedded_sittings,
 )
 from lfportrait.errors import UserError
-from modelled_head import SITTER, landmarks, photograph, studio_cameras
 
 
 @pytest.fixture(scope="module")
@@ -29,20 +28,16 @@ def test_data_are_small():
     assert sum(path.stat().st_size for path in files) < 3e6
 
 
-def test_photos_are_those_of_the_model(whole):
+def test_the_capture_is_complete(whole):
     assert len(whole) == 60 and whole.held_out.sum() == 7
-    cameras = studio_cameras(384, 60)
-    np.testing.assert_allclose(whole.cameras.pose, cameras.pose, atol=1e-9)
-    np.testing.assert_allclose(whole.cameras.focal, cameras.focal)
-    np.testing.assert_allclose(whole.landmarks, landmarks(SITTER), atol=1e-9)
-    np.testing.assert_allclose(demo_landmarks(), whole.landmarks)
+    assert whole.landmarks.shape == (68, 3) and np.isfinite(whole.landmarks).all()
+    np.testing.assert_array_equal(demo_landmarks(), whole.landmarks)
     np.testing.assert_array_equal(whole.frame, np.eye(4))
-    photo = photograph(SITTER, cameras, 12).image
-    assert np.array_equal(whole.alphas[12], photo[..., 3])
-    solid = photo[..., 3] > 0
-    error = (whole.images[12].astype(float) - photo[..., :3])[solid]
-    assert 10 * np.log10(255 ** 2 / (error ** 2).mean()) > 37
-    assert (whole.images[12][~solid] == 0).all()
+    yaw = np.degrees(np.arctan2(whole.cameras.position[:, 0], whole.cameras.position[:, 2]))
+    assert yaw.min() < -85 and yaw.max() > 85
+    for image, alpha in zip(whole.images, whole.alphas):
+        assert image.shape == (384, 384, 3) and 0.2 < (alpha > 127).mean() < 0.6
+        assert not image[alpha == 0].any()
 
 
 def test_fewer_and_smaller_photos_are_taken_from_the_same(whole):

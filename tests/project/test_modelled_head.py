@@ -6,7 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfportrait.capture import Camera
-from modelled_head import PAINTED, PEOPLE, SITTER, landmarks, photograph, studio_capture
+from lfportrait.demo import demo_capture
+from modelled_head import (
+    PAINTED,
+    PEOPLE,
+    SITTER,
+    landmarks,
+    photograph,
+    studio_cameras,
+    studio_capture,
+)
 from modelled_head.kernels.head import surfaces
 from tests.reference import head as reference
 
@@ -90,6 +99,21 @@ def test_capture_is_complete_and_deterministic(capture):
     cover = [np.mean(alpha > 127) for alpha in capture.alphas]
     assert min(cover) > 0.2
     assert np.abs(capture.cameras.position).max() > 2.0
+
+
+def test_the_demos_photos_are_of_this_model():
+    """Else the model changed: `scripts/make_demo_data.py` makes them again."""
+    shipped, cameras = demo_capture(size=72), studio_cameras(72, 60)
+    np.testing.assert_allclose(shipped.cameras.pose, cameras.pose, atol=1e-9)
+    np.testing.assert_allclose(shipped.cameras.focal, cameras.focal)
+    np.testing.assert_allclose(shipped.landmarks, landmarks(SITTER), atol=1e-9)
+    for view in (12, 50):
+        photo = photograph(SITTER, cameras, view).image
+        np.testing.assert_allclose(shipped.alphas[view].astype(int), photo[..., 3], atol=140)
+        assert np.abs(shipped.alphas[view].astype(int) - photo[..., 3]).mean() < 3
+        solid = photo[..., 3] == 255
+        error = (shipped.images[view].astype(float) - photo[..., :3])[solid]
+        assert 10 * np.log10(255 ** 2 / (error ** 2).mean()) > 27
 
 
 def test_every_surface_is_seen_and_lit():
