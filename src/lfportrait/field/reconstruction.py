@@ -37,6 +37,7 @@ from .quality import held_out_quality
 from .training.casting_cost import casting_figures
 from .training.event_log import EventLog
 from .training.meter import Meter
+from .training.settling import settled
 from .training.trainer import Trainer
 from .trimming import find_cut, trim
 
@@ -195,13 +196,16 @@ def _so_far(trainer: Trainer) -> VoxelField:
     field, capture = trainer.field(trainer.cleaned()), trainer.capture
     if capture.alphas is None or capture.landmarks is None:
         return field
-    return _finished(field, trainer, capture.landmarks, trainer.config, {}, None)
+    return _finished(field, trainer, capture.landmarks, trainer.config, {}, None, roughly=True)
 
 
 def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floating],
               config: ReconstructConfig, figures: dict[str, Any],
-              progress: Progress | None) -> VoxelField:
-    """The head with a back and a clean lower end; what was done goes to the figures."""
+              progress: Progress | None, roughly: bool = False) -> VoxelField:
+    """The head with a back and a clean lower end; what was done goes to the figures.
+
+    ``roughly``: what was added is not trained.
+    """
     capture = trainer.capture
     surface = trainer.surface
     if surface is not None:
@@ -215,6 +219,10 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: NDArray[np.floatin
             field, closed = close_back(field, landmarks, capture, cut)
         if closed is not None:
             figures["closed"] = {"share": round(closed.share, 4), "voxels": closed.points}
+            if not roughly:
+                if progress is not None:
+                    progress.update(progress.done, "training the closed head")
+                field = settled(trainer, field)
     if cut is not None:
         count = len(field.density)
         field = trim(field, cut)
