@@ -192,5 +192,5 @@ def test_a_drive_without_locks_is_written_to(tmp_path, monkeypatch):
 
 def test_a_folder_that_cant_be_written_to_is_no_drive_without_locks(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(OSError):  # noqa: PT011
+    with pytest.raises(OSError):
         lock(tmp_path / "file" / "lock")

@@ -65,7 +65,7 @@ def first(tmp_path_factory) -> Path:
     """A folder with what the first example writes; the others read that."""
     out = tmp_path_factory.mktemp("examples")
     PANEL.save(out / "tiny.toml")
-    # A painting of the usual size takes ten seconds.
+    # A painting of the usual size takes longer.
     small = functools.partial(demo_exemplar, width=180, height=240)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("lfportrait.demo.demo_exemplar", small)

@@ -1,4 +1,4 @@
-"""The embedded data: a synthetic head, with rendered photos and painted exemplars."""
+"""The embedded data: photos of a modelled head, paintings, and portraits of other people."""
 
 import lazy_loader
 

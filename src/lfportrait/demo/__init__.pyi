@@ -1,11 +1,9 @@
-from .head_model import HeadModel
-from .lattice import head_field
-from .painting import demo_exemplar, exemplar_camera
-from .people import PAINTED, PEOPLE, SITTER, landmarks
-from .sittings import embedded_sittings
-from .studio import Picture, demo_cameras, demo_capture, photograph
+from .captures import demo_capture, demo_landmarks
+from .head import HEAD, demo_head
+from .paintings import demo_exemplar
+from .portraits import demo_photo, embedded_sittings
+from .shipped import DATA
 from .styles import demo_styles, style_makers
 
-__all__ = ["PAINTED", "PEOPLE", "SITTER", "HeadModel", "Picture", "demo_cameras", "demo_capture",
-           "demo_exemplar", "demo_styles", "embedded_sittings", "exemplar_camera", "head_field",
-           "landmarks", "photograph", "style_makers"]
+__all__ = ["DATA", "HEAD", "demo_capture", "demo_exemplar", "demo_head", "demo_landmarks",
+           "demo_photo", "demo_styles", "embedded_sittings", "style_makers"]

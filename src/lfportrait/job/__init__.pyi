@@ -26,11 +26,11 @@ from .style_check import StyleCheck, check_style, chosen_face
 from .style_drawing import style_picture
 from .style_landmarks import add_style
 from .time_left import TimeLeft
-from .usual_steps import DRAWING, Source
+from .usual_steps import Source
 from .warmup import Warmup
 from .work import Tools, do_stage
 
-__all__ = ["DRAWING", "FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MakeConfig",
+__all__ = ["FULL", "QUICK", "STAGES", "FirstLook", "Inspection", "MakeConfig",
            "PhotoCheck", "PhotoFacts", "Scale", "Session", "Source", "StyleCheck", "Task",
            "TimeLeft", "Tools", "Warmup", "add_style", "capture_key", "capture_of_face",
            "check_photos", "check_picture", "check_style", "chosen_face", "code_key", "cut_person",
