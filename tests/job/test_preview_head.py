@@ -34,7 +34,7 @@ def test_it_is_made_once_and_read_then(made, tmp_path):
 
 def test_another_model_of_the_head_is_another_file(monkeypatch):
     before = module._key()
-    monkeypatch.setattr(cache, "code_of", lambda *makers: f"changed {makers}")
+    monkeypatch.setattr(cache, "code_of", lambda package: f"changed {package}")
     assert module._key() != before
 
 

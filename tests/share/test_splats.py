@@ -16,8 +16,9 @@ from lfportrait.capture import Camera
 from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.field import C0, VoxelField
-from lfportrait.share.export import ExportConfig, export_field
-from lfportrait.share.splats import SplatConfig, Splats, field_splats, framed, render_splats
+from lfportrait.share import ExportConfig, export_field
+from lfportrait.share.config import SplatConfig
+from lfportrait.share.splats import Splats, field_splats, framed, render_splats
 from lfportrait.share.splats.cloud import splat_view
 from lfportrait.share.splats.field_splats import splat_psnr
 from lfportrait.share.splats.frames import half_turned
@@ -44,7 +45,7 @@ def fitted_once(monkeypatch):
         assert replace(config, up="auto") == QUICK
         return fitted(basis)
 
-    monkeypatch.setattr("lfportrait.share.export.field_splats", found)
+    monkeypatch.setattr("lfportrait.share.solids.field_splats", found)
 
 
 def some_splats(count=40, basis=9, seed=0, colors=1.2):

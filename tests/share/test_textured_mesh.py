@@ -11,8 +11,7 @@ from PIL import Image
 from lfportrait.cli import main
 from lfportrait.errors import UserError
 from lfportrait.field import SurfaceTexture, VoxelField, field_mesh
-from lfportrait.share import orbit_cameras
-from lfportrait.share.export import ExportConfig, export_field
+from lfportrait.share import ExportConfig, export_field, orbit_cameras
 from lfportrait.share.mesh import bake_texture, plain_stem
 from tests.fields import head_field
 from tests.reference.triangles import draw

@@ -73,8 +73,7 @@ class Make(Common):
     """Parameters of the stages."""
 
     groups: ClassVar[dict[str, str]] = {"stylize.": "lfportrait.field_methods"}
-    usual: ClassVar[tuple[str, ...]] = ("stylize.method", "stylize.strength", "encode.compose",
-                                        "encode.size", "encode.ground", "page.title")
+    usual: ClassVar[tuple[str, ...]] = ("stylize.method", "stylize.strength", "encode.size")
 
     def run(self) -> dict[str, Any]:
         """Run the job."""

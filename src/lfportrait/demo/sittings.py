@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..capture import Camera
-from ..example import Sitting
+from ..plugins import Sitting
 from .people import PAINTED, SITTER, landmarks
 from .studio import photograph
 

@@ -35,8 +35,7 @@ from .geometry.head_surface import HeadSurface, is_narrow
 from .grid import VoxelField
 from .quality import held_out_quality
 from .training.casting_cost import casting_figures
-from .training.event_log import EventLog
-from .training.meter import Meter
+from .training.meter import CurveFile, Meter
 from .training.settling import settled
 from .training.trainer import Trainer
 from .trimming import find_cut, trim
@@ -91,8 +90,7 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
         File that the state is written to once a minute; a run that finds one there goes on
         from it to the same field.
     log
-        Folder for the curves (PSNR so far, loss, rays a second, lattice points against rays), in a
-        form that TensorBoard shows.
+        File for the curves (`CurveFile`): PSNR so far, loss, rays a second, lattice points.
     measure_every
         Seconds between measurements on held-out views for the curves; 0 measures at the end alone.
     device
@@ -124,16 +122,16 @@ def reconstruct_with_figures(capture: Capture, config: ReconstructConfig | None 
     config = (config or ReconstructConfig()).resolved(capture.alphas is None, distance,
                                                       capture.cameras.pixel,
                                                       is_narrow(capture))
-    events = EventLog(log) if log is not None else None
-    meter = (Meter(events, measure_every=measure_every)
-             if events is not None or measure_every > 0 else None)
+    curves = CurveFile(log) if log is not None else None
+    meter = (Meter(curves, measure_every=measure_every)
+             if curves is not None or measure_every > 0 else None)
     adapter = gpu_adapter(device)
     process = gpu_process(adapter) if adapter is not None else None
     try:
         return _reconstruct(capture, config, progress, checkpoint, meter, process, look)
     finally:
-        if events is not None:
-            events.close()
+        if curves is not None:
+            curves.close()
 
 
 def _reconstruct(capture: Capture, config: ReconstructConfig, progress: Progress | None,

@@ -33,7 +33,7 @@ def _capture() -> Capture:
 
 def _key() -> str:
     """Hash of the code that models the head."""
-    return key_of("job.preview_head")
+    return key_of(__name__)
 
 
 def preview_head(pixels: float, cache: Path | None = None) -> tuple[VoxelField, Capture, Skin]:

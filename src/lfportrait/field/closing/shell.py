@@ -33,6 +33,9 @@ OUTWARDS = 2.0
 """Voxels before the surface up to which lattice points are added."""
 _PART = 1 << 17
 """Lattice points that are looked up at a time."""
+FACED, SURELY = 0.5, 4
+"""What stands out from a guessed surface stays where at least so many photos see a surface that
+faces them at such a cosine: an ear, but no fringe."""
 STEEP = 4.0
 """Optical depth of a voxel one voxel below the new surface; at most twice that."""
 
@@ -167,6 +170,7 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos,
     if shell.guessed:
         outwards = shell.normals(places[:, near])
         well = photos.seen(points[near], outwards, WELL) >= photos.enough
+        well |= photos.faced(points[near], FACED) >= SURELY
         hardly = (seen > 0) & (deep[near] > FRINGE)
         density[near] = np.where(well, density[near], np.where(
             hardly, np.maximum(density[near], fresh), fresh))

@@ -8,8 +8,6 @@ from typing import Literal
 
 import tyro
 
-from lfportrait.renamed import accepts_old_names
-
 __all__ = ["FaceBlitConfig", "FaceStyleConfig", "NetworkConfig"]
 
 
@@ -38,7 +36,6 @@ class FaceBlitConfig:
     """Side in pixels of the box that softens the mask of the face."""
 
 
-@accepts_old_names
 @dataclass(frozen=True)
 class FaceStyleConfig:
     """Guided patch synthesis after FaceStyle."""

@@ -22,9 +22,9 @@ from PIL import Image
 from lfportrait.device import device_name, torch_device
 from lfportrait.errors import UserError
 from lfportrait.example.exemplar import Exemplar, face_size
-from lfportrait.example.providers import Sitting, provided_sittings
 from lfportrait.example.transfers import Transfer
 from lfportrait.files import atomic_write
+from lfportrait.plugins import Sitting, provided_sittings
 
 from .config import NetworkConfig
 from .facestyle import FaceStyle

@@ -8,8 +8,8 @@ import numpy as np
 from PIL import Image
 
 from lfportrait.errors import UserError
-from lfportrait.example.providers import Sitting
 from lfportrait.media.pictures import read_image
+from lfportrait.plugins import Sitting
 
 __all__ = ["folder_sittings", "varied"]
 
