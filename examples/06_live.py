@@ -36,8 +36,8 @@ def main(out: Path = Path("example-out"), width: int = 640, height: int = 480,
     script = {0: [pause], 1: [turn] * 5, 2: [turn] * 5}
     window = lf.OffscreenWindow((width, height), script, frames=3, exact=True)
     # "gpu" is the best card, or a slow program in its place (Mesa's llvmpipe).
-    figures = lf.show_field(styled, display, lf.EncodeConfig(background=1.0, ground="white"),
-                            window=window, device="gpu")
+    figures = lf.show_field(styled, display, lf.EncodeConfig(compose=True), window=window,
+                            device="gpu")
     print(figures)
     seen = [lf.simulate(picture, display) for picture in window.pictures]
     lf.write_image(out / "live.png", np.concatenate(seen, axis=1))

@@ -16,7 +16,7 @@ import torch
 import lfportrait as lf
 
 
-def main(out: Path = Path("example-out"), size: int = 256, steps: int = 60) -> None:
+def main(out: Path = Path("example-out"), size: int = 256, steps: int = 40) -> None:
     field = lf.VoxelField.load(out / "field.npz")
     cameras = lf.orbit_cameras(12, size, field)
     view = field.sample_weights(cameras, 0)
@@ -36,7 +36,7 @@ def main(out: Path = Path("example-out"), size: int = 256, steps: int = 60) -> N
         return torch.cat(network(image[None]), dim=1)[0]  # [C, h, w]
 
     exemplar = lf.Exemplar.load("fauve").image
-    painting = torch.from_numpy(exemplar[::2, ::2] / np.float32(255)).permute(2, 0, 1)
+    painting = torch.from_numpy(exemplar[::4, ::4] / np.float32(255)).permute(2, 0, 1)
     photo = torch.from_numpy(np.clip(field.sh[:, :, 0] * 0.2820948 + 0.5, 0, 1))
     with torch.no_grad():
         seen = picture(photo)
