@@ -49,8 +49,7 @@ class Make(Common):
     """
 
     photos: tyro.conf.Positional[Path]
-    """Folder of photos, a video, or a data set with cameras (COLMAP, transforms.json and others:
-    `lfportrait formats`)."""
+    """Photos, a video, or a data set with cameras (`lfportrait formats`)."""
     style: str
     """Exemplar: a picture (landmarks beside it or detected) or a name from `lfportrait styles`."""
     out: Path
@@ -58,11 +57,11 @@ class Make(Common):
     display: str = "generic-4k"
     """Display preset (`lfportrait display list`) or a display or calibration file."""
     offline: bool = False
-    """Download nothing: a missing network is reported, or does without."""
+    """Download nothing."""
     quick: bool = False
     """End with the first look; the same command without --quick goes on from there."""
     first_look: bool = True
-    """Write a rough portrait.html while the field is being trained."""
+    """Write a rough portrait.html early on."""
     config: Annotated[MakeConfig, tyro.conf.arg(name="")] = option(default_factory=MakeConfig)
     """Parameters of the stages."""
 
