@@ -138,9 +138,10 @@ print("locked", flush=True)
 time.sleep(600)
 """
 WAITER = """
-import sys
+import signal, sys
 from pathlib import Path
 from lfportrait.files import lock
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
 try:
     print("waiting", flush=True)
     lock(Path(sys.argv[1]), wait=-1)
@@ -191,6 +192,7 @@ def test_a_drive_without_locks_is_written_to(tmp_path, monkeypatch):
 
 
 def test_a_folder_that_cant_be_written_to_is_no_drive_without_locks(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OSError):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OSError, match="file") as caught:
         lock(tmp_path / "file" / "lock")
+    assert not isinstance(caught.value, filelock.Timeout)

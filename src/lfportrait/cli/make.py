@@ -66,7 +66,7 @@ class Make(Common):
     """Parameters of the stages."""
 
     groups: ClassVar[dict[str, str]] = {"stylize.": "lfportrait.field_methods"}
-    usual: ClassVar[tuple[str, ...]] = ("stylize.method", "stylize.strength", "encode.size")
+    usual: ClassVar[tuple[str, ...]] = ("stylize.method", "stylize.strength")
 
     def run(self) -> dict[str, Any]:
         """Run the job."""
