@@ -1,7 +1,7 @@
 from .capture import Camera, Capture, calibrate
 from .demo import demo_capture
 from .errors import UserError
-from .example import Exemplar, Skin, transfer
+from .example import Exemplar, Skin, TransferConfig, transfer
 from .field import ReconstructConfig, Rendering, VoxelField, reconstruct
 from .files import write_image
 from .job import Session, make
@@ -36,7 +36,8 @@ from .version import __version__
 __all__ = [
     "Camera", "Capture", "Display", "EncodeConfig", "Exemplar", "ExportConfig", "OffscreenWindow",
     "PageConfig", "PrintConfig", "PrintSheet", "ReconstructConfig", "Renderer", "Rendering",
-    "Session", "SheetView", "Skin", "SplatConfig", "StyledField", "StylizeConfig", "UserError",
+    "Session", "SheetView", "Skin", "SplatConfig", "StyledField", "StylizeConfig",
+    "TransferConfig", "UserError",
     "ViewMask", "VoxelField", "__version__", "batch", "calibrate", "content_loss", "deinterlace",
     "demo_capture", "encode", "encode_views", "export_field", "field_splats", "laplacian_loss",
     "load_network", "make", "nearest_neighbour_loss", "orbit_cameras", "paint", "read_image",
