@@ -26,7 +26,7 @@ def main(out: Path = Path("example-out"), size: int = 384, count: int = 200_000,
     figures = lf.export_field(styled, out / "head.glb", lf.ExportConfig(kind="mesh"))
     print(f"head.glb: {figures['faces']} triangles, {figures['bytes'] / 1e6:.1f} MB")
 
-    # The same splats in memory. They are a renderer, too: `05_renderer.py` codes such for a panel.
+    # The same splats in memory. As a renderer they can be coded for a panel, too.
     splats, _ = lf.field_splats(styled, config)
     cameras = lf.orbit_cameras(12, size, styled)
     field = np.clip(styled.render(cameras, 1).color, 0, 1)

@@ -52,7 +52,8 @@ def main(out: Path = Path("example-out"), size: int = 256, steps: int = 40) -> N
         descent = torch.optim.Adam([colors], lr=0.02)
         for _ in range(steps):
             descent.zero_grad()
-            sum(list(losses.values())[k](picture(colors)) for k in range(count)).backward()
+            image = picture(colors)
+            sum(loss(image) for loss in [*losses.values()][:count]).backward()
             descent.step()
         with torch.no_grad():
             shown.append(picture(colors.clamp(0, 1)))

@@ -106,12 +106,18 @@ class Example:
         """File that it writes and its page shows: the last one that its docstring names."""
         return re.findall(r"\b[\w.]+\.png\b", self.text)[-1]
 
+    @property
+    def drawn(self) -> bool:
+        """Whether its picture was taken (``--run``); without one its page has none."""
+        return (PICTURES / f"{self.name}.jpg").is_file()
+
     def page(self) -> str:
         """Its page, as Markdown."""
         subtitle = self.subtitle[:1].upper() + self.subtitle[1:]
         return "\n\n".join([
             f"# {self.title}", NOTE.format(file=self.path.name), f"{subtitle}.",
-            f"![{self.title}](../images/examples/{self.name}.jpg)", self.text,
+            *([f"![{self.title}](../images/examples/{self.name}.jpg)"] if self.drawn else []),
+            self.text,
             f"[examples/{self.path.name}](../../examples/{self.path.name})",
             f"```\n{self.run}\n```", f"```python\n{self.code}\n```"]) + "\n"
 
@@ -125,7 +131,7 @@ def pages() -> dict[Path, str]:
     """All pages."""
     found = examples()
     rows = ["| | |", "| --- | --- |", *(
-        f"| [![{one.title}](../images/examples/{one.name}.jpg)]({one.name}.md) "
+        f"| {f'[![{one.title}](../images/examples/{one.name}.jpg)]({one.name}.md)' * one.drawn} "
         f"| [**{one.title}**]({one.name}.md)<br>{one.subtitle} |" for one in found)]
     return {NAMES: names_page(), PAGES / "index.md": INDEX + "\n" + "\n".join(rows) + "\n",
             **{PAGES / f"{one.name}.md": one.page() for one in found}}

@@ -133,6 +133,6 @@ def test_the_committed_pages_are_up_to_date():
     assert set(make_examples.PAGES.glob("*.md")) == set(pages)
 
 
-def test_every_page_has_its_picture():
-    assert {path.stem for path in make_examples.PICTURES.glob("*.jpg")} == {
+def test_pictures_are_those_of_examples():
+    assert {path.stem for path in make_examples.PICTURES.glob("*.jpg")} <= {
         one.name for one in EXAMPLES}
