@@ -28,10 +28,9 @@ out, seen = Path(sys.argv[1]), []
 CONFIG = replace(CONFIG, reconstruct=replace(CONFIG.reconstruct, sh_degree=2))
 with Warmup(("transfer", "reconstruct", "stylize", "encode")) as warmup:
     warmup.wait(("transfer", "reconstruct", "stylize", "encode"))
-    with watched_compilations(seen.append):
-        make(demo_capture(size=48, views=10), demo_exemplar(width=120, height=160), out,
-             Display(64, 48, views=6, pitch=7.3, slant=0.1), CONFIG, warmup=warmup,
-             offline=True)
+with watched_compilations(seen.append):
+    make(demo_capture(size=48, views=10), demo_exemplar(width=120, height=160), out,
+         Display(64, 48, views=6, pitch=7.3, slant=0.1), CONFIG, offline=True)
 print(*seen)
 """
 
