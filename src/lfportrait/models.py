@@ -52,6 +52,8 @@ class ModelFile:
         Official address, or empty: the file must be put in place by hand.
     size
         Size in bytes.
+    folder
+        A collection of its own that the file may lie in, in the folder of networks or beside it.
     """
 
     file: str
@@ -60,6 +62,7 @@ class ModelFile:
     licence: str
     url: str = ""
     size: int = 0
+    folder: str = ""
 
 
 def _read_registry() -> dict[str, tuple[ModelFile, ...]]:
@@ -95,6 +98,7 @@ PURPOSES: dict[str, str] = {
     "adain": "stylize --method stylized-nerf",
     "face-landmarks-68": "landmarks in paintings, where the first network fails",
     "face-detector": "faces in paintings, where the first network fails",
+    "head": "the statistical head that one photo is fitted with (else a generic one)",
 }
 """What each network is for."""
 
@@ -129,9 +133,16 @@ def _entries(name: str) -> tuple[ModelFile, ...]:
 def _local(name: str) -> tuple[Path, ModelFile] | None:
     for entry in _entries(name):
         for folder in _folders():
-            if (folder / entry.file).is_file():
-                return folder / entry.file, entry
+            for place in _places(folder, entry):
+                if place.is_file():
+                    return place, entry
     return None
+
+
+def _places(folder: Path, entry: ModelFile) -> list[Path]:
+    """Where a file may lie: in a folder of networks, or in a collection in it or beside it."""
+    collections = [folder / entry.folder, folder.parent / entry.folder] if entry.folder else []
+    return [place / entry.file for place in (folder, *collections)]
 
 
 def available(name: str) -> bool:

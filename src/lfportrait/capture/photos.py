@@ -128,7 +128,7 @@ def picture_files(folder: Path, *, say: bool = True) -> list[Path]:
     Parameters
     ----------
     folder
-        Folder with pictures, or with a subfolder ``images``.
+        Folder with pictures, or with a subfolder ``images``; or one picture.
     say
         Whether a warning says which other files are left out, and why.
 
@@ -139,8 +139,10 @@ def picture_files(folder: Path, *, say: bool = True) -> list[Path]:
     """
     if not folder.exists():
         raise UserError(f"there is no folder {folder}; name the folder of your photos")
+    if folder.is_file() and kind_of(folder) == "picture":
+        return [folder]
     if not folder.is_dir():
-        raise UserError(f"{folder} is neither a folder of photos nor a video")
+        raise UserError(f"{folder} is neither a photo, nor a folder of photos, nor a video")
     listing = photo_listing(folder)
     if listing.files:
         if say:

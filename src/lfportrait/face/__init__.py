@@ -21,6 +21,7 @@ from .triangulate import frontal_order, landmarks_of_capture, triangulate
 
 __all__ = [
     "GENERIC_LANDMARKS",
+    "PORTRAIT_CONE",
     "FacePose",
     "capture_from_faces",
     "detect_faces",
@@ -33,15 +34,22 @@ __all__ = [
     "frontal_order",
     "generic_depth",
     "hair_mask",
+    "is_portrait",
     "landmarks_of_capture",
     "mattes",
     "parts",
     "person_matte",
+    "portrait_capture",
+    "portrait_field",
     "read_landmarks",
     "symmetric_landmarks",
     "triangulate",
     "write_landmarks",
 ]
+
+
+PORTRAIT_CONE = 40.0
+"""Degrees in all over which a head from one photo can be looked at."""
 
 
 def detectors_key() -> str:
@@ -55,6 +63,25 @@ def capture_from_faces(photos: Path, config: Any, progress: Any = None) -> Any:
     from .face_cameras import capture_from_faces as run
 
     return run(photos, config, progress)
+
+
+def is_portrait(capture: Any) -> bool:
+    """Whether a capture's head was fitted to its photos (`one_photo`)."""
+    return "head_fit" in capture.figures
+
+
+def portrait_capture(photos: Any, progress: Any = None) -> Any:
+    """A head fitted to one photo or a few (`lfportrait.face.one_photo.portrait_capture`)."""
+    from .one_photo import portrait_capture as run
+
+    return run(photos, progress)
+
+
+def portrait_field(capture: Any, config: Any = None, progress: Any = None) -> Any:
+    """The field of a fitted head (`lfportrait.face.one_photo.portrait_field`)."""
+    from .one_photo import portrait_field as run
+
+    return run(capture, config, progress)
 
 
 def person_matte(image: NDArray[np.uint8], up: NDArray[Any] | None = None) -> NDArray[np.float32]:

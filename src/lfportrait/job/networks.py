@@ -33,17 +33,22 @@ def _described(photos: Path) -> dict[str, object]:
 def _cut_out(photos: Path) -> bool:
     """Whether the photos of a data set have mattes, judged by its first picture."""
     if not photos.is_dir():
-        return False
+        return _matted(photos)
     folders = [photos, *folders_below(photos)]
     if any(folder.name == "masks" for folder in folders):
         return True
     for path in (path for folder in folders for path in list_pictures(folder).files):
         try:
-            picture = read_image(path)
-            return picture.shape[-1] == 4 and bool((picture[..., 3] < 255).any())
+            return _matted(path)
         except UserError:  # a damaged one is left out later, with a warning
             continue
     return False
+
+
+def _matted(path: Path) -> bool:
+    """Whether a picture has an alpha channel that cuts something out."""
+    picture = read_image(path)
+    return picture.shape[-1] == 4 and bool((picture[..., 3] < 255).any())
 
 
 def _bare(painting: Path | None) -> bool:

@@ -24,7 +24,10 @@ from ..capture import (
     calibrate,
     follow_head,
     is_calibrated,
+    is_video,
+    picture_files,
     portrait_frame_from_landmarks,
+    read_photos,
 )
 from ..errors import UserError
 from ..progress import Progress
@@ -37,6 +40,8 @@ _OUTLIERS = 0.6
 """Share of a face's landmarks that do not fit cameras which are wrong."""
 _PLACED = 0.8
 """Share of placed photos below which cameras are estimated from the face."""
+_FEWEST = 3
+"""Photos from which on cameras are looked for by what the photos have in common."""
 _FAR = 10.0
 """Pixels by which a head's features are off, by cameras that are of something else."""
 
@@ -233,6 +238,22 @@ def _least_by_face(capture: Capture, landmarks: dict[str, Any], need_face: bool)
     return len(capture) + 1 if few else None
 
 
+def _few(photos: Path) -> bool:
+    """Whether there are too few photos to find cameras by what they have in common."""
+    return not (is_calibrated(photos) or is_video(photos)) and len(
+        picture_files(photos, say=False)) < _FEWEST
+
+
+def _portrait(photos: Path, config: CalibrateConfig, progress: Progress | None,
+              ) -> tuple[Capture, dict[str, Any]]:
+    """One photo or two: a head is fitted to the face."""
+    from ..face import portrait_capture
+
+    capture, fit = portrait_capture(read_photos(photos, config.max_side), progress)
+    return capture, {"source": "one photo" if len(capture) == 1 else "a few photos", "fit": fit,
+                     "mattes": capture.figures["mattes"], "views": len(capture), "held_out": 0}
+
+
 def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: bool = False,
                     need_face: bool = False, progress: Progress | None = None,
                     sheet: Path | None = None) -> tuple[Capture, dict[str, Any]]:
@@ -265,6 +286,8 @@ def prepare_capture(photos: Path, config: CalibrateConfig, *, keep_background: b
     photos = Path(photos)
     if not photos.exists():
         raise UserError(f"there is no folder or file {photos}; name the folder of your photos")
+    if _few(photos):
+        return _portrait(photos, config, progress)
     if is_calibrated(photos):
         capture = Capture.load(photos)
         figures: dict[str, Any] = {"source": "calibrated"}

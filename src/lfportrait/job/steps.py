@@ -18,8 +18,8 @@ import numpy as np
 
 from ..cache import hash_of
 from ..capture import CalibrateConfig, Capture
-from ..errors import UserError
 from ..example import Exemplar, Skin
+from ..face import is_portrait, portrait_field
 from ..field import ReconstructConfig, VoxelField, lattice_points, reconstruct_with_figures
 from ..lightfield import (
     Display,
@@ -101,15 +101,11 @@ def painting_key(exemplar: Exemplar) -> tuple[str, str]:
 
 
 def look_at(photos: Path) -> None:
-    """Raise `UserError` if there are too few plain photos."""
+    """Raise `UserError` if there are no photos."""
     from ..capture import is_calibrated, is_video, picture_files
 
-    if is_calibrated(photos) or is_video(photos):
-        return
-    count = len(picture_files(photos, say=False))
-    if count < 3:
-        raise UserError(f"{count} photos in {photos} are too few to find the cameras; take 20 to "
-                        "100 of a person who holds still")
+    if not (is_calibrated(photos) or is_video(photos)):
+        picture_files(photos, say=False)
 
 
 def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
@@ -121,6 +117,10 @@ def write_field(capture: Capture, target: Path, config: MakeConfig, seed: int,
     ``look`` is offered fields that are trained in part, with the capture.
     """
     settings = replace(config.reconstruct, seed=seed)
+    if is_portrait(capture):
+        result, figures = portrait_field(capture, settings, progress)
+        result.save(target)
+        return figures, result.as_read()
     result, figures = reconstruct_with_figures(
         capture, settings, progress, checkpoint=checkpoint, device=device,
         look=None if look is None else partial(look, capture))

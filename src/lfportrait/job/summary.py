@@ -22,6 +22,7 @@ from PIL import Image, ImageDraw
 from ..capture import Camera, Capture
 from ..device import used_device
 from ..example import Exemplar, SurfaceGuide, Transfer, TransferConfig
+from ..face import PORTRAIT_CONE, is_portrait
 from ..field import Coverage, VoxelField
 from ..files import write_image
 from ..lightfield import Display, ViewMask, read_coded, render_views, simulate
@@ -108,11 +109,14 @@ def share_job(task: Task, results: Path, exemplar: Exemplar, figures: dict[str, 
         styled, capture = loaded.result(), taken.result()
         # Worked out once, before several threads ask for it.
         styled.bricks, styled.stretches, styled.solid_extent  # noqa: B018
-        page = threads.submit(write_page, styled, folder / "portrait.html", config.page,
-                              config.encode)
+        cone, shown = display.cone, config.page
+        if is_portrait(capture):  # further out it is a guess
+            cone = min(cone, PORTRAIT_CONE)
+            shown = dataclasses.replace(shown, cone=shown.cone or PORTRAIT_CONE)
+        page = threads.submit(write_page, styled, folder / "portrait.html", shown, config.encode)
         film = threads.submit(
             write_video, folder / "sweep.mp4",
-            sweep_frames(styled, display.cone, frames, config.sweep_size,
+            sweep_frames(styled, cone, frames, config.sweep_size,
                          background=config.encode.background, ground=config.encode),
             preset="veryfast")
         report, share = _report(folder, results / task.inputs["field"], display, config, exemplar,

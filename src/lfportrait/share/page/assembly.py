@@ -121,6 +121,8 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     config = config or PageConfig()
     if not 0.1 <= config.max_size <= 1000:
         raise UserError(f"--max-size must be 0.1 to 1000 MB, not {config.max_size:g}")
+    if not 0 <= config.cone <= 360:
+        raise UserError(f"--cone must be 0 to 360 degrees, not {config.cone:g}")
     start = time.perf_counter()
     if voxels.background is not None:
         warnings.warn("a page shows only the head, on a plain background: the room that this field "
@@ -141,6 +143,8 @@ def write_page(voxels: VoxelField, path: str | Path, config: PageConfig | None =
     header = {**packed.header, "start": view, "displays": _presets(),
               "quilts": customary_views(), "version": __version__,
               **({"ground": plane.header} if plane else {})}
+    if config.cone:
+        header["start"] = {**view, "limit": np.radians(config.cone) / 2}
     title = config.title or "Portrait"
     styles = [each.name for each in sets if each.kind in ("style", "mix")]
     after = config.artist or ", ".join(styles)

@@ -23,3 +23,6 @@ class PageConfig:
     max_size: float = 6.0
     """Largest size of the file in MB (of 1,000,000 bytes). Colors and densities are quantised as
     finely as this allows; if that is not enough, the lattice is made coarser."""
+    cone: float = 0.0
+    """Degrees in all over which the portrait turns; 0: all around, and 40 in `make` for a head that
+    was made from one photo."""

@@ -6,7 +6,7 @@ const NARROW = 640; // width of an upright window that has the caption under the
 const ROOM = [56, 152]; // pixels above and below the portrait then, as in page.css
 
 class Orbit {
-  /** @param {object} start Of the page's header: target, distance, reach, half. */
+  /** @param {object} start Of the page's header: target, distance, reach, half; limit, if any. */
   constructor(start) {
     this.start = start;
     this.front();
@@ -21,8 +21,10 @@ class Orbit {
   }
 
   turn(yaw, pitch) {
-    this.yaw += yaw;
-    this.pitch = Math.min(Math.max(this.pitch + pitch, -TOP), TOP);
+    const { limit } = this.start; // radians to each side that a head from one photo is good for
+    const within = (angle, most) => Math.min(Math.max(angle, -most), most);
+    this.yaw = limit ? within(this.yaw + yaw, limit) : this.yaw + yaw;
+    this.pitch = within(this.pitch + pitch, limit ? Math.min(limit, TOP) : TOP);
   }
 
   /** Zoom so that what lies at a place, in pixels from the middle, stays there. */

@@ -1,0 +1,486 @@
+"""Fit a statistical head to the landmarks of photos: camera, pose, identity, expression.
+
+Regularised least squares by Gauss-Newton steps: landmarks in pixels with Huber's weights (1964),
+coefficients of identity in their deviations, expressions of each photo. The jaw's landmarks slide
+along the outline that the model has in the pose (Bas et al. 2016); where the matte's outline is
+skin, the model's outline is drawn to it, and where it is hair, kept inside. A focal length that no
+file notes is found among a few distances, the likeliest of which is that of an arm and a half:
+shape and distance of a face look alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ..errors import UserError
+from .head_prior import EYES, HeadPrior, with_normals
+
+__all__ = ["HeadFit", "Picture", "View", "check_faces", "fit_head"]
+
+Float64 = NDArray[np.float64]
+
+MOST_TURNED = 35.0
+"""Degrees that a face may be turned in its photo."""
+SMALLEST = 150.0
+"""Pixels of a face's width, ear to ear, that it must have."""
+FACE_WIDTH = 0.145
+"""Metres."""
+DISTANCES = (0.45, 0.6, 0.8, 1.05, 1.4)
+"""Metres between camera and face that are tried where no focal length is noted."""
+LIKELY, SPREAD = 0.8, 0.15
+"""The likeliest distance, and the deviation of its logarithm."""
+NOISE = 0.02
+"""Deviation of a landmark in the picture, over the distance of the outer corners of the eyes."""
+JAW = 2.0
+"""The jaw's landmarks are so many times less exact."""
+VAGUE = {tuple(range(17, 27)): 3.0, (27, 28, 29): 4.0}
+"""How many times less exact landmarks are along the face: brows, whose edges people see unlike,
+and the bridge, which has no marks."""
+HUBER = 2.0
+"""Deviations from which on an error counts linearly."""
+EXPRESSION = 0.35
+"""Deviation of the expressions."""
+OUTLINE = 0.008
+"""Deviation of the matte's outline, over the distance of the eyes."""
+ROUNDS = 14
+MOST_DEVIATIONS = 3.0
+"""No coefficient of identity goes further."""
+WORST = 0.09
+"""Root mean square of the inner landmarks' errors, over the distance of the eyes' outer corners,
+above which the head fits no face."""
+VAGUE_HAIR = 4.0
+"""Where hair is the outline, it says so many times less of the skull."""
+HAIR = 0.008
+"""Metres that hair is thick at least where it is the outline."""
+_FLIP = np.diag([1.0, -1.0, -1.0])
+"""From a head to a camera that looks at it from the front."""
+_WATCHED = 0.15
+"""Outlines further from the matte's than this, over the eyes' distance, are of something else."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What is known of a photo.
+
+    Attributes
+    ----------
+    size
+        Width and height in pixels.
+    landmarks
+        float64 [68, 2] in pixels.
+    focal
+        Focal length in pixels as the camera noted it, or None.
+    inside
+        float32 [H, W], signed distance in pixels from the matte's outline, positive in the person;
+        None where there is no matte.
+    hair
+        float32 [H, W] in [0, 1], or None.
+    """
+
+    size: tuple[int, int]
+    landmarks: Float64
+    focal: float | None = None
+    inside: NDArray[np.float32] | None = None
+    hair: NDArray[np.float32] | None = None
+
+    @property
+    def eyes(self) -> float:
+        """Distance of the outer corners of the eyes in pixels."""
+        return float(np.linalg.norm(self.landmarks[45] - self.landmarks[36]))
+
+    @property
+    def face_width(self) -> float:
+        """Distance of the jaw's ends in pixels."""
+        return float(np.linalg.norm(self.landmarks[16] - self.landmarks[0]))
+
+
+@dataclass(frozen=True)
+class View:
+    """Camera, pose and expression of one photo.
+
+    Attributes
+    ----------
+    rotation, shift
+        float64 [3, 3] and [3]: a point X of the head lies at rotation X + shift in the camera's
+        frame (x right, y down, z forward), metres.
+    focal
+        Pixels.
+    center
+        float64 [2], the principal point in pixels.
+    expression
+        float64 [M].
+    """
+
+    rotation: Float64
+    shift: Float64
+    focal: float
+    center: Float64
+    expression: Float64
+
+    def to_camera(self, points: Float64) -> Float64:
+        """Points [N, 3] of the head in the camera's frame."""
+        return np.asarray(points @ self.rotation.T + self.shift, np.float64)
+
+    def project(self, points: Float64) -> Float64:
+        """Pixels [N, 2] of points [N, 3] of the head."""
+        local = self.to_camera(points)
+        return np.asarray(local[:, :2] / local[:, 2:] * self.focal + self.center, np.float64)
+
+    @property
+    def angles(self) -> dict[str, float]:
+        """Yaw (to the picture's right), pitch (up) and roll of the face in degrees."""
+        away = _FLIP @ self.rotation
+        return {"yaw": round(float(np.degrees(np.arctan2(away[0, 2], away[2, 2]))), 1),
+                "pitch": round(float(np.degrees(np.arcsin(np.clip(away[1, 2], -1, 1)))), 1),
+                "roll": round(float(np.degrees(np.arctan2(away[1, 0], away[0, 0]))), 1)}
+
+
+@dataclass(frozen=True)
+class HeadFit:
+    """A head that fits photos.
+
+    Attributes
+    ----------
+    prior
+        The model.
+    identity
+        float64 [K], in deviations.
+    views
+        One a photo.
+    pixels
+        Root mean square distance in pixels of the landmarks besides the jaw's, one a photo.
+    deviations
+        Root mean square of the coefficients of identity.
+    """
+
+    prior: HeadPrior
+    identity: Float64
+    views: list[View]
+    pixels: list[float]
+    deviations: float
+
+    def vertices(self, view: int) -> Float64:
+        """The head in one photo's expression, float64 [N, 3], in its own frame, metres."""
+        return self.prior.shape(self.identity, self.views[view].expression)
+
+    def figures(self) -> dict[str, object]:
+        """What ``run.json`` says of the fit."""
+        return {"model": self.prior.name, "landmarks_px": [round(one, 2) for one in self.pixels],
+                "deviations": round(self.deviations, 2),
+                "distance_m": [round(float(view.shift[2]), 2) for view in self.views],
+                "angles": [view.angles for view in self.views]}
+
+
+def check_faces(faces: list[Float64], name: str) -> Float64:
+    """The one face of a photo that can be used.
+
+    Parameters
+    ----------
+    faces
+        Landmarks [68, 2] of all faces in a photo, the largest first.
+    name
+        Of the photo.
+
+    Raises
+    ------
+    UserError
+        If there is none or more than one of that size, or it is too small.
+    """
+    if not faces:
+        raise UserError(f"no face was found in {name}; a portrait needs a photo that shows the "
+                        "face from the front, upright and in focus")
+    sizes = [float(np.linalg.norm(face[16] - face[0])) for face in faces]
+    others = sum(size > 0.4 * sizes[0] for size in sizes)
+    if others > 1:
+        raise UserError(f"{name} shows {others} faces; crop it to the one that is meant")
+    if sizes[0] < SMALLEST:
+        raise UserError(f"the face in {name} is {sizes[0]:.0f} pixels wide, which is too small; it "
+                        f"needs {SMALLEST:.0f} at least")
+    return faces[0]
+
+
+def fit_head(prior: HeadPrior, pictures: list[Picture], names: list[str] | None = None) -> HeadFit:
+    """Fit a head to photos of one person.
+
+    Parameters
+    ----------
+    prior
+        The model.
+    pictures
+        One a photo.
+    names
+        Of the photos, for messages.
+
+    Raises
+    ------
+    UserError
+        If the head does not fit the first photo, or its face is turned too far.
+    """
+    names = names or [f"photo {number + 1}" for number in range(len(pictures))]
+    best: _Solver | None = None
+    starts = DISTANCES if all(one.focal is None for one in pictures) else (None,)
+    for distance in starts:
+        solver = _Solver(prior, pictures, distance)
+        solver.solve(ROUNDS // 2, outlines=False)
+        if best is None or solver.cost < best.cost:
+            best = solver
+    assert best is not None
+    best.solve(ROUNDS, outlines=True)
+    fit = best.result()
+    _check_fit(fit, pictures, names)
+    return fit
+
+
+def _check_fit(fit: HeadFit, pictures: list[Picture], names: list[str]) -> None:
+    """Refuse what can't be a face seen from the front."""
+    for view, picture, pixels, name in zip(fit.views, pictures, fit.pixels, names, strict=True):
+        if pixels > WORST * picture.eyes:
+            raise UserError(f"what was found in {name} fits no face: landmarks are off by "
+                            f"{pixels:.0f} pixels; is it covered, or cut off?")
+        turned = abs(view.angles["yaw"])
+        if turned > MOST_TURNED and len(pictures) == 1:
+            raise UserError(f"the face in {name} is turned by {turned:.0f} degrees; with one photo "
+                            f"it may be {MOST_TURNED:.0f} at most")
+
+class _Solver:
+    """The state of one fit: Gauss-Newton over all photos at once."""
+
+    def __init__(self, prior: HeadPrior, pictures: list[Picture], distance: float | None) -> None:
+        pictures = [replace(one, landmarks=prior.vertices_seen(one.landmarks)) for one in pictures]
+        self.prior, self.pictures, self.distance = prior, pictures, distance
+        self.identity = np.zeros(len(prior.identity))
+        self.cost = np.inf
+        self.jaw = [prior.landmarks[:17].copy() for _ in pictures]
+        self.views = [_first_view(prior, picture, distance) for picture in pictures]
+
+    def result(self) -> HeadFit:
+        pixels = []
+        for view, picture in zip(self.views, self.pictures, strict=True):
+            shown = view.project(self.prior.shape(self.identity, view.expression)
+                                 [self.prior.landmarks])
+            away = (shown - picture.landmarks)[17:]
+            pixels.append(float(np.sqrt((away ** 2).sum(axis=1).mean())))
+        return HeadFit(self.prior, self.identity, self.views, pixels,
+                       float(np.sqrt((self.identity ** 2).mean())))
+
+    def solve(self, rounds: int, *, outlines: bool) -> None:
+        """Some steps; the jaw and the outlines are looked for again before each."""
+        for _ in range(rounds):
+            blocks = []
+            for index in range(len(self.pictures)):
+                vertices = self.prior.shape(self.identity, self.views[index].expression)
+                normals = with_normals(vertices, self.prior.triangles)
+                self._slide_jaw(index, vertices, normals)
+                rows = [self._landmark_rows(index, vertices)]
+                if outlines and self.pictures[index].inside is not None:
+                    rows.append(self._outline_rows(index, vertices, normals))
+                blocks.append(tuple(np.concatenate(part) for part in zip(*rows, strict=True)))
+            self._step(blocks)
+
+    def _step(self, blocks: list[tuple[Float64, ...]]) -> None:
+        """One regularised least-squares step of all unknowns."""
+        shared, own = len(self.identity), 6 + len(self.prior.expression)
+        size = shared + own * len(blocks)
+        normal, right = np.zeros((size, size)), np.zeros(size)
+        cost = 0.0
+        for index, (pose, identity, expression, error) in enumerate(blocks):
+            first = shared + own * index
+            rows = np.zeros((len(error), size))
+            rows[:, :shared] = identity
+            rows[:, first:first + 6] = pose
+            rows[:, first + 6:first + own] = expression
+            length = np.abs(error)
+            weight = np.minimum(1.0, HUBER / np.maximum(length, 1e-12))
+            cost += float(np.where(length < HUBER, length ** 2,
+                                   2 * HUBER * length - HUBER ** 2).sum())
+            normal += rows.T @ (weight[:, None] * rows)
+            right -= rows.T @ (weight * error)
+        at = np.concatenate([self.identity, *(np.concatenate([np.zeros(6), view.expression])
+                                              for view in self.views)])
+        held = np.concatenate([np.ones(shared), *(np.concatenate(
+            [np.full(6, 1e-6), np.full(own - 6, EXPRESSION ** -2)]) for _ in blocks)])
+        normal[np.diag_indices(size)] += held
+        right -= held * at
+        change = np.linalg.solve(normal, right)
+        self.identity = np.clip(self.identity + change[:shared], -MOST_DEVIATIONS, MOST_DEVIATIONS)
+        for index, view in enumerate(self.views):
+            part = change[shared + own * index:][:own]
+            turn = Rotation.from_rotvec(part[:3]).as_matrix()
+            self.views[index] = replace(
+                view, rotation=turn @ view.rotation, shift=view.shift + part[3:6],
+                expression=np.clip(view.expression + part[6:], -0.2, 1.2))
+        cost += float((held * at ** 2).sum())
+        if self.distance is not None:
+            cost += (np.log(self.distance / LIKELY) / SPREAD) ** 2
+        self.cost = cost
+
+    def _rows(self, index: int, vertices: NDArray[np.int64], points: Float64,
+              along: Float64) -> tuple[Float64, Float64, Float64]:
+        """Derivatives of projected vertices along directions [R, 2]: by pose, by coefficients."""
+        view = self.views[index]
+        turned = points @ view.rotation.T
+        local = turned + view.shift
+        # d pixel / d camera point, times the direction.
+        x, y, z = local.T
+        slope = view.focal * np.stack([
+            along[:, 0] / z, along[:, 1] / z,
+            -(along[:, 0] * x + along[:, 1] * y) / z ** 2], axis=1)
+        pose = np.concatenate([np.cross(turned, slope), slope], axis=1)
+        back = slope @ view.rotation
+        identity = np.einsum("kni,ni->nk", self.prior.identity[:, vertices], back)
+        expression = np.einsum("kni,ni->nk", self.prior.expression[:, vertices], back)
+        return pose, identity, expression
+
+    def _landmark_rows(self, index: int, vertices: Float64) -> tuple[Float64, ...]:
+        """Rows of the landmarks: two each, and one across the outline for the jaw's."""
+        view, picture = self.views[index], self.pictures[index]
+        noise = NOISE * picture.eyes
+        inner = np.repeat(self.prior.landmarks[17:], 2)
+        chosen = np.concatenate([self.jaw[index], inner])
+        along = np.concatenate([_across_jaw(picture.landmarks) / JAW,
+                                _inner_axes(picture.landmarks)]) / noise
+        points = vertices[chosen]
+        numbers = np.r_[0:17, np.repeat(np.arange(17, 68), 2)]
+        away = view.project(points) - picture.landmarks[numbers]
+        return (*self._rows(index, chosen, points, along), (away * along).sum(axis=1))
+
+    def _slide_jaw(self, index: int, vertices: Float64, normals: Float64) -> None:
+        """For each of the jaw's landmarks the vertex of the present outline that is nearest."""
+        view, picture = self.views[index], self.pictures[index]
+        across = _across_jaw(picture.landmarks)
+        local = view.to_camera(vertices)
+        turned = normals @ view.rotation.T
+        facing = np.abs((turned * local).sum(axis=1)) / np.linalg.norm(local, axis=1)
+        rim = np.flatnonzero((facing < 0.25) & (self.prior.part != EYES))
+        flat = turned[rim, :2] / np.maximum(np.linalg.norm(turned[rim, :2], axis=1), 1e-9)[:, None]
+        seen = view.project(vertices[rim])
+        for number, start in enumerate(self.prior.landmarks[:17]):
+            near = np.linalg.norm(vertices[rim] - vertices[start], axis=1) < 0.025
+            near &= flat @ across[number] > 0.7
+            if near.any():
+                away = np.linalg.norm(seen[near] - picture.landmarks[number], axis=1)
+                self.jaw[index][number] = rim[near][int(np.argmin(away))]
+            else:
+                self.jaw[index][number] = start
+
+    def _outline_rows(self, index: int, vertices: Float64, normals: Float64) -> tuple[Float64, ...]:
+        """Rows that draw the model's outline to the matte's, or into hair."""
+        view, picture = self.views[index], self.pictures[index]
+        assert picture.inside is not None
+        rim = outline_vertices(view, self.prior, vertices, normals)
+        places = view.project(vertices[rim])
+        away, slope, hair = outline_errors(picture, places, view)
+        good = np.abs(away) < _WATCHED * picture.eyes
+        rim, away, slope, hair = rim[good], away[good], slope[good], hair[good]
+        count = len(rim)
+        # Hair may be thicker, but the skull lies within it.
+        free = (hair > 0.5) & (away > 0)
+        rim, away, slope, hair = rim[~free], away[~free], slope[~free], hair[~free]
+        # Neighbours err alike: all together count as some ten.
+        noise = OUTLINE * picture.eyes * np.sqrt(max(count / 10.0, 1.0))
+        noise = noise * np.where(hair > 0.5, VAGUE_HAIR, 1.0)
+        along = slope / noise[:, None]
+        return (*self._rows(index, rim, vertices[rim], along), away / noise)
+
+
+def outline_errors(picture: Picture, places: Float64, view: View,
+                   ) -> tuple[Float64, Float64, Float64]:
+    """How far places [N, 2] lie inside of where the skull's outline should be, in pixels.
+
+    Returns
+    -------
+    away, slope, hair
+        [N] the distances; [N, 2] their derivatives by the place; [N] how much hair is there.
+    """
+    assert picture.inside is not None
+    height, width = picture.inside.shape
+    column = np.clip(np.floor(places[:, 0]).astype(int), 1, width - 2)
+    row = np.clip(np.floor(places[:, 1]).astype(int), 1, height - 2)
+    inside = picture.inside
+    away = inside[row, column].astype(np.float64)
+    slope = 0.5 * np.stack([inside[row, column + 1] - inside[row, column - 1],
+                            inside[row + 1, column] - inside[row - 1, column]], axis=1)
+    slope = slope / np.maximum(np.linalg.norm(slope, axis=1), 1e-6)[:, None]
+    hair = np.zeros(len(places))
+    if picture.hair is not None:
+        hair = picture.hair[row, column].astype(np.float64)
+        # At the outline itself a mask of hair is soft: it is asked a little inside, too.
+        deep = 0.06 * picture.eyes
+        inner = np.clip(np.floor(places + slope * deep).astype(int), 0, [width - 1, height - 1])
+        hair = np.maximum(hair, picture.hair[inner[:, 1], inner[:, 0]])
+    away = away - np.where(hair > 0.5, HAIR * view.focal / view.shift[2], 0.0)
+    # Beyond the picture nothing is known.
+    known = ((places > 2) & (places < np.array([width - 2, height - 2]))).all(axis=1)
+    return np.where(known, away, 1e9), slope.astype(np.float64), hair
+
+
+def outline_vertices(view: View, prior: HeadPrior, vertices: Float64, normals: Float64,
+                     neck: bool = False) -> NDArray[np.int64]:
+    """The vertices on the outline of a head in a photo; the neck's only if asked for."""
+    local = view.to_camera(vertices)
+    turned = normals @ view.rotation.T
+    facing = np.abs((turned * local).sum(axis=1)) / np.linalg.norm(local, axis=1)
+    places = view.project(vertices)
+    low = places.min(axis=0) - 8
+    scale = 240.0 / float(np.ptp(places, axis=0).max())
+    small = (places - low) * scale
+    size = np.ceil(small.max(axis=0) + 8 * scale).astype(int) + 4
+    cover = np.zeros((size[1], size[0]), np.uint8)
+    corners = np.rint(small[prior.triangles]).astype(np.int32)
+    cv2.fillPoly(cover, list(_outward(corners)), 1)
+    away = cv2.distanceTransform(cover, cv2.DIST_L2, 3)
+    column, row = np.rint(small).astype(int).T
+    on = away[np.clip(row, 0, size[1] - 1), np.clip(column, 0, size[0] - 1)] <= 2.0
+    lowest = vertices[prior.landmarks[8], 1] + 0.005
+    if neck:
+        lowest = vertices[:, 1].min() + 0.012
+    shown = on & (facing < 0.35) & (prior.part != EYES)
+    return np.flatnonzero(shown & (vertices[:, 1] > lowest))
+
+
+def _outward(corners: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The triangles [T, 3, 2] of one side: together they cover all of the outline."""
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return corners[one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0] < 0]
+
+
+def _across_jaw(landmarks: Float64) -> Float64:
+    """Unit directions [17, 2] out of the face, across the line of the jaw."""
+    line = landmarks[:17]
+    along = np.gradient(line, axis=0)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
+    outward = line - landmarks[27:36].mean(axis=0)
+    across *= np.where((across * outward).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    return np.asarray(across, np.float64)
+
+
+def _inner_axes(landmarks: Float64) -> Float64:
+    """Directions [102, 2] in which the inner landmarks are compared, shorter where inexact."""
+    across = landmarks[45] - landmarks[36]
+    across = across / np.linalg.norm(across)
+    axes = np.tile(np.stack([across, [-across[1], across[0]]]), (51, 1, 1))
+    for numbers, inexact in VAGUE.items():
+        axes[np.array(numbers) - 17, 1] /= inexact
+    return axes.reshape(102, 2)
+
+
+def _first_view(prior: HeadPrior, picture: Picture, distance: float | None) -> View:
+    """Pose and camera of a photo by the mean head."""
+    center = np.array(picture.size, np.float64) / 2
+    model = prior.mean[prior.landmarks].astype(np.float64)
+    inner = slice(17, 68)
+    size = float(picture.landmarks[inner].std(axis=0).mean() / model[inner, :2].std(axis=0).mean())
+    focal = picture.focal if picture.focal is not None else size * (distance or LIKELY)
+    matrix = np.array([[focal, 0, center[0]], [0, focal, center[1]], [0, 0, 1.0]])
+    _, turns, shifts, _ = cv2.solvePnPGeneric(model[inner], picture.landmarks[inner], matrix, None,
+                                              flags=cv2.SOLVEPNP_SQPNP)
+    turn, shift = cv2.solvePnPRefineLM(model[inner], picture.landmarks[inner], matrix, None,
+                                       turns[0], shifts[0])
+    return View(Rotation.from_rotvec(np.ravel(turn)).as_matrix(), np.ravel(shift), float(focal),
+                center, np.zeros(len(prior.expression)))

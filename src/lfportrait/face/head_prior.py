@@ -1,0 +1,320 @@
+"""A statistical head: a mean, modes of identity with their deviations, expressions, 68 landmarks.
+
+One neutral form for heads of any origin. Where no statistical head is installed there is a generic
+one (`generic_prior`), with a few hand-made modes.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import models
+from ..errors import UserError
+from ..files import UNREADABLE_ARRAYS
+from .generic_head import GENERIC_LANDMARKS, MIRRORED, generic_depth
+
+__all__ = ["EYES", "FACE", "HEAD", "SOCKETS", "HeadPrior", "generic_prior", "head_prior",
+           "read_ict", "with_normals"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Int32 = NDArray[np.int32]
+
+FACE, HEAD, SOCKETS, EYES = range(4)
+"""Parts of a head's vertices: face; skull, ears and neck; eye sockets; eyeballs."""
+IDENTITIES = 48
+"""Modes of identity that are used: four fifths of the variance of ICT-FaceKit's heads."""
+NECK = -0.115
+"""Height in metres, from the landmarks' level of ICT-FaceKit, below which its bust is left out:
+shoulders differ too much from person to person, and from pose to pose."""
+_LEAN = {
+    0: (-2.4, -3.8, 0.0), 1: (-3.0, -8.6, 0.0), 2: (-2.5, -4.4, 0.0), 3: (-3.6, -9.8, 0.0),
+    4: (-5.7, -10.2, 0.0), 5: (-5.1, -6.1, 0.0), 6: (-4.0, -1.0, 0.0), 7: (-2.6, 3.6, 0.0),
+    8: (0.0, 3.3, 0.0), 17: (-2.5, 1.6, 0.3), 18: (-2.9, -1.9, -1.5), 19: (-0.7, -2.8, -3.1),
+    20: (-1.8, -1.9, -4.3), 21: (-1.6, 0.8, -3.6), 27: (0.0, -1.4, -1.8), 28: (0.0, -0.1, -0.4),
+    29: (0.0, 1.7, 2.2), 30: (0.0, 2.1, -2.5), 31: (0.5, -4.0, 3.8), 32: (-1.2, -1.6, 1.4),
+    33: (0.0, -1.4, 1.7), 36: (-2.4, -1.3, 1.6), 37: (1.1, -1.3, 0.0), 38: (-0.2, -0.6, -1.3),
+    39: (0.0, -2.5, 1.8), 40: (-0.9, 0.6, 0.3), 41: (0.5, 0.5, 0.6), 48: (-1.9, -0.3, -1.6),
+    49: (-0.8, 0.5, -3.0), 50: (0.6, -2.1, -0.8), 51: (0.0, -1.1, -0.6), 55: (-0.8, 1.4, -2.4),
+    56: (-2.6, 1.9, -0.9), 57: (0.0, 2.0, -0.8), 60: (-2.9, -0.3, -1.6), 61: (3.3, -1.4, 1.5),
+    62: (0.0, -1.7, 1.7), 65: (-4.1, 0.0, 2.0), 66: (0.0, 0.0, 1.6),
+}
+"""Where detectors put landmarks, from where ICT-FaceKit's vertices for them are, in hundredths of
+the distance of the outer corners of the eyes: along their line, across (down), and in depth (out of
+the face), as triangulated from several sides, where a landmark slides over the surface. Of one of
+each pair. Medians over 16 random heads of that model (6 for depth), drawn with brows, lips and
+irises. Uncorrected, a nose's tip seen 2 mm too low tilts the whole head by five degrees.
+"""
+BELIEVED = 0.5
+"""Share of the lean in the picture that is corrected."""
+_USED = ("browDown_L", "browDown_R", "browInnerUp_L", "browInnerUp_R", "browOuterUp_L",
+         "browOuterUp_R", "cheekPuff_L", "cheekPuff_R", "eyeBlink_L", "eyeBlink_R", "eyeWide_L",
+         "eyeWide_R", "jawLeft", "jawRight", "jawOpen", "mouthClose", "mouthFrown_L",
+         "mouthFrown_R", "mouthFunnel", "mouthPucker", "mouthSmile_L", "mouthSmile_R",
+         "mouthStretch_L", "mouthStretch_R", "mouthUpperUp_L", "mouthUpperUp_R",
+         "mouthLowerDown_L", "mouthLowerDown_R")
+"""Expressions (ARKit's names) that 68 landmarks can tell apart."""
+
+
+@dataclass(frozen=True)
+class HeadPrior:
+    """Heads as a mean and modes; metres, +x to the sitter's left, +y up, +z out of the face.
+
+    Attributes
+    ----------
+    name
+        Of the model.
+    mean
+        float32 [N, 3].
+    triangles
+        int32 [T, 3], a surface that is open at the neck alone; seen from outside, vertices run
+        counter-clockwise.
+    part
+        uint8 [N]: `FACE`, `HEAD`, `SOCKETS`, `EYES`.
+    landmarks
+        int64 [68], vertices in iBUG order; the jaw's lie on the outline seen from the front.
+    identity
+        float32 [K, N, 3], one standard deviation each, the most important first.
+    expression
+        float32 [M, N, 3], full expressions.
+    expressions
+        Their names.
+    lean
+        float64 [68, 3] or None: how far detectors put landmarks from these vertices, over the
+        distance of the outer corners of the eyes, along their line, across (down), and outwards.
+    """
+
+    name: str
+    mean: Float32
+    triangles: Int32
+    part: NDArray[np.uint8]
+    landmarks: NDArray[np.int64]
+    identity: Float32
+    expression: Float32
+    expressions: tuple[str, ...]
+    lean: Float64 | None = None
+
+    def vertices_seen(self, landmarks: Float64) -> Float64:
+        """Where the vertices lie whose landmarks detectors put at [68, 2] pixels."""
+        return landmarks if self.lean is None else landmarks - _turned(self.lean[:, :2], landmarks)
+
+    def shape(self, identity: Float64, expression: Float64) -> Float64:
+        """Vertices float64 [N, 3] for coefficients [K] in deviations and [M] from 0 to 1.
+
+        Fewer coefficients than there are modes leave the others at zero.
+        """
+        out = self.mean.astype(np.float64)
+        for modes, values in ((self.identity, identity), (self.expression, expression)):
+            values = np.asarray(values, np.float32)
+            if len(values):
+                out += (values @ modes[:len(values)].reshape(len(values), -1)).reshape(-1, 3)
+        return out
+
+
+def _turned(lean: Float64, landmarks: Float64) -> Float64:
+    """Offsets [68, 2] in pixels, turned with the eyes of landmarks [68, 2]."""
+    x, y = landmarks[45] - landmarks[36]
+    return np.asarray(lean @ np.array([[x, y], [-y, x]]), np.float64)
+
+
+def _lean() -> Float64:
+    """`_LEAN` of all landmarks, [68, 3], as shares."""
+    out = np.zeros((68, 3))
+    for number, (along, across, outwards) in _LEAN.items():
+        out[MIRRORED[number]] = -along, across, outwards
+        out[number] = along, across, outwards
+    # On photos detectors lean less than on drawn heads.
+    return 0.01 * out * [BELIEVED, BELIEVED, 1.0]
+
+
+def head_prior() -> HeadPrior:
+    """The statistical head that is installed, else the generic one."""
+    if models.available("head"):
+        return _read(str(models.fetch("head")))
+    return generic_prior()
+
+
+@functools.lru_cache(1)
+def _read(path: str) -> HeadPrior:
+    return read_ict(Path(path))
+
+
+def read_ict(path: Path, identities: int = IDENTITIES) -> HeadPrior:
+    """Read ICT-FaceKit Light (MIT licence, USC Institute for Creative Technologies), repacked.
+
+    Parameters
+    ----------
+    path
+        ``.npz``: ``mean`` float32 [N, 3] in centimetres, ``triangles``, ``part``, ``landmarks68``;
+        ``identity`` and ``expression`` int16 with a float32 scale a mode, ``expression_names``.
+    identities
+        Modes to keep.
+
+    Raises
+    ------
+    UserError
+        If the file is damaged or another.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            mean = data["mean"] * np.float32(0.01)
+            names = [str(name) for name in data["expression_names"]]
+            used = [names.index(name) for name in _USED]
+
+            def modes(kind: str, which: list[int]) -> Float32:
+                scale = 0.01 * data[f"{kind}_scale"][which]
+                return np.asarray(data[kind][which] * scale[:, None, None], np.float32)
+
+            head = HeadPrior(
+                "ICT-FaceKit Light", mean, data["triangles"].astype(np.int32), data["part"],
+                data["landmarks68"].astype(np.int64),
+                modes("identity", list(range(min(identities, len(data["identity"]))))),
+                modes("expression", used), _USED, _lean())
+    except (*UNREADABLE_ARRAYS, KeyError, ValueError, OSError) as error:
+        raise UserError(f"{path} is not the repacked ICT-FaceKit Light, or it is damaged: "
+                        f"{error}") from error
+    return _closed(_without_bust(head, NECK))
+
+
+def _without_bust(head: HeadPrior, lowest: float) -> HeadPrior:
+    """The head without the triangles below a height; vertices that are not used any more go."""
+    kept = head.triangles[(head.mean[head.triangles, 1] > lowest).all(axis=1)]
+    used = np.zeros(len(head.mean), bool)
+    used[kept] = True
+    number = np.cumsum(used) - 1
+    return HeadPrior(head.name, head.mean[used], number[kept].astype(np.int32), head.part[used],
+                     number[head.landmarks], head.identity[:, used], head.expression[:, used],
+                     head.expressions, head.lean)
+
+
+def _closed(head: HeadPrior) -> HeadPrior:
+    """The head with a fan over the mouth, which lies a little deeper; the neck stays open."""
+    mean, part = head.mean, head.part
+    identity, expression, fans = head.identity, head.expression, []
+    for loop in _holes(head.triangles):
+        if mean[loop, 1].mean() < NECK + 0.02:
+            continue
+        middle = len(mean)
+        mean = np.concatenate([mean, mean[loop].mean(axis=0, keepdims=True)])
+        mean[middle, 2] -= 0.008  # teeth lie behind the lips
+        part = np.append(part, part[loop[0]])
+        identity, expression = (
+            np.concatenate([modes, modes[:, loop].mean(axis=1, keepdims=True)], axis=1)
+            for modes in (identity, expression))
+        fans.append(np.stack([np.full(len(loop), middle), np.roll(loop, -1), loop], axis=1))
+    # In one piece: shapes are sums over all modes.
+    identity, expression = (np.ascontiguousarray(modes) for modes in (identity, expression))
+    return HeadPrior(head.name, mean, np.concatenate([head.triangles, *fans]).astype(np.int32),
+                     part, head.landmarks, identity, expression, head.expressions, head.lean)
+
+
+def _holes(triangles: Int32) -> list[NDArray[np.int64]]:
+    """The open edges of a mesh as loops of vertices, along the triangles' own direction."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    paired = {(int(b), int(a)) for a, b in edges}
+    after = {int(a): int(b) for a, b in edges if (int(a), int(b)) not in paired}
+    loops = []
+    while after:
+        start, at = next(iter(after.items()))
+        del after[start]
+        loop = [start]
+        while at != start and at in after:
+            loop.append(at)
+            at = after.pop(at)
+        if at == start and len(loop) > 2:
+            loops.append(np.array(loop))
+    return loops
+
+
+def with_normals(points: Float64, triangles: Int32) -> Float64:
+    """Outward unit normals [N, 3] of a mesh's vertices, weighted by the triangles' areas."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    face = np.cross(b - a, c - a)
+    out = np.stack([np.bincount(triangles.ravel(), np.repeat(face[:, k], 3), len(points))
+                    for k in range(3)], axis=1)
+    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
+
+
+# The generic head: rings around an axis. One unit of the portrait frame is about 0.207 metres.
+_UNIT = 0.207
+_RINGS, _COLUMNS = 150, 240
+_LOWEST = -0.95
+"""Height at which the generic head's neck ends, portrait units."""
+
+
+@functools.lru_cache(1)
+def generic_prior() -> HeadPrior:
+    """The generic head as a `HeadPrior`, with modes of proportion instead of statistics."""
+    from ..field.geometry.bust import bust_chart, bust_distance
+
+    chart = bust_chart(0.012, lowest=_LOWEST)
+    points = chart.points(bust_distance(chart))
+    rows, columns = points.shape[:2]
+    flat = points.reshape(-1, 3)
+    front = (flat[:, 2] > 0.0) & (flat[:, 1] > -0.66) & (flat[:, 1] < 0.42)
+    depth = generic_depth(flat[front, 0], flat[front, 1])
+    away = np.sqrt((flat[front, 0] / 0.37) ** 2 + ((flat[front, 1] + 0.2) / 0.5) ** 2)
+    share = np.clip((1.0 - away) / 0.25, 0, 1)
+    flat[front, 2] += share * share * (3 - 2 * share) * (depth - flat[front, 2])
+    mesh = np.arange(rows * columns).reshape(rows, columns)
+    right = np.roll(mesh, -1, axis=1)
+    triangles = np.concatenate([
+        np.stack([mesh[:-1], right[:-1], right[1:]], -1).reshape(-1, 3),
+        np.stack([mesh[:-1], right[1:], mesh[1:]], -1).reshape(-1, 3)])
+    top, bottom = flat[mesh[-1]].mean(0), flat[mesh[0]].mean(0)
+    count = rows * columns
+    triangles = np.concatenate([
+        triangles, np.stack([mesh[-1], right[-1], np.full(columns, count)], -1),
+        np.stack([right[0], mesh[0], np.full(columns, count + 1)], -1)]).astype(np.int32)
+    flat = np.concatenate([flat, top[None], bottom[None]])
+    normal = np.cross(flat[triangles[:, 1]] - flat[triangles[:, 0]],
+                      flat[triangles[:, 2]] - flat[triangles[:, 0]])
+    if (normal * (flat[triangles].mean(1) - flat.mean(0))).sum() < 0:
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+    landmarks = np.array([_nearest(flat, place) for place in GENERIC_LANDMARKS])
+    part = np.where((flat[:, 2] > 0.1) & (flat[:, 1] > -0.66) & (flat[:, 1] < 0.4), FACE, HEAD)
+    mean = np.asarray(_UNIT * flat, np.float32)
+    identity = np.stack([_UNIT * mode(flat) for mode in _MODES]).astype(np.float32)
+    return HeadPrior("a generic head", mean, triangles, part.astype(np.uint8), landmarks,
+                     identity, np.zeros((0, len(mean), 3), np.float32), ())
+
+
+def _nearest(points: Float64, place: Float64) -> int:
+    """The vertex nearest to a place of the face, seen from the front."""
+    away = np.hypot(*(points[:, :2] - place[:2]).T) + 0.3 * np.abs(points[:, 2] - place[2])
+    return int(np.argmin(np.where(points[:, 2] > 0, away, np.inf)))
+
+
+def _bump(points: Float64, middle: tuple[float, float, float], width: float) -> Float64:
+    return np.asarray(np.exp(-((points - middle) ** 2).sum(axis=1) / (2 * width ** 2)))
+
+
+def _moved(points: Float64, axis: int, by: Float64 | float) -> Float64:
+    out = np.zeros_like(points)
+    out[:, axis] = by
+    return out
+
+
+_MODES: tuple[Callable[[Float64], Float64], ...] = (
+    lambda p: 0.05 * p,  # size
+    lambda p: _moved(p, 0, 0.05 * p[:, 0]),  # width
+    lambda p: _moved(p, 1, 0.05 * p[:, 1]),  # height
+    lambda p: _moved(p, 2, 0.05 * p[:, 2]),  # depth
+    lambda p: _moved(p, 0, 0.07 * p[:, 0] / (1 + np.exp((p[:, 1] + 0.25) / 0.08))),  # jaw's width
+    lambda p: _moved(p, 1, -0.04 / (1 + np.exp((p[:, 1] + 0.40) / 0.06))),  # chin's height
+    lambda p: _moved(p, 2, 0.04 * _bump(p, (0, -0.6, 0.5), 0.15)),  # chin forward
+    lambda p: _moved(p, 2, 0.04 * _bump(p, (0, -0.17, 0.65), 0.08)),  # nose
+    lambda p: _moved(p, 1, -0.03 * _bump(p, (0, -0.22, 0.6), 0.09)),  # nose's length
+    lambda p: _moved(p, 1, 0.03 * _bump(p, (0, -0.4, 0.6), 0.13)),  # mouth's height
+    lambda p: _moved(p, 0, 0.08 * p[:, 0] * _bump(p, (0, -0.4, 0.6), 0.15)),  # mouth's width
+    lambda p: _moved(p, 1, 0.03 * (_bump(p, (0.2, 0.14, 0.5), 0.1)
+                                   + _bump(p, (-0.2, 0.14, 0.5), 0.1))),  # brows
+    lambda p: _moved(p, 0, 0.05 * p[:, 0] * _bump(p, (0, 0.0, 0.5), 0.2)),  # eyes' distance
+    lambda p: _moved(p, 1, 0.06 / (1 + np.exp((0.2 - p[:, 1]) / 0.06))),  # forehead
+)

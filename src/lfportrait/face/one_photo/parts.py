@@ -1,0 +1,179 @@
+"""What a photo shows of a person, as maps on one grid: the matte's distance, hair, colors.
+
+The grid covers the photo and, where the person goes on beyond its border, a margin around it. Its
+cells are about a millimetre and a half wide at the head: finer than a matte is exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...capture import Camera
+
+__all__ = ["Parts", "clean_colors", "clean_hair", "parts_of", "signed_distance"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+CELL = 0.0075
+"""Width of a cell at the head, portrait units (1.6 mm)."""
+MARGIN = 0.12
+"""Of the grid around the photo, over its width."""
+LEAST_HAIR = 0.06
+"""Hair covers at least this part of the area of a face, or there is none."""
+UNLIKE = 14.0
+"""Difference in CIELAB from which on what a network calls hair is not skin in the shade."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Maps [h, w] of a person.
+
+    Attributes
+    ----------
+    camera
+        One view, whose picture is the grid.
+    cell
+        Width of a cell at the head, portrait units.
+    inside
+        float32, signed distance from the person's outline in cells, positive in the person.
+    hair
+        bool, hair in front.
+    bottom
+        Row at which the photo ends.
+    """
+
+    camera: Camera
+    cell: float
+    inside: Float32
+    hair: Bools
+    bottom: float
+
+    def places(self, points: Float64) -> tuple[Float64, Float64]:
+        """(row, column) of points [N, 3] for `at`, [2, N], and their depths [N]."""
+        pixels, depth = self.camera.project(points)
+        return np.stack([pixels[0, :, 1], pixels[0, :, 0]]) - 0.5, depth[0]
+
+    @staticmethod
+    def at(values: NDArray[np.floating], places: Float64) -> Float32:
+        """Values [h, w] at places [2, N], between four cells; the border's beyond it."""
+        rows = 16384  # OpenCV takes at most 32767
+        count = places.shape[1]
+        padded = np.pad(places.astype(np.float32), ((0, 0), (0, -count % rows)))
+        out = [cv2.remap(np.asarray(values, np.float32), part[1][:, None], part[0][:, None],
+                         cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0]
+               for part in np.split(padded, padded.shape[1] // rows, axis=1)] if count else []
+        whole = np.concatenate(out)[:count] if out else np.zeros(0)
+        return np.asarray(whole, np.float32)
+
+
+def signed_distance(matte: NDArray[np.floating]) -> Float32:
+    """Distance in pixels from the line where a matte [H, W] is one half, positive inside."""
+    person = (np.asarray(matte) > 0.5).astype(np.uint8)
+    inner, outer = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (person, 1 - person))
+    # Next to the line the matte's own slope is finer than whole pixels.
+    near = np.clip(np.asarray(matte, np.float32) - np.float32(0.5), -0.5, 0.5)
+    whole = np.where(person > 0, inner - 0.5, 0.5 - outer)
+    return np.where(np.abs(whole) <= 0.5, near, whole).astype(np.float32)
+
+
+def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDArray[np.floating],
+               landmarks: Float64) -> Float32:
+    """A mask of hair without what is none: specks, and the shaded rim of a bald head.
+
+    Parameters
+    ----------
+    image
+        uint8 [H, W, 3].
+    hair, matte
+        [H, W] in [0, 1].
+    landmarks
+        [68, 2] in pixels.
+    """
+    width = float(np.linalg.norm(landmarks[16] - landmarks[0]))
+    mask = ((hair > 0.5) & (matte > 0.5)).astype(np.uint8)
+    radius = max(1, round(0.02 * width))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc), np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
+    for one in range(1, count):
+        if stats[one, cv2.CC_STAT_AREA] < 0.01 * width ** 2:
+            mask[labels == one] = 0
+    none = np.zeros(mask.shape, np.float32)
+    if mask.sum() < LEAST_HAIR * width ** 2:
+        return none
+    lab = cv2.cvtColor(image.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
+    cheeks = np.zeros(mask.shape, np.uint8)
+    for corner in ((31, 2, 41), (35, 14, 46)):
+        cv2.fillConvexPoly(cheeks, np.rint(landmarks[list(corner)]).astype(np.int32), 1)
+    skin = lab[cheeks > 0]
+    if len(skin) and np.linalg.norm(np.median(lab[mask > 0], axis=0)
+                                    - np.median(skin, axis=0)) < UNLIKE:
+        return none
+    return np.asarray(np.where(mask > 0, np.maximum(hair, 0.51), 0.0), np.float32)
+
+
+def clean_colors(image: NDArray[np.uint8], matte: NDArray[np.floating]) -> Float32:
+    """The person's own colors, float32 [H, W, 3] in [0, 1], continued beyond the outline.
+
+    At the outline a photo mixes person and ground, by a pixel or two more than a matte knows: what
+    lies there gets the colors further inside.
+    """
+    colors = np.asarray(image, np.float32) / np.float32(255)
+    reach = 2 + max(image.shape[:2]) // 700
+    sure = signed_distance(matte) > reach
+    if not sure.any():
+        return colors
+    out, weight = np.where(sure[..., None], colors, np.float32(0)), sure.astype(np.float32)
+    # From fine to coarse: each place takes the mean of the smallest window with anything in it.
+    sums, total = out.copy(), weight.copy()
+    sigma = 1.0
+    while (total <= 0).any() and sigma < max(image.shape[:2]):
+        wide = [cv2.GaussianBlur(one, (0, 0), sigma) for one in (out, weight)]
+        fresh = (total <= 0) & (wide[1] > 0.02)
+        sums[fresh], total[fresh] = (wide[0][fresh] / wide[1][fresh, None]), 1.0
+        sigma *= 1.6
+        if sigma > 40:
+            break
+    left = total <= 0
+    if left.any():
+        sums[left] = out[sure].mean(axis=0)
+    return np.asarray(sums, np.float32)
+
+
+def parts_of(camera: Camera, matte: NDArray[np.floating], hair: NDArray[np.floating],
+             distance: float) -> Parts:
+    """The maps of a photo.
+
+    Parameters
+    ----------
+    camera
+        One view.
+    matte, hair
+        [H, W] in [0, 1].
+    distance
+        Of the head from the camera, portrait units.
+    """
+    factor = min(1.0, float(distance / camera.focal[0, 0]) / CELL)
+    small = camera.scaled(factor)
+    width, height = int(small.width[0]), int(small.height[0])
+    size = (width, height)
+    pad = round(MARGIN * width)
+    soft, curls = (np.asarray(cv2.copyMakeBorder(
+        cv2.resize(np.asarray(one, np.float32), size, interpolation=cv2.INTER_AREA),
+        0, pad, pad, pad, cv2.BORDER_REPLICATE), np.float32) for one in (matte, hair))
+    # What goes on beyond the sides ends there, round.
+    fall = np.clip(np.arange(pad) / max(0.6 * pad, 1), 0, 1).astype(np.float32)
+    soft[:, :pad] *= fall
+    soft[:, -pad:] *= fall[::-1]
+    inside = cv2.GaussianBlur(signed_distance(soft), (0, 0), 1.0)
+    wide = Camera(small.pose, small.focal, small.center + np.array([pad, 0]),
+                  np.array(width + 2 * pad), np.array(height + pad))
+    cell = float(distance / small.focal[0, 0])
+    return Parts(wide, cell, np.asarray(inside, np.float32), (curls > 0.5) & (inside > 0),
+                 float(height))

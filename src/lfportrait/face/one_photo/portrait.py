@@ -1,0 +1,247 @@
+"""From photos to a capture with a fitted head, and from that to a field."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import models
+from ...capture import Camera, Capture, Photo, portrait_frame_from_landmarks, refine_matte
+from ...errors import UserError
+from ...field import ReconstructConfig, VoxelField, lattice_points
+from ...measure import peak_memory_bytes
+from ...progress import Progress
+from .. import PORTRAIT_CONE
+from ..detect import detect_faces
+from ..head_fit import HeadFit, Picture, View, check_faces, fit_head
+from ..head_prior import HeadPrior, generic_prior, head_prior
+from ..segmentation import hair_mask, person_matte
+from .lattice import shell_of
+from .paint import Shot, painted
+from .parts import clean_colors, clean_hair, parts_of, signed_distance
+from .samples import MeshSamples
+from .solid import solid_of
+from .warp import warped
+
+__all__ = ["FIT", "is_portrait", "portrait_capture", "portrait_field"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+FIT = "head_fit"
+"""Key of a capture's figures under which the fit is kept."""
+_GROUND = 153
+"""Grey level on which faces of matted photos are looked for."""
+
+
+def is_portrait(capture: Capture) -> bool:
+    """Whether a capture's head was fitted to its photos, so that `portrait_field` makes it."""
+    return FIT in capture.figures
+
+
+def portrait_capture(photos: list[Photo], progress: Progress | None = None,
+                     ) -> tuple[Capture, dict[str, Any]]:
+    """Fit a head to photos of one person.
+
+    Parameters
+    ----------
+    photos
+        One, or a few of any days and places. With an alpha channel they need no networks for
+        mattes. The most frontal one decides how the head looks.
+    progress
+        Progress line.
+
+    Returns
+    -------
+    capture, figures
+        With mattes, landmarks and the fit, in the portrait frame, the decisive photo first; and
+        figures of the fit.
+
+    Raises
+    ------
+    UserError
+        If a photo shows no face or several, a small one, or one that is turned too far, or no head
+        fits it; or if networks are missing.
+    """
+    def note(text: str) -> None:
+        if progress is not None:
+            progress.update(progress.done, text)
+
+    note("looking for the face")
+    seen = [_Seen(photo) for photo in photos]
+    prior = head_prior()
+    if not models.available("head") and progress is not None:
+        progress.say("no statistical head is installed: the generic one is used, which resembles "
+                     "less; see `lfportrait models list`")
+    note("fitting the head")
+    if len(seen) > 1:
+        alone = [fit_head(prior, [one.picture], [one.photo.name]) for one in seen]
+        order = np.argsort([abs(fit.views[0].angles["yaw"]) for fit in alone], kind="stable")
+        seen = [seen[index] for index in order]
+    fit = fit_head(prior, [one.picture for one in seen], [one.photo.name for one in seen])
+    capture = _captured(fit, seen)
+    figures = {**fit.figures(), "hair": [bool(one.hair.any()) for one in seen]}
+    if progress is not None:
+        angles = fit.views[0].angles
+        progress.say(
+            f"{fit.prior.name} fits {len(seen)} photo{'s' * (len(seen) > 1)}: landmarks to "
+            f"{fit.pixels[0]:.1f} pixels, the face turned by {angles['yaw']:.0f} degrees; it can "
+            f"be looked at over {PORTRAIT_CONE:.0f} degrees in all, further out it is guessed")
+    return capture, figures
+
+
+class _Seen:
+    """What is seen of a face in one photo."""
+
+    def __init__(self, photo: Photo) -> None:
+        self.photo = photo
+        self.image = np.ascontiguousarray(photo.image[..., :3])
+        alpha = photo.image[..., 3] if photo.image.shape[2] == 4 else None
+        shown = self.image
+        if alpha is not None and alpha.min() < 255:
+            share = alpha[..., None].astype(np.float32) / 255
+            shown = np.rint(self.image * share + _GROUND * (1 - share)).astype(np.uint8)
+            self.matte: Float32 = np.asarray(share[..., 0], np.float32)
+            self.given = True
+        else:
+            self.matte = refine_matte(shown, person_matte(shown))
+            self.given = False
+        landmarks = check_faces(detect_faces(shown), photo.name)
+        self.hair = _hair_of(shown, self.matte, landmarks)
+        height, width = self.matte.shape
+        self.picture = Picture((width, height), landmarks, photo.focal,
+                               signed_distance(self.matte), self.hair)
+
+
+def _hair_of(image: NDArray[np.uint8], matte: NDArray[np.floating], landmarks: Float64) -> Float32:
+    """Where a photo shows hair, float32 [H, W]; by the network, else all above the brows."""
+    if models.available("hair-segmentation") or models.available("multiclass-segmentation"):
+        return clean_hair(image, hair_mask(image), matte, landmarks)
+    rows = np.arange(matte.shape[0])[:, None]
+    high = landmarks[17:27, 1].min() - 0.45 * (landmarks[8, 1] - landmarks[27, 1])
+    return np.asarray((matte > 0.5) & (rows < high), np.float32)
+
+
+def _captured(fit: HeadFit, seen: list[_Seen]) -> Capture:
+    """The capture of fitted photos; the world is the first one's head."""
+    base = fit.views[0]
+    vertices = warped(fit.prior, base, fit.vertices(0), seen[0].picture)
+    # Landmarks lie where detectors see them, and as deep as they would be triangulated.
+    points = vertices[fit.prior.landmarks].copy()
+    if fit.prior.lean is not None:
+        eyes = float(np.linalg.norm(points[45] - points[36]))
+        points[:, 2] += eyes * fit.prior.lean[:, 2] * base.rotation[2, 2]
+    points[:, :2] = (seen[0].picture.landmarks - base.center) / base.focal * points[:, 2:]
+    poses = []
+    for view in fit.views:
+        pose = np.eye(4)  # of this camera in the first one's frame
+        pose[:3, :3] = base.rotation @ view.rotation.T
+        pose[:3, 3] = base.shift - pose[:3, :3] @ view.shift
+        poses.append(pose)
+    sizes = np.array([one.picture.size for one in seen])
+    cameras = Camera(np.stack(poses), np.array([[view.focal] * 2 for view in fit.views]),
+                     np.array([view.center for view in fit.views]), sizes[:, 0], sizes[:, 1])
+    known = {"model": fit.prior.name, "identity": fit.identity.tolist(),
+             "views": [{"rotation": view.rotation.tolist(), "shift": view.shift.tolist(),
+                        "focal": view.focal, "center": view.center.tolist(),
+                        "expression": view.expression.tolist()} for view in fit.views]}
+    capture = Capture(
+        cameras, [one.image for one in seen],
+        [np.rint(255 * np.clip(one.matte, 0, 1)).astype(np.uint8) for one in seen],
+        [one.photo.name for one in seen], np.zeros(len(seen), bool), np.eye(4), points,
+        {FIT: known, "mattes": "given" if all(one.given for one in seen) else "network"})
+    return capture.reframed(portrait_frame_from_landmarks(points, cameras))
+
+
+def portrait_field(capture: Capture, config: ReconstructConfig | None = None,
+                   progress: Progress | None = None) -> tuple[VoxelField, dict[str, Any]]:
+    """The field of a head that was fitted to photos.
+
+    Parameters
+    ----------
+    capture
+        Of `portrait_capture`.
+    config
+        Its resolution counts, and nothing else.
+    progress
+        Progress line.
+
+    Returns
+    -------
+    field, figures
+        Of degree 0, in the portrait frame; ``voxels``, ``resolution``, and the angle over which it
+        can be looked at as ``geometry.span_degrees``.
+
+    Raises
+    ------
+    UserError
+        If the head that was fitted is not installed any more.
+    """
+    begun = time.perf_counter()
+    config = config or ReconstructConfig()
+    points = config.resolution or min(lattice_points(capture.cameras.pixel), config.max_resolution)
+
+    def note(text: str) -> None:
+        if progress is not None:
+            progress.update(progress.done, text)
+
+    fit = _kept_fit(capture)
+    assert capture.landmarks is not None
+    picture, camera = _pictured(capture), capture.cameras[0]
+    note("laying the head over its photo")
+    local = warped(fit.prior, fit.views[0], fit.vertices(0), picture)
+    # Metres in the first camera's frame -> the portrait frame.
+    vertices = local @ capture.frame[:3, :3].T + capture.frame[:3, 3]
+    assert picture.hair is not None and capture.alphas is not None
+    matte = capture.alphas[0].astype(np.float32) / 255
+    parts = parts_of(camera, matte, picture.hair, float(np.linalg.norm(camera.position[0])))
+    samples = MeshSamples.of(vertices, fit.prior.triangles, fit.prior.mean[:, 1].astype(np.float64))
+    note("hair and body from the outline")
+    solid = solid_of(parts, samples)
+    note("lattice")
+    shell = shell_of(solid, points)
+    note("colors")
+    shots = [Shot(capture.cameras[view], clean_colors(capture.images[view],
+                                                      capture.alphas[view] / np.float32(255)))
+             for view in range(len(capture))]
+    field = shell.field(painted(shell, shots))
+    field.frame = capture.frame
+    figures = {"voxels": len(field.density), "resolution": points, "device": "cpu",
+               "train": {"rays": 0, "views": len(capture), "rays_per_second": 0.0},
+               "geometry": {"span_degrees": PORTRAIT_CONE}, "head": fit.figures(),
+               "peak_memory_bytes": peak_memory_bytes(),
+               "seconds": {"train": round(time.perf_counter() - begun, 3), "test": 0.0}}
+    return field, figures
+
+
+def _kept_fit(capture: Capture) -> HeadFit:
+    """The fit that a capture was saved with."""
+    kept = capture.figures[FIT]
+    prior: HeadPrior = head_prior()
+    if kept["model"] != prior.name:
+        prior = generic_prior()
+    if kept["model"] != prior.name:
+        raise UserError(f"the photo was fitted with {kept['model']}, which is not installed here; "
+                        "see `lfportrait models list`")
+    views = [View(np.array(one["rotation"]), np.array(one["shift"]), float(one["focal"]),
+                  np.array(one["center"]), np.array(one["expression"])) for one in kept["views"]]
+    identity = np.array(kept["identity"])
+    return HeadFit(prior, identity, views, [0.0] * len(views),
+                   float(np.sqrt((identity ** 2).mean())))
+
+
+def _pictured(capture: Capture) -> Picture:
+    """The first photo of a saved capture as the fit takes it."""
+    assert capture.landmarks is not None and capture.alphas is not None
+    camera, alpha = capture.cameras[0], capture.alphas[0]
+    landmarks = camera.project(np.asarray(capture.landmarks, np.float64))[0][0]
+    matte = alpha.astype(np.float32) / 255
+    share = matte[..., None]
+    shown = np.rint(capture.images[0] * share + _GROUND * (1 - share)).astype(np.uint8)
+    hair = _hair_of(shown if capture.figures.get("mattes") == "given" else
+                    np.ascontiguousarray(capture.images[0]), matte, landmarks)
+    return Picture((int(camera.width[0]), int(camera.height[0])), landmarks,
+                   float(camera.focal[0, 0]), signed_distance(matte), hair)

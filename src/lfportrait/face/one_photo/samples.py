@@ -1,0 +1,119 @@
+"""A mesh as dense samples: signed distances from it, and its depth maps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from ...measure import usable_cores
+from ..head_prior import with_normals
+from .parts import Parts
+
+__all__ = ["MeshSamples", "depth_maps"]
+
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+STEP = 0.010
+"""Distance of samples, portrait units (2 mm)."""
+
+
+@dataclass(frozen=True)
+class MeshSamples:
+    """Samples of a closed surface.
+
+    Attributes
+    ----------
+    points, normals
+        float64 [N, 3], portrait frame.
+    tree
+        Of the points.
+    values
+        float64 [N], a value of the vertices, interpolated.
+    """
+
+    points: Float64
+    normals: Float64
+    tree: cKDTree
+    values: Float64
+
+    @staticmethod
+    def of(points: Float64, triangles: NDArray[np.int32], values: Float64) -> MeshSamples:
+        """Samples of a mesh, closely enough that none of its triangles is left out."""
+        normals = with_normals(points, triangles)
+        corners = points[triangles]
+        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        steps = np.clip(np.ceil(sides / STEP), 1, 12).astype(int)
+        places: list[Float64] = []
+        directions: list[Float64] = []
+        found = []
+        for count in np.unique(steps):
+            weights = _barycentric(int(count))
+            chosen = triangles[steps == count]
+            for values_in, out in ((points, places), (normals, directions)):
+                out.append(np.einsum("sk,tki->tsi", weights, values_in[chosen]).reshape(-1, 3))
+            found.append(np.einsum("sk,tk->ts", weights, values[chosen]).ravel())
+        normal = np.concatenate(directions)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+        at = np.concatenate(places)
+        return MeshSamples(at, normal, cKDTree(at), np.concatenate(found))
+
+    def distance(self, points: Float64, reach: float) -> Float64:
+        """Signed distances [N] of points [N, 3], positive outside; ``reach`` or more: far outside.
+
+        Near the surface the distance from the nearest sample's plane, which is smooth.
+        """
+        out = np.full(len(points), np.inf)
+        length, nearest = self.tree.query(points, distance_upper_bound=reach,
+                                          workers=usable_cores())
+        near = np.flatnonzero(np.isfinite(length))
+        to = points[near] - self.points[nearest[near]]
+        along = (to * self.normals[nearest[near]]).sum(axis=1)
+        away = np.sign(along) * length[near]
+        share = np.clip((length[near] / STEP - 1.0) / 2.0, 0, 1)
+        out[near] = share * away + (1 - share) * along
+        return out
+
+    def farther(self, points: Float64, length: Float64) -> Float64:
+        """Signs of points [N, 3] by their nearest sample, however far."""
+        _, nearest = self.tree.query(points, workers=usable_cores())
+        to = points - self.points[nearest]
+        return np.sign((to * self.normals[nearest]).sum(axis=1)) * length
+
+
+def _barycentric(count: int) -> Float64:
+    """Weights [S, 3] of places in a triangle whose sides have ``count`` steps."""
+    i, j = np.meshgrid(np.arange(count), np.arange(count), indexing="ij")
+    low = i + j < count
+    i, j = i[low], j[low]
+    upper = np.stack([(i + 1 / 3) / count, (j + 1 / 3) / count], axis=1)
+    inner = i + j < count - 1
+    lower = np.stack([(i[inner] + 2 / 3) / count, (j[inner] + 2 / 3) / count], axis=1)
+    flat = np.concatenate([upper, lower])
+    return np.column_stack([1 - flat.sum(axis=1), flat])
+
+
+def depth_maps(samples: MeshSamples, parts: Parts, chosen: Bools | None = None,
+               ) -> tuple[Float64, Float64]:
+    """Nearest and farthest depth [h, w] of samples in each cell of a grid; NaN where none is."""
+    points = samples.points if chosen is None else samples.points[chosen]
+    places, depth = parts.places(points)
+    height, width = parts.inside.shape
+    row, column = np.rint(places).astype(np.int64)
+    within = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    index, depth = (row * width + column)[within], depth[within]
+    near, far = np.full(height * width, np.inf), np.full(height * width, -np.inf)
+    np.minimum.at(near, index, depth)
+    np.maximum.at(far, index, depth)
+    near, far = near.reshape(height, width), far.reshape(height, width)
+    # Single cells between samples.
+    filled = ndimage.binary_closing(np.isfinite(near), np.ones((3, 3)))
+    gaps = filled & ~np.isfinite(near)
+    near[gaps] = ndimage.minimum_filter(near, 3)[gaps]
+    far[gaps] = ndimage.maximum_filter(far, 3)[gaps]
+    seen = np.isfinite(near) & np.isfinite(far)
+    return np.where(seen, near, np.nan), np.where(seen, far, np.nan)

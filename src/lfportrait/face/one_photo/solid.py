@@ -1,0 +1,289 @@
+"""The solid of a person behind one photo: head, hair and body, each inflated apart and joined.
+
+The head is the fitted model. Hair and body are pieces of the matte, inflated to both sides of a
+middle depth (`relief`); the distance from such a piece is that of q - (z - middle)^2 to zero, which
+is smooth across its outline. Hair begins flush with the skin at the hairline and stays clear of the
+skull; the body begins at the model's neck.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from skimage.morphology import convex_hull_image
+
+from .parts import Parts
+from .relief import inflated
+from .samples import MeshSamples, depth_maps
+
+__all__ = ["BODY", "HAIR", "HEAD", "Piece", "Solid", "solid_of"]
+
+Float64 = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+HEAD, HAIR, BODY = range(3)
+"""What a place of the surface belongs to."""
+METRES = 0.207
+"""Of a unit of the portrait frame."""
+CLEAR, RAMP = 0.010 / METRES, 0.025 / METRES
+"""Hair stays so far outside of the skull, from so far behind the hairline on."""
+CHEST = 0.10 / METRES
+"""Half the thickness of a body at most."""
+NAPE = -0.36
+"""Height at which hair ends behind."""
+NECK_TOP, NECK_END = -0.082, -0.091
+"""Heights of the model (metres) between which its neck goes over into the body's."""
+NECK_OVERLAP = 0.05
+"""How far the body goes up into the model's neck, portrait units."""
+SOFT_NECK, SOFT_HAIR = 0.03, 0.008
+"""Widths of the joints, portrait units."""
+LOWEST = -1.35
+"""Nothing lies lower."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """An inflated piece of the picture.
+
+    Attributes
+    ----------
+    front, back
+        float64 [h, w], squares of its half thicknesses; negative outside.
+    middle
+        float64 [h, w], depth.
+    """
+
+    front: Float64
+    back: Float64
+    middle: Float64
+
+    def distance(self, parts: Parts, places: Float64, depth: Float64) -> Float64:
+        """About how far points lie outside, [N], portrait units."""
+        out = np.full(len(depth), np.inf)
+        rows, columns = self.front.shape
+        within = ((places > 2) & (places < np.array([[rows - 3], [columns - 3]]))).all(axis=0)
+        at, z = places[:, within], depth[within]
+        away = z - Parts.at(self.middle, at)
+        ahead = away < 0
+        value, slope = np.empty(len(z)), np.zeros((len(z), 2))
+        for side, squares in ((ahead, self.front), (~ahead, self.back)):
+            value[side] = Parts.at(squares, at[:, side])
+            for k, part in enumerate(np.gradient(squares)):
+                slope[side, k] = Parts.at(part, at[:, side]) / parts.cell
+        value = value - away ** 2
+        length = np.sqrt((slope ** 2).sum(axis=1) + 4 * away ** 2)
+        out[within] = -value / np.maximum(length, 0.02)
+        return out
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A person as a signed distance.
+
+    Attributes
+    ----------
+    parts
+        The maps.
+    head
+        Samples of the head.
+    hair, body
+        Inflated pieces, or None.
+    neck
+        float64 [4]: a plane (normal, height) below which the head's model ends.
+    lowest
+        Height of the plane that ends the bust.
+    """
+
+    parts: Parts
+    head: MeshSamples
+    hair: Piece | None
+    body: Piece | None
+    neck: Float64
+    lowest: float
+
+    def distance(self, points: Float64, reach: float, near: Bools | None = None,
+                 ) -> tuple[Float64, NDArray[np.uint8]]:
+        """Signed distances of points [N, 3], positive outside, and what is nearest, uint8 [N].
+
+        Distances from the head of ``reach`` or more are infinite, as those of points that are not
+        ``near``, bool [N].
+        """
+        head = np.full(len(points), np.inf)
+        asked = np.ones(len(points), bool) if near is None else near
+        head[asked] = np.maximum(self.head.distance(points[asked], reach),
+                                 self.neck[3] - points[asked] @ self.neck[:3])
+        owner = np.full(len(points), HEAD, np.uint8)
+        out = head
+        places, depth = self.parts.places(points)
+        if self.body is not None:
+            # It goes on into the neck, up to a plane.
+            body = np.maximum(self.body.distance(self.parts, places, depth),
+                              points @ self.neck[:3] - self.neck[3] - NECK_OVERLAP)
+            owner[body < out] = BODY
+            out = _joined(out, body, SOFT_NECK)
+        if self.hair is not None:
+            hair = self.hair.distance(self.parts, places, depth)
+            owner[hair < out] = HAIR
+            out = _joined(out, hair, SOFT_HAIR)
+        return np.maximum(out, self.lowest - points[:, 1]), owner
+
+
+def _joined(one: Float64, two: Float64, width: float) -> Float64:
+    """The union of two signed distances, rounded where they meet (a polynomial minimum)."""
+    both = np.isfinite(one) & np.isfinite(two)
+    out = np.minimum(one, two)
+    share = np.clip(1 - np.abs(one[both] - two[both]) / width, 0, 1)
+    out[both] -= 0.25 * width * share ** 2
+    return out
+
+
+def solid_of(parts: Parts, samples: MeshSamples) -> Solid:
+    """The solid of a person.
+
+    Parameters
+    ----------
+    parts
+        The photo's maps.
+    samples
+        Of the head, warped to the photo; their values are heights in the model, metres.
+    """
+    near, far = depth_maps(samples, parts)
+    band = (samples.values < NECK_TOP) & (samples.values > NECK_END)
+    neck = _plane(samples.points[np.abs(samples.values - NECK_END) < 0.0015])
+    hair = _hair(parts, near, far) if parts.hair.any() else None
+    body = _body(parts, near, depth_maps(samples, parts, band), neck)
+    return Solid(parts, samples, hair, body, neck, _end(parts, body))
+
+
+def _plane(points: Float64) -> Float64:
+    """A plane through points, upwards: normal and height [4]."""
+    middle = points.mean(axis=0)
+    normal = np.linalg.svd(points - middle, full_matrices=False)[2][2]
+    normal = normal * (1.0 if normal[1] > 0 else -1.0)
+    return np.append(normal, normal @ middle)
+
+
+def _filled(values: Float64, sigma: float) -> Float64:
+    """A map [h, w] with its unknown (NaN) places filled smoothly from those around them."""
+    known = np.isfinite(values)
+    out = np.where(known, values, 0.0)
+    total = known.astype(np.float64)
+    result, done = values.copy(), known
+    while not done.all() and sigma < 4 * max(values.shape):
+        up, weight = (cv2.GaussianBlur(one, (0, 0), sigma) for one in (out, total))
+        fresh = ~done & (weight > 1e-3)
+        result[fresh] = up[fresh] / weight[fresh]
+        done = done | fresh
+        sigma *= 2
+    result[~done] = np.nanmean(values)
+    return np.asarray(result)
+
+
+def _outside(squares: Float64, parts: Parts, domain: Bools, dip: float) -> Float64:
+    """Squares continued beyond their domain, so that their slopes stay those of a surface.
+
+    Outside of the person they are negative, as steep as within: those of the place's mirror image
+    across the outline. Elsewhere the half thickness goes on, less by ``dip`` times the way.
+    """
+    distance, nearest = ndimage.distance_transform_edt(~domain, return_indices=True)
+    thick = np.sqrt(np.maximum(squares, 0))[tuple(nearest)] - dip * distance * parts.cell
+    out = np.where(domain, squares, np.sign(thick) * thick ** 2)
+    row, column = np.mgrid[:squares.shape[0], :squares.shape[1]].astype(np.float32)
+    outline = parts.inside
+    down, across = np.gradient(outline)
+    length = np.maximum(np.hypot(down, across), 0.3)
+    way = np.minimum(-2 * outline, 40.0)
+    x, y = column + across / length * way, row + down / length * way
+    mirrored = cv2.remap(out.astype(np.float32), x.astype(np.float32), y.astype(np.float32),
+                         cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    beyond = ~domain & (outline <= 0)
+    out[beyond] = np.minimum(-np.abs(mirrored[beyond]), -1e-7)
+    return np.asarray(out, np.float64)
+
+
+def _hair(parts: Parts, near: Float64, far: Float64) -> Piece:
+    """Hair as a piece: in front what the photo shows, behind the back of the head."""
+    cell = parts.cell
+    middle = np.asarray(cv2.GaussianBlur(_filled(0.5 * (near + far), 6.0), (0, 0), 8.0), np.float64)
+    person, skull = parts.inside > 0, np.isfinite(near)
+    hair = parts.hair & person
+    # At the hairline it begins on the skin; further in it lies clear of the skull.
+    skin = person & ~hair
+    given = np.where(skin & skull, np.maximum(middle - near, 0) ** 2, np.nan)
+    ramp = np.clip(ndimage.distance_transform_edt(~skin) * cell / RAMP, 0, 1) * CLEAR
+    least = np.where(skull, np.maximum(middle - near, 0) + ramp, 0.0) ** 2
+    rim = np.clip(parts.inside * cell / CLEAR, 0, 1)
+    least *= rim ** 2
+    front = inflated(hair, parts.inside, cell, source=4.0, given=given, least=least,
+                     free=skin & ~skull)
+    behind = _behind(parts, hair, skull)
+    rim = np.clip(ndimage.distance_transform_edt(behind) * cell / RAMP, 0, 1)
+    deep = np.where(skull, np.maximum(far - middle, 0) + rim * CLEAR, 0.0)
+    deep *= np.clip(parts.inside * cell / CLEAR, 0, 1)
+    back = inflated(behind, parts.inside, cell, source=4.0, least=np.nan_to_num(deep) ** 2)
+    return Piece(_outside(front, parts, hair, 1.0), _outside(back, parts, behind, 1.0), middle)
+
+
+def _behind(parts: Parts, hair: Bools, skull: Bools) -> Bools:
+    """Where hair covers the back of the head: down to the nape, and between long strands."""
+    height = hair.shape[0]
+    rows = np.arange(height)
+    middle = parts.camera.center[0, 0]
+    # The height of each row at the head's depth, by the camera.
+    rays = parts.camera.rays(0, np.stack([np.full(height, middle), rows + 0.5], axis=1))
+    depth = -rays[0][:, 2] / rays[1][:, 2]
+    level = rays[0][:, 1] + depth * rays[1][:, 1]
+    out = hair | (skull & (level > NAPE)[:, None] & (parts.inside > 0))
+    for row in np.flatnonzero(level <= NAPE):
+        columns = np.flatnonzero(hair[row])
+        if len(columns) and columns[0] < middle < columns[-1]:
+            out[row, columns[0]:columns[-1] + 1] |= parts.inside[row, columns[0]:
+                                                                 columns[-1] + 1] > 0
+    return np.asarray(out)
+
+
+def _body(parts: Parts, near: Float64, band: tuple[Float64, Float64], plane: Float64,
+          ) -> Piece | None:
+    """Neck and shoulders as a piece that begins at the model's neck."""
+    cell = parts.cell
+    known = np.isfinite(band[0])
+    if not known.any():
+        return None
+    top = int(np.flatnonzero(known.any(axis=1))[0])
+    person = parts.inside > 0
+    rows = np.arange(person.shape[0])[:, None]
+    shoulders = person & ~parts.hair & ~np.isfinite(near) & (rows > top)
+    # Below the band, the model's neck gives way.
+    columns = known.any(axis=0)
+    last = np.where(columns, known.shape[0] - 1 - np.argmax(known[::-1], axis=0), 10 ** 6)
+    domain = shoulders | known | (person & ~parts.hair & (rows >= last[None]))
+    if shoulders.any():
+        domain |= convex_hull_image(shoulders | known) & person & parts.hair & (rows > top)
+    domain = ndimage.binary_opening(domain, np.ones((3, 3))) | known
+    middle = float(np.nanmean(0.5 * (band[0] + band[1])))
+    middles = np.full(person.shape, middle)
+    inside = np.where(known, np.maximum(parts.inside, 0.5), parts.inside)
+    squares = []
+    for side in range(2):
+        given = np.where(known, (band[side] - middle) ** 2, np.nan)
+        q = inflated(domain, inside, cell, source=2.0, given=given, free=person & ~domain)
+        thick = np.sqrt(np.maximum(q, 0))
+        q = (thick * (1 + (thick / CHEST) ** 4) ** -0.25) ** 2
+        squares.append(_outside(q, parts, domain, 0.0))
+    return Piece(squares[0], squares[1], middles)
+
+
+def _end(parts: Parts, body: Piece | None) -> float:
+    """The height of the photo's lower border, at the body's depth."""
+    camera = parts.camera
+    pixel = np.array([[camera.center[0, 0], parts.bottom - 1.0]])
+    origin, ray = camera.rays(0, pixel)
+    depth = float(np.nanmean(body.middle)) if body is not None else float(
+        np.linalg.norm(origin[0]))
+    forward = camera.pose[0, :3, 2]
+    end = origin[0] + ray[0] * depth / float(ray[0] @ forward)
+    return max(float(end[1]), LOWEST)

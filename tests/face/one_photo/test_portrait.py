@@ -1,0 +1,55 @@
+"""One photo of the modelled head becomes a head."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lfportrait.demo.people import SITTER
+from PIL import Image
+
+from lfportrait import models
+from lfportrait.capture import Camera, Capture, read_photos
+from lfportrait.demo import photograph
+from lfportrait.errors import UserError
+from lfportrait.face import is_portrait, portrait_capture, portrait_field
+from lfportrait.field import ReconstructConfig
+
+pytestmark = pytest.mark.skipif(models.missing(["face-landmarker"]) != [],
+                                reason="the network for landmarks is not here")
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The modelled head from the front, cut out."""
+    camera = Camera.arc(np.zeros(1), distance=4.4, width=440, height=440, focal=860.0)
+    path = tmp_path_factory.mktemp("photo") / "her.png"
+    Image.fromarray(photograph(SITTER, camera).image).save(path)
+    return path
+
+
+def test_one_photo_becomes_a_field_that_looks_like_it(photo, tmp_path):
+    capture, figures = portrait_capture(read_photos(photo))
+    assert is_portrait(capture) and len(capture) == 1 and capture.landmarks is not None
+    assert figures["landmarks_px"][0] < 6 and abs(figures["angles"][0]["yaw"]) < 6
+    capture.save(tmp_path / "capture")
+    again = Capture.load(tmp_path / "capture")
+    field, made = portrait_field(again, ReconstructConfig(resolution=96))
+    assert made["voxels"] == len(field.density) > 10_000
+    shown = field.render(again.cameras, 0)
+    matte = again.alphas[0] > 127
+    low = int(again.cameras.project(again.landmarks)[0][0, 8, 1])
+    both = (shown.alpha > 0.5)[:low] & matte[:low]
+    assert both.sum() / ((shown.alpha > 0.5)[:low] | matte[:low]).sum() > 0.93
+    error = (shown.color - again.image_float(0))[:low][both]
+    assert -10 * np.log10((error ** 2).mean()) > 19
+    # It is closed behind.
+    behind = Camera.arc(np.array([180.0]), distance=4.4, width=160, height=160, focal=320.0)
+    assert field.render(behind, 0).alpha[60:90, 70:90].min() > 0.95
+
+
+def test_a_photo_without_a_face_is_refused(tmp_path):
+    Image.fromarray(np.full((200, 200, 3), 128, np.uint8)).save(tmp_path / "wall.png")
+    if models.missing(["person-segmentation"]):
+        pytest.skip("the network for mattes is not here")
+    with pytest.raises(UserError, match="no face was found in wall"):
+        portrait_capture(read_photos(tmp_path / "wall.png"))

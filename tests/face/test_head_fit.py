@@ -1,0 +1,113 @@
+"""A head is fitted to the landmarks of a photo."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from lfportrait.errors import UserError
+from lfportrait.face.head_fit import Picture, check_faces, fit_head
+from lfportrait.face.head_prior import generic_prior, read_ict
+
+FLIP = np.diag([1.0, -1.0, -1.0])
+FOCAL, SIZE = 900.0, 600
+
+
+def _seen(yaw: float, pitch: float = 0.0, identity: np.ndarray | None = None, away: float = 0.8,
+          ) -> tuple[np.ndarray, np.ndarray]:
+    """Landmarks of a head of the generic prior in a picture, and its vertices."""
+    prior = generic_prior()
+    vertices = prior.shape(np.zeros(0) if identity is None else identity, np.zeros(0))
+    turn = FLIP @ Rotation.from_euler("yx", [yaw, -pitch], degrees=True).as_matrix()
+    local = vertices @ turn.T + [0, 0, away]
+    pixels = local[:, :2] / local[:, 2:] * FOCAL + SIZE / 2
+    return pixels[prior.landmarks], vertices
+
+
+def test_pose_and_shape_are_recovered():
+    prior = generic_prior()
+    identity = np.zeros(len(prior.identity))
+    identity[[1, 4]] = 2.0, -2.5
+    landmarks, vertices = _seen(12.0, 4.0, identity)
+    fit = fit_head(prior, [Picture((SIZE, SIZE), landmarks, FOCAL)])
+    angles = fit.views[0].angles
+    assert abs(angles["yaw"] - 12.0) < 2.0 and abs(angles["pitch"] - 4.0) < 3.0
+    assert fit.pixels[0] < 2.0
+    # Width and jaw may stand for each other; the heads are alike from the front.
+    away = np.abs(fit.vertices(0) - vertices)[prior.landmarks[17:], :2]
+    assert away.mean() < 0.003
+
+
+def test_an_unknown_focal_length_takes_a_usual_distance():
+    landmarks, _ = _seen(0.0)
+    fit = fit_head(generic_prior(), [Picture((SIZE, SIZE), landmarks)])
+    assert 0.5 < fit.views[0].shift[2] < 1.3
+
+
+def test_two_photos_share_one_shape():
+    prior = generic_prior()
+    pictures = [Picture((SIZE, SIZE), _seen(yaw)[0], FOCAL) for yaw in (0.0, 40.0)]
+    fit = fit_head(prior, pictures)
+    assert len(fit.views) == 2 and abs(fit.views[1].angles["yaw"] - 40.0) < 3.0
+
+
+def test_what_can_not_fit_is_refused():
+    prior = generic_prior()
+    with pytest.raises(UserError, match="turned by"):
+        fit_head(prior, [Picture((SIZE, SIZE), _seen(55.0)[0], FOCAL)], ["side.jpg"])
+    landmarks, _ = _seen(0.0)
+    mixed = landmarks.copy()
+    mixed[17:] = landmarks[17:][np.random.default_rng(1).permutation(51)]
+    with pytest.raises(UserError, match="fits no face"):
+        fit_head(prior, [Picture((SIZE, SIZE), mixed, FOCAL)], ["odd.jpg"])
+
+
+def test_faces_are_checked():
+    face = _seen(0.0)[0]
+    with pytest.raises(UserError, match="no face was found in a"):
+        check_faces([], "a.jpg")
+    with pytest.raises(UserError, match="shows 2 faces"):
+        check_faces([face, face + 200], "a.jpg")
+    with pytest.raises(UserError, match="too small"):
+        check_faces([0.3 * face], "a.jpg")
+    assert check_faces([face, 0.2 * face], "a.jpg") is face
+
+
+def test_the_lean_of_detectors_is_taken_off():
+    prior = replace(generic_prior(), lean=np.full((68, 3), 0.1))
+    points = np.zeros((68, 2))
+    points[45] = 10.0, 0.0
+    assert np.allclose(prior.vertices_seen(points)[0], [-1.0, -1.0])
+
+
+def test_a_repacked_head_is_closed_above_its_neck(tmp_path):
+    """A tetrahedron's worth of a file in the form of the real one."""
+    rng = np.random.default_rng(0)
+    ring = np.array([(np.cos(a), 0.0, np.sin(a)) for a in np.linspace(0, 2 * np.pi, 8)[:-1]])
+    mean = np.concatenate([ring, [[0.0, 1.0, 0.0]]]).astype(np.float32)
+    triangles = np.array([[k, 7, (k + 1) % 7] for k in range(7)], np.int32)
+    names = np.array(["jawOpen"] * 1)
+    path = tmp_path / "head.npz"
+    np.savez(path, mean=mean, triangles=triangles, part=np.zeros(8, np.uint8),
+             landmarks68=np.zeros(68, np.int64), identity=rng.integers(-9, 9, (2, 8, 3)),
+             identity_scale=np.ones(2, np.float32), expression=rng.integers(-9, 9, (1, 8, 3)),
+             expression_scale=np.ones(1, np.float32), expression_names=names)
+    with pytest.raises(UserError, match="damaged"):  # it lacks expressions
+        read_ict(path)
+    every = np.array(_names())
+    np.savez(path, mean=mean, triangles=triangles, part=np.zeros(8, np.uint8),
+             landmarks68=np.zeros(68, np.int64), identity=rng.integers(-9, 9, (2, 8, 3)),
+             identity_scale=np.ones(2, np.float32),
+             expression=rng.integers(-9, 9, (len(every), 8, 3)),
+             expression_scale=np.ones(len(every), np.float32), expression_names=every)
+    head = read_ict(path)
+    assert len(head.mean) == 9 and len(head.triangles) == 14
+    edges = np.sort(head.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+
+
+def _names() -> tuple[str, ...]:
+    from lfportrait.face import head_prior
+
+    return head_prior._USED
