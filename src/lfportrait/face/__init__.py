@@ -13,6 +13,7 @@ from .. import models
 from ..cache import key_of
 from .detect import detect_faces, detect_landmarks, face_mesh, face_yaw
 from .generic_head import GENERIC_LANDMARKS, generic_depth
+from .limits import PORTRAIT_CONE
 from .mask import face_mask
 from .points import read_landmarks, write_landmarks
 from .pose import FacePose, face_pose
@@ -46,10 +47,6 @@ __all__ = [
     "triangulate",
     "write_landmarks",
 ]
-
-
-PORTRAIT_CONE = 40.0
-"""Degrees in all over which a head from one photo can be looked at."""
 
 
 def detectors_key() -> str:

@@ -251,7 +251,7 @@ _LOWEST = -0.95
 @functools.lru_cache(1)
 def generic_prior() -> HeadPrior:
     """The generic head as a `HeadPrior`, with modes of proportion instead of statistics."""
-    from ..field.geometry.bust import bust_chart, bust_distance
+    from ..field.geometry import bust_chart, bust_distance
 
     chart = bust_chart(0.012, lowest=_LOWEST)
     points = chart.points(bust_distance(chart))

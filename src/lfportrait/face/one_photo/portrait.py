@@ -14,10 +14,10 @@ from ...errors import UserError
 from ...field import ReconstructConfig, VoxelField, lattice_points
 from ...measure import peak_memory_bytes
 from ...progress import Progress
-from .. import PORTRAIT_CONE
 from ..detect import detect_faces
 from ..head_fit import HeadFit, Picture, View, check_faces, fit_head
 from ..head_prior import HeadPrior, generic_prior, head_prior
+from ..limits import PORTRAIT_CONE
 from ..segmentation import hair_mask, person_matte
 from .lattice import shell_of
 from .paint import Shot, painted
@@ -102,12 +102,12 @@ class _Seen:
         alpha = photo.image[..., 3] if photo.image.shape[2] == 4 else None
         shown = self.image
         if alpha is not None and alpha.min() < 255:
-            share = alpha[..., None].astype(np.float32) / 255
+            share = alpha[..., None].astype(np.float32) / np.float32(255)
             shown = np.rint(self.image * share + _GROUND * (1 - share)).astype(np.uint8)
             self.matte: Float32 = np.asarray(share[..., 0], np.float32)
             self.given = True
         else:
-            self.matte = refine_matte(shown, person_matte(shown))
+            self.matte = np.asarray(refine_matte(shown, person_matte(shown)), np.float32)
             self.given = False
         landmarks = check_faces(detect_faces(shown), photo.name)
         self.hair = _hair_of(shown, self.matte, landmarks)
